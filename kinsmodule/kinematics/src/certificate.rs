@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The certificate: on which ball about a pose the leg lengths determine the pose.
+//!
+//! Chart at a pose (p₀, R₀): X = (p₀ + v, exp([ω]) R₀), with norm ‖(v, r ω)‖ and r
+//! the platform radius. A platform anchor moves with |Ds| ≤ s₁ and |D²s| ≤ s₂, so
+//! within a ball of radius ρ a leg of length l has
+//!
+//! ```text
+//! |D²f| ≤ k = s₁²/l_min + s₂  (+ the nut term),   l_min = l − s₁ρ
+//! ```
+//!
+//! With L = ‖J⁻¹‖_F √Σk²: if L ρ < 1, then ‖I − J⁻¹J(X)‖ < 1 on the ball, so forward is
+//! one-to-one and J regular there. A solution at distance d with L(d) d < 1 is
+//! therefore the only one nearer than 1/L, and h = L η ≤ 1/2 (η = first Newton step)
+//! proves a priori that the straight joint path from the centre to the target stays
+//! inside (Newton-Kantorovich).
+
+use crate::machine::{Machine, Placed};
+use crate::nut::{Ball, Twist};
+use crate::qr::Qr;
+use libm::sqrt;
+
+/// Largest h = L η that counts as certified: Newton-Kantorovich allows 1/2, the rest
+/// covers what a sub-step leaves unconverged.
+pub(crate) const CERTIFIED: f64 = 0.4;
+
+/// A pose whose ball is smaller than this share of the size is too near a singular one.
+pub(crate) const CERTAIN_AT_ALL: f64 = 1e-6;
+
+/// L of the ball of radius `rho`: 1/L bounds the ball on which legs determine the pose.
+///
+/// `None` where the ball is too large for any statement: it reaches a leg of no length
+/// or the edge of the nut correction.
+#[inline]
+pub(crate) fn flatness<const N: usize>(
+    machine: &Machine<N>,
+    placed: &Placed<N>,
+    twist: Option<&Twist<N>>,
+    qr: &Qr<N>,
+    rho: f64,
+) -> Option<f64> {
+    let mut sum = 0.0;
+    for i in 0..N {
+        let k = curvature(machine, placed, twist, i, rho)?;
+        sum += k * k;
+    }
+    Some(qr.inverse_norm() * sqrt(sum))
+}
+
+/// k of leg `i`: bound of the second derivative of its residual within the ball.
+#[inline]
+fn curvature<const N: usize>(
+    machine: &Machine<N>,
+    placed: &Placed<N>,
+    twist: Option<&Twist<N>>,
+    i: usize,
+    rho: f64,
+) -> Option<f64> {
+    let (s1, s2) = (machine.s1[i], machine.s2[i]);
+    let shortest = placed.length[i] - s1 * rho;
+    if !(shortest > 0.0) {
+        return None;
+    }
+    let of_length = s1 * s1 / shortest + s2;
+    let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Some(of_length) };
+    let ball = Ball { rho, radius: machine.radius, length: shortest, s1, s2 };
+    Some(of_length + nut.curvature(twist, i, &ball)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Coordinates, Geometry, LegGeometry};
+    use crate::leg::StrutGeometry;
+    use nalgebra::{Matrix3, Rotation3, Vector3};
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn random(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
+        low + (high - low) * rng.random::<f64>()
+    }
+
+    fn vector(rng: &mut Pcg64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| random(rng, -1.0, 1.0))
+    }
+
+    /// A random machine of six screws about one metre above its base.
+    fn machine(rng: &mut Pcg64) -> Machine<6> {
+        let legs = core::array::from_fn(|_| {
+            let base = vector(rng) * 500.0;
+            let platform = vector(rng) * 200.0;
+            let strut = StrutGeometry {
+                base_axis: vector(rng).into(),
+                platform_axis: vector(rng).into(),
+                lead: random(rng, -50.0, 50.0),
+            };
+            LegGeometry::strut(base.into(), platform.into(), strut)
+        });
+        let geometry = Geometry { legs, home: None, coordinates: Coordinates::XYZABC };
+        Machine::freeze(&geometry, &[0.0; 6]).expect("random anchors are not degenerate")
+    }
+
+    /// Second derivative of every joint along a ray of the chart, by differences.
+    fn bending(
+        machine: &Machine<6>,
+        centre: &Vector3<f64>,
+        r: &Matrix3<f64>,
+        ray: (&Vector3<f64>, &Vector3<f64>),
+        at: f64,
+    ) -> Option<[f64; 6]> {
+        // Step in units of the ray: rounding 2e-13/1e-2² stays below 1e-8 of k's 1e-3.
+        const STEP: f64 = 0.05;
+        let joints = |s: f64| {
+            let rotation = Rotation3::new(ray.1 * (s / machine.radius)).matrix() * r;
+            let position = centre + ray.0 * s - rotation * machine.centroid;
+            machine.joints_at(&position, &rotation, &Vector3::zeros()).ok()
+        };
+        let (a, b, c) = (joints(at - STEP)?, joints(at)?, joints(at + STEP)?);
+        Some(core::array::from_fn(|i| (a[i] - 2.0 * b[i] + c[i]) / (STEP * STEP)))
+    }
+
+    #[test]
+    fn no_ray_bends_a_leg_more_than_the_bound_says() {
+        let mut rng = Pcg64::seed_from_u64(11);
+        let mut largest = 0.0_f64;
+        let mut checked = 0;
+        for _ in 0..4000 {
+            let machine = machine(&mut rng);
+            let centre = vector(&mut rng) * 100.0 + Vector3::new(0.0, 0.0, 900.0);
+            let r = *Rotation3::new(vector(&mut rng) * 0.5).matrix();
+            let rho = random(&mut rng, 0.1, 40.0);
+            let placed = machine.placed(&machine.base, &centre, &r).unwrap();
+            let Ok(twist) = machine.twist(&placed.directions(), &r) else { continue };
+            let (v, w) = (vector(&mut rng), vector(&mut rng));
+            let unit = 1.0 / sqrt(v.norm_squared() + w.norm_squared());
+            let (v, w) = (v * unit, w * unit);
+            // Differences reach a little beyond the point where they are taken.
+            let at = random(&mut rng, 0.0, rho - 0.06);
+            let Some(second) = bending(&machine, &centre, &r, (&v, &w), at) else { continue };
+            for i in 0..6 {
+                if let Some(k) = curvature(&machine, &placed, twist.as_ref(), i, rho) {
+                    largest = largest.max(second[i].abs() / k);
+                    checked += 1;
+                }
+            }
+        }
+        assert!(checked > 10_000, "{checked}");
+        assert!(largest < 1.0, "{largest}");
+        // A bound that is far too wide would be sound and useless.
+        assert!(largest > 0.2, "{largest}");
+    }
+}

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Why a call was refused: one table feeds the code, the C header, the manual and
+//! the messages that reach the operator.
+
+/// A refusal: its cause, the leg concerned, and the number that helps to understand it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// What is wrong.
+    pub cause: Cause,
+    /// Leg (joint) concerned, counted from 0, where one can be named.
+    pub leg: Option<u8>,
+    /// The offending value, in the unit that [`Cause::text`] names; 0 where none helps.
+    pub value: f64,
+}
+
+impl Fault {
+    pub(crate) const fn new(cause: Cause) -> Self {
+        Self { cause, leg: None, value: 0.0 }
+    }
+
+    /// A refusal that names no leg.
+    pub const fn with_value(cause: Cause, value: f64) -> Self {
+        Self { cause, leg: None, value }
+    }
+
+    /// A refusal that names leg `leg` (counted from 0).
+    pub const fn of_leg(cause: Cause, leg: usize, value: f64) -> Self {
+        Self { cause, leg: Some(leg as u8), value }
+    }
+}
+
+impl From<Cause> for Fault {
+    fn from(cause: Cause) -> Self {
+        Self::new(cause)
+    }
+}
+
+impl core::fmt::Display for Fault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if let Some(leg) = self.leg {
+            write!(f, "leg {leg}: ")?;
+        }
+        write!(f, "{}", self.cause.text())?;
+        if self.value != 0.0 {
+            write!(f, " (value {})", self.value)?;
+        }
+        write!(f, "; {} [code {}]", self.cause.remedy(), self.cause.code())
+    }
+}
+
+impl core::error::Error for Fault {}
+
+macro_rules! causes {
+    ($($(#[$doc:meta])* $name:ident = $code:literal, $text:literal, $remedy:literal;)*) => {
+        /// Cause of a refusal. Codes are fixed, negative, never reused; 0 is success.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[non_exhaustive]
+        #[repr(i32)]
+        pub enum Cause {
+            $(#[doc = $text] $name = $code,)*
+        }
+
+        /// Every cause, in the order of the table.
+        pub const CAUSES: &[Cause] = &[$(Cause::$name),*];
+
+        impl Cause {
+            /// Fixed negative number of this cause, as the C functions return it.
+            pub const fn code(self) -> i32 {
+                self as i32
+            }
+
+            /// Name of this cause in the C header, without prefix.
+            pub const fn name(self) -> &'static str {
+                match self { $(Cause::$name => stringify!($name),)* }
+            }
+
+            /// One sentence for people: what is wrong.
+            pub const fn text(self) -> &'static str {
+                match self { $(Cause::$name => $text,)* }
+            }
+
+            /// One sentence for people: the way out.
+            pub const fn remedy(self) -> &'static str {
+                match self { $(Cause::$name => $remedy,)* }
+            }
+        }
+    };
+}
+
+causes! {
+    // The pose that inverse was asked for.
+    PoseNotFinite = -10, "the pose holds a value that is NaN or infinite",
+        "look at the program line or the offset that produced it";
+    AngleTooLarge = -11, "an angle of the pose is beyond 1e6 degrees",
+        "wind the rotary axis back";
+    StrutTooShort = -12, "the pose brings both ends of the strut together",
+        "keep the platform away from this base joint";
+    StrutAlongAxis = -13, "the strut points along the fixed axis of one of its cardan joints, where nut rotation is undefined",
+        "tilt less, or check BASE_N and PLATFORM_N";
+    ToolChangedTilted = -14, "the tool offset changed while the platform is tilted, which would make the joints jump",
+        "level the platform (A, B, C = 0), then change the tool length";
+    ToolNotFinite = -15, "a tool or spindle offset is NaN or infinite",
+        "check the tool table and the nets to the tool-offset pins";
+    TiltNearRightAngle = -16, "B is near 90 degrees, where A and C are not distinct",
+        "stay away from B = 90 degrees";
+    ResultNotFinite = -17, "the result would not be finite",
+        "look at the pose and the geometry";
+    // Joints and seed that forward was given.
+    JointNotFinite = -20, "the joint value is NaN or infinite",
+        "check the feedback of this joint";
+    JointNotPositive = -21, "the joint value leaves no positive strut length",
+        "home the joint, or check its OFFSET and feedback scale";
+    SeedMissing = -22, "the pose to start from is NaN and no earlier pose is known",
+        "home the machine";
+    // The forward solver.
+    Singular = -30, "the legs do not hold the platform at this pose (singular Jacobian)",
+        "move a joint away from this pose in joint mode";
+    NearlySingular = -31, "the pose is too close to a singular one to be certain",
+        "move a joint away from this pose in joint mode";
+    NotCertified = -32, "the pose found could not be proved to be the one connected with the last pose",
+        "move back in joint mode, in smaller steps";
+    PathStalled = -33, "the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between",
+        "jog the joints back towards their last good values";
+    TooManySubSteps = -34, "the joint values are too far from the last known pose",
+        "jog back, or home again";
+    TooManyIterations = -35, "forward kinematics did not finish within limit-iterations",
+        "raise limit-iterations (at most 288)";
+    NotConverged = -36, "a leg residual stays above convergence-criterion",
+        "raise convergence-criterion, or check the geometry";
+    LimitIterationsInvalid = -37, "limit-iterations must be 1 to 288",
+        "set pkmkins.limit-iterations between 1 and 288";
+    CriterionInvalid = -38, "convergence-criterion must be a positive number",
+        "set pkmkins.convergence-criterion to a length such as 1e-9";
+    // The geometry offered for freezing.
+    GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
+        "correct the values of this leg";
+    LegsCoincide = -51, "the leg joins the same two points as the leg of the number shown",
+        "give every leg its own anchors";
+    AxisZero = -52, "the leg has a lead, and a cardan axis of zero length",
+        "give BASE_N and PLATFORM_N as directions";
+    PlatformDegenerate = -53, "the platform anchors lie on one line or point, so rotation about it is free",
+        "check the PLATFORM anchors";
+    HomeNotFinite = -54, "the reference pose is incomplete, NaN or infinite",
+        "set all six home pins, or none";
+    SingularAtHome = -55, "the legs do not hold the platform at the reference pose",
+        "check the anchors: the layout is singular there";
+    FoldUndefined = -56, "at the reference pose the cardan joints of the leg are near a quarter turn, so the sign of the nut correction is undefined",
+        "turn BASE_N or PLATFORM_N";
+    StrutZeroAtHome = -57, "the strut has no length at the reference pose",
+        "check BASE, PLATFORM and the reference pose";
+    // The module around the kinematics.
+    NoGeometry = -70, "no valid geometry is frozen",
+        "correct the geometry and raise pkmkins.apply with the machine off";
+    ApplyWhileOn = -71, "a new geometry was offered while the machine is on; the last one stays",
+        "switch the machine off, then raise pkmkins.apply again";
+    KinematicsTypeUnknown = -72, "this kinematics type does not exist (0 = machine, 1 = identity)",
+        "switch to type 0 or 1";
+    NullPointer = -73, "a null pointer was passed",
+        "report this: LinuxCNC never does it";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_negative_and_unique() {
+        for (i, a) in CAUSES.iter().enumerate() {
+            assert!(a.code() < 0);
+            assert!(CAUSES[..i].iter().all(|b| b.code() != a.code()), "{a:?}");
+        }
+    }
+}

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Poses as LinuxCNC gives them: position and the angles A, B, C with
+//! R = Rz(C) Ry(B) Rx(A).
+
+use crate::fault::{Cause, Fault};
+use libm::{atan2, sincos, sqrt};
+use nalgebra::{Matrix3, Vector3};
+
+const RADIANS: f64 = core::f64::consts::PI / 180.0;
+
+/// Largest angle accepted, in degrees: beyond it argument reduction becomes slow
+/// and an angle has lost its meaning.
+const MAX_ANGLE_DEG: f64 = 1e6;
+
+/// cos B below which A and C are not told apart.
+const GIMBAL_COS: f64 = 1e-6;
+
+/// Place of the control point and orientation of the platform, in base.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Control point (tool tip) in base, in machine units.
+    pub position: Vector3<f64>,
+    /// A, B, C in radians; R = Rz(C) Ry(B) Rx(A). Whole turns are kept.
+    pub angles: Vector3<f64>,
+}
+
+impl Pose {
+    /// From (x, y, z, a, b, c), machine units and degrees.
+    pub fn from_degrees(v: [f64; 6]) -> Self {
+        Self {
+            position: Vector3::new(v[0], v[1], v[2]),
+            angles: Vector3::new(v[3], v[4], v[5]) * RADIANS,
+        }
+    }
+
+    /// (x, y, z, a, b, c), machine units and degrees.
+    pub fn to_degrees(&self) -> [f64; 6] {
+        let p = &self.position;
+        let a = self.angles / RADIANS;
+        [p.x, p.y, p.z, a.x, a.y, a.z]
+    }
+
+    /// Whether all six components are finite.
+    pub fn is_finite(&self) -> bool {
+        self.position.iter().chain(self.angles.iter()).all(|v| v.is_finite())
+    }
+
+    /// Orientation: base from platform.
+    pub fn rotation(&self) -> Matrix3<f64> {
+        self.trigonometry().rotation()
+    }
+
+    /// Distance of two poses, in length: ‖(Δp, radius · rotation angle)‖.
+    ///
+    /// `radius` turns an angle into a length; [`crate::Machine::radius`] is the one meant.
+    pub fn distance(&self, other: &Pose, radius: f64) -> f64 {
+        let turn = rotation_vector(&(other.rotation() * self.rotation().transpose()));
+        let move_ = other.position - self.position;
+        sqrt(move_.norm_squared() + radius * radius * turn.norm_squared())
+    }
+
+    /// Refuses what no call may compute with.
+    pub(crate) fn check(&self) -> Result<(), Fault> {
+        if !self.is_finite() {
+            return Err(Cause::PoseNotFinite.into());
+        }
+        for &angle in self.angles.iter() {
+            if !(angle.abs() <= MAX_ANGLE_DEG * RADIANS) {
+                return Err(Fault::with_value(Cause::AngleTooLarge, angle / RADIANS));
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn trigonometry(&self) -> Trigonometry {
+        let (sa, ca) = sincos(self.angles.x);
+        let (sb, cb) = sincos(self.angles.y);
+        let (sc, cc) = sincos(self.angles.z);
+        Trigonometry { sa, ca, sb, cb, sc, cc }
+    }
+}
+
+/// Sines and cosines of A, B, C: computed once per call.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trigonometry {
+    pub sa: f64,
+    pub ca: f64,
+    pub sb: f64,
+    pub cb: f64,
+    pub sc: f64,
+    pub cc: f64,
+}
+
+impl Trigonometry {
+    /// R = Rz(C) Ry(B) Rx(A).
+    #[inline]
+    pub fn rotation(&self) -> Matrix3<f64> {
+        let Self { sa, ca, sb, cb, sc, cc } = *self;
+        Matrix3::new(
+            cc * cb,
+            cc * sb * sa - sc * ca,
+            cc * sb * ca + sc * sa,
+            sc * cb,
+            sc * sb * sa + cc * ca,
+            sc * sb * ca - cc * sa,
+            -sb,
+            cb * sa,
+            cb * ca,
+        )
+    }
+
+    /// E with ω = E · (Ȧ, Ḃ, Ċ), ω in base axes; det E = cos B.
+    pub fn rate_map(&self) -> Matrix3<f64> {
+        let Self { sb, cb, sc, cc, .. } = *self;
+        Matrix3::new(cc * cb, -sc, 0.0, sc * cb, cc, 0.0, -sb, 0.0, 1.0)
+    }
+}
+
+/// Angles A, B, C (radians) of `r` next to those of `seed`.
+///
+/// Increments on the seed keep whole turns and pass ±180° without a jump; a seed
+/// with |B| beyond 90° stays on its own sheet. At |B| = 90° C keeps the seed's
+/// value and A takes the rest.
+pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) -> Vector3<f64> {
+    let sheet = if trig.cb < 0.0 { -1.0 } else { 1.0 };
+    let cos_b = sheet * sqrt(r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)]);
+    let b = turned(seed.angles.y, trig.sb, trig.cb, -r[(2, 0)], cos_b);
+    if !(cos_b.abs() >= GIMBAL_COS) {
+        // Rz(C)ᵀ R = Ry(B) Rx(A): its middle row is (0, cos A, −sin A).
+        let cos_a = trig.cc * r[(1, 1)] - trig.sc * r[(0, 1)];
+        let sin_a = trig.sc * r[(0, 2)] - trig.cc * r[(1, 2)];
+        let a = turned(seed.angles.x, trig.sa, trig.ca, sin_a, cos_a);
+        return Vector3::new(a, b, seed.angles.z);
+    }
+    let a = turned(seed.angles.x, trig.sa, trig.ca, sheet * r[(2, 1)], sheet * r[(2, 2)]);
+    let c = turned(seed.angles.z, trig.sc, trig.cc, sheet * r[(1, 0)], sheet * r[(0, 0)]);
+    Vector3::new(a, b, c)
+}
+
+/// `from` (of sine s0, cosine c0) turned the short way to the direction (s, c).
+fn turned(from: f64, s0: f64, c0: f64, s: f64, c: f64) -> f64 {
+    from + atan2(s * c0 - c * s0, c * c0 + s * s0)
+}
+
+/// Rotation vector (axis times angle) of `r`, angle in [0, π].
+pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
+    let twice_sin_axis =
+        Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
+    let twice_sin = twice_sin_axis.norm();
+    let angle = atan2(twice_sin, r.trace() - 1.0);
+    if twice_sin > 1e-9 {
+        return twice_sin_axis * (angle / twice_sin);
+    }
+    if angle < 1.0 {
+        return twice_sin_axis * 0.5;
+    }
+    // A half turn: the sine says nothing about the axis, R + Rᵀ does.
+    let symmetric = (r + r.transpose()) * 0.5 + Matrix3::identity();
+    let mut axis = symmetric.column(0).into_owned();
+    for i in 1..3 {
+        let column = symmetric.column(i).into_owned();
+        if column.norm_squared() > axis.norm_squared() {
+            axis = column;
+        }
+    }
+    axis * (angle / axis.norm())
+}
+
+/// Rotation by about |ω| radians about ω (Cayley's formula): exactly orthogonal,
+/// and never a larger turn than |ω|.
+pub(crate) fn cayley(w: &Vector3<f64>) -> Matrix3<f64> {
+    let h = w * 0.5;
+    let k = 2.0 / (1.0 + h.norm_squared());
+    let (x, y, z) = (h.x, h.y, h.z);
+    Matrix3::new(
+        1.0 - k * (y * y + z * z),
+        k * (x * y - z),
+        k * (x * z + y),
+        k * (x * y + z),
+        1.0 - k * (x * x + z * z),
+        k * (y * z - x),
+        k * (x * z - y),
+        k * (y * z + x),
+        1.0 - k * (x * x + y * y),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(v: [f64; 6]) -> Pose {
+        Pose::from_degrees(v)
+    }
+
+    /// 1e-12 rad: some hundred roundings of values near 1.
+    const ANGLE: f64 = 1e-12;
+
+    #[test]
+    fn rotation_is_rz_ry_rx() {
+        let r = pose([0.0, 0.0, 0.0, 30.0, -20.0, 50.0]);
+        let axis = |i: usize, s: f64| {
+            let mut v = Vector3::zeros();
+            v[i] = s;
+            nalgebra::Rotation3::new(v)
+        };
+        let product = axis(2, r.angles.z) * axis(1, r.angles.y) * axis(0, r.angles.x);
+        assert!((product.matrix() - r.rotation()).norm() < ANGLE);
+    }
+
+    #[test]
+    fn angles_near_returns_what_made_the_rotation_over_turns_and_sheets() {
+        for v in [
+            [0.0, 0.0, 0.0, 179.9, 10.0, -179.9],
+            [0.0, 0.0, 0.0, 725.0, -40.0, 359.0],
+            [0.0, 0.0, 0.0, 10.0, 120.0, 20.0],
+            [0.0, 0.0, 0.0, 10.0, -250.0, 20.0],
+        ] {
+            let target = pose(v);
+            let mut near = target;
+            near.angles += Vector3::new(0.01, -0.02, 0.015);
+            let got = angles_near(&target.rotation(), &near, &near.trigonometry());
+            assert!((got - target.angles).norm() < ANGLE, "{v:?}: {got:?}");
+        }
+    }
+
+    #[test]
+    fn at_b_90_c_keeps_the_seed_and_a_takes_the_rest() {
+        let target = pose([0.0, 0.0, 0.0, 20.0, 90.0, 5.0]);
+        let seed = pose([0.0, 0.0, 0.0, 18.0, 89.0, 5.0]);
+        let got = angles_near(&target.rotation(), &seed, &seed.trigonometry());
+        assert_eq!(got.z, seed.angles.z);
+        assert!((got - target.angles).norm() < 1e-7, "{got:?}");
+    }
+
+    #[test]
+    fn rotation_vector_and_distance_measure_the_turn() {
+        let a = pose([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]);
+        let b = pose([1.0, 2.0, 7.0, 90.0, 0.0, 0.0]);
+        let quarter = core::f64::consts::FRAC_PI_2 * 3.0;
+        let expected = sqrt(16.0 + quarter * quarter);
+        assert!((a.distance(&b, 3.0) - expected).abs() < 1e-12);
+        let half = pose([0.0, 0.0, 0.0, 180.0, 0.0, 0.0]).rotation();
+        let v = rotation_vector(&half);
+        assert!((v.norm() - core::f64::consts::PI).abs() < 1e-9, "{v:?}");
+    }
+
+    #[test]
+    fn cayley_is_orthogonal_and_turns_no_more_than_asked() {
+        let w = Vector3::new(0.3, -0.2, 0.5);
+        let r = cayley(&w);
+        assert!((r * r.transpose() - Matrix3::identity()).norm() < 1e-14);
+        assert!(rotation_vector(&r).norm() <= w.norm());
+    }
+}

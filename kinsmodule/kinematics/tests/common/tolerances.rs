@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Tolerances of the core's tests, each with its reason.
+
+/// forward(inverse(x)) against x, relative to the machine's size: the contract.
+pub const ROUND_TRIP: f64 = 1e-10;
+
+/// A pose farther than this from the right one is another pose: one tenth of the
+/// distance that the contract's definition of "wrong" allows would be rounding.
+pub const WRONG: f64 = 1e-9;
+
+/// Joints against rows computed independently in double precision, mm: a few hundred
+/// roundings of lengths near 1000 mm (2e-13 mm each).
+pub const GOLDEN_JOINT: f64 = 1e-9;
+
+/// Jacobian against central differences with step 1e-4 (mm, degrees): truncation is
+/// step² times third derivatives (1e-8 · 1e-4), rounding 2e-13 / 1e-4 = 2e-9.
+pub const CENTRAL_DIFFERENCE: f64 = 1e-7;
+
+/// Scaling by a power of two changes only exponents.
+pub const EXACT: f64 = 0.0;

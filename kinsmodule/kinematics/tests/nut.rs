@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The nut-rotation correction: sign, continuity, and the published arcsin.
+
+mod common;
+
+use common::tolerances::GOLDEN_JOINT;
+use common::{NO_TOOL, geometry, paper_004, rng, shipped};
+use kinematics::leg::{LegKind, StrutGeometry};
+use kinematics::{Cause, Geometry, Machine, Pose, Vector3};
+
+fn machine(geometry: &Geometry<6>) -> Machine<6> {
+    Machine::freeze(geometry, &[0.0; 6]).unwrap()
+}
+
+fn struts(geometry: &Geometry<6>) -> [StrutGeometry; 6] {
+    geometry.legs.map(|leg| {
+        let LegKind::Strut(strut) = leg.kind;
+        strut
+    })
+}
+
+fn with_struts(given: &Geometry<6>, struts: [StrutGeometry; 6]) -> Geometry<6> {
+    geometry(given.legs.map(|l| l.base), given.legs.map(|l| l.platform), struts, given.home)
+}
+
+/// Paper 004, equation 1, as printed: l + (t/2π) asin of a scalar product.
+fn printed(strut: &StrutGeometry, n: &Vector3<f64>, pose: &Pose) -> f64 {
+    let a1 = Vector3::from(strut.base_axis);
+    let b = pose.rotation() * Vector3::from(strut.platform_axis);
+    let a2 = a1.cross(n);
+    let sine = n.cross(&a2).normalize().dot(&b.cross(n).normalize());
+    strut.lead / std::f64::consts::TAU * sine.asin()
+}
+
+#[test]
+fn correction_equals_the_printed_arcsin_within_its_range_with_and_without_reference_pose() {
+    let given = paper_004(10.0);
+    let literal = machine(&Geometry { home: None, ..given });
+    let folded = machine(&given);
+    let struts = struts(&given);
+    let [hexapod, _] = shipped();
+    let mut rng = rng(6);
+    for _ in 0..2000 {
+        let pose = (hexapod.sample)(&mut rng);
+        let n = folded.directions(&pose, &NO_TOOL).unwrap();
+        let a = literal.corrections(&pose, &NO_TOOL).unwrap();
+        let b = folded.corrections(&pose, &NO_TOOL).unwrap();
+        for i in 0..6 {
+            let expected = printed(&struts[i], &n[i], &pose);
+            assert!((a[i] - expected).abs() < GOLDEN_JOINT, "{pose:?}");
+            assert!((b[i] - expected).abs() < GOLDEN_JOINT, "{pose:?}");
+        }
+    }
+}
+
+#[test]
+fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
+    let given = paper_004(10.0);
+    let (folded, literal) = (machine(&given), machine(&Geometry { home: None, ..given }));
+    let at = |m: &Machine<6>, c: f64| {
+        m.corrections(&Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, c]), &NO_TOOL).unwrap()[0]
+    };
+    let step = 0.5;
+    let (mut largest, mut folds) = (0.0_f64, false);
+    for k in 0..320 {
+        let (c, d) = (f64::from(k) * step, f64::from(k + 1) * step);
+        largest = largest.max((at(&folded, d) - at(&folded, c)).abs());
+        folds |= (at(&literal, d) - at(&literal, c)) * (at(&folded, d) - at(&folded, c)) < 0.0;
+    }
+    // A screw of 10 mm lead gains about 10/360 mm per degree of twist; the twist of a
+    // strut is at most a few times the turn of the platform.
+    assert!(largest < 10.0 * 10.0 / 360.0 * step, "{largest}");
+    assert!(folds, "the arcsin does fold in this range");
+}
+
+#[test]
+fn a_right_hand_screw_gets_shorter_when_the_platform_turns_with_the_strut_direction() {
+    // One strut straight up: turning the platform by +c about n unscrews a right-hand
+    // nut by c/360 of the lead, so the motor must take that length back.
+    let given = paper_004(10.0);
+    let mut base = given.legs.map(|l| l.base);
+    let mut platform = given.legs.map(|l| l.platform);
+    base[0] = [0.0, 0.0, 0.0];
+    platform[0] = [0.0, 0.0, 0.0];
+    let mut struts = struts(&given);
+    struts[0] =
+        StrutGeometry { base_axis: [1.0, 0.0, 0.0], platform_axis: [-1.0, 0.0, 0.0], lead: 10.0 };
+    let m = machine(&geometry(base, platform, struts, given.home));
+    let turned = Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, 36.0]);
+    assert!((m.corrections(&turned, &NO_TOOL).unwrap()[0] + 1.0).abs() < 1e-12);
+    assert!((m.inverse(&turned, &NO_TOOL).unwrap()[0] - 249.0).abs() < 1e-12);
+}
+
+#[test]
+fn equal_senses_and_a_negative_lead_are_the_same_screw_as_opposed_senses() {
+    let given = paper_004(10.0);
+    let other = with_struts(
+        &given,
+        struts(&given).map(|s| StrutGeometry {
+            platform_axis: s.platform_axis.map(|v| -v),
+            lead: -s.lead,
+            ..s
+        }),
+    );
+    let pose = Pose::from_degrees([50.0, 100.0, 120.0, -15.0, 12.0, 8.0]);
+    let a = machine(&given).inverse(&pose, &NO_TOOL).unwrap();
+    let b = machine(&other).inverse(&pose, &NO_TOOL).unwrap();
+    for i in 0..6 {
+        assert!((a[i] - b[i]).abs() < GOLDEN_JOINT);
+    }
+}
+
+#[test]
+fn pure_translation_of_parallel_axes_needs_no_correction() {
+    let given = paper_004(10.0);
+    let corrections = machine(&given)
+        .corrections(&Pose::from_degrees([100.0, -50.0, 150.0, 0.0, 0.0, 0.0]), &NO_TOOL)
+        .unwrap();
+    assert!(corrections.iter().all(|c| c.abs() < 1e-12), "{corrections:?}");
+}
+
+#[test]
+fn axes_of_any_length_give_the_same_joints() {
+    let given = paper_004(10.0);
+    let longer = with_struts(
+        &given,
+        struts(&given).map(|s| StrutGeometry {
+            base_axis: s.base_axis.map(|v| 1e200 * v),
+            platform_axis: s.platform_axis.map(|v| 1e-200 * v),
+            ..s
+        }),
+    );
+    let pose = Pose::from_degrees([50.0, 100.0, 120.0, -15.0, 12.0, 8.0]);
+    let a = machine(&given).inverse(&pose, &NO_TOOL).unwrap();
+    let b = machine(&longer).inverse(&pose, &NO_TOOL).unwrap();
+    for i in 0..6 {
+        assert!((a[i] - b[i]).abs() < GOLDEN_JOINT);
+    }
+}
+
+#[test]
+fn a_reference_pose_near_a_quarter_turn_is_refused() {
+    let given = paper_004(10.0);
+    let turned = with_struts(
+        &given,
+        struts(&given).map(|s| StrutGeometry {
+            platform_axis: [-s.platform_axis[1], s.platform_axis[0], s.platform_axis[2]],
+            ..s
+        }),
+    );
+    let fault = Machine::freeze(&turned, &[0.0; 6]).unwrap_err();
+    assert_eq!((fault.cause, fault.leg), (Cause::FoldUndefined, Some(0)));
+}
+
+#[test]
+fn a_strut_along_its_joint_axis_is_refused_with_its_number() {
+    let given = paper_004(10.0);
+    let home = Pose::from_degrees(given.home.unwrap());
+    let n = machine(&given).directions(&home, &NO_TOOL).unwrap();
+    let mut screws = struts(&given);
+    screws[3].base_axis = n[3].into();
+    let m = machine(&Geometry { home: None, ..with_struts(&given, screws) });
+    let fault = m.inverse(&home, &NO_TOOL).unwrap_err();
+    assert_eq!((fault.cause, fault.leg), (Cause::StrutAlongAxis, Some(3)));
+}

@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What LinuxCNC calls. Each function checks pointers, copies into core types, calls
+//! [`Module`], and copies back.
+#![allow(missing_docs, reason = "LinuxCNC's layouts; their headers document the fields")]
+#![allow(non_camel_case_types, reason = "LinuxCNC's names")]
+
+use crate::hal::{Component, HalError, print_error};
+use crate::load;
+use crate::module::{Kind, Module};
+use crate::pins::Pins;
+use core::cell::UnsafeCell;
+use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
+use kinematics::{Cause, LEGS, Load, LoadError, Pose};
+
+/// LinuxCNC's kinds of kinematics.
+#[cfg(not(kinematics_h))]
+#[repr(C)]
+pub enum KinematicsKind {
+    KINEMATICS_IDENTITY = 1,
+    KINEMATICS_FORWARD_ONLY,
+    KINEMATICS_INVERSE_ONLY,
+    KINEMATICS_BOTH,
+}
+
+/// An alias, because LinuxCNC's type has no tag.
+#[cfg(not(kinematics_h))]
+pub type KINEMATICS_TYPE = KinematicsKind;
+
+/// Flags that LinuxCNC passes; not read.
+#[cfg(not(kinematics_h))]
+pub type KINEMATICS_FORWARD_FLAGS = c_ulong;
+
+/// Flags that LinuxCNC passes; not read.
+#[cfg(not(kinematics_h))]
+pub type KINEMATICS_INVERSE_FLAGS = c_ulong;
+
+/// Rows of the Jacobian that LinuxCNC provides: EMCMOT_MAX_JOINTS.
+const MAX_JOINTS: usize = 16;
+
+/// Pose coordinates of LinuxCNC: X Y Z A B C U V W.
+const MAX_AXES: usize = 9;
+
+/// LinuxCNC's PmCartesian.
+#[cfg(not(posemath_h))]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct PmCartesian {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+}
+
+/// LinuxCNC's EmcPose: machine units and degrees.
+#[cfg(not(emcpos_h))]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct EmcPose {
+    pub tran: PmCartesian,
+    pub a: f64,
+    pub b: f64,
+    pub c: f64,
+    pub u: f64,
+    pub v: f64,
+    pub w: f64,
+}
+
+/// What LinuxCNC calls PmRotationMatrix: three column vectors.
+#[cfg(not(posemath_h))]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct RotationColumns {
+    pub x: PmCartesian,
+    pub y: PmCartesian,
+    pub z: PmCartesian,
+}
+
+/// An alias, because LinuxCNC's type has no tag.
+#[cfg(not(posemath_h))]
+pub type PmRotationMatrix = RotationColumns;
+
+const _: () = assert!(size_of::<EmcPose>() == 9 * size_of::<f64>());
+const _: () = assert!(core::mem::offset_of!(EmcPose, w) == 8 * size_of::<f64>());
+
+impl EmcPose {
+    fn degrees(&self) -> [f64; 6] {
+        [self.tran.x, self.tran.y, self.tran.z, self.a, self.b, self.c]
+    }
+
+    /// Writes X … C and leaves U V W alone.
+    fn set_degrees(&mut self, v: [f64; 6]) {
+        self.tran = PmCartesian { x: v[0], y: v[1], z: v[2] };
+        [self.a, self.b, self.c] = [v[3], v[4], v[5]];
+    }
+}
+
+/// The module's state, made by `rtapi_app_main`.
+struct Cell(UnsafeCell<Option<Module>>);
+
+// SAFETY: LinuxCNC calls the kinematics from its servo thread only, and main and exit
+// while no thread runs.
+unsafe impl Sync for Cell {}
+
+static MODULE: Cell = Cell(UnsafeCell::new(None));
+
+/// The state, while no other reference to it is alive.
+fn module() -> Option<&'static mut Module> {
+    // SAFETY: see `Cell`; every exported function takes the reference once and drops it
+    // before it returns.
+    unsafe { (*MODULE.0.get()).as_mut() }
+}
+
+/// Joint values of a call.
+///
+/// # Safety
+/// `joint` must be null or point to at least [`LEGS`] values.
+unsafe fn joints<'a>(joint: *const f64) -> Option<&'a [f64; LEGS]> {
+    // SAFETY: passed on to the caller; LinuxCNC's array holds EMCMOT_MAX_JOINTS values.
+    unsafe { joint.cast::<[f64; LEGS]>().as_ref() }
+}
+
+/// Joints to pose. `world` is the seed and receives the pose.
+///
+/// Returns 0, or a negative code (see the table of causes); then X … C of `world` are
+/// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely.
+/// U V W stay.
+///
+/// # Safety
+/// `joint` must be null or hold at least six values; `world` null or valid; the flags
+/// are not read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsForward(
+    joint: *const f64,
+    world: *mut EmcPose,
+    _fflags: *const KINEMATICS_FORWARD_FLAGS,
+    _iflags: *mut KINEMATICS_INVERSE_FLAGS,
+) -> c_int {
+    // SAFETY: LinuxCNC passes its joint array and pose.
+    let (joints, world) = unsafe { (joints(joint), world.as_mut()) };
+    let (Some(joints), Some(world), Some(module)) = (joints, world, module()) else {
+        return Cause::NullPointer.code();
+    };
+    if module.kind() == Kind::Identity {
+        let mut pose = world.degrees();
+        for (index, value) in module.coordinates().indices().iter().zip(joints) {
+            pose[usize::from(*index)] = *value;
+        }
+        world.set_degrees(pose);
+        module.show_identity(pose);
+        return 0;
+    }
+    let seed = Pose::from_degrees(world.degrees());
+    match module.forward(joints, &seed, &raw const *world as usize) {
+        Ok(pose) => {
+            world.set_degrees(pose.to_degrees());
+            0
+        }
+        Err(fault) => {
+            world.set_degrees([f64::NAN; 6]);
+            fault.cause.code()
+        }
+    }
+}
+
+/// Pose to joints.
+///
+/// Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
+///
+/// # Safety
+/// `world` must be null or valid; `joint` null or room for at least six values; the
+/// flags are not read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsInverse(
+    world: *const EmcPose,
+    joint: *mut f64,
+    _iflags: *const KINEMATICS_INVERSE_FLAGS,
+    _fflags: *mut KINEMATICS_FORWARD_FLAGS,
+) -> c_int {
+    // SAFETY: LinuxCNC passes its pose and joint array.
+    let (world, joint) = unsafe { (world.as_ref(), joint.cast::<[f64; LEGS]>().as_mut()) };
+    let (Some(world), Some(joint), Some(module)) = (world, joint, module()) else {
+        return Cause::NullPointer.code();
+    };
+    let pose = world.degrees();
+    if module.kind() == Kind::Identity {
+        *joint = module.coordinates().indices().map(|index| pose[usize::from(index)]);
+        return 0;
+    }
+    match module.inverse(&Pose::from_degrees(pose)) {
+        Ok(joints) => {
+            *joint = joints;
+            0
+        }
+        Err(fault) => fault.cause.code(),
+    }
+}
+
+/// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),
+/// rows past the joints zero.
+///
+/// Returns 0, or −1 and leaves `jac` alone.
+///
+/// # Safety
+/// `world` must be null or valid, `jac` null or room for 16 × 9 values; the other
+/// arguments are not read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsJacobian(
+    _joint: *const f64,
+    world: *const EmcPose,
+    jac: *mut [f64; 9],
+    _iflags: *const KINEMATICS_INVERSE_FLAGS,
+) -> c_int {
+    // SAFETY: LinuxCNC passes its pose and a 16 × 9 array.
+    let (world, jac) =
+        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; MAX_JOINTS]>().as_mut()) };
+    let (Some(world), Some(jac), Some(module)) = (world, jac, module()) else {
+        return -1;
+    };
+    let rows = if module.kind() == Kind::Identity {
+        module
+            .coordinates()
+            .indices()
+            .map(|index| core::array::from_fn(|a| if a == usize::from(index) { 1.0 } else { 0.0 }))
+    } else {
+        match module.jacobian(&Pose::from_degrees(world.degrees())) {
+            Ok(rows) => rows,
+            Err(_) => return -1,
+        }
+    };
+    *jac = [[0.0; MAX_AXES]; MAX_JOINTS];
+    for (out, row) in jac.iter_mut().zip(rows) {
+        for (to, value) in out.iter_mut().zip(row) {
+            *to = value;
+        }
+    }
+    0
+}
+
+/// Tool axes in world coordinates as columns; z from the tip to the holder.
+///
+/// Returns 0, or −1 and leaves `rot` alone.
+///
+/// # Safety
+/// `joint` must be null or hold at least six values; `rot` null or valid; the flags are
+/// not read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsToolFrame(
+    joint: *const f64,
+    rot: *mut PmRotationMatrix,
+    _fflags: *const KINEMATICS_FORWARD_FLAGS,
+) -> c_int {
+    // SAFETY: LinuxCNC passes its joint array and a matrix.
+    let (joints, rot) = unsafe { (joints(joint), rot.as_mut()) };
+    let (Some(joints), Some(rot), Some(module)) = (joints, rot, module()) else {
+        return -1;
+    };
+    let pose = if module.kind() == Kind::Identity {
+        let mut v = [0.0; 6];
+        for (index, value) in module.coordinates().indices().iter().zip(joints) {
+            v[usize::from(*index)] = *value;
+        }
+        Pose::from_degrees(v)
+    } else {
+        match module.pose_of(joints) {
+            Ok(pose) => pose,
+            Err(_) => return -1,
+        }
+    };
+    let r = pose.rotation();
+    let column = |k: usize| PmCartesian { x: r[(0, k)], y: r[(1, k)], z: r[(2, k)] };
+    *rot = RotationColumns { x: column(0), y: column(1), z: column(2) };
+    0
+}
+
+/// Work axes in world coordinates as columns: the work stands still on these machines.
+///
+/// Returns 0, or −1 for a null pointer.
+///
+/// # Safety
+/// `rot` must be null or valid; the other arguments are not read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsWorkFrame(
+    _joint: *const f64,
+    rot: *mut PmRotationMatrix,
+    _fflags: *const KINEMATICS_FORWARD_FLAGS,
+) -> c_int {
+    // SAFETY: LinuxCNC passes a matrix.
+    let Some(rot) = (unsafe { rot.as_mut() }) else {
+        return -1;
+    };
+    let unit = |k: usize| PmCartesian {
+        x: f64::from(u8::from(k == 0)),
+        y: f64::from(u8::from(k == 1)),
+        z: f64::from(u8::from(k == 2)),
+    };
+    *rot = RotationColumns { x: unit(0), y: unit(1), z: unit(2) };
+    0
+}
+
+/// KINEMATICS_BOTH: inverse and forward exist, forward is not called at every cycle.
+#[unsafe(no_mangle)]
+pub extern "C" fn kinematicsType() -> KINEMATICS_TYPE {
+    KinematicsKind::KINEMATICS_BOTH
+}
+
+/// The kinematics can be switched (0 = machine, 1 = identity).
+#[unsafe(no_mangle)]
+pub extern "C" fn kinematicsSwitchable() -> c_int {
+    1
+}
+
+/// Switches to kinematics 0 (machine) or 1 (identity). Returns 0, or a negative code.
+#[unsafe(no_mangle)]
+pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
+    let Some(module) = module() else {
+        return Cause::NullPointer.code();
+    };
+    match module.switch(switchkins_type) {
+        Ok(()) => 0,
+        Err(fault) => fault.cause.code(),
+    }
+}
+
+/// The HAL function `pkmkins.monitor`.
+unsafe extern "C" fn monitor(_argument: *mut c_void, _period: c_long) {
+    if let Some(module) = module() {
+        module.monitor();
+    }
+}
+
+/// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
+#[unsafe(no_mangle)]
+pub extern "C" fn rtapi_app_main() -> c_int {
+    let parameters = [&load::LEGS, &load::COORDINATES, &load::TABLE].map(|p| p.text());
+    let [legs, coordinates, table] = parameters.map(|text| text.map(CStr::to_bytes));
+    let load = match Load::parse(legs, coordinates, table) {
+        Ok(load) => load,
+        Err(error) => {
+            refuse_load(error, parameters);
+            return -libc::EINVAL;
+        }
+    };
+    match start(load) {
+        Ok(()) => 0,
+        Err(HalError(code)) => {
+            print_error(format_args!("pkmkins: LinuxCNC refused a HAL call (code {code})"));
+            code
+        }
+    }
+}
+
+/// Unloads the component.
+#[unsafe(no_mangle)]
+pub extern "C" fn rtapi_app_exit() {
+    // SAFETY: LinuxCNC stops its threads before it unloads a module.
+    let component = unsafe { (*COMPONENT.0.get()).take() };
+    // SAFETY: as above.
+    unsafe { *MODULE.0.get() = None };
+    if let Some(component) = component {
+        component.exit();
+    }
+}
+
+/// The HAL component, kept for the exit.
+struct ComponentCell(UnsafeCell<Option<Component>>);
+
+// SAFETY: used by main and exit only, which LinuxCNC calls one after the other.
+unsafe impl Sync for ComponentCell {}
+
+static COMPONENT: ComponentCell = ComponentCell(UnsafeCell::new(None));
+
+fn start(load: Load) -> Result<(), HalError> {
+    let component = Component::new(c"pkmkins")?;
+    let result = build(component, load);
+    match result {
+        // SAFETY: no thread runs yet.
+        Ok(()) => unsafe { *COMPONENT.0.get() = Some(component) },
+        Err(_) => component.exit(),
+    }
+    result
+}
+
+fn build(component: Component, load: Load) -> Result<(), HalError> {
+    let pins = component.allocate::<Pins>()?;
+    // SAFETY: fresh, zeroed HAL memory; all-zero bytes are null pins, which `create`
+    // fills before anyone reads them.
+    let pins = unsafe { &mut *pins };
+    pins.create(component)?;
+    component.export(c"pkmkins.monitor", monitor)?;
+    // SAFETY: no thread runs yet.
+    unsafe { *MODULE.0.get() = Some(Module::new(pins, load.coordinates)) };
+    component.ready()
+}
+
+fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 3]) {
+    let shown = parameters.map(|text| text.and_then(|t| t.to_str().ok()).unwrap_or(""));
+    print_error(format_args!(
+        "pkmkins: refused legs={} coordinates={} table={}: {}",
+        shown[0],
+        shown[1],
+        shown[2],
+        error.text()
+    ));
+}

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! LinuxCNC's HAL and RTAPI: the calls this module makes, and typed pins.
+
+use core::ffi::{CStr, c_char, c_int, c_long, c_void};
+use core::fmt::{self, Write};
+
+/// HAL_NAME_LEN of LinuxCNC 2.9, without the closing zero.
+const NAME_LENGTH: usize = 47;
+
+/// Longest message, with the closing zero.
+const MESSAGE_LENGTH: usize = 400;
+
+const RTAPI_MSG_ERR: c_int = 1;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub enum Direction {
+    In = 16,
+    Out = 32,
+}
+
+unsafe extern "C" {
+    fn hal_init(name: *const c_char) -> c_int;
+    fn hal_exit(component: c_int) -> c_int;
+    fn hal_ready(component: c_int) -> c_int;
+    fn hal_malloc(size: c_long) -> *mut c_void;
+    fn hal_pin_float_new(
+        name: *const c_char,
+        direction: c_int,
+        pin: *mut *mut f64,
+        component: c_int,
+    ) -> c_int;
+    fn hal_pin_bit_new(
+        name: *const c_char,
+        direction: c_int,
+        pin: *mut *mut bool,
+        component: c_int,
+    ) -> c_int;
+    fn hal_pin_u32_new(
+        name: *const c_char,
+        direction: c_int,
+        pin: *mut *mut u32,
+        component: c_int,
+    ) -> c_int;
+    fn hal_pin_s32_new(
+        name: *const c_char,
+        direction: c_int,
+        pin: *mut *mut i32,
+        component: c_int,
+    ) -> c_int;
+    fn hal_export_funct(
+        name: *const c_char,
+        function: unsafe extern "C" fn(*mut c_void, c_long),
+        argument: *mut c_void,
+        uses_fp: c_int,
+        reentrant: c_int,
+        component: c_int,
+    ) -> c_int;
+    fn rtapi_print_msg(level: c_int, format: *const c_char, ...);
+}
+
+/// A HAL call that failed; its negative return code.
+#[derive(Clone, Copy, Debug)]
+pub struct HalError(pub c_int);
+
+fn checked(code: c_int) -> Result<c_int, HalError> {
+    if code < 0 { Err(HalError(code)) } else { Ok(code) }
+}
+
+/// Text that ends with a zero, cut if it is too long.
+struct Text<const LENGTH: usize> {
+    bytes: [u8; LENGTH],
+    used: usize,
+}
+
+impl<const LENGTH: usize> Text<LENGTH> {
+    fn new(args: fmt::Arguments<'_>) -> Self {
+        let mut text = Self { bytes: [0; LENGTH], used: 0 };
+        // Writing into a buffer that cuts never fails.
+        let _ = text.write_fmt(args);
+        text
+    }
+
+    fn as_ptr(&self) -> *const c_char {
+        self.bytes.as_ptr().cast()
+    }
+}
+
+impl<const LENGTH: usize> Write for Text<LENGTH> {
+    fn write_str(&mut self, s: &str) -> fmt::Result {
+        for byte in s.bytes() {
+            if let Some(place) = self.bytes[..LENGTH - 1].get_mut(self.used) {
+                *place = byte;
+                self.used += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Shows an error to the operator: LinuxCNC forwards it to the user interface.
+pub fn print_error(args: fmt::Arguments<'_>) {
+    let text = Text::<MESSAGE_LENGTH>::new(args);
+    // SAFETY: both strings end with a zero, and "%s" takes one string.
+    unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), text.as_ptr()) }
+}
+
+/// The component while it is being built.
+#[derive(Clone, Copy)]
+pub struct Component(c_int);
+
+impl Component {
+    pub fn new(name: &CStr) -> Result<Self, HalError> {
+        // SAFETY: the name ends with a zero; LinuxCNC copies it.
+        checked(unsafe { hal_init(name.as_ptr()) }).map(Self)
+    }
+
+    pub fn ready(self) -> Result<(), HalError> {
+        // SAFETY: the id came from hal_init.
+        checked(unsafe { hal_ready(self.0) }).map(|_| ())
+    }
+
+    pub fn exit(self) {
+        // SAFETY: the id came from hal_init. Nothing can be done about a failure.
+        let _ = unsafe { hal_exit(self.0) };
+    }
+
+    /// Zeroed HAL memory for one `T`, which lives as long as LinuxCNC.
+    pub fn allocate<T>(self) -> Result<*mut T, HalError> {
+        // SAFETY: plain request for memory; null is checked below.
+        let memory = unsafe { hal_malloc(size_of::<T>() as c_long) }.cast::<T>();
+        if memory.is_null() {
+            return Err(HalError(-libc::ENOMEM));
+        }
+        // SAFETY: hal_malloc returned at least size_of::<T>() bytes, aligned to 8.
+        unsafe { memory.cast::<u8>().write_bytes(0, size_of::<T>()) };
+        Ok(memory)
+    }
+
+    pub fn export(
+        self,
+        name: &CStr,
+        function: unsafe extern "C" fn(*mut c_void, c_long),
+    ) -> Result<(), HalError> {
+        // SAFETY: the name ends with a zero; the function takes a null argument.
+        let code = unsafe {
+            hal_export_funct(name.as_ptr(), function, core::ptr::null_mut(), 1, 0, self.0)
+        };
+        checked(code).map(|_| ())
+    }
+}
+
+/// A value that HAL can hold, and the call that makes a pin of it.
+pub trait PinValue: Copy {
+    /// # Safety
+    /// `pin` must point to HAL memory that outlives the component.
+    unsafe fn create(
+        name: *const c_char,
+        direction: c_int,
+        pin: *mut *mut Self,
+        component: c_int,
+    ) -> c_int;
+}
+
+macro_rules! pin_value {
+    ($($type:ty => $call:ident;)*) => {$(
+        impl PinValue for $type {
+            unsafe fn create(
+                name: *const c_char,
+                direction: c_int,
+                pin: *mut *mut Self,
+                component: c_int,
+            ) -> c_int {
+                // SAFETY: passed on to the caller.
+                unsafe { $call(name, direction, pin, component) }
+            }
+        }
+    )*};
+}
+
+pin_value! {
+    f64 => hal_pin_float_new;
+    bool => hal_pin_bit_new;
+    u32 => hal_pin_u32_new;
+    i32 => hal_pin_s32_new;
+}
+
+/// A HAL pin. LinuxCNC changes the pointer when the pin is netted, so it has to stand
+/// in HAL memory and be read anew at each access.
+#[repr(transparent)]
+pub struct Pin<T>(*mut T);
+
+impl<T: PinValue> Pin<T> {
+    /// Makes the pin with its first value.
+    ///
+    /// # Safety
+    /// `self` must stand in memory from [`Component::allocate`].
+    pub unsafe fn create(
+        &mut self,
+        component: Component,
+        direction: Direction,
+        name: fmt::Arguments<'_>,
+        value: T,
+    ) -> Result<(), HalError> {
+        let name = Text::<{ NAME_LENGTH + 1 }>::new(name);
+        // SAFETY: the name ends with a zero; the caller vouches for the memory.
+        checked(unsafe {
+            T::create(name.as_ptr(), direction as c_int, &raw mut self.0, component.0)
+        })?;
+        self.set(value);
+        Ok(())
+    }
+
+    #[inline]
+    pub fn get(&self) -> T {
+        // SAFETY: HAL keeps the pointer valid from creation on; volatile because other
+        // threads write it.
+        unsafe { (&raw const self.0).read_volatile().read_volatile() }
+    }
+
+    #[inline]
+    pub fn set(&self, value: T) {
+        // SAFETY: as in `get`.
+        unsafe { (&raw const self.0).read_volatile().write_volatile(value) }
+    }
+}

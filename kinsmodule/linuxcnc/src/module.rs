@@ -1,0 +1,383 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the module remembers between calls, and the rules of the contract: when a
+//! geometry is frozen, which tool offset holds, from which pose forward starts.
+
+use crate::hal::print_error;
+use crate::pins::Pins;
+use kinematics::{Cause, Coordinates, Fault, Geometry, LEGS, Machine, Pose, Solution, Vector3};
+
+/// A tool change may move no joint by more than this share of the machine's size:
+/// less than what following errors of a level platform make of it.
+const NOTICEABLE: f64 = 1e-5;
+
+/// Cycles without a fault after which the same fault is told again.
+const QUIET_CYCLES: u32 = 1000;
+
+/// Kinds of forward calls that LinuxCNC makes (feedback, command), told apart by
+/// where they keep their pose.
+const CALLERS: usize = 2;
+
+/// The geometry in use.
+struct Frozen {
+    machine: Machine<LEGS>,
+    geometry: Geometry<LEGS>,
+    offset: [f64; LEGS],
+}
+
+/// Last good pose of one kind of forward call.
+#[derive(Clone, Copy)]
+struct Caller {
+    /// Address of the pose that LinuxCNC keeps for this kind of call.
+    address: usize,
+    pose: Option<Pose>,
+    /// The kinematics were switched: the seed LinuxCNC holds is not a pose.
+    seed_is_stale: bool,
+}
+
+/// Kinematics in force.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Machine,
+    Identity,
+}
+
+/// What the monitor has told the operator.
+struct Report {
+    /// Whether the monitor runs: it then does the telling.
+    monitored: bool,
+    pending: Option<Fault>,
+    told: Option<(Cause, Option<u8>)>,
+    quiet: u32,
+}
+
+/// State between calls.
+pub struct Module {
+    pins: &'static Pins,
+    coordinates: Coordinates,
+    frozen: Option<Frozen>,
+    kind: Kind,
+    apply_was: bool,
+    /// Tool offset in effect.
+    tool: Vector3<f64>,
+    callers: [Option<Caller>; CALLERS],
+    /// Last good pose of any kind of call.
+    last_pose: Option<Pose>,
+    report: Report,
+}
+
+impl Module {
+    pub fn new(pins: &'static Pins, coordinates: Coordinates) -> Self {
+        Self {
+            pins,
+            coordinates,
+            frozen: None,
+            kind: Kind::Machine,
+            apply_was: false,
+            tool: Vector3::zeros(),
+            callers: [None; CALLERS],
+            last_pose: None,
+            report: Report { monitored: false, pending: None, told: None, quiet: 0 },
+        }
+    }
+
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    pub fn coordinates(&self) -> Coordinates {
+        self.coordinates
+    }
+
+    /// Joints of a pose.
+    ///
+    /// Changes nothing but the fault record, so that LinuxCNC may ask for end points of
+    /// queued moves at any time; the first call of all freezes the geometry.
+    pub fn inverse(&mut self, pose: &Pose) -> Result<[f64; LEGS], Fault> {
+        let drop_in = !is_zero(&pose.to_degrees());
+        let result = self.prepared(drop_in).and_then(|()| {
+            let tool = self.tool_in_effect()?;
+            self.frozen()?.machine.inverse(pose, &tool)
+        });
+        self.recorded(result)
+    }
+
+    /// Pose of the joints; `address` tells the kind of call, `seed` may hold NaN.
+    pub fn forward(
+        &mut self,
+        joints: &[f64; LEGS],
+        seed: &Pose,
+        address: usize,
+    ) -> Result<Pose, Fault> {
+        let at_rest = is_zero(joints) && is_zero(&seed.to_degrees());
+        let prepared = self.prepared(!at_rest);
+        if at_rest && self.last_pose.is_none() {
+            // LinuxCNC calls this way until it knows its joints: no fault, no trace.
+            return Err(Cause::NoGeometry.into());
+        }
+        if !self.report.monitored {
+            self.watch_geometry();
+        }
+        let result = prepared.and_then(|()| self.solved(joints, seed, address));
+        self.pins.fwd_kins_fail.set(result.is_err());
+        let solution = self.recorded(result)?;
+        self.remember(address, solution.pose);
+        self.show(&solution);
+        Ok(solution.pose)
+    }
+
+    /// Pose of the joints for the tool frame: no state changes, no fault is recorded.
+    pub fn pose_of(&self, joints: &[f64; LEGS]) -> Result<Pose, Fault> {
+        let machine = &self.frozen()?.machine;
+        let seed = self.last_pose.or(self.reference()).ok_or(Cause::SeedMissing)?;
+        let tool = self.tool_in_effect()?;
+        Ok(machine.forward(joints, &seed, &tool, &self.pins.solver())?.pose)
+    }
+
+    /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.
+    pub fn jacobian(&self, pose: &Pose) -> Result<[[f64; 6]; LEGS], Fault> {
+        let tool = self.tool_in_effect()?;
+        let jacobian = self.frozen()?.machine.pose_jacobian(pose, &tool)?;
+        Ok(core::array::from_fn(|i| core::array::from_fn(|j| jacobian[(i, j)])))
+    }
+
+    /// Changes the kinematics: 0 the machine, 1 identity.
+    pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
+        let kind = match number {
+            0 => Kind::Machine,
+            1 => Kind::Identity,
+            _ => {
+                let fault = Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number));
+                print_error(format_args!("pkmkins: {fault}"));
+                return Err(fault);
+            }
+        };
+        if kind == Kind::Machine && self.kind != kind {
+            for caller in self.callers.iter_mut().flatten() {
+                caller.seed_is_stale = true;
+            }
+        }
+        self.kind = kind;
+        self.pins.show_type(number);
+        Ok(())
+    }
+
+    /// Shows a pose of the identity kinematics.
+    pub fn show_identity(&self, pose: [f64; 6]) {
+        for (pin, value) in self.pins.pose.iter().zip(pose) {
+            pin.set(value);
+        }
+        for (pin, value) in self.pins.skgui.iter().zip(pose) {
+            pin.set(value);
+        }
+    }
+
+    /// The servo-thread function beside the kinematics calls: watches `.apply`, shows
+    /// what only people read, and tells the operator about faults.
+    pub fn monitor(&mut self) {
+        self.report.monitored = true;
+        self.watch_apply();
+        self.watch_reset();
+        self.watch_geometry();
+        self.show_assembly();
+        self.tell();
+    }
+
+    /// Freezes what has to be frozen before a kinematics call.
+    fn prepared(&mut self, drop_in: bool) -> Result<(), Fault> {
+        if !self.report.monitored {
+            self.watch_reset();
+        }
+        self.watch_apply();
+        if self.frozen.is_none() && drop_in && !self.apply_was {
+            return self.freeze();
+        }
+        Ok(())
+    }
+
+    /// Honours a rising edge of `.apply`.
+    fn watch_apply(&mut self) {
+        let apply = self.pins.apply();
+        let rising = apply && !self.apply_was;
+        self.apply_was = apply;
+        if !rising {
+            return;
+        }
+        let result =
+            if self.pins.machine_on() { Err(Cause::ApplyWhileOn.into()) } else { self.freeze() };
+        if let Err(fault) = result {
+            self.record(&fault);
+            self.tell_unmonitored(&fault);
+        }
+    }
+
+    /// Takes the geometry of the pins, or leaves the last good one in force.
+    fn freeze(&mut self) -> Result<(), Fault> {
+        let (geometry, offset) = self.pins.geometry(self.coordinates);
+        let machine = Machine::freeze(&geometry, &offset)?;
+        self.pins.geometry_ok.set(true);
+        self.pins.geometry_hash.set(geometry.hash());
+        self.pins.geometry_changed.set(false);
+        self.frozen = Some(Frozen { machine, geometry, offset });
+        self.tool = self.pins.tool();
+        self.pins.show_tool(&self.tool);
+        self.callers = [None; CALLERS];
+        self.last_pose = None;
+        self.pins.max_iterations.set(0);
+        Ok(())
+    }
+
+    fn frozen(&self) -> Result<&Frozen, Fault> {
+        self.frozen.as_ref().ok_or(Cause::NoGeometry.into())
+    }
+
+    /// Shows whether the pins differ from the frozen values.
+    fn watch_geometry(&self) {
+        // NaN on a pin counts as a change: a frozen geometry holds none.
+        let changed = self.frozen.as_ref().is_some_and(|frozen| {
+            self.pins.geometry(self.coordinates) != (frozen.geometry, frozen.offset)
+        });
+        self.pins.geometry_changed.set(changed);
+    }
+
+    fn reference(&self) -> Option<Pose> {
+        let home = self.frozen.as_ref()?.geometry.home?;
+        Some(Pose::from_degrees(home))
+    }
+
+    /// The tool offset to compute with.
+    ///
+    /// A request takes effect where it moves no joint: with the machine off, before any
+    /// pose is known, or while the platform is level. Otherwise the joints would jump.
+    fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
+        let request = self.pins.tool();
+        if request == self.tool || !self.pins.machine_on() {
+            return Ok(request);
+        }
+        let Some(pose) = self.last_pose else {
+            return Ok(request);
+        };
+        let change = request - self.tool;
+        let jump = (pose.rotation() * change - change).norm();
+        let size = self.frozen()?.machine.size();
+        if jump <= NOTICEABLE * size {
+            return Ok(request);
+        }
+        Err(Fault::with_value(Cause::ToolChangedTilted, jump))
+    }
+
+    fn solved(
+        &mut self,
+        joints: &[f64; LEGS],
+        seed: &Pose,
+        address: usize,
+    ) -> Result<Solution, Fault> {
+        let seed = self.seed_for(seed, address)?;
+        // A refused tool change must not blind the display: the old offset still holds.
+        let tool = self.tool_in_effect().unwrap_or(self.tool);
+        let solution = self.frozen()?.machine.forward(joints, &seed, &tool, &self.pins.solver())?;
+        self.tool = tool;
+        Ok(solution)
+    }
+
+    /// The pose to start from: LinuxCNC's, unless that is none.
+    fn seed_for(&self, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+        let caller = self.callers.iter().flatten().find(|c| c.address == address);
+        let stale = caller.is_some_and(|c| c.seed_is_stale);
+        if seed.is_finite() && !stale {
+            return Ok(*seed);
+        }
+        caller
+            .and_then(|c| c.pose)
+            .or(self.last_pose)
+            .or(self.reference())
+            .ok_or(Cause::SeedMissing.into())
+    }
+
+    fn remember(&mut self, address: usize, pose: Pose) {
+        self.last_pose = Some(pose);
+        let entry = Caller { address, pose: Some(pose), seed_is_stale: false };
+        let known = self.callers.iter_mut().flatten().find(|c| c.address == address);
+        if let Some(caller) = known {
+            *caller = entry;
+            return;
+        }
+        // The newest stands first; a third kind of call would push out the oldest.
+        self.callers.rotate_right(1);
+        self.callers[0] = Some(entry);
+    }
+
+    fn show(&self, solution: &Solution) {
+        let pins = self.pins;
+        pins.last_iterations.set(solution.iterations);
+        pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
+        pins.residual.set(solution.residual);
+        pins.show_pose(&solution.pose);
+        pins.show_tool(&self.tool);
+        if let Some(frozen) = &self.frozen
+            && let Ok(corrections) = frozen.machine.corrections(&solution.pose, &self.tool)
+        {
+            pins.show_corrections(&corrections);
+        }
+    }
+
+    fn show_assembly(&self) {
+        let sign = self.last_pose.and_then(|pose| {
+            let machine = &self.frozen.as_ref()?.machine;
+            machine.assembly(&pose, &self.tool).ok()
+        });
+        self.pins.assembly.set(sign.unwrap_or(0));
+    }
+
+    /// Records the fault of a refused call.
+    fn recorded<T>(&mut self, result: Result<T, Fault>) -> Result<T, Fault> {
+        if let Err(fault) = &result {
+            self.record(fault);
+        }
+        result
+    }
+
+    fn record(&mut self, fault: &Fault) {
+        self.pins.show_fault(fault);
+        if self.frozen.is_none() {
+            self.pins.geometry_ok.set(false);
+        }
+        self.report.pending = Some(*fault);
+    }
+
+    fn watch_reset(&mut self) {
+        if self.pins.fault_reset() {
+            self.pins.clear_fault();
+            self.report.told = None;
+        }
+    }
+
+    /// Without a monitor a refused geometry is told at once: it happens with the
+    /// machine off, and nobody else would say it.
+    fn tell_unmonitored(&mut self, fault: &Fault) {
+        if !self.report.monitored {
+            print_error(format_args!("pkmkins: {fault}"));
+        }
+    }
+
+    /// Tells a fault once, and again after a quiet while.
+    fn tell(&mut self) {
+        let report = &mut self.report;
+        let Some(fault) = report.pending.take() else {
+            report.quiet = report.quiet.saturating_add(1);
+            if report.quiet >= QUIET_CYCLES {
+                report.told = None;
+            }
+            return;
+        };
+        report.quiet = 0;
+        let news = Some((fault.cause, fault.leg));
+        if report.told != news {
+            report.told = news;
+            print_error(format_args!("pkmkins: {fault}"));
+        }
+    }
+}
+
+fn is_zero<const M: usize>(values: &[f64; M]) -> bool {
+    values.iter().all(|v| *v == 0.0)
+}

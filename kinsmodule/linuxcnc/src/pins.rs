@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The HAL pins: names, directions, defaults, and the machine read from them.
+//!
+//! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
+//! file for genhexkins works after replacing the name.
+
+use crate::hal::{Component, Direction, HalError, Pin};
+use core::fmt;
+use kinematics::leg::StrutGeometry;
+use kinematics::{Coordinates, Fault, Geometry, LEGS, LegGeometry, Method, Pose, Solver, Vector3};
+
+/// Three pins `.x`, `.y`, `.z`.
+pub type Vector = [Pin<f64>; 3];
+
+/// Six pins `.x` … `.c`.
+pub type Pose6 = [Pin<f64>; 6];
+
+const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+
+/// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
+const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
+    const D: f64 = 0.707107;
+    const P: f64 = 0.866025;
+    [
+        [[-22.95, 13.25, 0.0], [-1.0, 11.5, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
+        [[22.95, 13.25, 0.0], [1.0, 11.5, 0.0], [0.0, -D, D], [P, 0.5, 0.0]],
+        [[22.95, 13.25, 0.0], [10.459, -4.884, 0.0], [-D, 0.0, D], [P, 0.5, 0.0]],
+        [[0.0, -26.5, 0.0], [9.459, -6.616, 0.0], [-D, 0.0, D], [P, -0.5, 0.0]],
+        [[0.0, -26.5, 0.0], [-9.459, -6.616, 0.0], [0.0, D, D], [P, -0.5, 0.0]],
+        [[-22.95, 13.25, 0.0], [-10.459, -4.884, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
+    ]
+};
+
+/// Pins of one leg.
+#[repr(C)]
+pub struct LegPins {
+    base: Vector,
+    platform: Vector,
+    base_axis: Vector,
+    platform_axis: Vector,
+    lead: Pin<f64>,
+    offset: Pin<f64>,
+    pub correction: Pin<f64>,
+    min_limit: Pin<f64>,
+    max_limit: Pin<f64>,
+    max_velocity: Pin<f64>,
+    max_acceleration: Pin<f64>,
+}
+
+/// All pins; stands in HAL memory.
+#[repr(C)]
+pub struct Pins {
+    legs: [LegPins; LEGS],
+    screw_lead: Pin<f64>,
+    home: Pose6,
+    spindle_offset: Pin<f64>,
+    tool_offset: Pin<f64>,
+    tool_offset_x: Pin<f64>,
+    tool_offset_y: Pin<f64>,
+    pub tool_offset_eff: Vector,
+    convergence_criterion: Pin<f64>,
+    limit_iterations: Pin<u32>,
+    max_error: Pin<f64>,
+    pub last_iterations: Pin<u32>,
+    pub max_iterations: Pin<u32>,
+    pub fwd_kins_fail: Pin<bool>,
+    pub residual: Pin<f64>,
+    pub assembly: Pin<i32>,
+    pub pose: Pose6,
+    pub skgui: Pose6,
+    pub is_type: [Pin<bool>; 3],
+    pub geometry_ok: Pin<bool>,
+    pub geometry_hash: Pin<u32>,
+    pub geometry_changed: Pin<bool>,
+    machine_on: Pin<bool>,
+    apply: Pin<bool>,
+    pub fault: Pin<i32>,
+    pub fault_leg: Pin<i32>,
+    pub fault_count: Pin<u32>,
+    fault_reset: Pin<bool>,
+}
+
+/// Makes pins of one component.
+struct Maker(Component);
+
+impl Maker {
+    fn one<T: crate::hal::PinValue>(
+        &self,
+        pin: &mut Pin<T>,
+        direction: Direction,
+        name: fmt::Arguments<'_>,
+        value: T,
+    ) -> Result<(), HalError> {
+        // SAFETY: only `Pins::create` uses a maker, on pins in HAL memory.
+        unsafe { pin.create(self.0, direction, name, value) }
+    }
+
+    fn letters<const M: usize>(
+        &self,
+        pins: &mut [Pin<f64>; M],
+        direction: Direction,
+        stem: fmt::Arguments<'_>,
+        values: [f64; M],
+    ) -> Result<(), HalError> {
+        for ((pin, letter), value) in pins.iter_mut().zip(LETTERS).zip(values) {
+            self.one(pin, direction, format_args!("{stem}{letter}"), value)?;
+        }
+        Ok(())
+    }
+}
+
+impl LegPins {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        let [base, platform, base_axis, platform_axis] = GENHEXKINS[n];
+        make.letters(&mut self.base, In, format_args!("pkmkins.base.{n}."), base)?;
+        make.letters(&mut self.platform, In, format_args!("pkmkins.platform.{n}."), platform)?;
+        make.letters(&mut self.base_axis, In, format_args!("pkmkins.base-n.{n}."), base_axis)?;
+        make.letters(
+            &mut self.platform_axis,
+            In,
+            format_args!("pkmkins.platform-n.{n}."),
+            platform_axis,
+        )?;
+        make.one(&mut self.lead, In, format_args!("pkmkins.lead.{n}"), 0.0)?;
+        make.one(&mut self.offset, In, format_args!("pkmkins.offset.{n}"), 0.0)?;
+        make.one(&mut self.correction, Out, format_args!("pkmkins.correction.{n}"), 0.0)?;
+        make.one(&mut self.min_limit, In, format_args!("pkmkins.min-limit.{n}"), -1e99)?;
+        make.one(&mut self.max_limit, In, format_args!("pkmkins.max-limit.{n}"), 1e99)?;
+        make.one(&mut self.max_velocity, In, format_args!("pkmkins.max-velocity.{n}"), 1e99)?;
+        make.one(&mut self.max_acceleration, In, format_args!("pkmkins.max-acceleration.{n}"), 1e99)
+    }
+}
+
+impl Pins {
+    /// Makes all pins; `self` must stand in memory from [`Component::allocate`].
+    pub fn create(&mut self, component: Component) -> Result<(), HalError> {
+        let make = Maker(component);
+        for (n, leg) in self.legs.iter_mut().enumerate() {
+            leg.create(&make, n)?;
+        }
+        self.create_inputs(&make)?;
+        self.create_outputs(&make)
+    }
+
+    fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::In;
+        make.one(&mut self.screw_lead, In, format_args!("pkmkins.screw-lead"), 0.0)?;
+        make.letters(&mut self.home, In, format_args!("pkmkins.home."), [f64::NAN; 6])?;
+        make.one(&mut self.spindle_offset, In, format_args!("pkmkins.spindle-offset"), 0.0)?;
+        make.one(&mut self.tool_offset, In, format_args!("pkmkins.tool-offset"), 0.0)?;
+        make.one(&mut self.tool_offset_x, In, format_args!("pkmkins.tool-offset-x"), 0.0)?;
+        make.one(&mut self.tool_offset_y, In, format_args!("pkmkins.tool-offset-y"), 0.0)?;
+        make.one(
+            &mut self.convergence_criterion,
+            In,
+            format_args!("pkmkins.convergence-criterion"),
+            1e-9,
+        )?;
+        make.one(&mut self.limit_iterations, In, format_args!("pkmkins.limit-iterations"), 120)?;
+        make.one(&mut self.max_error, In, format_args!("pkmkins.max-error"), 500.0)?;
+        make.one(&mut self.machine_on, In, format_args!("pkmkins.machine-on"), false)?;
+        make.one(&mut self.apply, In, format_args!("pkmkins.apply"), false)?;
+        make.one(&mut self.fault_reset, In, format_args!("pkmkins.fault-reset"), false)
+    }
+
+    fn create_outputs(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::Out;
+        let (eff, pose, gui) = (&mut self.tool_offset_eff, &mut self.pose, &mut self.skgui);
+        make.letters(eff, Out, format_args!("pkmkins.tool-offset-eff-"), [0.0; 3])?;
+        make.letters(pose, Out, format_args!("pkmkins."), [0.0; 6])?;
+        make.letters(gui, Out, format_args!("skgui."), [0.0; 6])?;
+        make.one(&mut self.last_iterations, Out, format_args!("pkmkins.last-iterations"), 0)?;
+        make.one(&mut self.max_iterations, Out, format_args!("pkmkins.max-iterations"), 0)?;
+        make.one(&mut self.fwd_kins_fail, Out, format_args!("pkmkins.fwd-kins-fail"), false)?;
+        make.one(&mut self.residual, Out, format_args!("pkmkins.residual"), 0.0)?;
+        make.one(&mut self.assembly, Out, format_args!("pkmkins.assembly"), 0)?;
+        for (n, pin) in self.is_type.iter_mut().enumerate() {
+            make.one(pin, Out, format_args!("kinstype.is-{n}"), n == 0)?;
+        }
+        make.one(&mut self.geometry_ok, Out, format_args!("pkmkins.geometry-ok"), false)?;
+        make.one(&mut self.geometry_hash, Out, format_args!("pkmkins.geometry-hash"), 0)?;
+        make.one(&mut self.geometry_changed, Out, format_args!("pkmkins.geometry-changed"), false)?;
+        make.one(&mut self.fault, Out, format_args!("pkmkins.fault"), 0)?;
+        make.one(&mut self.fault_leg, Out, format_args!("pkmkins.fault-leg"), -1)?;
+        make.one(&mut self.fault_count, Out, format_args!("pkmkins.fault-count"), 0)
+    }
+
+    /// The machine as the pins give it now, and the joint offsets.
+    pub fn geometry(&self, coordinates: Coordinates) -> (Geometry<LEGS>, [f64; LEGS]) {
+        let common_lead = self.screw_lead.get();
+        let home = read(&self.home);
+        let legs = self.legs.each_ref().map(|leg| {
+            let own = leg.lead.get();
+            let strut = StrutGeometry {
+                base_axis: read(&leg.base_axis),
+                platform_axis: read(&leg.platform_axis),
+                lead: if own == 0.0 { common_lead } else { own },
+            };
+            LegGeometry::strut(read(&leg.base), read(&leg.platform), strut)
+        });
+        // All NaN is the default and means that no reference pose was given.
+        let home = (!home.iter().all(|v| v.is_nan())).then_some(home);
+        (Geometry { legs, home, coordinates }, self.legs.each_ref().map(|leg| leg.offset.get()))
+    }
+
+    /// The tool vector o that is asked for.
+    pub fn tool(&self) -> Vector3<f64> {
+        Vector3::new(
+            self.tool_offset_x.get(),
+            self.tool_offset_y.get(),
+            self.spindle_offset.get() + self.tool_offset.get(),
+        )
+    }
+
+    /// Solver settings, live.
+    pub fn solver(&self) -> Solver {
+        Solver {
+            convergence_criterion: self.convergence_criterion.get(),
+            limit_iterations: self.limit_iterations.get(),
+            method: Method::Certified,
+        }
+    }
+
+    pub fn machine_on(&self) -> bool {
+        self.machine_on.get()
+    }
+
+    pub fn apply(&self) -> bool {
+        self.apply.get()
+    }
+
+    pub fn fault_reset(&self) -> bool {
+        self.fault_reset.get()
+    }
+
+    /// Shows a fault: the code, the leg (−1: none), one more counted.
+    pub fn show_fault(&self, fault: &Fault) {
+        self.fault.set(fault.cause.code());
+        self.fault_leg.set(fault.leg.map_or(-1, i32::from));
+        self.fault_count.set(self.fault_count.get().wrapping_add(1));
+    }
+
+    /// Takes the shown fault back; the count stays.
+    pub fn clear_fault(&self) {
+        self.fault.set(0);
+        self.fault_leg.set(-1);
+    }
+
+    pub fn show_pose(&self, pose: &Pose) {
+        for ((out, gui), value) in self.pose.iter().zip(&self.skgui).zip(pose.to_degrees()) {
+            out.set(value);
+            gui.set(value);
+        }
+    }
+
+    pub fn show_corrections(&self, corrections: &[f64; LEGS]) {
+        for (leg, value) in self.legs.iter().zip(corrections) {
+            leg.correction.set(*value);
+        }
+    }
+
+    pub fn show_tool(&self, tool: &Vector3<f64>) {
+        for (pin, value) in self.tool_offset_eff.iter().zip(tool.iter()) {
+            pin.set(*value);
+        }
+    }
+
+    pub fn show_type(&self, number: i32) {
+        for (n, pin) in self.is_type.iter().enumerate() {
+            pin.set(n as i32 == number);
+        }
+    }
+}
+
+fn read<const M: usize>(pins: &[Pin<f64>; M]) -> [f64; M] {
+    pins.each_ref().map(Pin::get)
+}
