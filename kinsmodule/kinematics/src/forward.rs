@@ -37,9 +37,9 @@ const POSE_TOLERANCE: f64 = 1e-12;
 /// A step longer than this share of the radius spoils the old factorisation.
 const CHORD_STEP: f64 = 1e-2;
 
-/// Share of the tolerance that the correction after the next one must be expected to
-/// leave; the stop rule overestimates errors by up to about ten.
-const CHORD_MARGIN: f64 = 0.005;
+/// Share of the tolerance that the correction after the next one may be expected to
+/// leave: contraction differs from one correction to the next.
+const CHORD_MARGIN: f64 = 0.02;
 
 /// Rounding of a residual: no criterion below this share of the size can be met.
 const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -127,7 +127,6 @@ impl Place {
 /// Residuals at a place, with what the rows need.
 struct Measured<const N: usize> {
     placed: Placed<N>,
-    directions: Lanes3<N>,
     twist: Option<Twist<N>>,
     residual: [f64; N],
 }
@@ -148,6 +147,16 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     done: f64,
 }
 
+/// A Newton step and its certificate.
+struct Step {
+    step: [f64; 6],
+    length: f64,
+    /// L of the ball of twice its length; infinite where nothing can be said.
+    flat: f64,
+    /// L η.
+    h: f64,
+}
+
 /// A certified step along the path.
 struct SubStep {
     step: [f64; 6],
@@ -164,6 +173,10 @@ struct Effort {
     iterations: u32,
     sub_steps: u32,
     limit: u32,
+    /// Pose error at which iteration stops, a length.
+    tolerance: f64,
+    /// Largest leg residual accepted.
+    accepted: f64,
 }
 
 impl Effort {
@@ -221,12 +234,18 @@ impl<const N: usize> Machine<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let start = Place { centre: self.centre(&seed.position, &rotation, tool), rotation };
-        let mut effort = Effort { iterations: 0, sub_steps: 1, limit: solver.limit_iterations };
+        let accepted = solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size);
+        let mut effort = Effort {
+            iterations: 0,
+            sub_steps: 1,
+            limit: solver.limit_iterations,
+            tolerance: POSE_TOLERANCE * self.size,
+            accepted,
+        };
         let found = match solver.method {
             Method::Certified => self.search(joints, &target, start, &mut effort)?,
             Method::PlainNewton => self.plain_newton(&target, start, &mut effort)?,
         };
-        let accepted = solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size);
         if !(found.residual <= accepted) {
             return Err(Fault::with_value(Cause::NotConverged, found.residual));
         }
@@ -268,23 +287,24 @@ impl<const N: usize> Machine<N> {
     #[inline]
     fn measured(&self, target: &Target<N>, place: &Place) -> Result<Measured<N>, Fault> {
         let placed = self.placed(&target.anchors, &place.centre, &place.rotation)?;
-        let directions = placed.directions();
-        let twist = self.twist(&directions, &place.rotation)?;
         let mut residual = placed.length;
-        if let (Some(nut), Some(twist)) = (&self.nut, &twist) {
-            for (r, c) in residual.iter_mut().zip(nut.corrections(twist)) {
+        let mut twist = None;
+        if let Some(nut) = &self.nut {
+            let at = nut.twist(&placed.directions(), &place.rotation)?;
+            for (r, c) in residual.iter_mut().zip(nut.corrections(&at)) {
                 *r += c;
             }
+            twist = Some(at);
         }
         for i in 0..N {
             residual[i] -= target.length[i];
         }
-        Ok(Measured { placed, directions, twist, residual })
+        Ok(Measured { placed, twist, residual })
     }
 
     #[inline]
     fn factored(&self, at: &Measured<N>) -> Result<Qr<N>, Fault> {
-        let columns = self.rows(&at.placed, &at.directions, at.twist.as_ref());
+        let columns = self.rows(&at.placed, &at.placed.directions(), at.twist.as_ref());
         Qr::new(&self.scaled(columns)).ok_or(Cause::Singular.into())
     }
 
@@ -306,18 +326,24 @@ impl<const N: usize> Machine<N> {
         let at = self.measured(target, &start)?;
         let qr = self.factored(&at)?;
         effort.spend()?;
-        let step = newton_step(&qr, &at.residual);
-        let length = norm(&step);
-        let flat = self.flat(&at, &qr, 2.0 * length);
-        let h = flat.unwrap_or(f64::INFINITY) * length;
-        if h <= CERTIFIED {
-            return self.near(target, start, at, qr, step, effort);
+        let first = self.first_step(&at, &qr);
+        if first.h <= CERTIFIED {
+            return self.near(target, &start, &at, &qr, &first, effort);
         }
         self.refuse_nearly_singular(&at, &qr)?;
-        let (place, at, qr) = self.track(joints, target, start, h, effort)?;
+        let (place, at, qr) = self.track(joints, target, start, first.h, effort)?;
         effort.spend()?;
-        let step = newton_step(&qr, &at.residual);
-        self.near(target, place, at, qr, step, effort)
+        let first = self.first_step(&at, &qr);
+        self.near(target, &place, &at, &qr, &first, effort)
+    }
+
+    /// Newton's step from a measured place, and how flat the ball is that it needs.
+    #[inline]
+    fn first_step(&self, at: &Measured<N>, qr: &Qr<N>) -> Step {
+        let step = newton_step(qr, &at.residual);
+        let length = norm(&step);
+        let flat = self.flat(at, qr, 2.0 * length).unwrap_or(f64::INFINITY);
+        Step { step, length, flat, h: flat * length }
     }
 
     /// Converges within the ball about `centre`, whose first step is known.
@@ -325,44 +351,58 @@ impl<const N: usize> Machine<N> {
     fn near(
         &self,
         target: &Target<N>,
-        centre: Place,
-        at: Measured<N>,
-        qr: Qr<N>,
-        first: [f64; 6],
+        centre: &Place,
+        at: &Measured<N>,
+        qr: &Qr<N>,
+        first: &Step,
         effort: &mut Effort,
     ) -> Result<Found, Fault> {
-        let tolerance = POSE_TOLERANCE * self.size;
-        let mut place = centre.moved(&first, self.radius);
-        let mut step = norm(&first);
-        let mut contraction = 0.0;
-        let mut travelled = step;
+        let mut place = centre.moved(&first.step, self.radius);
+        let mut length = first.length;
+        let mut contraction = 1.0;
+        let mut travelled = length;
         let mut current = self.measured(target, &place)?;
         let mut renewed = None;
         for _ in 0..MAX_CORRECTIONS {
-            let used = renewed.as_ref().unwrap_or(&qr);
-            if used.inverse_norm() * norm(&current.residual) <= tolerance {
+            let used = renewed.as_ref().unwrap_or(qr);
+            let error = (length * contraction).min(used.inverse_norm() * norm(&current.residual));
+            if error <= effort.tolerance && largest(&current.residual) <= effort.accepted {
                 break;
             }
-            let after_next = step * contraction * contraction;
-            if step > CHORD_STEP * self.radius || after_next > CHORD_MARGIN * tolerance {
+            // The first correction tells how well the factorisation still serves.
+            let known = contraction < 1.0;
+            if length > CHORD_STEP * self.radius
+                || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
+            {
                 renewed = Some(self.factored(&current)?);
             }
             effort.spend()?;
-            let correction = newton_step(renewed.as_ref().unwrap_or(&qr), &current.residual);
+            let correction = newton_step(renewed.as_ref().unwrap_or(qr), &current.residual);
             let shorter = norm(&correction);
-            contraction = shorter / step;
-            step = shorter;
-            travelled += step;
+            contraction = shorter / length;
+            length = shorter;
+            travelled += length;
             place = place.moved(&correction, self.radius);
             current = self.measured(target, &place)?;
         }
-        let reach = self.flat(&at, &qr, travelled).unwrap_or(f64::INFINITY) * travelled;
+        let reach = self.reach(at, qr, first, travelled);
         if !(reach < 1.0) {
             return Err(Fault::with_value(Cause::NotCertified, reach));
         }
-        self.refuse_nearly_singular(&at, &qr)?;
+        if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
+            self.refuse_nearly_singular(at, qr)?;
+        }
         let residual = largest(&current.residual);
         Ok(Found { place, residual, certificate: Certificate::Ball(reach) })
+    }
+
+    /// L(d) d of the distance travelled; the ball of the first step serves if it is as large.
+    #[inline]
+    fn reach(&self, at: &Measured<N>, qr: &Qr<N>, first: &Step, travelled: f64) -> f64 {
+        if travelled <= 2.0 * first.length {
+            return first.flat * travelled;
+        }
+        self.flat(at, qr, travelled).unwrap_or(f64::INFINITY) * travelled
     }
 
     /// Follows the straight joint path from the seed to `target` by certified
@@ -426,9 +466,7 @@ impl<const N: usize> Machine<N> {
                 self.measured(&self.target(&(path.along)(path.done + share))?, place)?
             };
             effort.spend()?;
-            let step = newton_step(qr, &ahead.residual);
-            let length = norm(&step);
-            let h = self.flat(&ahead, qr, 2.0 * length).unwrap_or(f64::INFINITY) * length;
+            let Step { step, h, .. } = self.first_step(&ahead, qr);
             share = share.min(rest);
             if h <= CERTIFIED {
                 return Ok(SubStep { step, share, arrives, h });
@@ -463,7 +501,7 @@ impl<const N: usize> Machine<N> {
         loop {
             let at = self.measured(target, &place)?;
             let qr = self.factored(&at)?;
-            if qr.inverse_norm() * norm(&at.residual) <= POSE_TOLERANCE * self.size {
+            if qr.inverse_norm() * norm(&at.residual) <= effort.tolerance {
                 let residual = largest(&at.residual);
                 return Ok(Found { place, residual, certificate: Certificate::None });
             }

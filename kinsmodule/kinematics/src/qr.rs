@@ -12,6 +12,7 @@ pub(crate) struct Qr<const N: usize> {
     q: [[f64; N]; 6],
     /// Inverse of the upper triangular factor.
     r_inverse: [[f64; 6]; 6],
+    inverse_norm: f64,
 }
 
 impl<const N: usize> Qr<N> {
@@ -20,6 +21,7 @@ impl<const N: usize> Qr<N> {
     pub fn new(columns: &[[f64; N]; 6]) -> Option<Self> {
         let mut q = *columns;
         let mut r = [[0.0; 6]; 6];
+        let mut diagonal_inverse = [0.0; 6];
         let mut largest = 0.0_f64;
         for k in 0..6 {
             let norm = libm::sqrt(dot(&q[k], &q[k]));
@@ -27,8 +29,8 @@ impl<const N: usize> Qr<N> {
             if !(norm > DEPENDENT * largest) {
                 return None;
             }
-            r[k][k] = norm;
             let inverse = 1.0 / norm;
+            diagonal_inverse[k] = inverse;
             for value in &mut q[k] {
                 *value *= inverse;
             }
@@ -41,7 +43,12 @@ impl<const N: usize> Qr<N> {
                 }
             }
         }
-        Some(Self { q, r_inverse: inverted(&r) })
+        let r_inverse = inverted(&r, &diagonal_inverse);
+        let mut sum = 0.0;
+        for row in &r_inverse {
+            sum += dot(row, row);
+        }
+        Some(Self { q, r_inverse, inverse_norm: libm::sqrt(sum) })
     }
 
     /// Least-squares solution x of A x = b.
@@ -63,37 +70,33 @@ impl<const N: usize> Qr<N> {
     /// Frobenius norm of the (pseudo-)inverse of A.
     #[inline]
     pub fn inverse_norm(&self) -> f64 {
-        let mut sum = 0.0;
-        for row in &self.r_inverse {
-            for value in row {
-                sum += value * value;
-            }
-        }
-        libm::sqrt(sum)
+        self.inverse_norm
     }
 }
 
+/// Scalar product in two interleaved sums: half the latency of one.
 #[inline]
 fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    let mut sum = 0.0;
+    let mut sums = [0.0; 2];
     for i in 0..N {
-        sum += a[i] * b[i];
+        sums[i % 2] += a[i] * b[i];
     }
-    sum
+    sums[0] + sums[1]
 }
 
-/// Inverse of an upper triangular matrix with non-zero diagonal.
+/// Inverse of an upper triangular matrix, given above its diagonal, and the inverses of
+/// the diagonal's elements.
 #[inline]
-fn inverted(r: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
+fn inverted(r: &[[f64; 6]; 6], diagonal: &[f64; 6]) -> [[f64; 6]; 6] {
     let mut inverse = [[0.0; 6]; 6];
     for j in 0..6 {
-        inverse[j][j] = 1.0 / r[j][j];
+        inverse[j][j] = diagonal[j];
         for i in (0..j).rev() {
             let mut sum = 0.0;
             for k in i + 1..=j {
                 sum += r[i][k] * inverse[k][j];
             }
-            inverse[i][j] = -sum / r[i][i];
+            inverse[i][j] = -sum * diagonal[i];
         }
     }
     inverse

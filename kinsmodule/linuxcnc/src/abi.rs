@@ -10,7 +10,7 @@ use crate::module::{Kind, Module};
 use crate::pins::Pins;
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
-use kinematics::{Cause, LEGS, Load, LoadError, Pose};
+use kinematics::{Cause, Fault, LEGS, Load, LoadError, Pose};
 
 /// LinuxCNC's kinds of kinematics.
 #[cfg(not(kinematics_h))]
@@ -109,6 +109,11 @@ fn module() -> Option<&'static mut Module> {
     unsafe { (*MODULE.0.get()).as_mut() }
 }
 
+/// What a C function returns: 0, or the code of the cause.
+fn code<T>(result: Result<T, Fault>) -> c_int {
+    result.map_or_else(|fault| fault.cause.code(), |_| 0)
+}
+
 /// Joint values of a call.
 ///
 /// # Safety
@@ -139,26 +144,16 @@ pub unsafe extern "C" fn kinematicsForward(
     let (Some(joints), Some(world), Some(module)) = (joints, world, module()) else {
         return Cause::NullPointer.code();
     };
-    if module.kind() == Kind::Identity {
-        let mut pose = world.degrees();
-        for (index, value) in module.coordinates().indices().iter().zip(joints) {
-            pose[usize::from(*index)] = *value;
+    let given = world.degrees();
+    let result = match module.kind() {
+        Kind::Identity => module.identity_forward(joints, given),
+        Kind::Machine => {
+            let address = &raw const *world as usize;
+            module.forward(joints, &Pose::from_degrees(given), address).map(|p| p.to_degrees())
         }
-        world.set_degrees(pose);
-        module.show_identity(pose);
-        return 0;
-    }
-    let seed = Pose::from_degrees(world.degrees());
-    match module.forward(joints, &seed, &raw const *world as usize) {
-        Ok(pose) => {
-            world.set_degrees(pose.to_degrees());
-            0
-        }
-        Err(fault) => {
-            world.set_degrees([f64::NAN; 6]);
-            fault.cause.code()
-        }
-    }
+    };
+    world.set_degrees(result.unwrap_or([f64::NAN; 6]));
+    code(result)
 }
 
 /// Pose to joints.
@@ -181,17 +176,14 @@ pub unsafe extern "C" fn kinematicsInverse(
         return Cause::NullPointer.code();
     };
     let pose = world.degrees();
-    if module.kind() == Kind::Identity {
-        *joint = module.coordinates().indices().map(|index| pose[usize::from(index)]);
-        return 0;
+    let result = match module.kind() {
+        Kind::Identity => module.identity_inverse(&pose),
+        Kind::Machine => module.inverse(&Pose::from_degrees(pose)),
+    };
+    if let Ok(joints) = result {
+        *joint = joints;
     }
-    match module.inverse(&Pose::from_degrees(pose)) {
-        Ok(joints) => {
-            *joint = joints;
-            0
-        }
-        Err(fault) => fault.cause.code(),
-    }
+    code(result)
 }
 
 /// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),
@@ -215,17 +207,11 @@ pub unsafe extern "C" fn kinematicsJacobian(
     let (Some(world), Some(jac), Some(module)) = (world, jac, module()) else {
         return -1;
     };
-    let rows = if module.kind() == Kind::Identity {
-        module
-            .coordinates()
-            .indices()
-            .map(|index| core::array::from_fn(|a| if a == usize::from(index) { 1.0 } else { 0.0 }))
-    } else {
-        match module.jacobian(&Pose::from_degrees(world.degrees())) {
-            Ok(rows) => rows,
-            Err(_) => return -1,
-        }
+    let rows = match module.kind() {
+        Kind::Identity => Ok(module.identity_jacobian()),
+        Kind::Machine => module.jacobian(&Pose::from_degrees(world.degrees())),
     };
+    let Ok(rows) = rows else { return -1 };
     *jac = [[0.0; MAX_AXES]; MAX_JOINTS];
     for (out, row) in jac.iter_mut().zip(rows) {
         for (to, value) in out.iter_mut().zip(row) {
@@ -253,18 +239,11 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     let (Some(joints), Some(rot), Some(module)) = (joints, rot, module()) else {
         return -1;
     };
-    let pose = if module.kind() == Kind::Identity {
-        let mut v = [0.0; 6];
-        for (index, value) in module.coordinates().indices().iter().zip(joints) {
-            v[usize::from(*index)] = *value;
-        }
-        Pose::from_degrees(v)
-    } else {
-        match module.pose_of(joints) {
-            Ok(pose) => pose,
-            Err(_) => return -1,
-        }
+    let pose = match module.kind() {
+        Kind::Identity => module.identity_pose(joints, [0.0; 6]).map(Pose::from_degrees),
+        Kind::Machine => module.pose_of(joints),
     };
+    let Ok(pose) = pose else { return -1 };
     let r = pose.rotation();
     let column = |k: usize| PmCartesian { x: r[(0, k)], y: r[(1, k)], z: r[(2, k)] };
     *rot = RotationColumns { x: column(0), y: column(1), z: column(2) };
@@ -314,10 +293,7 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
     let Some(module) = module() else {
         return Cause::NullPointer.code();
     };
-    match module.switch(switchkins_type) {
-        Ok(()) => 0,
-        Err(fault) => fault.cause.code(),
-    }
+    code(module.switch(switchkins_type))
 }
 
 /// The HAL function `pkmkins.monitor`.

@@ -57,9 +57,14 @@ pub struct Module {
     frozen: Option<Frozen>,
     kind: Kind,
     apply_was: bool,
+    /// Once `.apply` was used, no call freezes by itself.
+    apply_used: bool,
     /// Tool offset in effect.
     tool: Vector3<f64>,
     callers: [Option<Caller>; CALLERS],
+    /// The kinematics were switched back to the machine: a caller not yet known holds
+    /// joint values as its seed.
+    switched_back: bool,
     /// Last good pose of any kind of call.
     last_pose: Option<Pose>,
     report: Report,
@@ -73,8 +78,10 @@ impl Module {
             frozen: None,
             kind: Kind::Machine,
             apply_was: false,
+            apply_used: false,
             tool: Vector3::zeros(),
             callers: [None; CALLERS],
+            switched_back: false,
             last_pose: None,
             report: Report { monitored: false, pending: None, told: None, quiet: 0 },
         }
@@ -82,10 +89,6 @@ impl Module {
 
     pub fn kind(&self) -> Kind {
         self.kind
-    }
-
-    pub fn coordinates(&self) -> Coordinates {
-        self.coordinates
     }
 
     /// Joints of a pose.
@@ -108,7 +111,8 @@ impl Module {
         seed: &Pose,
         address: usize,
     ) -> Result<Pose, Fault> {
-        let at_rest = is_zero(joints) && is_zero(&seed.to_degrees());
+        let seeds = seed.to_degrees();
+        let at_rest = is_zero(joints) && (is_zero(&seeds) || seeds.iter().all(|v| v.is_nan()));
         let prepared = self.prepared(!at_rest);
         if at_rest && self.last_pose.is_none() {
             // LinuxCNC calls this way until it knows its joints: no fault, no trace.
@@ -152,6 +156,7 @@ impl Module {
             }
         };
         if kind == Kind::Machine && self.kind != kind {
+            self.switched_back = true;
             for caller in self.callers.iter_mut().flatten() {
                 caller.seed_is_stale = true;
             }
@@ -161,14 +166,45 @@ impl Module {
         Ok(())
     }
 
-    /// Shows a pose of the identity kinematics.
-    pub fn show_identity(&self, pose: [f64; 6]) {
-        for (pin, value) in self.pins.pose.iter().zip(pose) {
-            pin.set(value);
+    /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
+    pub fn identity_forward(
+        &mut self,
+        joints: &[f64; LEGS],
+        world: [f64; 6],
+    ) -> Result<[f64; 6], Fault> {
+        let pose = self.recorded(self.identity_pose(joints, world))?;
+        self.pins.show_pose(pose);
+        Ok(pose)
+    }
+
+    /// `world` with each joint at its letter's place.
+    pub fn identity_pose(
+        &self,
+        joints: &[f64; LEGS],
+        mut world: [f64; 6],
+    ) -> Result<[f64; 6], Fault> {
+        if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
+            return Err(Fault::of_leg(Cause::JointNotFinite, i, joints[i]));
         }
-        for (pin, value) in self.pins.skgui.iter().zip(pose) {
-            pin.set(value);
+        for (index, value) in self.coordinates.indices().iter().zip(joints) {
+            world[usize::from(*index)] = *value;
         }
+        Ok(world)
+    }
+
+    /// ∂q/∂(x … c) of the identity kinematics.
+    pub fn identity_jacobian(&self) -> [[f64; 6]; LEGS] {
+        let row =
+            |index: u8| core::array::from_fn(|a| if a == usize::from(index) { 1.0 } else { 0.0 });
+        self.coordinates.indices().map(row)
+    }
+
+    /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
+    pub fn identity_inverse(&mut self, pose: &[f64; 6]) -> Result<[f64; LEGS], Fault> {
+        if !pose.iter().all(|v| v.is_finite()) {
+            return self.recorded(Err(Cause::PoseNotFinite.into()));
+        }
+        Ok(self.coordinates.indices().map(|index| pose[usize::from(index)]))
     }
 
     /// The servo-thread function beside the kinematics calls: watches `.apply`, shows
@@ -179,7 +215,7 @@ impl Module {
         self.watch_reset();
         self.watch_geometry();
         self.show_assembly();
-        self.tell();
+        self.report.tell_pending();
     }
 
     /// Freezes what has to be frozen before a kinematics call.
@@ -188,8 +224,12 @@ impl Module {
             self.watch_reset();
         }
         self.watch_apply();
-        if self.frozen.is_none() && drop_in && !self.apply_was {
-            return self.freeze();
+        if self.frozen.is_none() && drop_in && !self.apply_used {
+            let result = self.freeze();
+            if let Err(fault) = &result {
+                self.tell_unmonitored(fault);
+            }
+            return result;
         }
         Ok(())
     }
@@ -202,6 +242,7 @@ impl Module {
         if !rising {
             return;
         }
+        self.apply_used = true;
         let result =
             if self.pins.machine_on() { Err(Cause::ApplyWhileOn.into()) } else { self.freeze() };
         if let Err(fault) = result {
@@ -213,8 +254,9 @@ impl Module {
     /// Takes the geometry of the pins, or leaves the last good one in force.
     fn freeze(&mut self) -> Result<(), Fault> {
         let (geometry, offset) = self.pins.geometry(self.coordinates);
-        let machine = Machine::freeze(&geometry, &offset)?;
-        self.pins.geometry_ok.set(true);
+        let frozen = Machine::freeze(&geometry, &offset);
+        self.pins.geometry_ok.set(frozen.is_ok());
+        let machine = frozen?;
         self.pins.geometry_hash.set(geometry.hash());
         self.pins.geometry_changed.set(false);
         self.frozen = Some(Frozen { machine, geometry, offset });
@@ -250,6 +292,9 @@ impl Module {
     /// pose is known, or while the platform is level. Otherwise the joints would jump.
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let request = self.pins.tool();
+        if !request.iter().all(|v| v.is_finite()) {
+            return Err(Cause::ToolNotFinite.into());
+        }
         if request == self.tool || !self.pins.machine_on() {
             return Ok(request);
         }
@@ -282,7 +327,7 @@ impl Module {
     /// The pose to start from: LinuxCNC's, unless that is none.
     fn seed_for(&self, seed: &Pose, address: usize) -> Result<Pose, Fault> {
         let caller = self.callers.iter().flatten().find(|c| c.address == address);
-        let stale = caller.is_some_and(|c| c.seed_is_stale);
+        let stale = caller.map_or(self.switched_back, |c| c.seed_is_stale);
         if seed.is_finite() && !stale {
             return Ok(*seed);
         }
@@ -311,7 +356,7 @@ impl Module {
         pins.last_iterations.set(solution.iterations);
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
-        pins.show_pose(&solution.pose);
+        pins.show_pose(solution.pose.to_degrees());
         pins.show_tool(&self.tool);
         if let Some(frozen) = &self.frozen
             && let Ok(corrections) = frozen.machine.corrections(&solution.pose, &self.tool)
@@ -338,9 +383,6 @@ impl Module {
 
     fn record(&mut self, fault: &Fault) {
         self.pins.show_fault(fault);
-        if self.frozen.is_none() {
-            self.pins.geometry_ok.set(false);
-        }
         self.report.pending = Some(*fault);
     }
 
@@ -355,24 +397,30 @@ impl Module {
     /// machine off, and nobody else would say it.
     fn tell_unmonitored(&mut self, fault: &Fault) {
         if !self.report.monitored {
-            print_error(format_args!("pkmkins: {fault}"));
+            self.report.tell(fault);
+        }
+    }
+}
+
+impl Report {
+    /// Tells a pending fault, and forgets what was told after a quiet while.
+    fn tell_pending(&mut self) {
+        if let Some(fault) = self.pending.take() {
+            self.quiet = 0;
+            self.tell(&fault);
+            return;
+        }
+        self.quiet = self.quiet.saturating_add(1);
+        if self.quiet >= QUIET_CYCLES {
+            self.told = None;
         }
     }
 
-    /// Tells a fault once, and again after a quiet while.
-    fn tell(&mut self) {
-        let report = &mut self.report;
-        let Some(fault) = report.pending.take() else {
-            report.quiet = report.quiet.saturating_add(1);
-            if report.quiet >= QUIET_CYCLES {
-                report.told = None;
-            }
-            return;
-        };
-        report.quiet = 0;
+    /// Tells a fault unless it is the one told last.
+    fn tell(&mut self, fault: &Fault) {
         let news = Some((fault.cause, fault.leg));
-        if report.told != news {
-            report.told = news;
+        if self.told != news {
+            self.told = news;
             print_error(format_args!("pkmkins: {fault}"));
         }
     }

@@ -7,7 +7,7 @@
 use crate::hal::{Component, Direction, HalError, Pin};
 use core::fmt;
 use kinematics::leg::StrutGeometry;
-use kinematics::{Coordinates, Fault, Geometry, LEGS, LegGeometry, Method, Pose, Solver, Vector3};
+use kinematics::{Coordinates, Fault, Geometry, LEGS, LegGeometry, Method, Solver, Vector3};
 
 /// Three pins `.x`, `.y`, `.z`.
 pub type Vector = [Pin<f64>; 3];
@@ -40,7 +40,7 @@ pub struct LegPins {
     platform_axis: Vector,
     lead: Pin<f64>,
     offset: Pin<f64>,
-    pub correction: Pin<f64>,
+    correction: Pin<f64>,
     min_limit: Pin<f64>,
     max_limit: Pin<f64>,
     max_velocity: Pin<f64>,
@@ -57,7 +57,7 @@ pub struct Pins {
     tool_offset: Pin<f64>,
     tool_offset_x: Pin<f64>,
     tool_offset_y: Pin<f64>,
-    pub tool_offset_eff: Vector,
+    tool_offset_eff: Vector,
     convergence_criterion: Pin<f64>,
     limit_iterations: Pin<u32>,
     max_error: Pin<f64>,
@@ -66,17 +66,17 @@ pub struct Pins {
     pub fwd_kins_fail: Pin<bool>,
     pub residual: Pin<f64>,
     pub assembly: Pin<i32>,
-    pub pose: Pose6,
-    pub skgui: Pose6,
-    pub is_type: [Pin<bool>; 3],
+    pose: Pose6,
+    skgui: Pose6,
+    is_type: [Pin<bool>; 3],
     pub geometry_ok: Pin<bool>,
     pub geometry_hash: Pin<u32>,
     pub geometry_changed: Pin<bool>,
     machine_on: Pin<bool>,
     apply: Pin<bool>,
-    pub fault: Pin<i32>,
-    pub fault_leg: Pin<i32>,
-    pub fault_count: Pin<u32>,
+    fault: Pin<i32>,
+    fault_leg: Pin<i32>,
+    fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
 }
 
@@ -247,8 +247,9 @@ impl Pins {
         self.fault_leg.set(-1);
     }
 
-    pub fn show_pose(&self, pose: &Pose) {
-        for ((out, gui), value) in self.pose.iter().zip(&self.skgui).zip(pose.to_degrees()) {
+    /// Shows a pose (machine units, degrees).
+    pub fn show_pose(&self, pose: [f64; 6]) {
+        for ((out, gui), value) in self.pose.iter().zip(&self.skgui).zip(pose) {
             out.set(value);
             gui.set(value);
         }
