@@ -16,7 +16,7 @@ pub struct Load {
 /// Why load parameters are refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadError {
-    /// `legs` is not KIND:COUNT[,KIND:COUNT].
+    /// `legs` is not `KIND:COUNT[,KIND:COUNT]`.
     LegsMalformed,
     /// A kind of leg that does not exist.
     KindUnknown,

@@ -118,15 +118,17 @@ impl Module {
             // LinuxCNC calls this way until it knows its joints: no fault, no trace.
             return Err(Cause::NoGeometry.into());
         }
-        if !self.report.monitored {
-            self.watch_geometry();
-        }
         let result = prepared.and_then(|()| self.solved(joints, seed, address));
         self.pins.fwd_kins_fail.set(result.is_err());
-        let solution = self.recorded(result)?;
-        self.remember(address, solution.pose);
-        self.show(&solution);
-        Ok(solution.pose)
+        if let Ok(solution) = &result {
+            self.remember(address, solution.pose);
+            self.show(solution);
+        }
+        if !self.report.monitored {
+            self.watch_geometry();
+            self.show_assembly();
+        }
+        Ok(self.recorded(result)?.pose)
     }
 
     /// Pose of the joints for the tool frame: no state changes, no fault is recorded.

@@ -18,6 +18,7 @@ pub type Pose6 = [Pin<f64>; 6];
 const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
 /// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
+#[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
 const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
     const D: f64 = 0.707107;
     const P: f64 = 0.866025;

@@ -111,6 +111,7 @@ fn paper_001_pose(rng: &mut Pcg64) -> Pose {
 }
 
 /// The default geometry of LinuxCNC's genhexkins (inches), axes included.
+#[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
 pub fn genhexkins_default(lead: f64) -> Geometry<6> {
     let (x, y) = (22.95, 13.25);
     let base = [
