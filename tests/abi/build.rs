@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Builds the stub HAL as a shared library: its constructors are variadic,
+//! which stable Rust cannot define, and the modules find it as a global library.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Where LinuxCNC's development package puts its headers, unless told otherwise.
+const LINUXCNC_HEADERS: &str = "/usr/include/linuxcnc";
+
+fn main() {
+    let source = Path::new("../stub_hal/stub_hal.c");
+    let output = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"))
+        .join("libstub_hal.so");
+    let headers =
+        std::env::var("LINUXCNC_HEADERS").unwrap_or_else(|_| LINUXCNC_HEADERS.to_string());
+    println!("cargo::rerun-if-changed={}", source.display());
+    println!("cargo::rerun-if-env-changed=LINUXCNC_HEADERS");
+    println!("cargo::rustc-env=STUB_HAL_SO={}", output.display());
+    compile(source, &output, &headers);
+}
+
+fn compile(source: &Path, output: &Path, headers: &str) {
+    let mut command: Command = cc::Build::new().get_compiler().to_command();
+    command
+        .args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden"])
+        .args(["-shared", "-fPIC", "-DRTAPI", "-isystem", headers])
+        .arg(source)
+        .arg("-o")
+        .arg(output);
+    let status = command.status().expect("the C compiler starts");
+    assert!(
+        status.success(),
+        "the stub HAL does not compile; are LinuxCNC's headers (linuxcnc-uspace-dev) in {headers}?"
+    );
+}

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The built `pkmkins.so` seen from outside: loaded as LinuxCNC loads it, with a
+//! stub HAL around it, beside LinuxCNC's own modules in the same process.
+//!
+//! [`module::Module`] is one loaded module with its pins; [`machines`] holds the
+//! geometries; [`random`] repeatable random numbers; [`nut`] tells where
+//! genhexkins' arcsin is usable as a reference; [`tracker`] what forward must find;
+//! [`tolerances`] every number that a test compares with.
+
+pub mod geometry;
+pub mod machines;
+pub mod module;
+pub mod nut;
+pub mod random;
+pub mod stub;
+pub mod tolerances;
+pub mod tracker;

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where genhexkins' nut-rotation correction can serve as a reference.
+//!
+//! genhexkins takes the arcsin of the twist's sine: it folds at ±90° and knows
+//! no limit where a strut lies along a joint axis. Its correction and the
+//! continuous one agree on one side of the fold only.
+
+use crate::geometry::{cross, dot, minus, plus, rotation, turned, unit};
+use crate::machines::Hexapod;
+use crate::module::Pose;
+
+/// A strut's twist φ about its own axis, as sine and cosine, and how far the
+/// strut is from lying along one of the joint axes (smaller of the two sin²).
+#[derive(Clone, Copy, Debug)]
+pub struct Twist {
+    /// sin φ, what genhexkins takes the arcsin of.
+    pub sine: f64,
+    /// cos φ: its sign tells the side of the fold.
+    pub cosine: f64,
+    /// Smaller of 1 − (A1·n)² and 1 − (B·n)².
+    pub clearance: f64,
+}
+
+/// The twist of strut `leg` at a pose.
+pub fn twist(machine: &Hexapod, pose: &Pose, leg: usize) -> Twist {
+    let r = rotation(pose);
+    let o = [0.0, 0.0, machine.spindle_offset + machine.tool_offset];
+    // P = t − o + R o: the platform's origin, as the tool offsets move it.
+    let origin = plus(minus([pose[0], pose[1], pose[2]], o), turned(&r, o));
+    let anchor = plus(origin, turned(&r, machine.platform[leg]));
+    let n = unit(minus(anchor, machine.base[leg]));
+    let a1 = unit(machine.base_axis[leg]);
+    let b = turned(&r, unit(machine.platform_axis[leg]));
+    let (alpha, beta) = (dot(a1, n), dot(b, n));
+    let (s, c) = (dot(n, cross(a1, b)), dot(a1, b) - alpha * beta);
+    let length = s.hypot(c);
+    Twist {
+        sine: s / length,
+        cosine: c / length,
+        clearance: (1.0 - alpha * alpha).min(1.0 - beta * beta),
+    }
+}

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Every number the tests of this crate compare with, and why it is that number.
+
+/// Inverse against genhexkins, relative to the machine's size. The contract's
+/// number: both round a few hundred times in double precision, 2⁻⁵² each.
+pub const INVERSE_REL: f64 = 1e-12;
+
+/// sin² of a twist beyond which genhexkins' arcsin is no reference: its slope
+/// there is above 1/√(1 − 0.9999) = 100 and turns one rounding into hundreds.
+pub const ARCSIN_MAX_SINE_SQUARED: f64 = 0.9999;
+
+/// sin² between strut and joint axis below which the twist loses digits in both
+/// modules: normalising by it amplifies roundings by its root, here ten times.
+pub const AXIS_MIN_CLEARANCE: f64 = 0.01;
+
+/// |cos φ| at home that a random machine of the fold test must have: the module
+/// refuses less than 0.1, and the test is not about that edge.
+pub const FOLD_MIN_COSINE: f64 = 0.15;
+
+/// forward(inverse(p)) against p as pose distance, relative to the machine's
+/// size. The contract's number.
+pub const ROUND_TRIP_REL: f64 = 1e-10;
+
+/// Farther than this from the pose that was asked, relative to size, a success
+/// is another pose: the contract's definition of wrong.
+pub const WRONG_REL: f64 = 1e-9;
+
+/// sin² between strut and joint axis below which forward proves nothing and
+/// refuses: it gives up within 10° of the axis (sin² 0.03), less the ball it searches.
+pub const CERTIFIABLE_CLEARANCE: f64 = 0.05;
+
+/// Share of servo steps on machines of random geometry that forward may refuse:
+/// a few of their poses are close to singular. Another pose is never allowed.
+pub const RANDOM_MACHINE_REFUSALS: f64 = 1e-3;
+
+/// Golden joints, in millimetres: computed with 40 digits to 4e-13, then room
+/// for some thousand roundings of lengths around 1000.
+pub const GOLDEN_JOINT_MM: f64 = 1e-9;
+
+/// Golden Jacobian elements, per mm and per degree.
+pub const GOLDEN_JACOBIAN: f64 = 1e-9;
+
+/// Step of the central differences, mm and degrees alike.
+pub const DIFFERENCE_STEP: f64 = 1e-3;
+
+/// Jacobian against central differences. The quotient rounds by
+/// 1000 mm · 2⁻⁵² · some ten operations / step = 2e-9, and its own error of
+/// third order is below 1e-10.
+pub const DIFFERENCE: f64 = 1e-8;
+
+/// Elements of a rotation matrix, against the one of the pose that forward must
+/// find: ROUND_TRIP_REL turns 1250 mm into 1.3e-7 mm at a radius of 200 mm.
+pub const FRAME: f64 = 1e-9;
+
+/// Iterations allowed one servo step away from the seed: the contract's number.
+pub const NEAR_ITERATIONS: f64 = 3.0;
+
+/// Joints that must be equal but are computed by another order of operations, in
+/// millimetres: some thousand roundings of lengths around 1000.
+pub const SAME_JOINT_MM: f64 = 1e-9;
+
+/// Components of a pose found again, millimetres and degrees: ROUND_TRIP_REL of
+/// 1250 mm, over the 200 mm radius for an angle, with room for 1/cos B.
+pub const SAME_COMPONENT: f64 = 1e-7;
+
+/// Pose components of genhexkins that count as found again, in its own unit: it
+/// stops at an absolute convergence-criterion of 1e-9 of joint length.
+pub const GENHEXKINS_SAME: f64 = 1e-6;

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Switchable kinematics: type 0 is the machine, type 1 moves joints by letters.
+
+use abi_tests::geometry::distance;
+use abi_tests::machines::paper_004;
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::tolerances::WRONG_REL;
+
+const POSE: Pose = [10.0, -20.0, 260.0, 3.0, -4.0, 2.0, 0.0, 0.0, 0.0];
+const LETTERS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
+
+fn types(module: &Module) -> [bool; 3] {
+    [0, 1, 2].map(|kind| module.is_on(&format!("kinstype.is-{kind}")))
+}
+
+#[test]
+fn the_kinstype_pins_follow_the_switch() {
+    let module = paper_004().module();
+    assert_eq!(types(&module), [true, false, false]);
+    assert_eq!(module.switch(1), 0);
+    assert_eq!(types(&module), [false, true, false]);
+    assert_eq!(module.switch(0), 0);
+    assert_eq!(types(&module), [true, false, false]);
+}
+
+#[test]
+fn types_that_do_not_exist_are_refused_and_change_nothing() {
+    let module = paper_004().module();
+    let joints = module.inverse(&POSE);
+    for from in [0, 1] {
+        assert_eq!(module.switch(from), 0);
+        let before = types(&module);
+        for kind in [2, 3, -1, i32::MAX, i32::MIN] {
+            assert_ne!(module.switch(kind), 0, "{kind}");
+            assert_eq!(types(&module), before, "{kind}");
+        }
+    }
+    assert!(module.messages().iter().any(|m| m.level == 1), "type 2 is refused with a message");
+    assert_eq!(module.switch(0), 0);
+    assert_eq!(module.inverse(&POSE), joints);
+}
+
+#[test]
+fn identity_gives_each_joint_the_letter_at_its_place_in_coordinates() {
+    for coordinates in ["XYZABC", "CBAZYX", "zxybca"] {
+        let module = Module::pkmkins(&[("coordinates", coordinates)]);
+        paper_004().wire(&module);
+        module.apply();
+        assert_eq!(module.switch(1), 0);
+        let joints = module.inverse(&POSE).expect("identity knows no limit");
+        let mut pose = [0.0; 9];
+        for (joint, letter) in coordinates.to_uppercase().chars().enumerate() {
+            let at = LETTERS.iter().position(|l| l.starts_with(letter)).expect("a letter");
+            assert_eq!(joints[joint], POSE[at], "{coordinates} joint {joint}");
+            pose[at] = joints[joint];
+        }
+        assert_eq!(module.forward(&joints, &[0.0; 9]), Ok(pose), "{coordinates}");
+    }
+}
+
+#[test]
+fn the_order_of_letters_means_nothing_to_the_machine() {
+    let reference = paper_004().module().inverse(&POSE);
+    let module = Module::pkmkins(&[("coordinates", "CBAZYX")]);
+    paper_004().wire(&module);
+    module.apply();
+    assert_eq!(module.inverse(&POSE), reference);
+}
+
+#[test]
+fn identity_refuses_what_is_not_finite() {
+    let module = paper_004().module();
+    assert_eq!(module.switch(1), 0);
+    let mut pose = POSE;
+    pose[4] = f64::NAN;
+    let mut joints = [7.0; 16];
+    assert!(module.inverse_into(&pose, &mut joints) < 0);
+    assert_eq!(joints, [7.0; 16]);
+    let mut world = POSE;
+    assert!(module.forward_into(&[f64::INFINITY; 16], &mut world) < 0);
+    assert!(world[..6].iter().all(|v| v.is_nan()), "{world:?}");
+}
+
+/// After a switch the seeds that LinuxCNC passes hold joint values: both of the
+/// next forward calls, feedback and command, need the last good pose of type 0.
+#[test]
+fn back_from_identity_both_forward_calls_find_the_pose_again() {
+    let machine = paper_004();
+    let module = machine.module();
+    let joints: Joints = module.inverse(&POSE).expect("a pose of the workspace");
+    // The same two variables in every cycle, as in LinuxCNC's status.
+    let mut worlds = [POSE, POSE];
+    let mut cycle = |what: &str| {
+        for world in &mut worlds {
+            assert_eq!(module.forward_into(&joints, world), 0, "{what}");
+        }
+        worlds
+    };
+    cycle("before");
+    assert_eq!(module.switch(1), 0);
+    cycle("identity");
+    assert_eq!(module.switch(0), 0);
+    for pose in cycle("after") {
+        let apart = distance(&pose, &POSE, machine.radius());
+        assert!(apart <= WRONG_REL * machine.size(), "{pose:?}");
+    }
+}
+
+#[test]
+fn switching_to_the_type_that_is_on_already_keeps_the_seed() {
+    let machine = paper_004();
+    let module = machine.module();
+    let joints = module.inverse(&POSE).expect("a pose of the workspace");
+    module.forward(&joints, &POSE).expect("its own joints");
+    assert_eq!(module.switch(0), 0);
+    let pose = module.forward(&joints, &POSE).expect("its own joints");
+    assert!(distance(&pose, &POSE, machine.radius()) <= WRONG_REL * machine.size());
+}

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Host side of pkmkins: the machine as its INI file describes it, programs replayed
+//! through the kinematics, and traces of running machines judged and drawn.
+
+pub mod case;
+pub mod ini;
+pub mod interpreter;
+pub mod machine;
+pub mod plots;
+pub mod replay;
+pub mod report;
+pub mod trace;

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Every shipped configuration agrees with itself.
+
+use pkm::machine::{ConeAngles, JOINTS, MachineConfig};
+use std::path::{Path, PathBuf};
+
+/// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file.
+const HOME_TOLERANCE_MM: f64 = 1e-9;
+
+/// Every machine is meant to stand clear of its cone limits at home.
+const HOME_CONE_DEG: f64 = 1e-6;
+
+fn folders() -> Vec<PathBuf> {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+    let mut folders: Vec<PathBuf> =
+        std::fs::read_dir(configs).unwrap().map(|entry| entry.unwrap().path()).collect();
+    folders.retain(|path| path.is_dir());
+    folders.sort();
+    assert!(folders.len() >= 2, "{folders:?}");
+    folders
+}
+
+fn name(folder: &Path) -> &str {
+    folder.file_name().unwrap().to_str().unwrap()
+}
+
+fn config(folder: &Path) -> MachineConfig {
+    MachineConfig::read(&folder.join(format!("{}.ini", name(folder)))).unwrap()
+}
+
+#[test]
+fn joint_home_is_inverse_of_the_machine_home() {
+    for folder in folders() {
+        let config = config(&folder);
+        let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+        for (i, (joint, limits)) in joints.iter().zip(&config.joints).enumerate() {
+            let off = (joint - limits.home).abs();
+            assert!(off <= HOME_TOLERANCE_MM, "{}: [JOINT_{i}]HOME = {joint}", name(&folder));
+        }
+    }
+}
+
+#[test]
+fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
+    for folder in folders() {
+        let config = config(&folder);
+        for (i, joint) in config.joints.iter().enumerate() {
+            assert!((joint.min..=joint.max).contains(&joint.home), "{}: joint {i}", name(&folder));
+        }
+        for (axis, home) in config.axes.iter().zip(config.home) {
+            assert!((axis.min..=axis.max).contains(&home), "{}: {home}", name(&folder));
+        }
+        let ConeAngles { base, platform } =
+            config.cone_angles(&config.home_pose(), &config.spindle).unwrap();
+        for i in 0..JOINTS {
+            assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name(&folder));
+            assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name(&folder));
+        }
+    }
+}
+
+#[test]
+fn every_program_is_named_in_the_readme() {
+    for folder in folders() {
+        let readme = std::fs::read_to_string(folder.join("README.md")).unwrap();
+        for entry in std::fs::read_dir(folder.join("programs")).unwrap() {
+            let program = entry.unwrap().file_name().into_string().unwrap();
+            assert!(readme.contains(&program), "{}/README.md: {program}", name(&folder));
+        }
+    }
+}
