@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+#
+# Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
+
+.DELETE_ON_ERROR:
+.PHONY: help demo test test-long check bench setup module header install uninstall clean
+
+# Root is needed for apt, for LinuxCNC's folders, and for nothing else.
+SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc python3
+
+# Where LinuxCNC looks for modules and for LIB: files.
+MODULES := /usr/lib/linuxcnc/modules
+HALLIB := /usr/share/linuxcnc/hallib
+SO := target/module/release/libpkmkins.so
+HAL_FILES := $(wildcard hal/pkmkins*.tcl)
+
+CARGO := cargo
+LOCKED := --locked
+MACHINE := hexapod
+PROGRAM :=
+
+help:
+	@echo "make demo       a hexapod runs a five-axis program under LinuxCNC; MACHINE=hexapod|lab-hexapod"
+	@echo "make test       every test, in less than 25 minutes"
+	@echo "make test-long  the same tests with ten times as many cases"
+	@echo "make check      formatting, lints, documentation, generated files"
+	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
+	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
+	@echo "make uninstall  takes exactly these away"
+	@echo "make clean      removes target/ and build/"
+
+demo: install
+	tests/live/demo.sh $(MACHINE) $(PROGRAM)
+
+test: check install
+	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
+	tests/ini/run.py
+	tests/live/live_test.py
+
+# The numbers of cases of the long tier: 10^6 poses for the round trips.
+test-long: install
+	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
+
+check: setup
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy $(LOCKED) --profile host --all-targets -- -D warnings
+	$(CARGO) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
+	$(MAKE) --no-print-directory header
+	git diff --exit-code -- include docs/causes.md
+
+bench: setup module
+	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench
+
+setup:
+	@command -v $(CARGO) >/dev/null || { echo "pkmkins: cargo is missing: install Rust 1.89 or later (https://rustup.rs)"; exit 1; }
+	@missing=$$(for p in $(PACKAGES); do \
+	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
+	if [ -n "$$missing" ]; then \
+	    echo "pkmkins: installing" $$missing "with apt"; \
+	    $(SUDO) apt-get update -q && \
+	    $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $$missing; \
+	fi
+
+# By an invocation of its own: features of host crates must not reach the module.
+module:
+	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
+
+header:
+	$(CARGO) run --profile host $(LOCKED) --quiet -p header -- .
+
+# A new file that is renamed: a module that is being mapped is never half-written.
+install: setup module
+	@if [ -z "$(DESTDIR)" ] && pgrep -x 'rtapi_app|milltask|linuxcncsvr' >/dev/null; then \
+	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
+	@echo "pkmkins: installing into $(DESTDIR)$(MODULES) and $(DESTDIR)$(HALLIB)"
+	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	put() { $$root install -m 644 "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
+	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" && \
+	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
+	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done
+
+uninstall:
+	@if [ -z "$(DESTDIR)" ] && pgrep -x 'rtapi_app|milltask|linuxcncsvr' >/dev/null; then \
+	    echo "pkmkins: LinuxCNC is running; stop it before uninstalling"; exit 1; fi
+	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" \
+	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))")
+
+clean:
+	rm -rf target build

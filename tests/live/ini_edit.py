@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Edits of an INI file's text; the forms are described in tests/ini/cases.toml."""
+
+import re
+
+
+def edited(text, edits):
+    """The INI text after `edits`, in their order."""
+    lines = text.splitlines()
+    for edit in edits:
+        lines = _edited_lines(lines, edit)
+    return "\n".join(lines) + "\n"
+
+
+def value(text, section, key, default=None):
+    """First value of a key, as LinuxCNC's own readers take it."""
+    first, end = _section(text.splitlines(), section)
+    for line in text.splitlines()[first:end]:
+        found = re.fullmatch(rf"\s*{re.escape(key)}\s*=\s*(.*?)\s*", line)
+        if found:
+            return found[1]
+    return default
+
+
+def _edited_lines(lines, edit):
+    first, end = _section(lines, edit["section"])
+    if edit.get("remove"):
+        return lines[:first] + lines[end:]
+    if "append" in edit:
+        head = [f"[{edit['section']}]"] if first == end else []
+        return lines[:end] + head + list(edit["append"]) + [""] + lines[end:]
+    return lines[:first] + _with_key(lines[first:end], edit["key"], edit["lines"]) + lines[end:]
+
+
+def _section(lines, section):
+    """Range of lines of a section with its heading; empty at the end of the file if absent."""
+    headings = [n for n, line in enumerate(lines) if re.match(r"\s*\[.*\]\s*$", line)]
+    for n, following in zip(headings, headings[1:] + [len(lines)]):
+        if lines[n].strip() == f"[{section}]":
+            return n, following
+    return len(lines), len(lines)
+
+
+def _with_key(lines, key, replacement):
+    places = [n for n, line in enumerate(lines) if re.match(rf"\s*{re.escape(key)}\s*=", line)]
+    kept = [line for n, line in enumerate(lines) if n not in places]
+    place = places[0] if places else len(kept)
+    return kept[:place] + list(replacement) + kept[place:]

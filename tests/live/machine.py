@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""LinuxCNC as one object: commands, status, messages, HAL. Runs inside a LinuxCNC session."""
+
+import subprocess
+import time
+
+import hal
+import linuxcnc
+
+KINDS = {
+    linuxcnc.NML_ERROR: "error", linuxcnc.OPERATOR_ERROR: "error",
+    linuxcnc.NML_TEXT: "text", linuxcnc.OPERATOR_TEXT: "text",
+    linuxcnc.NML_DISPLAY: "text", linuxcnc.OPERATOR_DISPLAY: "text",
+}
+POLL_SECONDS = 0.01
+JOINTS = range(6)
+AXES = "xyzabc"
+
+
+class Failure(Exception):
+    """LinuxCNC did something else than the scenario wants."""
+
+
+def halcmd(*arguments):
+    """Output of one halcmd; a refused command is a failure of the scenario."""
+    done = subprocess.run(["halcmd", *arguments], stdin=subprocess.DEVNULL, capture_output=True,
+                          text=True, timeout=20)
+    if done.returncode != 0:
+        raise Failure(f"halcmd {' '.join(arguments)}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def link(pin, signal):
+    """Puts `pin` on the signal it is on already, else on a new one; returns the signal's name."""
+    for line in halcmd("-s", "show", "pin", pin).splitlines():
+        words = line.split()  # owner type direction value name [arrow signal]
+        if words[4:5] == [pin] and len(words) > 6:
+            return words[6]
+    halcmd("net", signal, pin)
+    return signal
+
+
+class Machine:
+    """The running LinuxCNC. Every wait has a limit and collects messages meanwhile."""
+
+    def __init__(self):
+        self.component = hal.component("live")
+        self.component.newpin("phase", hal.HAL_S32, hal.HAL_OUT)
+        self.component.ready()
+        self.command = linuxcnc.command()
+        self.stat = linuxcnc.stat()
+        self.errors = linuxcnc.error_channel()
+        self.messages = []
+        self.poll()
+
+    def poll(self):
+        self.stat.poll()
+        while found := self.errors.poll():
+            kind, text = found
+            self.messages.append([KINDS.get(kind, str(kind)), text])
+
+    def wait(self, condition, seconds, what):
+        """Until `condition()` is true; Failure after `seconds`."""
+        limit = time.monotonic() + seconds
+        self.poll()
+        while not condition():
+            if time.monotonic() > limit:
+                raise Failure(f"{what}: not within {seconds} s; messages: {self.messages}")
+            time.sleep(POLL_SECONDS)
+            self.poll()
+
+    def pause(self, seconds):
+        """Lets time pass, collecting messages."""
+        limit = time.monotonic() + seconds
+        while time.monotonic() < limit:
+            time.sleep(POLL_SECONDS)
+            self.poll()
+
+    def is_on(self):
+        return self.stat.task_state == linuxcnc.STATE_ON
+
+    def is_homed(self):
+        return all(self.stat.homed[n] for n in JOINTS)
+
+    def is_world(self):
+        return self.stat.motion_mode == linuxcnc.TRAJ_MODE_TELEOP
+
+    def is_idle(self):
+        return self.stat.interp_state == linuxcnc.INTERP_IDLE and self.stat.inpos
+
+    def turn_on(self):
+        self.command.state(linuxcnc.STATE_ESTOP_RESET)
+        self.wait(lambda: self.stat.task_state != linuxcnc.STATE_ESTOP, 5, "estop reset")
+        self.command.state(linuxcnc.STATE_ON)
+        self.wait(self.is_on, 5, "machine on")
+
+    def turn_off(self):
+        self.command.state(linuxcnc.STATE_OFF)
+        self.wait(lambda: not self.is_on(), 5, "machine off")
+
+    def home(self):
+        """Homes all joints in the order of HOME_SEQUENCE."""
+        self.set_mode(linuxcnc.MODE_MANUAL)
+        self.command.home(-1)
+        self.wait(self.is_homed, 60, "homing")
+        self.wait(lambda: self.stat.inpos, 5, "standstill after homing")
+
+    def set_mode(self, mode):
+        self.command.mode(mode)
+        self.command.wait_complete()
+        self.wait(lambda: self.stat.task_mode == mode, 5, f"mode {mode}")
+
+    def joint_mode(self):
+        """After homing LinuxCNC goes to world mode by itself, as it does at any change to manual."""
+        self.set_mode(linuxcnc.MODE_MANUAL)
+        self.command.teleop_enable(0)
+        self.wait(lambda: self.stat.motion_mode == linuxcnc.TRAJ_MODE_FREE, 5, "joint mode")
+
+    def world_mode(self):
+        self.set_mode(linuxcnc.MODE_MANUAL)
+        self.command.teleop_enable(1)
+        self.wait(self.is_world, 5, "world mode")
+
+    def start(self):
+        """Machine on, homed, world mode."""
+        self.turn_on()
+        self.home()
+        self.world_mode()
+
+    def mdi(self, text, seconds=60):
+        self.set_mode(linuxcnc.MODE_MDI)
+        self.command.mdi(text)
+        self.command.wait_complete(seconds)
+        self.wait(self.is_idle, seconds, f"MDI {text}")
+
+    def run_program(self, path, progress, seconds):
+        """Runs a program to its end; `progress` is told how far it is."""
+        self.set_mode(linuxcnc.MODE_AUTO)
+        self.command.program_open(path)
+        self.command.auto(linuxcnc.AUTO_RUN, 0)
+        self.wait(lambda: self.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
+        self.wait(lambda: progress.tell(self.stat) or self.is_idle(), seconds, "end of the program")
+        progress.finish()
+
+    def jog_joint(self, joint, distance, speed):
+        """Jogs one joint by a distance, in joint mode; returns when it is there."""
+        target = self.get(f"joint.{joint}.pos-cmd") + distance
+        self.command.jog(linuxcnc.JOG_INCREMENT, True, joint, speed, distance)
+        self.wait(lambda: abs(self.get(f"joint.{joint}.pos-cmd") - target) < 1e-6, 60,
+                  f"jog of joint {joint} by {distance}")
+
+    @staticmethod
+    def get(pin):
+        return hal.get_value(pin)
+
+    @staticmethod
+    def set(pin, value):
+        halcmd("setp", pin, str(value))
+
+    def joints(self):
+        return [self.get(f"joint.{n}.motor-pos-fb") for n in JOINTS]
+
+    def commanded_joints(self):
+        return [self.get(f"joint.{n}.pos-cmd") for n in JOINTS]
+
+    def pose(self):
+        return [self.get(f"axis.{letter}.pos-cmd") for letter in AXES]
+
+    def error_texts(self):
+        self.poll()
+        return [text for kind, text in self.messages if kind == "error"]
+
+
+class Progress:
+    """How far a program is, in a file for whoever started the run: loops make lines repeat, so
+    that the furthest line is told beside the time."""
+
+    def __init__(self, path, lines):
+        self.path = path
+        self.lines = lines
+        self.start = time.monotonic()
+        self.furthest = 0
+        self.told = 0.0
+
+    def tell(self, stat):
+        now = time.monotonic()
+        self.furthest = max(self.furthest, min(stat.motion_line, self.lines))
+        if now - self.told < 0.3:
+            return
+        self.told = now
+        self._write(now)
+
+    def finish(self):
+        self.furthest = self.lines
+        self._write(time.monotonic())
+
+    def _write(self, now):
+        percent = 100 * self.furthest // self.lines
+        self.path.write_text(f"{self.path.parent.name}: {percent:3d} % of {self.lines} lines, "
+                             f"{now - self.start:4.1f} s")

@@ -1,0 +1,72 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Runs one program of one configuration under the real LinuxCNC and records it.
+
+    tests/live/run_live.py --config configs/hexapod --program five-axis-surface.ngc --out FOLDER
+
+Writes trace.csv, result.json and linuxcnc.log into FOLDER (see README.md). Exit code 0 if the
+machine homed, ran the program to its end and gave no message.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from session import Session  # noqa: E402
+from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
+
+MOTIONS = ("STRAIGHT_FEED", "STRAIGHT_TRAVERSE", "ARC_FEED")
+
+
+def moves_in(session, program):
+    """Motions that LinuxCNC's own interpreter makes of a program."""
+    name = session.config.name
+    command = ["rs274", "-i", str(session.ini), "-t", f"{name}.tbl", "-g", str(program)]
+    done = subprocess.run(command, cwd=session.copy, stdin=subprocess.DEVNULL, capture_output=True,
+                          text=True, timeout=60)
+    return sum(any(motion + "(" in line for motion in MOTIONS) for line in done.stdout.splitlines())
+
+
+def run(config, program, out, seconds):
+    """Result of one program; also written to out/result.json."""
+    with Session(REPOSITORY / config) as session:
+        path = session.copy / "programs" / program
+        if not path.is_file():
+            sys.exit(f"run_live: {config} has no program {program}")
+        lines = len(path.read_text().splitlines())
+        moves = moves_in(session, path)
+        result = session.run("program", out, seconds, path=str(path), lines=lines, seconds=seconds)
+    result = {"config": session.config.name, "program": program, "lines": lines, "moves": moves,
+              **result}
+    (out / "result.json").write_text(json.dumps(result, indent=1) + "\n")
+    return result
+
+
+def parsed():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--config", required=True, help="folder, as configs/hexapod")
+    arguments.add_argument("--program", required=True, help="file in the programs folder")
+    arguments.add_argument("--out", required=True, help="folder for the results")
+    arguments.add_argument("--seconds", type=float, default=120, help="time limit of the program")
+    return arguments.parse_args()
+
+
+def main():
+    options = parsed()
+    if not is_unprivileged():
+        out = Path(options.out).resolve()
+        forwarded = ["--config", options.config, "--program", options.program, "--out", str(out),
+                     "--seconds", str(options.seconds)]
+        return rerun_unprivileged("tests/live/run_live.py", forwarded, options.seconds + 180, out)
+    with only_one():
+        result = run(options.config, options.program, REPOSITORY / "out", options.seconds)
+    if not result["ok"]:
+        print(f"run_live: {result['error']}", file=sys.stderr)
+    return 0 if result["ok"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Runs a test script as a normal user in a folder of its own.
+
+LinuxCNC refuses root, and the repository may be where a normal user cannot read it. So the parts
+the tests need are copied to a fresh temporary folder and the script runs from there.
+"""
+
+import fcntl
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PARTS = ("configs", "tests/live", "tests/ini")
+MARK = "PKMKINS_UNPRIVILEGED"
+SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are built for
+
+
+def rerun_unprivileged(script, arguments, timeout, out=None):
+    """Runs `script` (path inside the repository) as a normal user and returns its exit code.
+
+    What the script writes into its folder `out` is copied to the folder `out` names.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="pkmkins-live-"))
+    try:
+        for part in PARTS:
+            shutil.copytree(REPOSITORY / part, folder / part,
+                            ignore=shutil.ignore_patterns("__pycache__"))
+        (folder / "out").mkdir()
+        code = _run_as_user(folder, script, arguments, timeout)
+        if out is not None:
+            shutil.copytree(folder / "out", out, dirs_exist_ok=True)
+        return code
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _run_as_user(folder, script, arguments, timeout):
+    as_user = folder / "tests/live/as-user.sh"
+    if os.getuid() == 0:
+        user = ["sh", str(as_user), "id", "-u"]
+        uid = int(subprocess.run(user, check=True, capture_output=True, text=True).stdout)
+        for path in (folder, *folder.rglob("*")):
+            os.chown(path, uid, -1)
+    command = ["sh", str(as_user), SYSTEM_PYTHON, str(folder / script), *arguments]
+    environment = {**os.environ, MARK: "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("DISPLAY", None)
+    process = subprocess.Popen(command, env=environment)
+    try:
+        return process.wait(timeout)
+    except subprocess.TimeoutExpired:
+        print(f"{script}: not finished after {timeout} s", file=sys.stderr)
+        return 1
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)  # lets it end its LinuxCNC
+            process.wait(60)
+
+
+def is_unprivileged():
+    """Whether this process is the copy that rerun_unprivileged started."""
+    return MARK in os.environ
+
+
+@contextmanager
+def only_one():
+    """Holds the lock without which no HAL session may be started: HAL exists once per machine."""
+    with open(Path.home() / ".pkmkins-live.lock", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("waiting for another live run to end", file=sys.stderr)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def clear_hal():
+    """Ends a HAL session that an earlier run has left behind."""
+    subprocess.run(["halrun", "-U"], stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
