@@ -36,7 +36,8 @@ demo: install
 test: check install
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	tests/ini/run.py
-	tests/live/live_test.py
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-report
+	tests/live/live_test.py --judge target/host/pkm-report
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips.
 test-long: install
@@ -72,7 +73,7 @@ header:
 
 # A new file that is renamed: a module that is being mapped is never half-written.
 install: setup module
-	@if [ -z "$(DESTDIR)" ] && pgrep -x 'rtapi_app|milltask|linuxcncsvr' >/dev/null; then \
+	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES) and $(DESTDIR)$(HALLIB)"
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
@@ -82,7 +83,7 @@ install: setup module
 	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done
 
 uninstall:
-	@if [ -z "$(DESTDIR)" ] && pgrep -x 'rtapi_app|milltask|linuxcncsvr' >/dev/null; then \
+	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before uninstalling"; exit 1; fi
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" \

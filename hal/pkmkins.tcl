@@ -18,8 +18,8 @@ namespace eval pkmkins {
     variable number {[+-]?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?}
 
     # Keys of [PKM] and of [LEG_N] by kind of leg: how many numbers, needed or not ("cardan" keys
-    # where the leg has a screw lead), pin it is written to ("" = only host tools use it).
-    # A "+" pin is a vector with .x .y .z.
+    # where the leg has a screw lead), pin they are written to (three numbers: .x .y .z; "" = only
+    # host tools use them).
     variable machine_keys {
         SCREW_LEAD            {1 optional screw-lead}
         SPINDLE_OFFSET        {1 optional spindle-offset}
@@ -252,6 +252,18 @@ proc pkmkins::home_pins {} {
     return $pins
 }
 
+# A pin lead.N of 0 means "as screw-lead", a key LEAD = 0 means none: where any leg has a LEAD of its
+# own, every leg is given the one that acts on it.
+proc pkmkins::resolve_leads {pins legs} {
+    if {![llength [dict filter $pins key lead.*]]} { return $pins }
+    for {set n 0} {$n < $legs} {incr n} {
+        if {[dict exists $pins lead.$n] || ![dict exists $pins screw-lead]} { continue }
+        dict set pins lead.$n [dict get $pins screw-lead]
+    }
+    dict set pins screw-lead 0
+    return $pins
+}
+
 # All pins the INI file gives a value to; stops the start if anything is wrong with it.
 proc pkmkins::read_ini {} {
     variable errors
@@ -266,7 +278,7 @@ proc pkmkins::read_ini {} {
     }
     lappend pins {*}[home_pins]
     if {[llength $errors]} { stop }
-    return $pins
+    return [resolve_leads $pins [llength $kinds]]
 }
 
 # LinuxCNC ends its start when a HAL file ends with a code that is not 0.

@@ -17,7 +17,7 @@ enum pkmkins_cause {
   PKMKINS_ANGLE_TOO_LARGE = -11,
   // the pose brings both ends of the strut together.
   PKMKINS_STRUT_TOO_SHORT = -12,
-  // the strut points along the fixed axis of one of its cardan joints, where nut rotation is undefined.
+  // the strut points along, or nearly along, the fixed axis of one of its cardan joints, where nut rotation is undefined.
   PKMKINS_STRUT_ALONG_AXIS = -13,
   // the tool offset changed while the platform is tilted, which would make the joints jump.
   PKMKINS_TOOL_CHANGED_TILTED = -14,
@@ -73,6 +73,8 @@ enum pkmkins_cause {
   PKMKINS_APPLY_WHILE_ON = -71,
   // this kinematics type does not exist (0 = machine, 1 = identity).
   PKMKINS_KINEMATICS_TYPE_UNKNOWN = -72,
+  // all joints are 0, as they are before homing, and close no platform.
+  PKMKINS_NOT_HOMED = -74,
   // a null pointer was passed.
   PKMKINS_NULL_POINTER = -73,
 };
@@ -146,8 +148,8 @@ extern "C" {
 // Joints to pose. `world` is the seed and receives the pose.
 //
 // Returns 0, or a negative code (see the table of causes); then X … C of `world` are
-// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely.
-// U V W stay.
+// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay.
 //
 // # Safety
 // `joint` must be null or hold at least six values; `world` null or valid; the flags

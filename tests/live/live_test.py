@@ -2,12 +2,17 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """All live tests, one after another: PASS or FAIL a test, a closing line, exit code 1 on failure.
 
-    tests/live/live_test.py [--only TEXT] [--list]
+    tests/live/live_test.py [--only TEXT] [--out FOLDER] [--judge target/host/pkm-report] [--list]
+
+With --judge every recorded trace is given to `pkm-report`: joints against the host library, speeds
+and accelerations against the limits.
 """
 
 import argparse
+import json
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -229,10 +234,37 @@ def run_one(name, folder):
     return True
 
 
+def judge_one(judge, trace):
+    """Whether pkm-report is content with a trace; prints its line, and its table if not."""
+    folder = trace.parent
+    config = json.loads((folder / "result.json").read_text())["config"]
+    ini = REPOSITORY / "configs" / config / f"{config}.ini"
+    done = subprocess.run([judge, ini, trace, folder / "result.json", folder / "report"], text=True,
+                          stdin=subprocess.DEVNULL, capture_output=True, timeout=120)
+    passed = done.returncode == 0
+    print(f"{'PASS' if passed else 'FAIL'} trace of {folder.name}", flush=True)
+    if not passed:
+        print(done.stdout + done.stderr, flush=True)
+    return passed
+
+
+def run_and_judge(options, out):
+    """Exit code of the tests as a normal user and of the judge on what they recorded."""
+    for stale in out.glob("*/trace.csv"):
+        stale.unlink()
+    code = rerun_unprivileged("tests/live/live_test.py", ["--only", options.only], 900, out)
+    if not options.judge:
+        return code
+    results = [judge_one(options.judge, trace) for trace in sorted(out.glob("*/trace.csv"))]
+    print(f"traces: {sum(results)} passed, {len(results) - sum(results)} failed")
+    return code or (0 if all(results) else 1)
+
+
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--only", default="", help="tests whose name contains this text")
     arguments.add_argument("--out", help="folder that keeps traces, results and logs")
+    arguments.add_argument("--judge", type=Path, help="pkm-report, to judge the recorded traces")
     arguments.add_argument("--list", action="store_true", help="names of the tests")
     return arguments.parse_args()
 
@@ -244,8 +276,10 @@ def main():
         print("\n".join(names) if names else f"no test has {options.only!r} in its name")
         return 0 if names else 2
     if not is_unprivileged():
-        return rerun_unprivileged("tests/live/live_test.py", ["--only", options.only], 900,
-                                  options.out)
+        if options.out:
+            return run_and_judge(options, Path(options.out).resolve())
+        with tempfile.TemporaryDirectory(prefix="pkmkins-live-") as out:
+            return run_and_judge(options, Path(out))
     with only_one():
         results = [run_one(name, REPOSITORY / "out") for name in names]
     print(f"{sum(results)} passed, {len(results) - sum(results)} failed")

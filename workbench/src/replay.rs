@@ -235,7 +235,7 @@ impl<'a> Player<'a> {
         Ok(joints)
     }
 
-    fn note_solution(&mut self, asked: &Pose, solution: &Solution, line: u32) {
+    fn note_solution(&mut self, asked: &Pose, solution: &Solution<JOINTS>, line: u32) {
         let distance = asked.distance(&solution.pose, self.config.machine.radius());
         larger(&mut self.result.mismatch, distance, line);
         self.result.iterations_max = self.result.iterations_max.max(solution.iterations);

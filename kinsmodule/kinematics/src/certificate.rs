@@ -15,6 +15,7 @@
 //! proves a priori that the straight joint path from the centre to the target stays
 //! inside (Newton-Kantorovich).
 
+use crate::fault::{Cause, Fault};
 use crate::machine::{Machine, Placed};
 use crate::nut::{Ball, Twist};
 use crate::qr::Qr;
@@ -29,8 +30,9 @@ pub(crate) const CERTAIN_AT_ALL: f64 = 1e-6;
 
 /// L of the ball of radius `rho`: 1/L bounds the ball on which legs determine the pose.
 ///
-/// `None` where the ball is too large for any statement: it reaches a leg of no length
-/// or the edge of the nut correction.
+/// # Errors
+/// Where the ball is too large for any statement: it reaches a leg of no length, or a
+/// strut that points along one of its joint axes, or the edge of the nut correction.
 #[inline]
 pub(crate) fn flatness<const N: usize>(
     machine: &Machine<N>,
@@ -38,13 +40,13 @@ pub(crate) fn flatness<const N: usize>(
     twist: Option<&Twist<N>>,
     qr: &Qr<N>,
     rho: f64,
-) -> Option<f64> {
+) -> Result<f64, Fault> {
     let mut sum = 0.0;
     for i in 0..N {
         let k = curvature(machine, placed, twist, i, rho)?;
         sum += k * k;
     }
-    Some(qr.inverse_norm() * sqrt(sum))
+    Ok(qr.inverse_norm() * sqrt(sum))
 }
 
 /// k of leg `i`: bound of the second derivative of its residual within the ball.
@@ -55,16 +57,19 @@ fn curvature<const N: usize>(
     twist: Option<&Twist<N>>,
     i: usize,
     rho: f64,
-) -> Option<f64> {
+) -> Result<f64, Fault> {
     let (s1, s2) = (machine.s1[i], machine.s2[i]);
     let shortest = placed.length[i] - s1 * rho;
     if !(shortest > 0.0) {
-        return None;
+        return Err(Fault::of_leg(Cause::StrutTooShort, i, shortest));
     }
     let of_length = s1 * s1 / shortest + s2;
-    let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Some(of_length) };
+    let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Ok(of_length) };
     let ball = Ball { rho, radius: machine.radius, length: shortest, s1, s2 };
-    Some(of_length + nut.curvature(twist, i, &ball)?)
+    let Some(of_nut) = nut.curvature(twist, i, &ball) else {
+        return Err(Fault::of_leg(Cause::StrutAlongAxis, i, twist.room(i)));
+    };
+    Ok(of_length + of_nut)
 }
 
 #[cfg(test)]
@@ -138,7 +143,7 @@ mod tests {
             let at = random(&mut rng, 0.0, rho - 0.06);
             let Some(second) = bending(&machine, &centre, &r, (&v, &w), at) else { continue };
             for i in 0..6 {
-                if let Some(k) = curvature(&machine, &placed, twist.as_ref(), i, rho) {
+                if let Ok(k) = curvature(&machine, &placed, twist.as_ref(), i, rho) {
                     largest = largest.max(second[i].abs() / k);
                     checked += 1;
                 }

@@ -95,7 +95,7 @@ causes! {
         "wind the rotary axis back";
     StrutTooShort = -12, "the pose brings both ends of the strut together",
         "keep the platform away from this base joint";
-    StrutAlongAxis = -13, "the strut points along the fixed axis of one of its cardan joints, where nut rotation is undefined",
+    StrutAlongAxis = -13, "the strut points along, or nearly along, the fixed axis of one of its cardan joints, where nut rotation is undefined",
         "tilt less, or check BASE_N and PLATFORM_N";
     ToolChangedTilted = -14, "the tool offset changed while the platform is tilted, which would make the joints jump",
         "level the platform (A, B, C = 0), then change the tool length";
@@ -155,6 +155,8 @@ causes! {
         "switch the machine off, then raise pkmkins.apply again";
     KinematicsTypeUnknown = -72, "this kinematics type does not exist (0 = machine, 1 = identity)",
         "switch to type 0 or 1";
+    NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
+        "home the machine";
     NullPointer = -73, "a null pointer was passed",
         "report this: LinuxCNC never does it";
 }

@@ -86,7 +86,7 @@ pub enum Certificate {
 
 /// A pose that forward found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solution {
+pub struct Solution<const N: usize> {
     /// The pose, angles next to those of the seed.
     pub pose: Pose,
     /// Linear solves used.
@@ -95,6 +95,8 @@ pub struct Solution {
     pub sub_steps: u32,
     /// Largest leg residual, in joint units.
     pub residual: f64,
+    /// Nut-rotation corrections at the pose, machine units; zeros without a lead.
+    pub corrections: [f64; N],
     /// The proof.
     pub certificate: Certificate,
 }
@@ -132,9 +134,10 @@ struct Measured<const N: usize> {
 }
 
 /// Result of the search before it becomes a pose.
-struct Found {
+struct Found<const N: usize> {
     place: Place,
     residual: f64,
+    corrections: [f64; N],
     certificate: Certificate,
 }
 
@@ -221,7 +224,7 @@ impl<const N: usize> Machine<N> {
         seed: &Pose,
         tool: &Vector3<f64>,
         solver: &Solver,
-    ) -> Result<Solution, Fault> {
+    ) -> Result<Solution<N>, Fault> {
         solver.check()?;
         if !seed.is_finite() {
             return Err(Cause::SeedMissing.into());
@@ -262,6 +265,7 @@ impl<const N: usize> Machine<N> {
             iterations: effort.iterations,
             sub_steps: effort.sub_steps,
             residual: found.residual,
+            corrections: found.corrections,
             certificate: found.certificate,
         })
     }
@@ -310,7 +314,7 @@ impl<const N: usize> Machine<N> {
 
     /// L of the ball of radius `rho` about a measured place.
     #[inline]
-    fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Option<f64> {
+    fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Result<f64, Fault> {
         flatness(self, &at.placed, at.twist.as_ref(), qr, rho)
     }
 
@@ -322,7 +326,7 @@ impl<const N: usize> Machine<N> {
         target: &Target<N>,
         start: Place,
         effort: &mut Effort,
-    ) -> Result<Found, Fault> {
+    ) -> Result<Found<N>, Fault> {
         let at = self.measured(target, &start)?;
         let qr = self.factored(&at)?;
         effort.spend()?;
@@ -356,7 +360,7 @@ impl<const N: usize> Machine<N> {
         qr: &Qr<N>,
         first: &Step,
         effort: &mut Effort,
-    ) -> Result<Found, Fault> {
+    ) -> Result<Found<N>, Fault> {
         let mut place = centre.moved(&first.step, self.radius);
         let mut length = first.length;
         let mut contraction = 1.0;
@@ -392,8 +396,7 @@ impl<const N: usize> Machine<N> {
         if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
             self.refuse_nearly_singular(at, qr)?;
         }
-        let residual = largest(&current.residual);
-        Ok(Found { place, residual, certificate: Certificate::Ball(reach) })
+        Ok(self.found(place, &current, Certificate::Ball(reach)))
     }
 
     /// L(d) d of the distance travelled; the ball of the first step serves if it is as large.
@@ -484,10 +487,18 @@ impl<const N: usize> Machine<N> {
     }
 
     fn refuse_nearly_singular(&self, at: &Measured<N>, qr: &Qr<N>) -> Result<(), Fault> {
-        match self.flat(at, qr, 0.0) {
-            Some(l) if l * self.size * CERTAIN_AT_ALL < 1.0 => Ok(()),
-            _ => Err(Cause::NearlySingular.into()),
+        if self.flat(at, qr, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
+            return Ok(());
         }
+        Err(Cause::NearlySingular.into())
+    }
+
+    fn found(&self, place: Place, at: &Measured<N>, certificate: Certificate) -> Found<N> {
+        let corrections = match (&self.nut, &at.twist) {
+            (Some(nut), Some(twist)) => nut.corrections(twist),
+            _ => [0.0; N],
+        };
+        Found { place, residual: largest(&at.residual), corrections, certificate }
     }
 
     /// Newton's method with the exact Jacobian and no proof.
@@ -496,14 +507,13 @@ impl<const N: usize> Machine<N> {
         target: &Target<N>,
         start: Place,
         effort: &mut Effort,
-    ) -> Result<Found, Fault> {
+    ) -> Result<Found<N>, Fault> {
         let mut place = start;
         loop {
             let at = self.measured(target, &place)?;
             let qr = self.factored(&at)?;
             if qr.inverse_norm() * norm(&at.residual) <= effort.tolerance {
-                let residual = largest(&at.residual);
-                return Ok(Found { place, residual, certificate: Certificate::None });
+                return Ok(self.found(place, &at, Certificate::None));
             }
             effort.spend()?;
             place = place.moved(&newton_step(&qr, &at.residual), self.radius);

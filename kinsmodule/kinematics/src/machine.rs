@@ -212,8 +212,8 @@ impl<const N: usize> Machine<N> {
         let twist = self.twist(&n, &r)?;
         let columns = self.scaled(self.rows(&placed, &n, twist.as_ref()));
         let qr = Qr::new(&columns).ok_or(Cause::SingularAtHome)?;
-        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0);
-        if !flat.is_some_and(|l| l * self.size * CERTAIN_AT_ALL < 1.0) {
+        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0)?;
+        if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }
         Ok(())

@@ -125,7 +125,7 @@ impl<const N: usize> Nut<N> {
             }
         }
         for i in 0..N {
-            let room = (1.0 - alpha[i] * alpha[i]).min(1.0 - beta[i] * beta[i]);
+            let room = room(alpha[i], beta[i]);
             if !(room >= MIN_SIN_SQUARED) {
                 return Err(Fault::of_leg(Cause::StrutAlongAxis, i, room));
             }
@@ -209,9 +209,18 @@ impl<const N: usize> Nut<N> {
 }
 
 impl<const N: usize> Twist<N> {
+    /// Squared sine of the angle between leg i and the nearer of its joint axes.
+    pub fn room(&self, i: usize) -> f64 {
+        room(self.alpha[i], self.beta[i])
+    }
+
     fn norm(&self, i: usize) -> f64 {
         sqrt(self.sine[i] * self.sine[i] + self.cosine[i] * self.cosine[i])
     }
+}
+
+fn room(alpha: f64, beta: f64) -> f64 {
+    (1.0 - alpha * alpha).min(1.0 - beta * beta)
 }
 
 /// The ball about a pose over which a bound has to hold, for one leg.

@@ -126,8 +126,8 @@ unsafe fn joints<'a>(joint: *const f64) -> Option<&'a [f64; LEGS]> {
 /// Joints to pose. `world` is the seed and receives the pose.
 ///
 /// Returns 0, or a negative code (see the table of causes); then X … C of `world` are
-/// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely.
-/// U V W stay.
+/// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+/// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay.
 ///
 /// # Safety
 /// `joint` must be null or hold at least six values; `world` null or valid; the flags
@@ -152,7 +152,12 @@ pub unsafe extern "C" fn kinematicsForward(
             module.forward(joints, &Pose::from_degrees(given), address).map(|p| p.to_degrees())
         }
     };
-    world.set_degrees(result.unwrap_or([f64::NAN; 6]));
+    match result {
+        Ok(pose) => world.set_degrees(pose),
+        // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
+        Err(Fault { cause: Cause::NotHomed, .. }) => {}
+        Err(_) => world.set_degrees([f64::NAN; 6]),
+    }
     code(result)
 }
 

@@ -3,8 +3,8 @@
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
 use crate::hal::print_error;
-use crate::pins::Pins;
-use kinematics::{Cause, Coordinates, Fault, Geometry, LEGS, Machine, Pose, Solution, Vector3};
+use crate::pins::{Given, Pins};
+use kinematics::{Cause, Coordinates, Fault, LEGS, Machine, Pose, Solution, Vector3};
 
 /// A tool change may move no joint by more than this share of the machine's size:
 /// less than what following errors of a level platform make of it.
@@ -20,8 +20,7 @@ const CALLERS: usize = 2;
 /// The geometry in use.
 struct Frozen {
     machine: Machine<LEGS>,
-    geometry: Geometry<LEGS>,
-    offset: [f64; LEGS],
+    given: Given,
 }
 
 /// Last good pose of one kind of forward call.
@@ -96,8 +95,7 @@ impl Module {
     /// Changes nothing but the fault record, so that LinuxCNC may ask for end points of
     /// queued moves at any time; the first call of all freezes the geometry.
     pub fn inverse(&mut self, pose: &Pose) -> Result<[f64; LEGS], Fault> {
-        let drop_in = !is_zero(&pose.to_degrees());
-        let result = self.prepared(drop_in).and_then(|()| {
+        let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
             let tool = self.tool_in_effect()?;
             self.frozen()?.machine.inverse(pose, &tool)
         });
@@ -111,14 +109,13 @@ impl Module {
         seed: &Pose,
         address: usize,
     ) -> Result<Pose, Fault> {
-        let seeds = seed.to_degrees();
-        let at_rest = is_zero(joints) && (is_zero(&seeds) || seeds.iter().all(|v| v.is_nan()));
-        let prepared = self.prepared(!at_rest);
-        if at_rest && self.last_pose.is_none() {
-            // LinuxCNC calls this way until it knows its joints: no fault, no trace.
-            return Err(Cause::NoGeometry.into());
-        }
+        let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
+        // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
+        let unhomed = self.last_pose.is_none() && is_zero(joints);
         let result = prepared.and_then(|()| self.solved(joints, seed, address));
+        if unhomed && result.is_err() {
+            return Err(Cause::NotHomed.into());
+        }
         self.pins.fwd_kins_fail.set(result.is_err());
         if let Ok(solution) = &result {
             self.remember(address, solution.pose);
@@ -220,13 +217,14 @@ impl Module {
         self.report.tell_pending();
     }
 
-    /// Freezes what has to be frozen before a kinematics call.
-    fn prepared(&mut self, drop_in: bool) -> Result<(), Fault> {
+    /// Freezes what has to be frozen before a kinematics call; `drop_in` tells whether
+    /// the call may do so without `.apply`.
+    fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.report.monitored {
             self.watch_reset();
         }
         self.watch_apply();
-        if self.frozen.is_none() && drop_in && !self.apply_used {
+        if self.frozen.is_none() && !self.apply_used && drop_in() {
             let result = self.freeze();
             if let Err(fault) = &result {
                 self.tell_unmonitored(fault);
@@ -255,14 +253,14 @@ impl Module {
 
     /// Takes the geometry of the pins, or leaves the last good one in force.
     fn freeze(&mut self) -> Result<(), Fault> {
-        let (geometry, offset) = self.pins.geometry(self.coordinates);
-        let frozen = Machine::freeze(&geometry, &offset);
-        self.pins.geometry_ok.set(frozen.is_ok());
-        let machine = frozen?;
-        self.pins.geometry_hash.set(geometry.hash());
+        let given = self.pins.given(self.coordinates);
+        let checked = given.checked();
+        self.pins.geometry_ok.set(checked.is_ok());
+        let machine = checked?;
+        self.pins.geometry_hash.set(given.geometry.hash());
         self.pins.geometry_changed.set(false);
-        self.frozen = Some(Frozen { machine, geometry, offset });
-        self.tool = self.pins.tool();
+        self.tool = self.pins.tool(given.spindle_offset);
+        self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool);
         self.callers = [None; CALLERS];
         self.last_pose = None;
@@ -277,14 +275,15 @@ impl Module {
     /// Shows whether the pins differ from the frozen values.
     fn watch_geometry(&self) {
         // NaN on a pin counts as a change: a frozen geometry holds none.
-        let changed = self.frozen.as_ref().is_some_and(|frozen| {
-            self.pins.geometry(self.coordinates) != (frozen.geometry, frozen.offset)
-        });
+        let changed = self
+            .frozen
+            .as_ref()
+            .is_some_and(|frozen| self.pins.given(self.coordinates) != frozen.given);
         self.pins.geometry_changed.set(changed);
     }
 
     fn reference(&self) -> Option<Pose> {
-        let home = self.frozen.as_ref()?.geometry.home?;
+        let home = self.frozen.as_ref()?.given.geometry.home?;
         Some(Pose::from_degrees(home))
     }
 
@@ -293,7 +292,8 @@ impl Module {
     /// A request takes effect where it moves no joint: with the machine off, before any
     /// pose is known, or while the platform is level. Otherwise the joints would jump.
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
-        let request = self.pins.tool();
+        let frozen = self.frozen()?;
+        let request = self.pins.tool(frozen.given.spindle_offset);
         if !request.iter().all(|v| v.is_finite()) {
             return Err(Cause::ToolNotFinite.into());
         }
@@ -305,8 +305,7 @@ impl Module {
         };
         let change = request - self.tool;
         let jump = (pose.rotation() * change - change).norm();
-        let size = self.frozen()?.machine.size();
-        if jump <= NOTICEABLE * size {
+        if jump <= NOTICEABLE * frozen.machine.size() {
             return Ok(request);
         }
         Err(Fault::with_value(Cause::ToolChangedTilted, jump))
@@ -317,7 +316,7 @@ impl Module {
         joints: &[f64; LEGS],
         seed: &Pose,
         address: usize,
-    ) -> Result<Solution, Fault> {
+    ) -> Result<Solution<LEGS>, Fault> {
         let seed = self.seed_for(seed, address)?;
         // A refused tool change must not blind the display: the old offset still holds.
         let tool = self.tool_in_effect().unwrap_or(self.tool);
@@ -353,18 +352,14 @@ impl Module {
         self.callers[0] = Some(entry);
     }
 
-    fn show(&self, solution: &Solution) {
+    fn show(&self, solution: &Solution<LEGS>) {
         let pins = self.pins;
         pins.last_iterations.set(solution.iterations);
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
         pins.show_pose(solution.pose.to_degrees());
         pins.show_tool(&self.tool);
-        if let Some(frozen) = &self.frozen
-            && let Ok(corrections) = frozen.machine.corrections(&solution.pose, &self.tool)
-        {
-            pins.show_corrections(&corrections);
-        }
+        pins.show_corrections(&solution.corrections);
     }
 
     fn show_assembly(&self) {
@@ -426,6 +421,11 @@ impl Report {
             print_error(format_args!("pkmkins: {fault}"));
         }
     }
+}
+
+/// A seed that says nothing: zeros, or the NaN that a refusal left.
+fn is_blank(seed: &[f64; 6]) -> bool {
+    is_zero(seed) || seed.iter().all(|v| v.is_nan())
 }
 
 fn is_zero<const M: usize>(values: &[f64; M]) -> bool {

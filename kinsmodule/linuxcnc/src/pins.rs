@@ -7,7 +7,9 @@
 use crate::hal::{Component, Direction, HalError, Pin};
 use core::fmt;
 use kinematics::leg::StrutGeometry;
-use kinematics::{Coordinates, Fault, Geometry, LEGS, LegGeometry, Method, Solver, Vector3};
+use kinematics::{
+    Cause, Coordinates, Fault, Geometry, LEGS, LegGeometry, Machine, Method, Solver, Vector3,
+};
 
 /// Three pins `.x`, `.y`, `.z`.
 pub type Vector = [Pin<f64>; 3];
@@ -79,6 +81,25 @@ pub struct Pins {
     fault_leg: Pin<i32>,
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
+}
+
+/// What is frozen at `.apply`.
+#[derive(Clone, Copy, PartialEq)]
+pub struct Given {
+    pub geometry: Geometry<LEGS>,
+    /// Taken from the native joint values.
+    pub offset: [f64; LEGS],
+    pub spindle_offset: f64,
+}
+
+impl Given {
+    /// The machine, or why it is refused.
+    pub fn checked(&self) -> Result<Machine<LEGS>, Fault> {
+        if !self.spindle_offset.is_finite() {
+            return Err(Cause::ToolNotFinite.into());
+        }
+        Machine::freeze(&self.geometry, &self.offset)
+    }
 }
 
 /// Makes pins of one component.
@@ -187,8 +208,8 @@ impl Pins {
         make.one(&mut self.fault_count, Out, format_args!("pkmkins.fault-count"), 0)
     }
 
-    /// The machine as the pins give it now, and the joint offsets.
-    pub fn geometry(&self, coordinates: Coordinates) -> (Geometry<LEGS>, [f64; LEGS]) {
+    /// What enters the joint values as the pins give it now, the tool aside.
+    pub fn given(&self, coordinates: Coordinates) -> Given {
         let common_lead = self.screw_lead.get();
         let home = read(&self.home);
         let legs = self.legs.each_ref().map(|leg| {
@@ -202,15 +223,19 @@ impl Pins {
         });
         // All NaN is the default and means that no reference pose was given.
         let home = (!home.iter().all(|v| v.is_nan())).then_some(home);
-        (Geometry { legs, home, coordinates }, self.legs.each_ref().map(|leg| leg.offset.get()))
+        Given {
+            geometry: Geometry { legs, home, coordinates },
+            offset: self.legs.each_ref().map(|leg| leg.offset.get()),
+            spindle_offset: self.spindle_offset.get(),
+        }
     }
 
-    /// The tool vector o that is asked for.
-    pub fn tool(&self) -> Vector3<f64> {
+    /// The tool vector o that is asked for, with the spindle offset in force.
+    pub fn tool(&self, spindle_offset: f64) -> Vector3<f64> {
         Vector3::new(
             self.tool_offset_x.get(),
             self.tool_offset_y.get(),
-            self.spindle_offset.get() + self.tool_offset.get(),
+            spindle_offset + self.tool_offset.get(),
         )
     }
 

@@ -52,14 +52,43 @@ fn the_calls_before_homing_fail_and_leave_no_trace() {
 
 #[test]
 fn joints_of_zero_after_freezing_are_no_reason_for_alarm_either() {
-    let module = paper_004().module();
-    for _ in 0..65 {
-        let mut world = [0.0; 9];
-        assert!(module.forward_into(&[0.0; 16], &mut world) < 0);
-        module.monitor();
+    // Seeds as LinuxCNC gives them before homing: zeros first, then [TRAJ]HOME. NaN in
+    // their place would reach its planner.
+    for seed in [[0.0; 9], PAPER_004_HOME] {
+        let module = paper_004().module();
+        for _ in 0..65 {
+            let mut world = seed;
+            assert!(module.forward_into(&[0.0; 16], &mut world) < 0);
+            assert_eq!(world, seed);
+            module.monitor();
+        }
+        assert_eq!(module.get("fault-count"), 0.0);
+        assert!(!module.is_on("fwd-kins-fail"));
+        assert_eq!(module.messages().len(), 0, "{:?}", module.messages());
     }
-    assert_eq!(module.get("fault-count"), 0.0);
-    assert_eq!(module.messages().len(), 0, "{:?}", module.messages());
+}
+
+#[test]
+fn a_machine_whose_joints_are_zero_at_home_is_found_there() {
+    let machine = paper_004();
+    let module = machine.module();
+    let home = module.inverse(&PAPER_004_HOME).expect("home");
+    for leg in 0..6 {
+        module.set(&format!("offset.{leg}"), home[leg]);
+    }
+    module.apply();
+    let found = module.forward(&[0.0; 16], &PAPER_004_HOME).expect("home, at joints of zero");
+    assert_same_pose(&found, &PAPER_004_HOME);
+}
+
+#[test]
+fn joints_of_zero_after_a_pose_was_known_are_a_failure() {
+    let module = paper_004().module();
+    let joints = module.inverse(&PAPER_004_HOME).expect("home");
+    module.forward(&joints, &PAPER_004_HOME).expect("home");
+    let mut world = PAPER_004_HOME;
+    assert_eq!(module.forward_into(&[0.0; 16], &mut world), Cause::JointNotPositive.code());
+    assert!(world[..6].iter().all(|v| v.is_nan()), "{world:?}");
 }
 
 #[test]

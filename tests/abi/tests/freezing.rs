@@ -84,6 +84,7 @@ fn change_each_pin_and_back(module: &Module) {
         "lead.4",
         "offset.2",
         "home.a",
+        "spindle-offset",
     ] {
         let value = module.get(pin);
         module.set(pin, value + 1.0);
@@ -166,6 +167,7 @@ fn bad_geometry_is_refused_by_leg_and_the_last_good_one_stays() {
             Cause::AxisZero,
             Some(1),
         ),
+        ("NaN spindle", &[("spindle-offset", f64::NAN)], Cause::ToolNotFinite, None),
         ("incomplete home", &[("home.z", f64::NAN)], Cause::HomeNotFinite, None),
         ("infinite home", &[("home.b", f64::INFINITY)], Cause::HomeNotFinite, None),
     ];

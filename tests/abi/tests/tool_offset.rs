@@ -9,7 +9,7 @@ use kinematics::Cause;
 
 const LEVEL: Pose = [10.0, -20.0, 260.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 const TILTED: Pose = [10.0, -20.0, 260.0, 12.0, -5.0, 0.0, 0.0, 0.0, 0.0];
-const TOOLS: [&str; 4] = ["tool-offset", "tool-offset-x", "tool-offset-y", "spindle-offset"];
+const TOOLS: [&str; 3] = ["tool-offset", "tool-offset-x", "tool-offset-y"];
 
 fn on(module: &Module) {
     module.set("machine-on", 1.0);
