@@ -148,6 +148,8 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     target: &'a Target<N>,
     /// Share already covered.
     done: f64,
+    /// Bound of the Newton step back to the path.
+    leftover: f64,
 }
 
 /// A Newton step and its certificate.
@@ -330,24 +332,29 @@ impl<const N: usize> Machine<N> {
         let at = self.measured(target, &start)?;
         let qr = self.factored(&at)?;
         effort.spend()?;
-        let first = self.first_step(&at, &qr);
+        let first = self.first_step(&at, &qr, 0.0);
         if first.h <= CERTIFIED {
             return self.near(target, &start, &at, &qr, &first, effort);
         }
         self.refuse_nearly_singular(&at, &qr)?;
         let (place, at, qr) = self.track(joints, target, start, first.h, effort)?;
         effort.spend()?;
-        let first = self.first_step(&at, &qr);
+        let first = self.first_step(&at, &qr, 0.0);
+        if !(first.h <= CERTIFIED) {
+            return Err(Fault::with_value(Cause::NotCertified, first.h));
+        }
         self.near(target, &place, &at, &qr, &first, effort)
     }
 
-    /// Newton's step from a measured place, and how flat the ball is that it needs.
+    /// Newton's step from a measured place, and how flat the ball is that it needs; the
+    /// ball reaches at least twice `leftover` far.
     #[inline]
-    fn first_step(&self, at: &Measured<N>, qr: &Qr<N>) -> Step {
+    fn first_step(&self, at: &Measured<N>, qr: &Qr<N>, leftover: f64) -> Step {
         let step = newton_step(qr, &at.residual);
         let length = norm(&step);
-        let flat = self.flat(at, qr, 2.0 * length).unwrap_or(f64::INFINITY);
-        Step { step, length, flat, h: flat * length }
+        let reach = length.max(leftover);
+        let flat = self.flat(at, qr, 2.0 * reach).unwrap_or(f64::INFINITY);
+        Step { step, length, flat, h: flat * reach }
     }
 
     /// Converges within the ball about `centre`, whose first step is known.
@@ -411,10 +418,12 @@ impl<const N: usize> Machine<N> {
     /// Follows the straight joint path from the seed to `target` by certified
     /// sub-steps, one Newton step each, to within one ball of its end.
     ///
-    /// Every sub-step starts from a pose that is off the path by what the last one left
-    /// unconverged. That is sound: with h ≤ 0.4 the leftover is below 0.1/L, and both
-    /// the old and the new point of the path lie in the ball where the legs determine
-    /// the pose.
+    /// A sub-step starts from a pose Y that is off the path by what the last one left
+    /// unconverged: at most 0.16/L of that step's ball (Newton-Kantorovich with
+    /// h ≤ 0.4), which is at most 0.26/L of the ball about Y. So the path's point is
+    /// the one that the ball about Y determines. Because h ≤ 0.4 holds for the step back
+    /// to the path as well as for the one ahead, it holds for every point of the joint
+    /// path between, and the path of the platform stays in that ball.
     fn track(
         &self,
         joints: &[f64; N],
@@ -433,7 +442,8 @@ impl<const N: usize> Machine<N> {
             let along = |t: f64| core::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
             let here = self.measured(&self.target(&along(done))?, &place)?;
             let qr = self.factored(&here)?;
-            let path = Path { along: &along, target, done };
+            let leftover = qr.inverse_norm() * norm(&here.residual);
+            let path = Path { along: &along, target, done, leftover };
             let taken = self.sub_step(&path, &place, &qr, share, effort)?;
             place = place.moved(&taken.step, self.radius);
             done += taken.share;
@@ -469,7 +479,7 @@ impl<const N: usize> Machine<N> {
                 self.measured(&self.target(&(path.along)(path.done + share))?, place)?
             };
             effort.spend()?;
-            let Step { step, h, .. } = self.first_step(&ahead, qr);
+            let Step { step, h, .. } = self.first_step(&ahead, qr, path.leftover);
             share = share.min(rest);
             if h <= CERTIFIED {
                 return Ok(SubStep { step, share, arrives, h });
