@@ -124,7 +124,12 @@ proc pkmkins::check_keys {section known} {
 # The kind of every leg, from legs=KIND:COUNT[,KIND:COUNT] of [KINS]KINEMATICS.
 proc pkmkins::leg_kinds {} {
     variable leg_keys
-    set text [lindex [values KINS KINEMATICS] end]
+    set lines [values KINS KINEMATICS]
+    if {[llength $lines] > 1} {
+        complain KINS KINEMATICS "is given [llength $lines] times (\"[join $lines {", "}]\"): expected once"
+        return {}
+    }
+    set text [lindex $lines 0]
     set legs strut:6
     regexp {(?:^|\s)legs=(\S*)} $text -> legs
     set kinds {}

@@ -5,7 +5,8 @@
 //! a line that is none of these is skipped, as LinuxCNC does.
 //! Everything after `=` is the value: LinuxCNC knows no comments behind values.
 //! Sections that describe the machine are strict (see [`Ini::check_section`]); in all
-//! others the first of repeated keys counts, as LinuxCNC's own readers have it.
+//! others the first of repeated keys counts, as LinuxCNC's own readers have it, unless the
+//! machine depends on the value: then a repetition is refused.
 
 use std::fmt;
 use std::fs;
@@ -163,12 +164,27 @@ impl Ini {
         self.entries.iter().find(|e| e.section == section && e.key == key)
     }
 
-    /// First entry of this key.
+    /// The entry of this key.
     ///
     /// # Errors
-    /// The key is missing; `expected` says what it should hold.
+    /// The key is missing, and `expected` says what it should hold, or repeated.
     pub fn require(&self, section: &str, key: &str, expected: &str) -> Result<&Entry, IniError> {
-        self.first(section, key).ok_or_else(|| self.error(section, key, None, expected))
+        self.only(section, key)?.ok_or_else(|| self.error(section, key, None, expected))
+    }
+
+    /// The entry of a key that may be missing, but not repeated: readers differ in which
+    /// of two they take.
+    fn only(&self, section: &str, key: &str) -> Result<Option<&Entry>, IniError> {
+        let first = self.first(section, key);
+        let is_repetition = |e: &&Entry| e.section == section && e.key == key;
+        match (first, self.entries.iter().rfind(is_repetition)) {
+            (Some(first), Some(last)) if first.line != last.line => {
+                let line = first.line;
+                let text = format!("the key stands in line {line} already; keep one of them");
+                Err(self.refuse(last, &text))
+            }
+            _ => Ok(first),
+        }
     }
 
     /// Refuses keys that are not in `keys`, and repeated keys.
@@ -181,11 +197,7 @@ impl Ini {
             if !keys.contains(&entry.key.as_str()) {
                 return Err(self.refuse(entry, &format!("unknown key; {known}")));
             }
-            let first = self.first(section, &entry.key).map_or(entry.line, |e| e.line);
-            if first != entry.line {
-                let text = format!("the key stands in line {first} already; keep one of them");
-                return Err(self.refuse(entry, &text));
-            }
+            self.only(section, &entry.key)?;
         }
         Ok(())
     }
@@ -193,13 +205,13 @@ impl Ini {
     /// Numbers of this key, `None` if the key is missing.
     ///
     /// # Errors
-    /// Not exactly `N` plain decimal numbers separated by blanks.
+    /// Not exactly `N` plain decimal numbers separated by blanks, or a repeated key.
     pub fn numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
     ) -> Result<Option<[f64; N]>, IniError> {
-        self.first(section, key).map(|entry| self.numbers_of(entry)).transpose()
+        self.only(section, key)?.map(|entry| self.numbers_of(entry)).transpose()
     }
 
     /// Numbers of this key.
@@ -299,11 +311,18 @@ mod tests {
     }
 
     #[test]
-    fn first_of_repeated_keys_counts_and_comment_lines_do_not() {
-        let ini = ini("[A]\n# K = 0\n; K = 0\n K=1 \nK = 2\n[B]\nK = 3\n");
+    fn a_number_is_read_past_comment_lines_and_other_sections() {
+        let ini = ini("[A]\n# K = 0\n; K = 0\n K=1 \n[B]\nK = 3\n");
         assert_eq!(ini.numbers("A", "K"), Ok(Some([1.0])));
         assert_eq!(ini.numbers("B", "K"), Ok(Some([3.0])));
         assert_eq!(ini.numbers::<1>("B", "L"), Ok(None));
+    }
+
+    #[test]
+    fn a_repeated_key_is_refused_where_its_value_counts() {
+        let ini = ini("[A]\nK = 1\nK = 1\n");
+        assert!(ini.numbers::<1>("A", "K").unwrap_err().to_string().contains("m.ini:3"));
+        assert!(ini.require("A", "K", "").is_err());
     }
 
     #[test]

@@ -7,19 +7,23 @@
 use crate::ini::{Entry, Ini, IniError};
 use kinematics::leg::StrutGeometry;
 use kinematics::{
-    Coordinates, Fault, Geometry, LegGeometry, MAX_ITERATIONS, Machine, Pose, Solver, Vector3,
+    Coordinates, Fault, Geometry, LEGS, LegGeometry, Load, MAX_ITERATIONS, Machine, Pose, Solver,
+    Vector3,
 };
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Joints of the machines that this version describes.
-pub const JOINTS: usize = 6;
+pub const JOINTS: usize = LEGS;
 
 const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
 
 /// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
 /// of emccfg.h), machine units or degrees per second.
 const AXIS_VELOCITY: f64 = 1.0;
+
+/// Load parameters of the module, in the order that [`Load::parse`] takes them.
+const PARAMETERS: [&str; 3] = ["legs", "coordinates", "table"];
 
 const MACHINE_KEYS: &[&str] =
     &["SCREW_LEAD", "SPINDLE_OFFSET", "CONVERGENCE_CRITERION", "LIMIT_ITERATIONS", "MAX_ERROR"];
@@ -229,23 +233,23 @@ fn check_kinematics(ini: &Ini) -> Result<Coordinates, IniError> {
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    let mut coordinates = Coordinates::XYZABC;
+    let mut given: [Option<&[u8]>; 3] = [None; 3];
     for word in words {
-        match word.split_once('=') {
-            Some(("legs", "strut:6")) => {}
-            Some(("coordinates", letters)) => {
-                coordinates = Coordinates::parse(letters.as_bytes())
-                    .ok_or_else(|| ini.refuse(entry, "coordinates needs each of XYZABC once"))?;
-            }
-            _ => return Err(ini.refuse(entry, expected)),
-        }
+        let place = word
+            .split_once('=')
+            .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
+        let (place, text) = place.ok_or_else(|| ini.refuse(entry, expected))?;
+        given[place] = Some(text.as_bytes());
     }
+    let [legs, coordinates, table] = given;
+    let load = Load::parse(legs, coordinates, table)
+        .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))?;
     let [joints] = ini.require_numbers::<1>("KINS", "JOINTS")?;
     if joints != JOINTS as f64 {
         let entry = ini.require("KINS", "JOINTS", "")?;
         return Err(ini.refuse(entry, "expected 6, one joint for each leg of [KINS]KINEMATICS"));
     }
-    Ok(coordinates)
+    Ok(load.coordinates)
 }
 
 /// Exactly the sections LEG_0 to LEG_5.
