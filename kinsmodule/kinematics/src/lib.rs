@@ -17,6 +17,7 @@
 mod certificate;
 mod fault;
 mod forward;
+mod freeze;
 mod geometry;
 mod inverse;
 mod jacobian;
