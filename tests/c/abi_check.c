@@ -130,7 +130,9 @@ static int refuses_null(void)
     EmcPose pose = {{0.0, 0.0, 20.0}, 0, 0, 0, 0, 0, 0};
     int bad = check(CALL(kinematicsInverse)(NULL, joints, &flags, &new_flags) < 0, "null pose");
     bad += check(CALL(kinematicsInverse)(&pose, NULL, &flags, &new_flags) < 0, "null joints");
-    bad += check(CALL(kinematicsForward)(NULL, &pose, &flags, &new_flags) < 0, "null joints");
+    EmcPose lost = pose;
+    bad += check(CALL(kinematicsForward)(NULL, &lost, &flags, &new_flags) < 0, "null joints");
+    bad += check(isnan(lost.tran.x) && isnan(lost.c) && lost.u == 0.0, "null joints leave no pose");
     bad += check(CALL(kinematicsForward)(joints, NULL, &flags, &new_flags) < 0, "null pose");
     bad += check(CALL(kinematicsInverse)(&pose, joints, NULL, NULL) == 0, "flags are optional");
     return bad;

@@ -110,7 +110,7 @@ causes! {
         "check the feedback of this joint";
     JointNotPositive = -21, "the joint value leaves no positive strut length",
         "home the joint, or check its OFFSET and feedback scale";
-    SeedMissing = -22, "the pose to start from is NaN and no earlier pose is known",
+    SeedMissing = -22, "the pose to start from is NaN or infinite, and no earlier pose is known",
         "home the machine";
     // The forward solver.
     Singular = -30, "the legs do not hold the platform at this pose (singular Jacobian)",
@@ -155,10 +155,10 @@ causes! {
         "switch the machine off, then raise pkmkins.apply again";
     KinematicsTypeUnknown = -72, "this kinematics type does not exist (0 = machine, 1 = identity)",
         "switch to type 0 or 1";
-    NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
-        "home the machine";
     NullPointer = -73, "a null pointer was passed",
         "report this: LinuxCNC never does it";
+    NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
+        "home the machine";
 }
 
 #[cfg(test)]

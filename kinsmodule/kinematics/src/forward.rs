@@ -80,7 +80,7 @@ impl Default for Solver {
 pub enum Certificate {
     /// Newton's method alone: nothing is proved.
     None,
-    /// L(d) d < 1 of the last ball: the pose is the only one within 1/L of its centre.
+    /// L(d) d < 1 of the last ball: legs determine the pose within it.
     Ball(f64),
 }
 
@@ -259,9 +259,8 @@ impl<const N: usize> Machine<N> {
             position: found.place.centre + tool - r * (tool + self.centroid),
             angles: angles_near(r, seed, &trig),
         };
-        if !pose.is_finite() {
-            return Err(Cause::ResultNotFinite.into());
-        }
+        // What inverse would refuse must not become the next seed either.
+        pose.check()?;
         Ok(Solution {
             pose,
             iterations: effort.iterations,
@@ -374,10 +373,12 @@ impl<const N: usize> Machine<N> {
         let mut travelled = length;
         let mut current = self.measured(target, &place)?;
         let mut renewed = None;
-        for _ in 0..MAX_CORRECTIONS {
+        let mut converged = false;
+        for _ in 0..=MAX_CORRECTIONS {
             let used = renewed.as_ref().unwrap_or(qr);
             let error = (length * contraction).min(used.inverse_norm() * norm(&current.residual));
-            if error <= effort.tolerance && largest(&current.residual) <= effort.accepted {
+            converged = error <= effort.tolerance && largest(&current.residual) <= effort.accepted;
+            if converged {
                 break;
             }
             // The first correction tells how well the factorisation still serves.
@@ -395,6 +396,9 @@ impl<const N: usize> Machine<N> {
             travelled += length;
             place = place.moved(&correction, self.radius);
             current = self.measured(target, &place)?;
+        }
+        if !converged {
+            return Err(Fault::with_value(Cause::NotConverged, largest(&current.residual)));
         }
         let reach = self.reach(at, qr, first, travelled);
         if !(reach < 1.0) {

@@ -39,8 +39,8 @@ impl<const N: usize> Machine<N> {
             centroid += platform.get(i) / N as f64;
             size = size.max(base.get(i).norm()).max(platform.get(i).norm());
         }
-        if !(size > 0.0 && size.is_finite()) {
-            return Err(Fault::with_value(Cause::PlatformDegenerate, size));
+        if !size.is_finite() {
+            return Err(Fault::with_value(Cause::GeometryNotFinite, size));
         }
         refuse_coincident(&base, &platform, size)?;
         let arms = Lanes3::from_fn(|i| platform.get(i) - centroid);

@@ -34,36 +34,58 @@ impl LegGeometry {
     }
 }
 
+/// A coordinate of the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "LinuxCNC's letters")]
+pub enum Letter {
+    X,
+    Y,
+    Z,
+    A,
+    B,
+    C,
+}
+
+impl Letter {
+    const ALL: [Letter; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
+
+    /// Place in a pose: X = 0 … C = 5.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
 /// The pose letters in the order of `coordinates=`: joint j of the identity
 /// kinematics is the j-th letter. For the machine itself the order means nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Coordinates([u8; 6]);
+pub struct Coordinates([Letter; 6]);
 
 impl Coordinates {
     /// X Y Z A B C.
-    pub const XYZABC: Self = Self([0, 1, 2, 3, 4, 5]);
+    pub const XYZABC: Self = Self(Letter::ALL);
 
     /// From text such as `XYZABC`, any order, upper or lower case.
     ///
     /// `None` unless each of the six letters stands exactly once: machines with
     /// fewer active coordinates are not supported by this version.
     pub fn parse(text: &[u8]) -> Option<Self> {
-        let mut indices = [0; 6];
-        if text.len() != indices.len() {
+        let mut letters = Letter::ALL;
+        if text.len() != letters.len() {
             return None;
         }
-        for (i, letter) in text.iter().enumerate() {
-            let index = b"XYZABC".iter().position(|l| *l == letter.to_ascii_uppercase())?;
-            if indices[..i].contains(&(index as u8)) {
+        for (i, character) in text.iter().enumerate() {
+            let index = b"XYZABC".iter().position(|l| *l == character.to_ascii_uppercase())?;
+            let letter = Letter::ALL[index];
+            if letters[..i].contains(&letter) {
                 return None;
             }
-            indices[i] = index as u8;
+            letters[i] = letter;
         }
-        Some(Self(indices))
+        Some(Self(letters))
     }
 
-    /// For each joint of the identity kinematics, its pose index (X = 0 … C = 5).
-    pub fn indices(&self) -> &[u8; 6] {
+    /// For each joint of the identity kinematics, its letter.
+    pub fn letters(&self) -> &[Letter; 6] {
         &self.0
     }
 }
@@ -84,7 +106,7 @@ impl<const N: usize> Geometry<N> {
     /// FNV-1a (32 bit) over the little-endian bits of the values as given, −0 as +0.
     ///
     /// Order: per leg its kind (strut 1), base anchor, platform anchor, and for a
-    /// strut the lead and, where that is not 0, base axis and platform axis; then the
+    /// strut base axis, platform axis (zeros without a lead) and lead; then the
     /// reference pose if there is one; then the coordinates (X = 0 … C = 5).
     /// Joint offsets, tool and solver settings do not enter.
     pub fn hash(&self) -> u32 {
@@ -94,17 +116,15 @@ impl<const N: usize> Geometry<N> {
             hash.add(&leg.base);
             hash.add(&leg.platform);
             let LegKind::Strut(strut) = &leg.kind;
+            hash.add(&strut.base_axis);
+            hash.add(&strut.platform_axis);
             hash.add(&[strut.lead]);
-            if strut.lead != 0.0 {
-                hash.add(&strut.base_axis);
-                hash.add(&strut.platform_axis);
-            }
         }
         if let Some(home) = &self.home {
             hash.add(home);
         }
-        for index in self.coordinates.indices() {
-            hash.add(&[f64::from(*index)]);
+        for letter in self.coordinates.letters() {
+            hash.add(&[letter.index() as f64]);
         }
         hash.0
     }
@@ -134,19 +154,19 @@ mod tests {
     #[test]
     fn coordinates_take_each_letter_once_in_any_order() {
         assert_eq!(Coordinates::parse(b"xyzabc"), Some(Coordinates::XYZABC));
-        assert_eq!(Coordinates::parse(b"CBAZYX").unwrap().indices(), &[5, 4, 3, 2, 1, 0]);
+        let turned = Coordinates::parse(b"CBAZYX").unwrap();
+        assert_eq!(turned.letters().map(Letter::index), [5, 4, 3, 2, 1, 0]);
         for bad in [&b"XYZAB"[..], b"XYZABB", b"XYZABU", b"", b"XYZABCC"] {
             assert_eq!(Coordinates::parse(bad), None);
         }
     }
 
     #[test]
-    fn fnv_matches_its_published_test_vector() {
-        // FNV-1a of the bytes 00..00 (8 of them), computed by the definition:
-        // each byte only multiplies.
-        let expected = (0..8).fold(0x811c_9dc5_u32, |h, _| h.wrapping_mul(0x0100_0193));
+    fn fnv_1a_gives_the_number_of_an_independent_implementation() {
+        // Python: reduce(lambda h, b: (h ^ b) * 0x01000193 & 0xffffffff,
+        //                struct.pack("<3d", 0.0, 1.5, -2.25), 0x811c9dc5)
         let mut hash = Fnv1a::new();
-        hash.add(&[-0.0]);
-        assert_eq!(hash.0, expected);
+        hash.add(&[-0.0, 1.5, -2.25]);
+        assert_eq!(hash.0, 0x982567f2);
     }
 }

@@ -31,7 +31,7 @@ mod qr;
 
 pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
-pub use geometry::{Coordinates, Geometry, LegGeometry};
+pub use geometry::{Coordinates, Geometry, LegGeometry, Letter};
 pub use leg::LegKind;
 pub use load::{LEGS, Load, LoadError};
 pub use machine::Machine;

@@ -240,12 +240,12 @@ struct Widened {
     tan: f64,
 }
 
-/// cos and tan of the angle asin|sine| widened by `by` radians; refused beyond 80°.
+/// cos and tan of the angle asin|sine| widened by `by` radians; refused beyond 89°.
 fn widened(sine: f64, by: f64) -> Option<Widened> {
-    const SIN_80: f64 = 0.984_807_753_012_208;
+    const SIN_89: f64 = 0.999_847_695_156_391_3;
     // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
     let sin = sine.abs() + by;
-    if !(sin < SIN_80) {
+    if !(sin < SIN_89) {
         return None;
     }
     let cos = sqrt(1.0 - sin * sin);

@@ -3,6 +3,7 @@
 //! R = Rz(C) Ry(B) Rx(A).
 
 use crate::fault::{Cause, Fault};
+use core::f64::consts::FRAC_PI_2;
 use libm::{atan2, sincos, sqrt};
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,8 +13,8 @@ const RADIANS: f64 = core::f64::consts::PI / 180.0;
 /// and an angle has lost its meaning.
 const MAX_ANGLE_DEG: f64 = 1e6;
 
-/// cos B below which A and C are not told apart.
-const GIMBAL_COS: f64 = 1e-6;
+/// cos B below which rounding decides C.
+const GIMBAL_COS: f64 = 1e-12;
 
 /// Place of the control point and orientation of the platform, in base.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,23 +119,38 @@ impl Trigonometry {
 
 /// Angles A, B, C (radians) of `r` next to those of `seed`.
 ///
-/// Increments on the seed keep whole turns and pass ±180° without a jump; a seed
-/// with |B| beyond 90° stays on its own sheet. At |B| = 90° C keeps the seed's
-/// value and A takes the rest.
+/// Increments on the seed keep whole turns and pass ±180° without a jump. Of the two
+/// triples with this rotation (B and 180° − B) the one nearer to the seed is taken, so
+/// that B passes 90°. C is found first, and A and B from what it leaves of the rotation:
+/// together they give it back to rounding even where A and C are hardly told apart.
 pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) -> Vector3<f64> {
     let sheet = if trig.cb < 0.0 { -1.0 } else { 1.0 };
-    let cos_b = sheet * sqrt(r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)]);
-    let b = turned(seed.angles.y, trig.sb, trig.cb, -r[(2, 0)], cos_b);
-    if !(cos_b.abs() >= GIMBAL_COS) {
-        // Rz(C)ᵀ R = Ry(B) Rx(A): its middle row is (0, cos A, −sin A).
-        let cos_a = trig.cc * r[(1, 1)] - trig.sc * r[(0, 1)];
-        let sin_a = trig.sc * r[(0, 2)] - trig.cc * r[(1, 2)];
-        let a = turned(seed.angles.x, trig.sa, trig.ca, sin_a, cos_a);
-        return Vector3::new(a, b, seed.angles.z);
+    let same = angles_on_sheet(r, seed, trig, sheet);
+    if (same.z - seed.angles.z).abs() <= FRAC_PI_2 {
+        return same;
     }
-    let a = turned(seed.angles.x, trig.sa, trig.ca, sheet * r[(2, 1)], sheet * r[(2, 2)]);
-    let c = turned(seed.angles.z, trig.sc, trig.cc, sheet * r[(1, 0)], sheet * r[(0, 0)]);
-    Vector3::new(a, b, c)
+    let other = angles_on_sheet(r, seed, trig, -sheet);
+    let away = |angles: &Vector3<f64>| (angles - seed.angles).abs().sum();
+    if away(&other) < away(&same) { other } else { same }
+}
+
+/// The triple whose cos B has the sign of `sheet`; at |B| = 90° C keeps the seed's value.
+fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f64) -> Vector3<f64> {
+    let cos_b = sqrt(r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)]);
+    let (sin_c, cos_c) = if cos_b >= GIMBAL_COS {
+        (sheet * r[(1, 0)] / cos_b, sheet * r[(0, 0)] / cos_b)
+    } else {
+        (trig.sc, trig.cc)
+    };
+    // Rz(C)ᵀ R = Ry(B) Rx(A): first row (cos B, ·, ·), middle row (0, cos A, −sin A).
+    let cos_b = cos_c * r[(0, 0)] + sin_c * r[(1, 0)];
+    let cos_a = cos_c * r[(1, 1)] - sin_c * r[(0, 1)];
+    let sin_a = sin_c * r[(0, 2)] - cos_c * r[(1, 2)];
+    Vector3::new(
+        turned(seed.angles.x, trig.sa, trig.ca, sin_a, cos_a),
+        turned(seed.angles.y, trig.sb, trig.cb, -r[(2, 0)], cos_b),
+        turned(seed.angles.z, trig.sc, trig.cc, sin_c, cos_c),
+    )
 }
 
 /// `from` (of sine s0, cosine c0) turned the short way to the direction (s, c).
@@ -231,6 +247,33 @@ mod tests {
         let got = angles_near(&target.rotation(), &seed, &seed.trigonometry());
         assert_eq!(got.z, seed.angles.z);
         assert!((got - target.angles).norm() < 1e-7, "{got:?}");
+    }
+
+    #[test]
+    fn near_b_90_the_angles_give_the_rotation_back_to_rounding() {
+        for off in [1e-3, 1e-5, 1e-7, 1e-9, 1e-13, 0.0] {
+            let target = pose([0.0, 0.0, 0.0, 10.0, 90.0 - off, 20.0]);
+            let seed = pose([0.0, 0.0, 0.0, 10.0, 90.0 - off, 0.0]);
+            let r = target.rotation();
+            let got = Pose { angles: angles_near(&r, &seed, &seed.trigonometry()), ..seed };
+            // 4e-15: a few roundings of nine elements.
+            assert!((got.rotation() - r).norm() < 4e-15, "{off}: {got:?}");
+        }
+    }
+
+    #[test]
+    fn b_passes_90_without_a_jump_of_the_other_angles() {
+        let mut last = pose([0.0, 0.0, 0.0, 3.0, 89.99, -2.0]);
+        for k in -8..9 {
+            let target = pose([0.0, 0.0, 0.0, 3.0, 90.0 + 0.00125 * f64::from(k), -2.0]);
+            let got = angles_near(&target.rotation(), &last, &last.trigonometry());
+            last = Pose { angles: got, ..last };
+        }
+        // 1e-6: at B = 90 itself A and C share their sum by rounding over cos B.
+        let expected = [3.0, 90.01, -2.0];
+        for (a, b) in last.to_degrees()[3..].iter().zip(expected) {
+            assert!((a - b).abs() < 1e-6, "{last:?}");
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ fn pose_jacobian_matches_central_differences_with_lead_and_tilted_tool() {
 }
 
 /// Paper 004 with axes in random directions and struts of different leads and hands.
-fn random_screws(rng: &mut Pcg64) -> Machine<6> {
+fn random_screws(rng: &mut Pcg64) -> ([StrutGeometry; 6], Machine<6>) {
     let plain = paper_004(0.0);
     let struts = std::array::from_fn(|_| StrutGeometry {
         base_axis: std::array::from_fn(|_| uniform(rng, -1.0, 1.0)),
@@ -52,24 +52,38 @@ fn random_screws(rng: &mut Pcg64) -> Machine<6> {
         lead: uniform(rng, -20.0, 20.0),
     });
     let given = geometry(plain.legs.map(|l| l.base), plain.legs.map(|l| l.platform), struts, None);
-    Machine::freeze(&given, &[0.0; 6]).unwrap()
+    (struts, Machine::freeze(&given, &[0.0; 6]).unwrap())
+}
+
+/// Whether differences of this step say anything: no strut near one of its joint axes,
+/// no twist near the quarter turn where the arcsin folds.
+fn is_smooth(struts: &[StrutGeometry; 6], machine: &Machine<6>, pose: &Pose) -> bool {
+    let Ok(directions) = machine.directions(pose, &Vector3::zeros()) else { return false };
+    struts.iter().zip(directions).all(|(strut, n)| {
+        let a = Vector3::from(strut.base_axis).normalize();
+        let b = (pose.rotation() * Vector3::from(strut.platform_axis)).normalize();
+        let (alpha, beta) = (a.dot(&n), b.dot(&n));
+        let (sine, cosine) = (n.dot(&a.cross(&b)), a.dot(&b) - alpha * beta);
+        alpha.abs() < 0.97 && beta.abs() < 0.97 && cosine.abs() > 0.02 * sine.hypot(cosine)
+    })
 }
 
 #[test]
 fn the_nut_gradient_is_exact_for_any_axes_leads_and_hands() {
     let mut rng = rng(5);
     let [hexapod, _] = shipped();
+    let tool = Vector3::zeros();
     let mut checked = 0;
     for _ in 0..cases(1000) {
-        let machine = random_screws(&mut rng);
+        let (struts, machine) = random_screws(&mut rng);
         let pose = (hexapod.sample)(&mut rng);
-        let tool = Vector3::zeros();
-        // A strut near one of its joint axes, or a twist near the fold of the arcsin,
-        // bends too much for differences of this step.
-        let near_fold = largest_difference(&machine, &pose, &tool) >= CENTRAL_DIFFERENCE;
-        checked += usize::from(!near_fold);
+        if is_smooth(&struts, &machine, &pose) {
+            let difference = largest_difference(&machine, &pose, &tool);
+            assert!(difference < CENTRAL_DIFFERENCE, "{struts:?} {pose:?}: {difference:e}");
+            checked += 1;
+        }
     }
-    assert!(checked * 100 >= cases(1000) * 97, "only {checked} agreed");
+    assert!(checked * 2 > cases(1000), "only {checked} were smooth");
 }
 
 #[test]

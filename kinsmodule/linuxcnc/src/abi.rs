@@ -102,10 +102,13 @@ unsafe impl Sync for Cell {}
 
 static MODULE: Cell = Cell(UnsafeCell::new(None));
 
-/// The state, while no other reference to it is alive.
-fn module() -> Option<&'static mut Module> {
-    // SAFETY: see `Cell`; every exported function takes the reference once and drops it
-    // before it returns.
+/// The state.
+///
+/// # Safety
+/// No other reference to it may be alive: to be called once by an exported function,
+/// from LinuxCNC's servo thread, or while no thread runs.
+unsafe fn module<'a>() -> Option<&'a mut Module> {
+    // SAFETY: the caller vouches that this is the only reference.
     unsafe { (*MODULE.0.get()).as_mut() }
 }
 
@@ -139,9 +142,11 @@ pub unsafe extern "C" fn kinematicsForward(
     _fflags: *const KINEMATICS_FORWARD_FLAGS,
     _iflags: *mut KINEMATICS_INVERSE_FLAGS,
 ) -> c_int {
-    // SAFETY: LinuxCNC passes its joint array and pose.
-    let (joints, world) = unsafe { (joints(joint), world.as_mut()) };
-    let (Some(joints), Some(world), Some(module)) = (joints, world, module()) else {
+    // SAFETY: LinuxCNC passes its joint array and pose, from its servo thread.
+    let (joints, world, module) = unsafe { (joints(joint), world.as_mut(), module()) };
+    let Some(world) = world else { return Cause::NullPointer.code() };
+    let (Some(joints), Some(module)) = (joints, module) else {
+        world.set_degrees([f64::NAN; 6]);
         return Cause::NullPointer.code();
     };
     let given = world.degrees();
@@ -175,9 +180,10 @@ pub unsafe extern "C" fn kinematicsInverse(
     _iflags: *const KINEMATICS_INVERSE_FLAGS,
     _fflags: *mut KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
-    // SAFETY: LinuxCNC passes its pose and joint array.
-    let (world, joint) = unsafe { (world.as_ref(), joint.cast::<[f64; LEGS]>().as_mut()) };
-    let (Some(world), Some(joint), Some(module)) = (world, joint, module()) else {
+    // SAFETY: LinuxCNC passes its pose and joint array, from its servo thread.
+    let (world, joint, module) =
+        unsafe { (world.as_ref(), joint.cast::<[f64; LEGS]>().as_mut(), module()) };
+    let (Some(world), Some(joint), Some(module)) = (world, joint, module) else {
         return Cause::NullPointer.code();
     };
     let pose = world.degrees();
@@ -206,10 +212,10 @@ pub unsafe extern "C" fn kinematicsJacobian(
     jac: *mut [f64; 9],
     _iflags: *const KINEMATICS_INVERSE_FLAGS,
 ) -> c_int {
-    // SAFETY: LinuxCNC passes its pose and a 16 × 9 array.
-    let (world, jac) =
-        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; MAX_JOINTS]>().as_mut()) };
-    let (Some(world), Some(jac), Some(module)) = (world, jac, module()) else {
+    // SAFETY: LinuxCNC passes its pose and a 16 × 9 array, from its servo thread.
+    let (world, jac, module) =
+        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; MAX_JOINTS]>().as_mut(), module()) };
+    let (Some(world), Some(jac), Some(module)) = (world, jac, module) else {
         return -1;
     };
     let rows = match module.kind() {
@@ -239,9 +245,9 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     rot: *mut PmRotationMatrix,
     _fflags: *const KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
-    // SAFETY: LinuxCNC passes its joint array and a matrix.
-    let (joints, rot) = unsafe { (joints(joint), rot.as_mut()) };
-    let (Some(joints), Some(rot), Some(module)) = (joints, rot, module()) else {
+    // SAFETY: LinuxCNC passes its joint array and a matrix, from its servo thread.
+    let (joints, rot, module) = unsafe { (joints(joint), rot.as_mut(), module()) };
+    let (Some(joints), Some(rot), Some(module)) = (joints, rot, module) else {
         return -1;
     };
     let pose = match module.kind() {
@@ -295,15 +301,20 @@ pub extern "C" fn kinematicsSwitchable() -> c_int {
 /// Switches to kinematics 0 (machine) or 1 (identity). Returns 0, or a negative code.
 #[unsafe(no_mangle)]
 pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
-    let Some(module) = module() else {
+    // SAFETY: LinuxCNC switches from its servo thread.
+    let Some(module) = (unsafe { module() }) else {
         return Cause::NullPointer.code();
     };
     code(module.switch(switchkins_type))
 }
 
-/// The HAL function `pkmkins.monitor`.
+/// The HAL function `pkmkins.monitor`, to be added to the thread of the motion controller.
+///
+/// # Safety
+/// To be called by HAL, from that thread.
 unsafe extern "C" fn monitor(_argument: *mut c_void, _period: c_long) {
-    if let Some(module) = module() {
+    // SAFETY: the caller vouches for the thread.
+    if let Some(module) = unsafe { module() } {
         module.monitor();
     }
 }
@@ -355,7 +366,11 @@ fn start(load: Load) -> Result<(), HalError> {
     match result {
         // SAFETY: no thread runs yet.
         Ok(()) => unsafe { *COMPONENT.0.get() = Some(component) },
-        Err(_) => component.exit(),
+        Err(_) => {
+            // SAFETY: as above.
+            unsafe { *MODULE.0.get() = None };
+            component.exit();
+        }
     }
     result
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's HAL and RTAPI: the calls this module makes, and typed pins.
 
+use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_char, c_int, c_long, c_void};
 use core::fmt::{self, Write};
 
@@ -188,7 +189,7 @@ pin_value! {
 /// A HAL pin. LinuxCNC changes the pointer when the pin is netted, so it has to stand
 /// in HAL memory and be read anew at each access.
 #[repr(transparent)]
-pub struct Pin<T>(*mut T);
+pub struct Pin<T>(UnsafeCell<*mut T>);
 
 impl<T: PinValue> Pin<T> {
     /// Makes the pin with its first value.
@@ -196,7 +197,7 @@ impl<T: PinValue> Pin<T> {
     /// # Safety
     /// `self` must stand in memory from [`Component::allocate`].
     pub unsafe fn create(
-        &mut self,
+        &self,
         component: Component,
         direction: Direction,
         name: fmt::Arguments<'_>,
@@ -205,7 +206,7 @@ impl<T: PinValue> Pin<T> {
         let name = Text::<{ NAME_LENGTH + 1 }>::new(name);
         // SAFETY: the name ends with a zero; the caller vouches for the memory.
         checked(unsafe {
-            T::create(name.as_ptr(), direction as c_int, &raw mut self.0, component.0)
+            T::create(name.as_ptr(), direction as c_int, self.0.get(), component.0)
         })?;
         self.set(value);
         Ok(())
@@ -215,12 +216,12 @@ impl<T: PinValue> Pin<T> {
     pub fn get(&self) -> T {
         // SAFETY: HAL keeps the pointer valid from creation on; volatile because other
         // threads write it.
-        unsafe { (&raw const self.0).read_volatile().read_volatile() }
+        unsafe { self.0.get().read_volatile().read_volatile() }
     }
 
     #[inline]
     pub fn set(&self, value: T) {
         // SAFETY: as in `get`.
-        unsafe { (&raw const self.0).read_volatile().write_volatile(value) }
+        unsafe { self.0.get().read_volatile().write_volatile(value) }
     }
 }

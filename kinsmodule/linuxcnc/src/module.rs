@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the module remembers between calls, and the rules of the contract: when a
+//! What the module remembers between calls, and the rules that go with it: when a
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
 use crate::hal::print_error;
 use crate::pins::{Given, Pins};
-use kinematics::{Cause, Coordinates, Fault, LEGS, Machine, Pose, Solution, Vector3};
+use kinematics::{Cause, Coordinates, Fault, LEGS, Letter, Machine, Pose, Solution, Vector3};
 
 /// A tool change may move no joint by more than this share of the machine's size:
 /// less than what following errors of a level platform make of it.
@@ -12,6 +12,9 @@ const NOTICEABLE: f64 = 1e-5;
 
 /// Cycles without a fault after which the same fault is told again.
 const QUIET_CYCLES: u32 = 1000;
+
+/// Most different faults that are told before a quiet while.
+const MOST_TOLD: usize = 4;
 
 /// Kinds of forward calls that LinuxCNC makes (feedback, command), told apart by
 /// where they keep their pose.
@@ -28,7 +31,7 @@ struct Frozen {
 struct Caller {
     /// Address of the pose that LinuxCNC keeps for this kind of call.
     address: usize,
-    pose: Option<Pose>,
+    pose: Pose,
     /// The kinematics were switched: the seed LinuxCNC holds is not a pose.
     seed_is_stale: bool,
 }
@@ -45,7 +48,9 @@ struct Report {
     /// Whether the monitor runs: it then does the telling.
     monitored: bool,
     pending: Option<Fault>,
-    told: Option<(Cause, Option<u8>)>,
+    /// Told since the last quiet while; when it is full, nothing more is told until then.
+    told: [Option<(Cause, Option<u8>)>; MOST_TOLD],
+    /// Cycles since the last fault.
     quiet: u32,
 }
 
@@ -56,6 +61,7 @@ pub struct Module {
     frozen: Option<Frozen>,
     kind: Kind,
     apply_was: bool,
+    reset_was: bool,
     /// Once `.apply` was used, no call freezes by itself.
     apply_used: bool,
     /// Tool offset in effect.
@@ -66,6 +72,8 @@ pub struct Module {
     switched_back: bool,
     /// Last good pose of any kind of call.
     last_pose: Option<Pose>,
+    /// Whether `.machine-on` was ever true: only then does false mean that it is off.
+    machine_was_on: bool,
     report: Report,
 }
 
@@ -77,12 +85,14 @@ impl Module {
             frozen: None,
             kind: Kind::Machine,
             apply_was: false,
+            reset_was: false,
             apply_used: false,
             tool: Vector3::zeros(),
             callers: [None; CALLERS],
             switched_back: false,
             last_pose: None,
-            report: Report { monitored: false, pending: None, told: None, quiet: 0 },
+            machine_was_on: false,
+            report: Report { monitored: false, pending: None, told: [None; MOST_TOLD], quiet: 0 },
         }
     }
 
@@ -113,7 +123,7 @@ impl Module {
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
         let result = prepared.and_then(|()| self.solved(joints, seed, address));
-        if unhomed && result.is_err() {
+        if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
         self.pins.fwd_kins_fail.set(result.is_err());
@@ -150,8 +160,8 @@ impl Module {
             1 => Kind::Identity,
             _ => {
                 let fault = Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number));
-                print_error(format_args!("pkmkins: {fault}"));
-                return Err(fault);
+                self.tell_unmonitored(&fault);
+                return self.recorded(Err(fault));
             }
         };
         if kind == Kind::Machine && self.kind != kind {
@@ -171,7 +181,9 @@ impl Module {
         joints: &[f64; LEGS],
         world: [f64; 6],
     ) -> Result<[f64; 6], Fault> {
-        let pose = self.recorded(self.identity_pose(joints, world))?;
+        let result = self.identity_pose(joints, world);
+        self.pins.fwd_kins_fail.set(result.is_err());
+        let pose = self.recorded(result)?;
         self.pins.show_pose(pose);
         Ok(pose)
     }
@@ -185,8 +197,8 @@ impl Module {
         if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
             return Err(Fault::of_leg(Cause::JointNotFinite, i, joints[i]));
         }
-        for (index, value) in self.coordinates.indices().iter().zip(joints) {
-            world[usize::from(*index)] = *value;
+        for (letter, value) in self.coordinates.letters().iter().zip(joints) {
+            world[letter.index()] = *value;
         }
         Ok(world)
     }
@@ -194,8 +206,8 @@ impl Module {
     /// ∂q/∂(x … c) of the identity kinematics.
     pub fn identity_jacobian(&self) -> [[f64; 6]; LEGS] {
         let row =
-            |index: u8| core::array::from_fn(|a| if a == usize::from(index) { 1.0 } else { 0.0 });
-        self.coordinates.indices().map(row)
+            |letter: Letter| core::array::from_fn(|a| if a == letter.index() { 1.0 } else { 0.0 });
+        self.coordinates.letters().map(row)
     }
 
     /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
@@ -203,7 +215,7 @@ impl Module {
         if !pose.iter().all(|v| v.is_finite()) {
             return self.recorded(Err(Cause::PoseNotFinite.into()));
         }
-        Ok(self.coordinates.indices().map(|index| pose[usize::from(index)]))
+        Ok(self.coordinates.letters().map(|letter| pose[letter.index()]))
     }
 
     /// The servo-thread function beside the kinematics calls: watches `.apply`, shows
@@ -217,12 +229,14 @@ impl Module {
         self.report.tell_pending();
     }
 
-    /// Freezes what has to be frozen before a kinematics call; `drop_in` tells whether
+    /// Reads the pins that ask for something, and freezes what has to be frozen before a
+    /// kinematics call; `drop_in` tells whether
     /// the call may do so without `.apply`.
     fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.report.monitored {
             self.watch_reset();
         }
+        self.machine_was_on |= self.pins.machine_on();
         self.watch_apply();
         if self.frozen.is_none() && !self.apply_used && drop_in() {
             let result = self.freeze();
@@ -259,10 +273,14 @@ impl Module {
         let machine = checked?;
         self.pins.geometry_hash.set(given.geometry.hash());
         self.pins.geometry_changed.set(false);
-        self.tool = self.pins.tool(given.spindle_offset);
+        let tool = self.pins.tool(given.spindle_offset);
+        if tool.iter().all(|v| v.is_finite()) {
+            self.tool = tool;
+        }
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool);
         self.callers = [None; CALLERS];
+        self.switched_back = false;
         self.last_pose = None;
         self.pins.max_iterations.set(0);
         Ok(())
@@ -291,13 +309,15 @@ impl Module {
     ///
     /// A request takes effect where it moves no joint: with the machine off, before any
     /// pose is known, or while the platform is level. Otherwise the joints would jump.
+    /// A HAL file that does not connect `.machine-on` never tells that the machine is off.
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let frozen = self.frozen()?;
         let request = self.pins.tool(frozen.given.spindle_offset);
         if !request.iter().all(|v| v.is_finite()) {
             return Err(Cause::ToolNotFinite.into());
         }
-        if request == self.tool || !self.pins.machine_on() {
+        let told = self.machine_was_on || self.report.monitored;
+        if request == self.tool || (told && !self.pins.machine_on()) {
             return Ok(request);
         }
         let Some(pose) = self.last_pose else {
@@ -329,19 +349,17 @@ impl Module {
     fn seed_for(&self, seed: &Pose, address: usize) -> Result<Pose, Fault> {
         let caller = self.callers.iter().flatten().find(|c| c.address == address);
         let stale = caller.map_or(self.switched_back, |c| c.seed_is_stale);
-        if seed.is_finite() && !stale {
-            return Ok(*seed);
+        let known = caller.map(|c| c.pose).or(self.last_pose);
+        match known {
+            Some(pose) if stale || !seed.is_finite() => Ok(pose),
+            None if !seed.is_finite() => self.reference().ok_or(Cause::SeedMissing.into()),
+            _ => Ok(*seed),
         }
-        caller
-            .and_then(|c| c.pose)
-            .or(self.last_pose)
-            .or(self.reference())
-            .ok_or(Cause::SeedMissing.into())
     }
 
     fn remember(&mut self, address: usize, pose: Pose) {
         self.last_pose = Some(pose);
-        let entry = Caller { address, pose: Some(pose), seed_is_stale: false };
+        let entry = Caller { address, pose, seed_is_stale: false };
         let known = self.callers.iter_mut().flatten().find(|c| c.address == address);
         if let Some(caller) = known {
             *caller = entry;
@@ -383,15 +401,18 @@ impl Module {
         self.report.pending = Some(*fault);
     }
 
+    /// Honours a rising edge of `.fault-reset`.
     fn watch_reset(&mut self) {
-        if self.pins.fault_reset() {
+        let reset = self.pins.fault_reset();
+        if reset && !self.reset_was {
             self.pins.clear_fault();
-            self.report.told = None;
+            self.report.told = [None; MOST_TOLD];
         }
+        self.reset_was = reset;
     }
 
-    /// Without a monitor a refused geometry is told at once: it happens with the
-    /// machine off, and nobody else would say it.
+    /// Without a monitor a refused geometry or kinematics type is told at once: nobody
+    /// else would say it, and it does not happen in the course of motion.
     fn tell_unmonitored(&mut self, fault: &Fault) {
         if !self.report.monitored {
             self.report.tell(fault);
@@ -409,18 +430,27 @@ impl Report {
         }
         self.quiet = self.quiet.saturating_add(1);
         if self.quiet >= QUIET_CYCLES {
-            self.told = None;
+            self.told = [None; MOST_TOLD];
         }
     }
 
-    /// Tells a fault unless it is the one told last.
+    /// Tells a fault unless it was told already, or too many others were.
     fn tell(&mut self, fault: &Fault) {
         let news = Some((fault.cause, fault.leg));
-        if self.told != news {
-            self.told = news;
+        if self.told.contains(&news) {
+            return;
+        }
+        if let Some(free) = self.told.iter_mut().find(|t| t.is_none()) {
+            *free = news;
             print_error(format_args!("pkmkins: {fault}"));
         }
     }
+}
+
+/// Whether a refusal may come from joints and seed alone, as before homing.
+fn is_of_joints(cause: Cause) -> bool {
+    use Cause::{CriterionInvalid, LimitIterationsInvalid, ToolNotFinite};
+    !matches!(cause, CriterionInvalid | LimitIterationsInvalid | ToolNotFinite)
 }
 
 /// A seed that says nothing: zeros, or the NaN that a refusal left.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every number the tests of this crate compare with, and why it is that number.
 
-/// Inverse against genhexkins, relative to the machine's size. The contract's
+/// Inverse against genhexkins, relative to the machine's size. README's
 /// number: both round a few hundred times in double precision, 2⁻⁵² each.
 pub const INVERSE_REL: f64 = 1e-12;
 
@@ -18,11 +18,11 @@ pub const AXIS_MIN_CLEARANCE: f64 = 0.01;
 pub const FOLD_MIN_COSINE: f64 = 0.15;
 
 /// forward(inverse(p)) against p as pose distance, relative to the machine's
-/// size. The contract's number.
+/// size. README's number.
 pub const ROUND_TRIP_REL: f64 = 1e-10;
 
 /// Farther than this from the pose that was asked, relative to size, a success
-/// is another pose: the contract's definition of wrong.
+/// is another pose: what README calls wrong.
 pub const WRONG_REL: f64 = 1e-9;
 
 /// sin² between strut and joint axis below which forward proves nothing and
@@ -52,7 +52,7 @@ pub const DIFFERENCE: f64 = 1e-8;
 /// find: ROUND_TRIP_REL turns 1250 mm into 1.3e-7 mm at a radius of 200 mm.
 pub const FRAME: f64 = 1e-9;
 
-/// Iterations allowed one servo step away from the seed: the contract's number.
+/// Iterations allowed one servo step away from the seed: README's number.
 pub const NEAR_ITERATIONS: f64 = 3.0;
 
 /// Joints that must be equal but are computed by another order of operations, in

@@ -69,6 +69,47 @@ fn joints_of_zero_after_freezing_are_no_reason_for_alarm_either() {
 }
 
 #[test]
+fn no_fault_floods_the_operator() {
+    let module = paper_004().module();
+    let joints = module.inverse(&SEED).expect("a pose of the workspace");
+    module.forward(&joints, &SEED).expect("its own joints");
+    module.clear_messages();
+    module.set("fault-reset", 1.0);
+    for cycle in 0..900 {
+        // Another joint at every cycle, so that no two faults in a row are the same.
+        let mut broken = joints;
+        broken[cycle % 6] = f64::NAN;
+        assert!(module.forward_into(&broken, &mut SEED.clone()) < 0);
+        let mut far = SEED;
+        far[cycle % 6] = f64::NAN;
+        assert!(module.inverse_into(&far, &mut [0.0; 16]) < 0);
+        module.monitor();
+    }
+    let said = module.messages();
+    assert!((1..=4).contains(&said.len()), "{} messages", said.len());
+}
+
+#[test]
+fn a_fault_is_told_again_after_a_quiet_while() {
+    let module = paper_004().module();
+    let refuse = || {
+        let mut pose = SEED;
+        pose[0] = f64::NAN;
+        assert!(module.inverse_into(&pose, &mut [0.0; 16]) < 0);
+        module.monitor();
+    };
+    module.clear_messages();
+    refuse();
+    refuse();
+    assert_eq!(module.messages().len(), 1);
+    for _ in 0..1000 {
+        module.monitor();
+    }
+    refuse();
+    assert_eq!(module.messages().len(), 2);
+}
+
+#[test]
 fn a_machine_whose_joints_are_zero_at_home_is_found_there() {
     let machine = paper_004();
     let module = machine.module();

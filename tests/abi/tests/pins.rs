@@ -83,7 +83,7 @@ fn actual(module: &Module) -> BTreeMap<String, Kind> {
 }
 
 #[test]
-fn the_pins_of_a_hexapod_are_exactly_those_of_the_contract() {
+fn the_pins_of_a_hexapod_are_exactly_those_of_the_manual() {
     let (expected, actual) = (expected(), actual(&Module::pkmkins(&[])));
     let mut wrong = Vec::new();
     for (name, kind) in &expected {
@@ -93,7 +93,7 @@ fn the_pins_of_a_hexapod_are_exactly_those_of_the_contract() {
         }
     }
     for name in actual.keys().filter(|name| !expected.contains_key(*name)) {
-        wrong.push(format!("{name}: {:?}, not in the contract", actual[name]));
+        wrong.push(format!("{name}: {:?}, not in the manual", actual[name]));
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }

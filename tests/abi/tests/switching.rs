@@ -4,7 +4,8 @@
 use abi_tests::geometry::distance;
 use abi_tests::machines::paper_004;
 use abi_tests::module::{Joints, Module, Pose};
-use abi_tests::tolerances::WRONG_REL;
+use abi_tests::tolerances::{SAME_COMPONENT, WRONG_REL};
+use kinematics::Cause;
 
 const POSE: Pose = [10.0, -20.0, 260.0, 3.0, -4.0, 2.0, 0.0, 0.0, 0.0];
 const LETTERS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
@@ -33,11 +34,51 @@ fn types_that_do_not_exist_are_refused_and_change_nothing() {
         for kind in [2, 3, -1, i32::MAX, i32::MIN] {
             assert_ne!(module.switch(kind), 0, "{kind}");
             assert_eq!(types(&module), before, "{kind}");
+            assert_eq!(module.get("fault"), f64::from(Cause::KinematicsTypeUnknown.code()));
         }
     }
-    assert!(module.messages().iter().any(|m| m.level == 1), "type 2 is refused with a message");
+    module.monitor();
+    let said = module.messages();
+    assert_eq!(said.len(), 1, "one message, however often it was asked for: {said:?}");
+    assert_eq!(said[0].level, 1, "an error, so that the operator sees it");
     assert_eq!(module.switch(0), 0);
     assert_eq!(module.inverse(&POSE), joints);
+}
+
+/// A seed that LinuxCNC has got from its home pose, not from joint values.
+fn found_after(module: &Module) {
+    let joints = paper_004().module().inverse(&POSE).expect("a pose of the workspace");
+    let mut seed = POSE;
+    seed[0] += 0.1;
+    let found = module.forward(&joints, &seed).expect("a good seed");
+    assert!((found[2] - POSE[2]).abs() < SAME_COMPONENT, "{found:?}");
+}
+
+#[test]
+fn a_switch_before_any_pose_is_known_does_not_block_forward() {
+    for reference in [true, false] {
+        let mut machine = paper_004();
+        machine.home = machine.home.filter(|_| reference);
+        let module = Module::pkmkins(&[]);
+        machine.wire(&module);
+        assert_eq!(module.switch(1), 0);
+        assert_eq!(module.switch(0), 0);
+        found_after(&module);
+    }
+}
+
+#[test]
+fn a_geometry_applied_after_a_switch_starts_from_the_seed_again() {
+    for reference in [true, false] {
+        let mut machine = paper_004();
+        machine.home = machine.home.filter(|_| reference);
+        let module = machine.module();
+        found_after(&module);
+        assert_eq!(module.switch(1), 0);
+        assert_eq!(module.switch(0), 0);
+        module.apply();
+        found_after(&module);
+    }
 }
 
 #[test]

@@ -73,6 +73,21 @@ fn changed_while_tilted_and_on_inverse_is_refused_and_says_why() {
     }
 }
 
+/// A HAL file made for genhexkins connects neither `.machine-on` nor the monitor.
+#[test]
+fn in_a_drop_in_hal_file_a_change_at_a_tilt_is_refused_too() {
+    for pin in TOOLS {
+        let module = Module::pkmkins(&[]);
+        paper_004().wire(&module);
+        let joints = module.inverse(&TILTED).expect("a pose of the workspace");
+        module.forward(&joints, &TILTED).expect("its own joints");
+        module.set(pin, 80.0);
+        assert_eq!(module.inverse(&TILTED), Err(Cause::ToolChangedTilted.code()), "{pin}");
+        module.set(pin, 0.0);
+        assert_eq!(module.inverse(&TILTED), Ok(joints), "{pin} taken back");
+    }
+}
+
 #[test]
 fn with_the_machine_off_it_is_taken_at_any_tilt() {
     let expected = Hexapod { tool_offset: 80.0, ..paper_004() }.module().inverse(&TILTED);

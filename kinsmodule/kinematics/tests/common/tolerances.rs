@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Tolerances of the core's tests, each with its reason.
 
-/// forward(inverse(x)) against x, relative to the machine's size: the contract.
+/// forward(inverse(x)) against x, relative to the machine's size: what README promises.
 pub const ROUND_TRIP: f64 = 1e-10;
 
 /// A pose farther than this from the right one is another pose: one tenth of the
-/// distance that the contract's definition of "wrong" allows would be rounding.
+/// distance at which a pose counts as wrong would be rounding.
 pub const WRONG: f64 = 1e-9;
 
 /// Joints against rows computed independently in double precision, mm: a few hundred
