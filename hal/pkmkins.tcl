@@ -61,7 +61,9 @@ proc pkmkins::is_number {word} {
     variable number
     if {![regexp "^$number\$" $word]} { return 0 }
     scan $word %f value
-    return [expr {abs($value) < Inf}]
+    # A number too small for a double would silently be none at all.
+    regexp {^[^eE]*} $word mantissa
+    return [expr {abs($value) < Inf && ($value != 0 || ![regexp {[1-9]} $mantissa])}]
 }
 
 proc pkmkins::words {text} {
@@ -199,10 +201,31 @@ proc pkmkins::section_pins {section keys index} {
     return $pins
 }
 
-proc pkmkins::machine_pins {} {
+# A lead that is missing is not 0: a lost heading or a typing error would drop it silently.
+proc pkmkins::require_lead {legs} {
+    for {set n 0} {$n < $legs} {incr n} {
+        if {[llength [values LEG_$n LEAD]]} { continue }
+        if {![llength [values PKM SCREW_LEAD]]} { numbers PKM SCREW_LEAD 1 1 }
+        return
+    }
+}
+
+# More than `least`, at most `most`; text that is no number is complained of elsewhere.
+proc pkmkins::check_range {section key least most} {
+    set words [words [lindex [values $section $key] 0]]
+    if {[llength $words] != 1 || ![is_number [lindex $words 0]]} { return }
+    set value [value [lindex $words 0]]
+    if {$value <= $least || $value > $most} {
+        complain $section $key "= \"$words\": expected more than $least[expr {$most < Inf ? " and at most $most" : ""}]"
+    }
+}
+
+proc pkmkins::machine_pins {legs} {
     variable machine_keys
     variable most_iterations
     check_keys PKM [dict keys $machine_keys]
+    require_lead $legs
+    check_range PKM CONVERGENCE_CRITERION 0 Inf
     set pins [section_pins PKM $machine_keys ""]
     if {![dict exists $pins limit-iterations]} { return [dict set pins limit-iterations $most_iterations] }
     set text [dict get $pins limit-iterations]
@@ -218,6 +241,7 @@ proc pkmkins::leg_pins {n kind} {
     if {![array exists ::$section]} { return {} }
     set keys [dict get $leg_keys $kind]
     check_keys $section [dict keys $keys]
+    foreach key {BASE_CONE PLATFORM_CONE} { check_range $section $key 0 180 }
     return [section_pins $section $keys .$n]
 }
 
@@ -275,7 +299,7 @@ proc pkmkins::read_ini {} {
     set kinds [leg_kinds]
     check_joints [llength $kinds]
     check_legs_present [llength $kinds]
-    set pins [machine_pins]
+    set pins [machine_pins [llength $kinds]]
     set n 0
     foreach kind $kinds {
         lappend pins {*}[leg_pins $n $kind] {*}[joint_pins $n]

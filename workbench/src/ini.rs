@@ -105,7 +105,7 @@ impl Ini {
     /// Reads text; `file` only names it in errors.
     ///
     /// # Errors
-    /// The text includes another file.
+    /// The text includes another file, or a section heading is malformed.
     pub fn parse(file: &Path, text: &str) -> Result<Self, IniError> {
         let mut ini = Self::empty(file);
         let mut section = String::new();
@@ -133,7 +133,10 @@ impl Ini {
         if line.is_empty() || line.starts_with(['#', ';']) {
             return Ok(());
         }
-        if let Some((name, _)) = line.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+        if line.starts_with('[') {
+            let expected = "expected a section heading such as [PKM] and nothing else on the line";
+            let name = heading(line)
+                .ok_or_else(|| self.error("", "", Some(line), expected).at_line(number))?;
             *section = name.to_string();
             self.sections.push((name.to_string(), number));
             return Ok(());
@@ -243,7 +246,8 @@ impl Ini {
 
     /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
     pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
-        entry.value.split_ascii_whitespace().map(decimal).collect()
+        let words = entry.value.split([' ', '\t']).filter(|word| !word.is_empty());
+        words.map(decimal).collect()
     }
 
     /// The error that refuses this entry.
@@ -265,6 +269,14 @@ impl Ini {
     }
 }
 
+/// Name in a section heading. LinuxCNC's readers differ in what they make of blanks and
+/// of text beside it, up to losing the section.
+fn heading(line: &str) -> Option<&str> {
+    let name = line.strip_prefix('[')?.strip_suffix(']')?;
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    (!name.is_empty() && name.chars().all(plain)).then_some(name)
+}
+
 fn expected_numbers(count: usize) -> String {
     let what = match count {
         1 => "expected one decimal number".to_string(),
@@ -284,7 +296,9 @@ pub fn decimal(word: &str) -> Option<f64> {
     if !(digits(whole) && digits(fraction) && digits(exponent)) {
         return None;
     }
-    word.parse().ok().filter(|value: &f64| value.is_finite())
+    // A number too small for a double would silently be none at all.
+    let is_nothing = mantissa.bytes().all(|b| matches!(b, b'0' | b'.'));
+    word.parse().ok().filter(|value: &f64| value.is_finite() && (*value != 0.0 || is_nothing))
 }
 
 #[cfg(test)]

@@ -285,7 +285,11 @@ fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
 fn strut(ini: &Ini, n: usize) -> Result<LegGeometry, IniError> {
     let section = leg(n);
     ini.check_section(&section, STRUT_KEYS)?;
-    let lead = ini.number_or(&section, "LEAD", ini.number_or("PKM", "SCREW_LEAD", 0.0)?)?;
+    let lead = match ini.numbers(&section, "LEAD")? {
+        Some([own]) => own,
+        // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
+        None => ini.require_numbers::<1>("PKM", "SCREW_LEAD")?[0],
+    };
     let axis = |key| match ini.numbers(&section, key)? {
         None if lead != 0.0 => ini.require_numbers(&section, key),
         axis => Ok(axis.unwrap_or_default()),
@@ -297,17 +301,25 @@ fn strut(ini: &Ini, n: usize) -> Result<LegGeometry, IniError> {
 }
 
 fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
-    Ok(ini.numbers::<1>(&leg(n), key)?.map(|[angle]| angle))
+    let section = leg(n);
+    let Some([angle]) = ini.numbers::<1>(&section, key)? else { return Ok(None) };
+    if !(angle > 0.0 && angle <= 180.0) {
+        let expected = "expected more than 0 and at most 180 degrees";
+        return Err(ini.refuse(ini.require(&section, key, expected)?, expected));
+    }
+    Ok(Some(angle))
 }
 
 fn solver(ini: &Ini) -> Result<Solver, IniError> {
     let solver = Solver::default();
-    let criterion = ini.number_or("PKM", "CONVERGENCE_CRITERION", solver.convergence_criterion)?;
+    let criterion =
+        positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(solver.convergence_criterion))?;
     let Some([limit]) = ini.numbers::<1>("PKM", "LIMIT_ITERATIONS")? else {
         return Ok(Solver { convergence_criterion: criterion, ..solver });
     };
-    if limit.fract() != 0.0 || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
-        let entry = ini.require("PKM", "LIMIT_ITERATIONS", "")?;
+    let entry = ini.require("PKM", "LIMIT_ITERATIONS", "")?;
+    let is_whole = entry.value.bytes().all(|b| b.is_ascii_digit());
+    if !is_whole || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
         let expected = format!("expected a whole number from 1 to {MAX_ITERATIONS}");
         return Err(ini.refuse(entry, &expected));
     }
