@@ -6,7 +6,7 @@
 .PHONY: help demo test test-long check bench setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
-SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
+SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc python3
 
 # Where LinuxCNC looks for modules and for LIB: files.
@@ -30,8 +30,11 @@ help:
 	@echo "make uninstall  takes exactly these away"
 	@echo "make clean      removes target/ and build/"
 
-demo: install
-	tests/live/demo.sh $(MACHINE) $(PROGRAM)
+demo:
+	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || { \
+	    echo "pkmkins: no machine $(MACHINE); there are:" $(notdir $(wildcard configs/*)); exit 2; }
+	@$(MAKE) --no-print-directory install
+	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
 test: check install
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
@@ -55,6 +58,7 @@ bench: setup module
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench
 
 setup:
+	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }
 	@command -v $(CARGO) >/dev/null || { echo "pkmkins: cargo is missing: install Rust 1.89 or later (https://rustup.rs)"; exit 1; }
 	@missing=$$(for p in $(PACKAGES); do \
 	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \

@@ -13,6 +13,8 @@ machine=${1:-hexapod}
 ini=configs/$machine/$machine.ini
 [ -f "$ini" ] || { echo "demo: no machine $machine; there are: $(ls configs | tr '\n' ' ')" >&2; exit 2; }
 program=${2:-$(sed -n 's|^OPEN_FILE = programs/||p' "$ini")}
+[ -f "configs/$machine/programs/$program" ] ||
+    { echo "demo: no program $program; there are: $(ls "configs/$machine/programs" | tr '\n' ' ')" >&2; exit 2; }
 out=build/demo/$machine
 
 cargo build --profile host --locked --quiet -p pkm --bin pkm-report

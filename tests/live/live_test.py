@@ -27,10 +27,17 @@ HEXAPOD = REPOSITORY / "configs/hexapod"
 LAB_HEXAPOD = REPOSITORY / "configs/lab-hexapod"
 SAMPLE = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TESTS = {}
+RECORDING = set()
 
 
 def test(function):
     TESTS[function.__name__] = function
+    return function
+
+
+def recording(function):
+    """A test that leaves a trace to be judged."""
+    RECORDING.add(function.__name__)
     return function
 
 
@@ -69,21 +76,25 @@ def lab_hexapod_homes_by_a_search_and_starts_quietly(out):
 
 
 @test
+@recording
 def hexapod_machines_the_five_axis_surface(out):
     return program(HEXAPOD, "five-axis-surface.ngc", out)
 
 
 @test
+@recording
 def hexapod_changes_tools(out):
     return program(HEXAPOD, "tool-change.ngc", out)
 
 
 @test
+@recording
 def lab_hexapod_faces_tilted_planes(out):
     return program(LAB_HEXAPOD, "facing-tilted.ngc", out)
 
 
 @test
+@recording
 def lab_hexapod_changes_tools(out):
     return program(LAB_HEXAPOD, "tool-length.ngc", out)
 
@@ -255,7 +266,12 @@ def run_and_judge(options, out):
     code = rerun_unprivileged("tests/live/live_test.py", ["--only", options.only], 900, out)
     if not options.judge:
         return code
-    results = [judge_one(options.judge, trace) for trace in sorted(out.glob("*/trace.csv"))]
+    traces = sorted(out.glob("*/trace.csv"))
+    results = [judge_one(options.judge, trace) for trace in traces]
+    for name in sorted(name for name in RECORDING if options.only in name):
+        if out / name / "trace.csv" not in traces:
+            print(f"FAIL trace of {name}: none was recorded")
+            results.append(False)
     print(f"traces: {sum(results)} passed, {len(results) - sum(results)} failed")
     return code or (0 if all(results) else 1)
 

@@ -34,8 +34,6 @@ def run(config, program, out, seconds):
     """Result of one program; also written to out/result.json."""
     with Session(REPOSITORY / config) as session:
         path = session.copy / "programs" / program
-        if not path.is_file():
-            sys.exit(f"run_live: {config} has no program {program}")
         lines = len(path.read_text().splitlines())
         moves = moves_in(session, path)
         result = session.run("program", out, seconds, path=str(path), lines=lines, seconds=seconds)
@@ -54,10 +52,23 @@ def parsed():
     return arguments.parse_args()
 
 
+def refuse_bad_names(options):
+    """Ends with a sentence before anything is started in vain."""
+    config = REPOSITORY / options.config
+    if not (config / f"{config.name}.ini").is_file():
+        sys.exit(f"run_live: {options.config} holds no {config.name}.ini")
+    program = config / "programs" / options.program
+    if Path(options.program).name != options.program or not program.is_file():
+        names = " ".join(sorted(p.name for p in (config / "programs").glob("*.ngc")))
+        sys.exit(f"run_live: {options.config} has no program {options.program}; there are: {names}")
+
+
 def main():
     options = parsed()
+    refuse_bad_names(options)
     if not is_unprivileged():
         out = Path(options.out).resolve()
+        out.mkdir(parents=True, exist_ok=True)
         forwarded = ["--config", options.config, "--program", options.program, "--out", str(out),
                      "--seconds", str(options.seconds)]
         return rerun_unprivileged("tests/live/run_live.py", forwarded, options.seconds + 180, out)

@@ -76,7 +76,17 @@ def only_one():
         except BlockingIOError:
             print("waiting for another live run to end", file=sys.stderr)
             fcntl.flock(lock, fcntl.LOCK_EX)
+        refuse_beside_other_sessions()
         yield
+
+
+def refuse_beside_other_sessions():
+    """Ends this process if HAL is in use: what clears up after a run would end that session too."""
+    running = subprocess.run(["pgrep", "-x", "rtapi_app"], capture_output=True, text=True)
+    if running.returncode == 0:
+        process = running.stdout.split()[0]
+        sys.exit(f"LinuxCNC or another HAL session is running (process {process}): end it first; "
+                 "what a broken run left behind is ended by `halrun -U`")
 
 
 def clear_hal():

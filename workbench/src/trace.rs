@@ -113,6 +113,9 @@ pub fn read_trace(file: &Path) -> Result<Vec<Sample>, String> {
         .enumerate()
         .map(|(i, row)| row.map_err(|e| named(&format!("line {}: {e}", i + 2))))
         .collect::<Result<Vec<Sample>, String>>()?;
+    if let Some(i) = samples.windows(2).position(|pair| pair[1].time <= pair[0].time) {
+        return Err(named(&format!("line {}: the time does not advance", i + 3)));
+    }
     if samples.iter().filter(|s| s.in_world).count() < 3 {
         return Err(named(&"holds no world mode (phase 2): nothing to judge"));
     }
@@ -138,6 +141,10 @@ fn sample(row: Vec<f64>) -> Result<Sample, String> {
     let row: [f64; COLUMNS] = row
         .try_into()
         .map_err(|row: Vec<f64>| format!("{} values, expected {COLUMNS}", row.len()))?;
+    let (iterations, residual) = (row[33], row[34]);
+    if iterations < 0.0 || residual < 0.0 {
+        return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
+    }
     let six = |from: usize| std::array::from_fn(|i| row[from + i]);
     Ok(Sample {
         time: row[0],
@@ -148,8 +155,8 @@ fn sample(row: Vec<f64>) -> Result<Sample, String> {
         forward: six(20),
         corrections: six(26),
         tool_z: row[32],
-        iterations: row[33],
-        residual: row[34],
+        iterations,
+        residual,
     })
 }
 
