@@ -7,7 +7,7 @@
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc python3
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc python3 procps
 
 # Where LinuxCNC looks for modules and for LIB: files.
 MODULES := /usr/lib/linuxcnc/modules

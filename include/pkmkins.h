@@ -31,7 +31,7 @@ enum pkmkins_cause {
   PKMKINS_JOINT_NOT_FINITE = -20,
   // the joint value leaves no positive strut length.
   PKMKINS_JOINT_NOT_POSITIVE = -21,
-  // the pose to start from is NaN and no earlier pose is known.
+  // the pose to start from is NaN or infinite, and no earlier pose is known.
   PKMKINS_SEED_MISSING = -22,
   // the legs do not hold the platform at this pose (singular Jacobian).
   PKMKINS_SINGULAR = -30,
@@ -73,10 +73,10 @@ enum pkmkins_cause {
   PKMKINS_APPLY_WHILE_ON = -71,
   // this kinematics type does not exist (0 = machine, 1 = identity).
   PKMKINS_KINEMATICS_TYPE_UNKNOWN = -72,
-  // all joints are 0, as they are before homing, and close no platform.
-  PKMKINS_NOT_HOMED = -74,
   // a null pointer was passed.
   PKMKINS_NULL_POINTER = -73,
+  // all joints are 0, as they are before homing, and close no platform.
+  PKMKINS_NOT_HOMED = -74,
 };
 
 
