@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -82,11 +83,14 @@ def only_one():
 
 def refuse_beside_other_sessions():
     """Ends this process if HAL is in use: what clears up after a run would end that session too."""
-    running = subprocess.run(["pgrep", "-x", "rtapi_app"], capture_output=True, text=True)
-    if running.returncode == 0:
-        process = running.stdout.split()[0]
-        sys.exit(f"LinuxCNC or another HAL session is running (process {process}): end it first; "
-                 "what a broken run left behind is ended by `halrun -U`")
+    # The realtime process of a session that has just ended is still there for a moment.
+    for _ in range(20):
+        running = subprocess.run(["pgrep", "-x", "rtapi_app"], capture_output=True, text=True)
+        if running.returncode != 0:
+            return
+        time.sleep(0.5)
+    sys.exit(f"LinuxCNC or another HAL session is running (process {running.stdout.split()[0]}): end "
+             "it first; what a broken run left behind is ended by `halrun -U`")
 
 
 def clear_hal():

@@ -60,7 +60,7 @@ pub struct LoadError {
 pub struct Module {
     prefix: &'static str,
     entry: Entry,
-    library: NonNull<c_void>,
+    object: NonNull<c_void>,
     pins: HashMap<String, Pin>,
     world: World,
     // The parameters' text, which the module may look at until it is closed.
@@ -99,12 +99,12 @@ impl Module {
         let say = |text: String| LoadError { code: 0, messages: vec![text] };
         let world = World::new();
         world.enter();
-        let library = open_own_copy(path).map_err(say)?;
-        let parameters = set_parameters(library, parameters).map_err(say)?;
-        let entry = Entry::find(library).map_err(say)?;
-        start(library, &world)?;
+        let object = open_own_copy(path).map_err(say)?;
+        let parameters = set_parameters(object, parameters).map_err(say)?;
+        let entry = Entry::find(object).map_err(say)?;
+        start(object, &world)?;
         let pins = world.pins().into_iter().map(|pin| (pin.name.clone(), pin)).collect();
-        Ok(Module { prefix, entry, library, pins, world, _parameters: parameters })
+        Ok(Module { prefix, entry, object, pins, world, _parameters: parameters })
     }
 
     /// All pins, in the order of their creation.
@@ -272,7 +272,7 @@ impl Module {
 
     /// A text the module exports for `rtapi_app` and `modinfo`.
     pub fn text(&self, symbol: &str) -> Option<String> {
-        let address = stub::symbol(self.library, symbol)?;
+        let address = stub::symbol(self.object, symbol)?;
         // SAFETY: MODULE_INFO's layout: a pointer to a constant C string.
         let text = unsafe { CStr::from_ptr(address.cast::<*const c_char>().read()) };
         Some(text.to_string_lossy().into_owned())
@@ -288,21 +288,21 @@ impl Module {
 impl Drop for Module {
     fn drop(&mut self) {
         self.world.enter();
-        // SAFETY: started once in `load`; nothing is called after the library is closed.
+        // SAFETY: started once in `load`; nothing is called after the object is closed.
         unsafe { (self.entry.exit)() };
         let left = self.world.has_exited();
         // SAFETY: as above.
-        unsafe { libc::dlclose(self.library.as_ptr()) };
+        unsafe { libc::dlclose(self.object.as_ptr()) };
         assert!(left || std::thread::panicking(), "rtapi_app_exit did not call hal_exit");
     }
 }
 
 impl Entry {
-    fn find(library: NonNull<c_void>) -> Result<Entry, String> {
+    fn find(object: NonNull<c_void>) -> Result<Entry, String> {
         let missing = |name: &str| format!("the module exports no {name}");
         macro_rules! need {
             ($name:literal) => {
-                function!(library, $name, _).ok_or_else(|| missing($name))?
+                function!(object, $name, _).ok_or_else(|| missing($name))?
             };
         }
         Ok(Entry {
@@ -312,9 +312,9 @@ impl Entry {
             switchable: need!("kinematicsSwitchable"),
             switch: need!("kinematicsSwitch"),
             exit: need!("rtapi_app_exit"),
-            jacobian: function!(library, "kinematicsJacobian", JacobianFn),
-            tool_frame: function!(library, "kinematicsToolFrame", FrameFn),
-            work_frame: function!(library, "kinematicsWorkFrame", FrameFn),
+            jacobian: function!(object, "kinematicsJacobian", JacobianFn),
+            tool_frame: function!(object, "kinematicsToolFrame", FrameFn),
+            work_frame: function!(object, "kinematicsWorkFrame", FrameFn),
         })
     }
 }
@@ -344,19 +344,19 @@ fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
     let copy =
         std::env::temp_dir().join(format!("pkmkins-test-{}-{number}.so", std::process::id()));
     std::fs::copy(path, &copy).map_err(|error| format!("{}: {error}", path.display()))?;
-    let library = stub::open(&copy, false);
+    let object = stub::open(&copy, false);
     let _ = std::fs::remove_file(&copy);
-    library
+    object
 }
 
 /// Writes loadrt parameters as `rtapi_app` does: through the address symbol.
 fn set_parameters(
-    library: NonNull<c_void>,
+    object: NonNull<c_void>,
     parameters: &[(&str, &str)],
 ) -> Result<Vec<CString>, String> {
     let mut texts = Vec::new();
     for (name, value) in parameters {
-        let address = stub::symbol(library, &format!("rtapi_info_address_{name}"))
+        let address = stub::symbol(object, &format!("rtapi_info_address_{name}"))
             .ok_or_else(|| format!("unknown parameter '{name}'"))?;
         let text = CString::new(*value).expect("a parameter without NUL");
         // SAFETY: MODULE_PARM's layout: the symbol is a pointer to the module's
@@ -370,16 +370,16 @@ fn set_parameters(
     Ok(texts)
 }
 
-/// Runs `rtapi_app_main`; a refused start closes the library again.
-fn start(library: NonNull<c_void>, world: &World) -> Result<(), LoadError> {
-    let main = function!(library, "rtapi_app_main", PlainFn);
+/// Runs `rtapi_app_main`; a refused start closes the object again.
+fn start(object: NonNull<c_void>, world: &World) -> Result<(), LoadError> {
+    let main = function!(object, "rtapi_app_main", PlainFn);
     // SAFETY: parameters are set, the HAL world is entered.
     let code = main.map_or(-1, |main| unsafe { main() });
     if code >= 0 && world.is_ready() {
         return Ok(());
     }
     let messages = world.messages().into_iter().map(|message| message.text).collect();
-    // SAFETY: nothing of the library is in use.
-    unsafe { libc::dlclose(library.as_ptr()) };
+    // SAFETY: nothing of the object is in use.
+    unsafe { libc::dlclose(object.as_ptr()) };
     Err(LoadError { code, messages })
 }
