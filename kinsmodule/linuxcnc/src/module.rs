@@ -230,8 +230,7 @@ impl Module {
     }
 
     /// Reads the pins that ask for something, and freezes what has to be frozen before a
-    /// kinematics call; `drop_in` tells whether
-    /// the call may do so without `.apply`.
+    /// kinematics call; `drop_in` tells whether the call may do so without `.apply`.
     fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.report.monitored {
             self.watch_reset();

@@ -26,8 +26,8 @@ pub const ROUND_TRIP_REL: f64 = 1e-10;
 pub const WRONG_REL: f64 = 1e-9;
 
 /// sin² between strut and joint axis below which forward proves nothing and
-/// refuses: it gives up within 10° of the axis (sin² 0.03), less the ball it searches.
-pub const CERTIFIABLE_CLEARANCE: f64 = 0.05;
+/// refuses: it gives up within 1° of the axis (sin² 3e-4), less the ball it searches.
+pub const CERTIFIABLE_CLEARANCE: f64 = 2e-3;
 
 /// Share of servo steps on machines of random geometry that forward may refuse:
 /// a few of their poses are close to singular. Another pose is never allowed.

@@ -4,9 +4,16 @@
 /// forward(inverse(x)) against x, relative to the machine's size: what README promises.
 pub const ROUND_TRIP: f64 = 1e-10;
 
-/// A pose farther than this from the right one is another pose: one tenth of the
-/// distance at which a pose counts as wrong would be rounding.
+/// A success farther than this from the right pose, relative to size, is another pose:
+/// ten times what the round trip may lose.
 pub const WRONG: f64 = 1e-9;
+
+/// L d of the ball that certifies a servo step: 0.060 is seen over 10⁶ poses. More means
+/// that the bound of the legs' curvature has become looser.
+pub const SERVO_REACH: f64 = 0.07;
+
+/// Sub-steps from home: 52 are seen over 10⁵ poses, 96 is where forward gives up.
+pub const SUB_STEPS_FROM_HOME: u32 = 60;
 
 /// Joints against rows computed independently in double precision, mm: a few hundred
 /// roundings of lengths near 1000 mm (2e-13 mm each).
