@@ -185,6 +185,12 @@ struct Effort {
 }
 
 impl Effort {
+    /// Whether a pose error (a length) and the residuals that go with it are small enough.
+    #[inline]
+    fn is_converged<const N: usize>(&self, error: f64, residual: &[f64; N]) -> bool {
+        error <= self.tolerance && largest(residual) <= self.accepted
+    }
+
     /// Counts one linear solve.
     #[inline]
     fn spend(&mut self) -> Result<(), Fault> {
@@ -239,21 +245,17 @@ impl<const N: usize> Machine<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let start = Place { centre: self.centre(&seed.position, &rotation, tool), rotation };
-        let accepted = solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size);
         let mut effort = Effort {
             iterations: 0,
             sub_steps: 1,
             limit: solver.limit_iterations,
             tolerance: POSE_TOLERANCE * self.size,
-            accepted,
+            accepted: solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size),
         };
         let found = match solver.method {
             Method::Certified => self.search(joints, &target, start, &mut effort)?,
             Method::PlainNewton => self.plain_newton(&target, start, &mut effort)?,
         };
-        if !(found.residual <= accepted) {
-            return Err(Fault::with_value(Cause::NotConverged, found.residual));
-        }
         let r = &found.place.rotation;
         let pose = Pose {
             position: found.place.centre + tool - r * (tool + self.centroid),
@@ -377,7 +379,7 @@ impl<const N: usize> Machine<N> {
         for _ in 0..=MAX_CORRECTIONS {
             let used = renewed.as_ref().unwrap_or(qr);
             let error = (length * contraction).min(used.inverse_norm() * norm(&current.residual));
-            converged = error <= effort.tolerance && largest(&current.residual) <= effort.accepted;
+            converged = effort.is_converged(error, &current.residual);
             if converged {
                 break;
             }
@@ -526,7 +528,7 @@ impl<const N: usize> Machine<N> {
         loop {
             let at = self.measured(target, &place)?;
             let qr = self.factored(&at)?;
-            if qr.inverse_norm() * norm(&at.residual) <= effort.tolerance {
+            if effort.is_converged(qr.inverse_norm() * norm(&at.residual), &at.residual) {
                 return Ok(self.found(place, &at, Certificate::None));
             }
             effort.spend()?;
