@@ -21,7 +21,8 @@ MACHINE := hexapod
 PROGRAM :=
 
 help:
-	@echo "make demo       a hexapod runs a five-axis program under LinuxCNC; MACHINE=hexapod|lab-hexapod"
+	@echo "make demo       a machine runs its program under LinuxCNC; MACHINE=hexapod (default)"
+	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make check      formatting, lints, documentation, generated files"

@@ -6,10 +6,12 @@
 #     [HAL]
 #     HALFILE = LIB:pkmkins.tcl
 #
-# Reads [PKM], [LEG_N], the limits of [JOINT_N], [TRAJ]HOME and [KINS]; sets the pins of the
-# module, connects it to the motion controller and asks for the geometry to be frozen (.apply).
-# Everything is checked before the first pin is set: a file with an error stops LinuxCNC's start
-# and leaves the module as it was. All errors are listed, not only the first one.
+# Reads [PKM], [LEG_N], the limits of [JOINT_N], HOME and COORDINATES of [TRAJ], and [KINS]; sets
+# the pins of the module, connects it to the motion controller and asks for the geometry to be
+# frozen (.apply). Everything is checked before the first pin is set: a file with an error stops
+# LinuxCNC's start and leaves the module as it was. All errors are listed, not only the first one.
+# What the load parameters in [KINS]KINEMATICS may be is the module's affair: it has refused bad
+# ones when it was loaded.
 
 namespace eval pkmkins {
     variable errors {}
@@ -26,6 +28,8 @@ namespace eval pkmkins {
         CONVERGENCE_CRITERION {1 optional convergence-criterion}
         LIMIT_ITERATIONS      {1 optional limit-iterations}
         MAX_ERROR             {1 optional max-error}
+        CENTRE                {3 optional centre}
+        RESIDUAL_LIMIT        {1 optional residual-limit}
     }
     variable leg_keys {
         strut {
@@ -34,6 +38,27 @@ namespace eval pkmkins {
             BASE_N        {3 cardan   base-n}
             PLATFORM_N    {3 cardan   platform-n}
             LEAD          {1 optional lead}
+            OFFSET        {1 optional offset}
+            BASE_CONE     {1 optional ""}
+            PLATFORM_CONE {1 optional ""}
+        }
+        slider {
+            BASE          {3 needed   base}
+            PLATFORM      {3 needed   platform}
+            GUIDE         {3 needed   guide}
+            ROD           {1 needed   rod}
+            SIDE          {1 needed   side}
+            OFFSET        {1 optional offset}
+            BASE_CONE     {1 optional ""}
+            PLATFORM_CONE {1 optional ""}
+        }
+        crank {
+            BASE          {3 needed   base}
+            PLATFORM      {3 needed   platform}
+            AXIS          {3 needed   axis}
+            ARM           {3 needed   arm}
+            ROD           {1 needed   rod}
+            SIDE          {1 needed   side}
             OFFSET        {1 optional offset}
             BASE_CONE     {1 optional ""}
             PLATFORM_CONE {1 optional ""}
@@ -76,18 +101,21 @@ proc pkmkins::expected {least most} {
     return "expected $least decimal numbers separated by blanks and nothing else on the line"
 }
 
+# Whether a key is given once; complains if it is not.
+proc pkmkins::is_once {section key expectation} {
+    set values [values $section $key]
+    switch [llength $values] {
+        0 { complain $section $key "is missing: $expectation" }
+        1 { return 1 }
+        default { complain $section $key "is given [llength $values] times (\"[join $values {", "}]\"): expected once" }
+    }
+    return 0
+}
+
 # The numbers of a key as the INI file writes them; {} (and a complaint) if they are no good.
 proc pkmkins::numbers {section key least most} {
-    set values [values $section $key]
-    if {[llength $values] == 0} {
-        complain $section $key "is missing: [expected $least $most]"
-        return {}
-    }
-    if {[llength $values] > 1} {
-        complain $section $key "is given [llength $values] times (\"[join $values {", "}]\"): expected once"
-        return {}
-    }
-    set text [lindex $values 0]
+    if {![is_once $section $key [expected $least $most]]} { return {} }
+    set text [lindex [values $section $key] 0]
     set words [words $text]
     foreach word $words {
         if {![is_number $word]} {
@@ -123,21 +151,20 @@ proc pkmkins::check_keys {section known} {
     }
 }
 
-# The kind of every leg, from legs=KIND:COUNT[,KIND:COUNT] of [KINS]KINEMATICS.
+# One load parameter of [KINS]KINEMATICS, or the module's own default.
+proc pkmkins::parameter {name default} {
+    regexp "(?:^|\\s)$name=(\\S*)" [lindex [values KINS KINEMATICS] 0] -> default
+    return $default
+}
+
+# The kind of every leg, from legs=KIND:COUNT[,KIND:COUNT].
 proc pkmkins::leg_kinds {} {
     variable leg_keys
-    set lines [values KINS KINEMATICS]
-    if {[llength $lines] > 1} {
-        complain KINS KINEMATICS "is given [llength $lines] times (\"[join $lines {", "}]\"): expected once"
-        return {}
-    }
-    set text [lindex $lines 0]
-    set legs strut:6
-    regexp {(?:^|\s)legs=(\S*)} $text -> legs
+    if {![is_once KINS KINEMATICS "expected pkmkins and its load parameters"]} { return {} }
     set kinds {}
-    foreach group [split $legs ,] {
-        if {![regexp {^([a-z]+):([1-9][0-9]?)$} $group -> kind count] || ![dict exists $leg_keys $kind]} {
-            complain KINS KINEMATICS "= \"$text\": expected legs=KIND:COUNT with KIND one of [dict keys $leg_keys], found \"$group\""
+    foreach group [split [parameter legs strut:6] ,] {
+        if {![regexp {^([a-z]+):0?([1-9][0-9]?)$} $group -> kind count] || ![dict exists $leg_keys $kind]} {
+            complain KINS KINEMATICS "= \"[lindex [values KINS KINEMATICS] 0]\": expected legs=KIND:COUNT with KIND one of [join [dict keys $leg_keys] {, }], found \"$group\""
             return {}
         }
         lappend kinds {*}[lrepeat $count $kind]
@@ -145,10 +172,33 @@ proc pkmkins::leg_kinds {} {
     return $kinds
 }
 
-proc pkmkins::check_joints {legs} {
+proc pkmkins::table_letters {} {
+    return [split [string toupper [parameter table ""]] ""]
+}
+
+# Pose letters that the machine moves: those of the platform and those of the table.
+proc pkmkins::moved_letters {} {
+    return [concat [split [string toupper [parameter coordinates XYZABC]] ""] [table_letters]]
+}
+
+proc pkmkins::check_joints {joints} {
     set words [numbers KINS JOINTS 1 1]
-    if {[llength $words] && $legs && [value $words] != $legs} {
-        complain KINS JOINTS "= \"$words\": expected $legs, one joint for each leg of \[KINS\]KINEMATICS"
+    if {[llength $words] && $joints && [value $words] != $joints} {
+        complain KINS JOINTS "= \"$words\": expected $joints, one joint for each leg and each table letter of \[KINS\]KINEMATICS"
+    }
+}
+
+# LinuxCNC takes no program word with a letter that is missing here, so that nothing could ever
+# bring that coordinate back to 0. A letter too many is the integrator's choice: the kinematics
+# refuse its moves with a reason, and a jog of it switches the machine off.
+proc pkmkins::check_coordinates {} {
+    set wanted [join [moved_letters] ""]
+    if {![is_once TRAJ COORDINATES "expected the letters $wanted"]} { return }
+    set text [lindex [values TRAJ COORDINATES] 0]
+    foreach letter [moved_letters] {
+        if {[string first $letter [string toupper $text]] >= 0} { continue }
+        complain TRAJ COORDINATES "= \"$text\": expected the letters $wanted that \[KINS\]KINEMATICS moves, $letter is missing"
+        return
     }
 }
 
@@ -202,8 +252,8 @@ proc pkmkins::section_pins {section keys index} {
 }
 
 # A lead that is missing is not 0: a lost heading or a typing error would drop it silently.
-proc pkmkins::require_lead {legs} {
-    for {set n 0} {$n < $legs} {incr n} {
+proc pkmkins::require_lead {kinds} {
+    foreach n [lsearch -all $kinds strut] {
         if {[llength [values LEG_$n LEAD]]} { continue }
         if {![llength [values PKM SCREW_LEAD]]} { numbers PKM SCREW_LEAD 1 1 }
         return
@@ -220,12 +270,20 @@ proc pkmkins::check_range {section key least most} {
     }
 }
 
-proc pkmkins::machine_pins {legs} {
+# A sign that tells which of two places the carriage or crank takes, hence no decimal number.
+proc pkmkins::check_side {section} {
+    set words [words [lindex [values $section SIDE] 0]]
+    if {[llength $words] != 1 || ![is_number [lindex $words 0]]} { return }
+    if {$words ni {1 +1 -1}} { complain $section SIDE "= \"$words\": expected 1 or -1" }
+}
+
+# A machine whose legs need no key of it may do without the section.
+proc pkmkins::machine_pins {kinds} {
     variable machine_keys
     variable most_iterations
     check_keys PKM [dict keys $machine_keys]
-    require_lead $legs
-    check_range PKM CONVERGENCE_CRITERION 0 Inf
+    require_lead $kinds
+    foreach key {CONVERGENCE_CRITERION RESIDUAL_LIMIT} { check_range PKM $key 0 Inf }
     set pins [section_pins PKM $machine_keys ""]
     if {![dict exists $pins limit-iterations]} { return [dict set pins limit-iterations $most_iterations] }
     set text [dict get $pins limit-iterations]
@@ -242,6 +300,8 @@ proc pkmkins::leg_pins {n kind} {
     set keys [dict get $leg_keys $kind]
     check_keys $section [dict keys $keys]
     foreach key {BASE_CONE PLATFORM_CONE} { check_range $section $key 0 180 }
+    if {[dict exists $keys ROD]} { check_range $section ROD 0 Inf }
+    if {[dict exists $keys SIDE]} { check_side $section }
     return [section_pins $section $keys .$n]
 }
 
@@ -282,10 +342,10 @@ proc pkmkins::home_pins {} {
 }
 
 # A pin lead.N of 0 means "as screw-lead", a key LEAD = 0 means none: where any leg has a LEAD of its
-# own, every leg is given the one that acts on it.
-proc pkmkins::resolve_leads {pins legs} {
+# own, every strut is given the one that acts on it.
+proc pkmkins::resolve_leads {pins kinds} {
     if {![llength [dict filter $pins key lead.*]]} { return $pins }
-    for {set n 0} {$n < $legs} {incr n} {
+    foreach n [lsearch -all $kinds strut] {
         if {[dict exists $pins lead.$n] || ![dict exists $pins screw-lead]} { continue }
         dict set pins lead.$n [dict get $pins screw-lead]
     }
@@ -297,17 +357,32 @@ proc pkmkins::resolve_leads {pins legs} {
 proc pkmkins::read_ini {} {
     variable errors
     set kinds [leg_kinds]
-    check_joints [llength $kinds]
+    set joints [expr {[llength $kinds] ? [llength $kinds] + [llength [table_letters]] : 0}]
+    check_joints $joints
     check_legs_present [llength $kinds]
-    set pins [machine_pins [llength $kinds]]
+    check_coordinates
+    set pins [machine_pins $kinds]
     set n 0
     foreach kind $kinds {
-        lappend pins {*}[leg_pins $n $kind] {*}[joint_pins $n]
+        lappend pins {*}[leg_pins $n $kind]
         incr n
     }
+    for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n] }
     lappend pins {*}[home_pins]
     if {[llength $errors]} { stop }
-    return [resolve_leads $pins [llength $kinds]]
+    set pins [resolve_leads $pins $kinds]
+    check_pins $pins
+    return $pins
+}
+
+# A HAL file of one's own may have loaded the module with other parameters than the INI file says.
+proc pkmkins::check_pins {pins} {
+    set existing [hal list pin pkmkins.*]
+    foreach {pin text} $pins {
+        if {"pkmkins.$pin" in $existing} { continue }
+        complain KINS KINEMATICS "= \"[lindex [values KINS KINEMATICS] 0]\": the module was loaded with other parameters, or is of another version: it has no pin pkmkins.$pin"
+        stop
+    }
 }
 
 # LinuxCNC ends its start when a HAL file ends with a code that is not 0.

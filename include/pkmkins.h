@@ -27,12 +27,16 @@ enum pkmkins_cause {
   PKMKINS_TILT_NEAR_RIGHT_ANGLE = -16,
   // the result would not be finite.
   PKMKINS_RESULT_NOT_FINITE = -17,
+  // the rod of the leg does not reach the platform anchor: the length shown is missing.
+  PKMKINS_OUT_OF_REACH = -19,
   // the joint value is NaN or infinite.
   PKMKINS_JOINT_NOT_FINITE = -20,
   // the joint value leaves no positive strut length.
   PKMKINS_JOINT_NOT_POSITIVE = -21,
   // the pose to start from is NaN or infinite, and no earlier pose is known.
   PKMKINS_SEED_MISSING = -22,
+  // the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown).
+  PKMKINS_DEAD_POINT = -26,
   // the legs do not hold the platform at this pose (singular Jacobian).
   PKMKINS_SINGULAR = -30,
   // the pose is too close to a singular one to be certain.
@@ -51,6 +55,10 @@ enum pkmkins_cause {
   PKMKINS_LIMIT_ITERATIONS_INVALID = -37,
   // convergence-criterion must be a positive number.
   PKMKINS_CRITERION_INVALID = -38,
+  // residual-limit must be a positive number, or 0 for 5e-3 of the platform radius.
+  PKMKINS_RESIDUAL_LIMIT_INVALID = -39,
+  // the joints contradict each other by the length shown; without this one the others fit the last pose best.
+  PKMKINS_JOINTS_INCONSISTENT = -40,
   // the geometry of the leg holds a value that is NaN or infinite.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,
   // the leg joins the same two points as the leg of the number shown.
@@ -67,6 +75,16 @@ enum pkmkins_cause {
   PKMKINS_FOLD_UNDEFINED = -56,
   // the strut has no length at the reference pose.
   PKMKINS_STRUT_ZERO_AT_HOME = -57,
+  // the guide has no direction.
+  PKMKINS_GUIDE_ZERO = -58,
+  // the rod length must be more than 0.
+  PKMKINS_ROD_NOT_POSITIVE = -59,
+  // the side of the leg must be 1 or -1.
+  PKMKINS_SIDE_INVALID = -60,
+  // the crank has no axis, or its arm lies along the axis.
+  PKMKINS_ARM_ZERO = -61,
+  // the centre holds a value that is NaN or infinite.
+  PKMKINS_CENTRE_NOT_FINITE = -62,
   // no valid geometry is frozen.
   PKMKINS_NO_GEOMETRY = -70,
   // a new geometry was offered while the machine is on; the last one stays.
@@ -75,8 +93,22 @@ enum pkmkins_cause {
   PKMKINS_KINEMATICS_TYPE_UNKNOWN = -72,
   // a null pointer was passed.
   PKMKINS_NULL_POINTER = -73,
+  // identity kinematics need a letter for every joint, and this machine has more legs than coordinates.
+  PKMKINS_IDENTITY_IMPOSSIBLE = -75,
   // all joints are 0, as they are before homing, and close no platform.
   PKMKINS_NOT_HOMED = -74,
+  // the pose asks for X, which this machine holds at 0.
+  PKMKINS_HELD_X = -80,
+  // the pose asks for Y, which this machine holds at 0.
+  PKMKINS_HELD_Y = -81,
+  // the pose asks for Z, which this machine holds at 0.
+  PKMKINS_HELD_Z = -82,
+  // the pose asks for A, which this machine holds at 0.
+  PKMKINS_HELD_A = -83,
+  // the pose asks for B, which this machine holds at 0.
+  PKMKINS_HELD_B = -84,
+  // the pose asks for C, which this machine holds at 0.
+  PKMKINS_HELD_C = -85,
 };
 
 
@@ -147,12 +179,13 @@ extern "C" {
 
 // Joints to pose. `world` is the seed and receives the pose.
 //
-// Returns 0, or a negative code (see the table of causes); then X … C of `world` are
-// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay.
+// Returns 0, or a negative code (see the table of causes); then the coordinates of
+// `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay. On success
+// coordinates that the machine holds are 0.
 //
 // # Safety
-// `joint` must be null or hold at least six values; `world` null or valid; the flags
+// `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags
 // are not read.
 int kinematicsForward(const double *joint,
                       struct EmcPose *world,
@@ -164,7 +197,8 @@ int kinematicsForward(const double *joint,
 // Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
 //
 // # Safety
-// `world` must be null or valid; `joint` null or room for at least six values; the
+// `world` must be null or valid; `joint` null or room for as many values as the
+// machine has joints; the
 // flags are not read.
 int kinematicsInverse(const struct EmcPose *world,
                       double *joint,
@@ -189,13 +223,13 @@ int kinematicsJacobian(const double *_joint,
 // Returns 0, or −1 and leaves `rot` alone.
 //
 // # Safety
-// `joint` must be null or hold at least six values; `rot` null or valid; the flags are
+// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
 // not read.
 int kinematicsToolFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
 
-// Work axes in world coordinates as columns: the work stands still on these machines.
+// Work axes in world coordinates as columns: a table moves the work, but does not turn it.
 //
 // Returns 0, or −1 for a null pointer.
 //

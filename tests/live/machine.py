@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """LinuxCNC as one object: commands, status, messages, HAL. Runs inside a LinuxCNC session."""
 
+import os
 import subprocess
 import time
+from typing import NamedTuple
 
 import hal
 import linuxcnc
@@ -13,7 +15,6 @@ KINDS = {
     linuxcnc.NML_DISPLAY: "text", linuxcnc.OPERATOR_DISPLAY: "text",
 }
 POLL_SECONDS = 0.01
-JOINTS = range(6)
 AXES = "xyzabc"
 
 
@@ -40,10 +41,29 @@ def link(pin, signal):
     return signal
 
 
+class Layout(NamedTuple):
+    """What the INI file tells about joints and letters."""
+    joints: range
+    struts: list  # numbers of the legs that are struts
+    letters: str  # that the kinematics move, in the order of the identity kinematics
+
+    @classmethod
+    def of_running(cls):
+        ini = linuxcnc.ini(os.environ["INI_FILE_NAME"])
+        words = ini.find("KINS", "KINEMATICS").split()
+        given = dict(word.split("=", 1) for word in words if "=" in word)
+        groups = [group.split(":") for group in given.get("legs", "strut:6").split(",")]
+        kinds = [kind for kind, count in groups for _ in range(int(count))]
+        return cls(joints=range(int(ini.find("KINS", "JOINTS"))),
+                   struts=[n for n, kind in enumerate(kinds) if kind == "strut"],
+                   letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
+
+
 class Machine:
     """The running LinuxCNC. Every wait has a limit and collects messages meanwhile."""
 
     def __init__(self):
+        self.layout = Layout.of_running()
         self.component = hal.component("live")
         self.component.newpin("phase", hal.HAL_S32, hal.HAL_OUT)
         self.component.ready()
@@ -80,7 +100,7 @@ class Machine:
         return self.stat.task_state == linuxcnc.STATE_ON
 
     def is_homed(self):
-        return all(self.stat.homed[n] for n in JOINTS)
+        return all(self.stat.homed[n] for n in self.layout.joints)
 
     def is_world(self):
         return self.stat.motion_mode == linuxcnc.TRAJ_MODE_TELEOP
@@ -158,13 +178,13 @@ class Machine:
         halcmd("setp", pin, str(value))
 
     def joints(self):
-        return [self.get(f"joint.{n}.motor-pos-fb") for n in JOINTS]
+        return [self.get(f"joint.{n}.motor-pos-fb") for n in self.layout.joints]
 
     def commanded_joints(self):
-        return [self.get(f"joint.{n}.pos-cmd") for n in JOINTS]
+        return [self.get(f"joint.{n}.pos-cmd") for n in self.layout.joints]
 
-    def pose(self):
-        return [self.get(f"axis.{letter}.pos-cmd") for letter in AXES]
+    def pose(self, letters=AXES):
+        return [self.get(f"axis.{letter}.pos-cmd") for letter in letters]
 
     def error_texts(self):
         self.poll()

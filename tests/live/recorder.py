@@ -6,28 +6,28 @@ import time
 
 import hal
 
-from machine import AXES, JOINTS, Failure, halcmd, link
+from machine import AXES, Failure, halcmd, link
 
 DEPTH = 20000  # cycles the reader may be late by: 20 s
 PIN_TYPE = {"float": "f", "s32": "s", "u32": "u", "bit": "b"}
 
 
-def program_columns():
+def program_columns(layout):
     """Columns of the trace with their pins and HAL types; README.md tells what they are."""
     columns = [("phase", "live.phase", "s32")]
     columns += [(letter, f"axis.{letter}.pos-cmd", "float") for letter in AXES]
-    columns += [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in JOINTS]
-    columns += [(f"m{n}", f"joint.{n}.motor-pos-fb", "float") for n in JOINTS]
+    columns += [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in layout.joints]
+    columns += [(f"m{n}", f"joint.{n}.motor-pos-fb", "float") for n in layout.joints]
     columns += [(f"f{letter}", f"pkmkins.{letter}", "float") for letter in AXES]
-    columns += [(f"corr{n}", f"pkmkins.correction.{n}", "float") for n in JOINTS]
-    columns += [("tool_z", "pkmkins.tool-offset-eff-z", "float"),
-                ("iterations", "pkmkins.last-iterations", "u32"),
+    columns += [(f"corr{n}", f"pkmkins.correction.{n}", "float") for n in layout.struts]
+    columns += [(f"tool_{l}", f"pkmkins.tool-offset-eff-{l}", "float") for l in "xyz"]
+    columns += [("iterations", "pkmkins.last-iterations", "u32"),
                 ("residual", "pkmkins.residual", "float")]
     return columns
 
 
 class Recorder:
-    """Two FIFOs, since one holds at most 20 pins; both are filled in the same servo cycle."""
+    """FIFOs of at most 20 pins each, all filled in the same servo cycle."""
 
     FIFO_PINS = 20
 
@@ -57,7 +57,7 @@ class Recorder:
             halcmd("addf", f"sampler.{fifo}", "servo-thread")
 
     def start(self):
-        # One signal, so that both FIFOs begin in the same cycle.
+        # One signal, so that all FIFOs begin in the same cycle.
         halcmd("newsig", "live:record", "bit")
         for fifo in range(len(self.groups)):
             halcmd("net", "live:record", f"sampler.{fifo}.enable")

@@ -10,7 +10,7 @@ import time
 
 import linuxcnc
 
-from machine import JOINTS, Failure, Machine, Progress, halcmd
+from machine import Failure, Machine, Progress, halcmd
 from recorder import Recorder, program_columns
 
 SERVO_PERIOD_NS = 1_000_000
@@ -21,7 +21,7 @@ AT_REST = 1e-6
 
 def program(machine: Machine, out, path, lines, seconds):
     """Homes the machine and runs a program, recording every servo cycle."""
-    recorder = Recorder(machine.component, program_columns(), SERVO_PERIOD_NS)
+    recorder = Recorder(machine.component, program_columns(machine.layout), SERVO_PERIOD_NS)
     machine.turn_on()
     recorder.start()
     machine.home()
@@ -91,21 +91,15 @@ def moves(machine: Machine, out, blocks):
     return {"settled": settled}
 
 
-def switch_there_and_back(machine: Machine, out, to_type_1, to_type_0):
-    """Kinematics 0 -> 1 -> 0: the joints stay, the pose comes back, no message."""
-    machine.start()
-    machine.mdi("G1 F3000 X12 Y-8 Z260 A4 B-3 C2")
-    return switched(machine, to_type_1, to_type_0)
-
-
 def switched(machine, to_type_1, to_type_0):
+    """Kinematics 0 -> 1 -> 0: the joints stay, the pose comes back, no message."""
     machine.pause(0.3)
     joints, pose = machine.commanded_joints(), machine.pose()
     watch = JointWatch(machine)
     machine.mdi(to_type_1)
     machine.pause(0.5)
     assert machine.get("kinstype.is-1"), "kinstype.is-1 is false after the switch to 1"
-    as_pose = machine.pose()
+    as_pose = machine.pose(machine.layout.letters)
     assert_close(as_pose, joints, 1e-9, "identity kinematics: pose and joints")
     machine.mdi(to_type_0)
     machine.pause(0.5)
@@ -118,10 +112,83 @@ def switched(machine, to_type_1, to_type_0):
     return {"moved": moved, "pose": pose}
 
 
-def net_switch(machine: Machine, out):
+def net_switch(machine: Machine, out, start):
     """Kinematics switch of a shipped configuration, by an analog output as LinuxCNC does it."""
+    net_kinematics_type()
+    machine.start()
+    machine.mdi(start)
+    return switched(machine, "M68 E3 Q1", "M68 E3 Q0")
+
+
+def net_kinematics_type():
     halcmd("net", "live:kinstype", "motion.analog-out-03", "motion.switchkins-type")
-    return switch_there_and_back(machine, out, "M68 E3 Q1", "M68 E3 Q0")
+
+
+def refused_switch(machine: Machine, out, start, code, after):
+    """The identity kinematics refused with a reason: no joint moves, the machine goes on."""
+    net_kinematics_type()
+    machine.start()
+    machine.mdi(start)
+    machine.pause(0.3)
+    pose = machine.pose()
+    watch = JointWatch(machine)
+    machine.mdi("M68 E3 Q1")
+    machine.pause(0.5)
+    assert machine.get("kinstype.is-0") and not machine.get("kinstype.is-1"), "the kinematics changed"
+    reason = reason_of(machine, code)
+    machine.mdi("M68 E3 Q0")
+    machine.pause(0.5)
+    moved = watch.stop()
+    assert moved < 1e-9, f"a joint moved by {moved}"
+    assert_close(machine.pose(), pose, 1e-8, "pose before and after")
+    goes_on(machine, after)
+    return {"reason": reason}
+
+
+def reason_of(machine, code):
+    """The message that tells the operator this code."""
+    texts = [text for text in machine.error_texts() if f"[code {code}]" in text]
+    assert texts, f"code {code} is not told to the operator; messages: {machine.messages}"
+    return texts[0].strip()
+
+
+def goes_on(machine, block):
+    """A good move is still made, without a further message."""
+    if not machine.is_on():
+        machine.turn_on()
+    told = len(machine.messages)
+    before = machine.pose()
+    machine.mdi(block)
+    assert machine.pose() != before, f"{block} did not move the machine"
+    assert not machine.messages[told:], f"messages after {block}: {machine.messages[told:]}"
+
+
+def refused_move(machine: Machine, out, block, code, after):
+    """A move that the kinematics refuse: the reason is told, no joint moves, the machine goes on."""
+    machine.start()
+    watch = JointWatch(machine)
+    machine.mdi(block)
+    machine.pause(0.3)
+    moved = watch.stop()
+    assert moved < 1e-9, f"a joint moved by {moved}"
+    reason = reason_of(machine, code)
+    goes_on(machine, after)
+    return {"reason": reason}
+
+
+def refused_program(machine: Machine, out, path, lines, joint, most):
+    """A program with an end point beyond the limit of a joint stops before it and names the joint."""
+    machine.start()
+    watch = JointWatch(machine)
+    machine.run_program(path, Progress(out / "progress", lines), 30)
+    machine.pause(0.3)
+    moved = watch.stop()
+    assert moved > 1, f"the good moves before were not made: the farthest joint moved by {moved}"
+    furthest = max(watch.way(joint))
+    assert furthest <= most, f"joint {joint} went to {furthest}, beyond its limit {most}"
+    reasons = [text for text in machine.error_texts() if f"joint {joint}" in text]
+    assert reasons, f"no message names joint {joint}; messages: {machine.messages}"
+    return {"reason": reasons[0].strip()}
 
 
 def sample_switch(machine: Machine, out, start):
@@ -147,9 +214,26 @@ def escape(machine: Machine, out, joint, distance, speed):
     moved = watch.stop()
     assert moved < 1e-6, f"a joint moved by {moved} after world mode was asked for"
     assert not machine.is_on() or not machine.is_world(), "the machine is on and in world mode"
-    reasons = [text for text in machine.error_texts() if f"[code {fault}]" in text]
-    assert reasons, f"fault {fault} is not told to the operator; messages: {machine.messages}"
-    return {"fault": fault, "on": machine.is_on(), "joints": before, "reason": reasons[0].strip()}
+    return {"fault": fault, "on": machine.is_on(), "joints": before,
+            "reason": reason_of(machine, fault)}
+
+
+def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, after):
+    """More legs than coordinates, one leg off: refused, that leg named; jogging back heals it."""
+    machine.turn_on()
+    machine.home()
+    machine.joint_mode()
+    machine.jog_joint(joint, distance, speed)
+    assert machine.get("pkmkins.fwd-kins-fail"), "forward still succeeds"
+    told = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
+    assert told == (code, joint), f"fault and fault-leg are {told}, expected {(code, joint)}"
+    reason = reason_of(machine, code)
+    assert f"leg {joint}:" in reason, f"leg {joint} is not named: {reason}"
+    machine.jog_joint(joint, -distance, speed)
+    assert not machine.get("pkmkins.fwd-kins-fail"), "forward still fails after jogging back"
+    machine.world_mode()
+    goes_on(machine, after)
+    return {"reason": reason}
 
 
 def way_back(machine: Machine, out, joint, distance, speed):
@@ -258,7 +342,7 @@ def weak_drive(machine: Machine, out):
 
 
 def assert_close(found, wanted, tolerance, what):
-    worst = max(abs(a - b) for a, b in zip(found, wanted))
+    worst = max(abs(a - b) for a, b in zip(found, wanted, strict=True))
     assert worst <= tolerance, f"{what}: differ by {worst}: {found} and {wanted}"
 
 
@@ -266,12 +350,16 @@ class JointWatch:
     """Records the drives in every servo cycle and tells the largest way one has gone."""
 
     def __init__(self, machine):
-        columns = [(f"m{n}", f"joint.{n}.motor-pos-fb", "float") for n in JOINTS]
+        self.joints = machine.layout.joints
+        columns = [(f"m{n}", f"joint.{n}.motor-pos-fb", "float") for n in self.joints]
         self.recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
         self.recorder.start()
         machine.pause(0.05)
 
     def stop(self):
         self.recorder.stop()
-        ways = [self.recorder.column(f"m{n}") for n in JOINTS]
-        return max(max(way) - min(way) for way in ways)
+        return max(max(way) - min(way) for way in map(self.way, self.joints))
+
+    def way(self, joint):
+        """Position of one drive in every cycle."""
+        return self.recorder.column(f"m{joint}")

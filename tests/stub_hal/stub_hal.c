@@ -29,11 +29,13 @@
 #define MESSAGE_LEN 1024
 #define COMPONENT_ID 7
 
+// A pin, or a parameter: that has a value of the module's own.
 struct pin {
     char name[HAL_NAME_LEN + 1];
     hal_type_t type;
-    hal_pin_dir_t dir;
+    int dir;
     union { double f; rtapi_s32 s; rtapi_u32 u; bool b; } value;
+    void *parameter;
 };
 
 struct funct {
@@ -89,7 +91,11 @@ EXPORT int stub_pin_count(const struct world *world) { return world->pin_count; 
 EXPORT const char *stub_pin_name(const struct world *world, int i) { return world->pins[i].name; }
 EXPORT int stub_pin_type(const struct world *world, int i) { return world->pins[i].type; }
 EXPORT int stub_pin_dir(const struct world *world, int i) { return world->pins[i].dir; }
-EXPORT void *stub_pin_value(struct world *world, int i) { return &world->pins[i].value; }
+EXPORT void *stub_pin_value(struct world *world, int i)
+{
+    struct pin *pin = &world->pins[i];
+    return pin->parameter != NULL ? pin->parameter : &pin->value;
+}
 
 EXPORT int stub_message_count(const struct world *world) { return world->message_count; }
 EXPORT const char *stub_message_text(const struct world *world, int i) { return world->messages[i].text; }
@@ -180,6 +186,26 @@ EXPORT void *hal_malloc(long size)
     return block->start;
 }
 
+// A new entry of the list of pins; NULL, with a message, if the name is taken.
+static struct pin *new_pin(const char *name, hal_type_t type, int dir)
+{
+    for (int i = 0; i < here->pin_count; i++) {
+        if (strcmp(here->pins[i].name, name) == 0) {
+            refuse(-EINVAL, "name taken", name);
+            return NULL;
+        }
+    }
+    if (here->pin_count == MAX_PINS) {
+        refuse(-ENOMEM, "too many pins", name);
+        return NULL;
+    }
+    struct pin *pin = &here->pins[here->pin_count++];
+    strcpy(pin->name, name);
+    pin->type = type;
+    pin->dir = dir;
+    return pin;
+}
+
 EXPORT int hal_pin_new(const char *name, hal_type_t type, hal_pin_dir_t dir,
                        void **data_ptr_addr, int comp_id)
 {
@@ -192,16 +218,33 @@ EXPORT int hal_pin_new(const char *name, hal_type_t type, hal_pin_dir_t dir,
         return refuse(-EINVAL, "bad pin direction", name);
     if (!in_hal_memory(data_ptr_addr, sizeof *data_ptr_addr))
         return refuse(-EINVAL, "pin pointer outside HAL memory", name);
-    for (int i = 0; i < here->pin_count; i++)
-        if (strcmp(here->pins[i].name, name) == 0)
-            return refuse(-EINVAL, "pin name taken", name);
-    if (here->pin_count == MAX_PINS)
-        return refuse(-ENOMEM, "too many pins", name);
-    struct pin *pin = &here->pins[here->pin_count++];
-    strcpy(pin->name, name);
-    pin->type = type;
-    pin->dir = dir;
+    struct pin *pin = new_pin(name, type, dir);
+    if (pin == NULL)
+        return -EINVAL;
     *data_ptr_addr = &pin->value;
+    return 0;
+}
+
+// The one form of parameter that a module of LinuxCNC's uses here (pentakins).
+EXPORT int hal_param_float_newf(hal_param_dir_t dir, hal_float_t *data_addr, int comp_id,
+                                const char *fmt, ...)
+{
+    char name[2 * HAL_NAME_LEN];
+    va_list args;
+    va_start(args, fmt);
+    vsnprintf(name, sizeof name, fmt, args);
+    va_end(args);
+    here->calls++;
+    if (name_is_bad(name) || comp_id != COMPONENT_ID || here->ready)
+        return refuse(-EINVAL, "parameter refused", name);
+    if (dir != HAL_RO && dir != HAL_RW)
+        return refuse(-EINVAL, "bad parameter direction", name);
+    if (!in_hal_memory((const void *)data_addr, sizeof *data_addr))
+        return refuse(-EINVAL, "parameter outside HAL memory", name);
+    struct pin *pin = new_pin(name, HAL_FLOAT, dir);
+    if (pin == NULL)
+        return -EINVAL;
+    pin->parameter = (void *)data_addr;
     return 0;
 }
 

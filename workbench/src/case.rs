@@ -41,7 +41,7 @@ pub struct Expect {
     /// Smallest value that the largest correction must reach, in machine units: the
     /// program does exercise the screws.
     pub min_correction: f64,
-    /// Largest joint move by a change of tool length, in machine units.
+    /// Largest joint move by a change of tool length, in joint units.
     pub max_tool_step: f64,
 }
 

@@ -178,15 +178,18 @@ impl Ini {
     /// The entry of a key that may be missing, but not repeated: readers differ in which
     /// of two they take.
     fn only(&self, section: &str, key: &str) -> Result<Option<&Entry>, IniError> {
-        let first = self.first(section, key);
-        let is_repetition = |e: &&Entry| e.section == section && e.key == key;
-        match (first, self.entries.iter().rfind(is_repetition)) {
-            (Some(first), Some(last)) if first.line != last.line => {
-                let line = first.line;
-                let text = format!("the key stands in line {line} already; keep one of them");
+        let all: Vec<&Entry> =
+            self.entries.iter().filter(|e| e.section == section && e.key == key).collect();
+        match all.as_slice() {
+            [] => Ok(None),
+            [only] => Ok(Some(only)),
+            [first, .., last] => {
+                let (count, line) = (all.len(), first.line);
+                let text = format!(
+                    "the key is given {count} times, first in line {line}; keep one of them"
+                );
                 Err(self.refuse(last, &text))
             }
-            _ => Ok(first),
         }
     }
 

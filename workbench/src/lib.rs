@@ -6,6 +6,8 @@ pub mod case;
 pub mod ini;
 pub mod interpreter;
 pub mod machine;
+pub mod mobility;
+pub mod path;
 pub mod plots;
 pub mod replay;
 pub mod report;

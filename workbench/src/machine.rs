@@ -5,16 +5,13 @@
 //! The rules are those of hal/pkmkins.tcl; tests/ini/cases.toml holds both to one list.
 
 use crate::ini::{Entry, Ini, IniError};
-use kinematics::leg::StrutGeometry;
+use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Coordinates, Fault, Geometry, LEGS, LegGeometry, Load, MAX_ITERATIONS, Machine, Pose, Solver,
-    Vector3,
+    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_ITERATIONS, MAX_LEGS, Machine,
+    PerLeg, Pose, Segment, Solver, Vector3,
 };
 use std::fmt;
 use std::path::{Path, PathBuf};
-
-/// Joints of the machines that this version describes.
-pub const JOINTS: usize = LEGS;
 
 const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
 
@@ -25,11 +22,27 @@ const AXIS_VELOCITY: f64 = 1.0;
 /// Load parameters of the module, in the order that [`Load::parse`] takes them.
 const PARAMETERS: [&str; 3] = ["legs", "coordinates", "table"];
 
-const MACHINE_KEYS: &[&str] =
-    &["SCREW_LEAD", "SPINDLE_OFFSET", "CONVERGENCE_CRITERION", "LIMIT_ITERATIONS", "MAX_ERROR"];
+const MACHINE_KEYS: &[&str] = &[
+    "SCREW_LEAD",
+    "SPINDLE_OFFSET",
+    "CONVERGENCE_CRITERION",
+    "LIMIT_ITERATIONS",
+    "MAX_ERROR",
+    "CENTRE",
+    "RESIDUAL_LIMIT",
+];
 
-const STRUT_KEYS: &[&str] =
-    &["BASE", "PLATFORM", "BASE_N", "PLATFORM_N", "LEAD", "OFFSET", "BASE_CONE", "PLATFORM_CONE"];
+/// Keys of every kind of leg.
+const LEG_KEYS: &[&str] = &["BASE", "PLATFORM", "OFFSET", "BASE_CONE", "PLATFORM_CONE"];
+
+/// Keys of one kind of leg beside [`LEG_KEYS`].
+const fn own_keys(kind: Kind) -> &'static [&'static str] {
+    match kind {
+        Kind::Strut => &["BASE_N", "PLATFORM_N", "LEAD"],
+        Kind::Slider => &["GUIDE", "ROD", "SIDE"],
+        Kind::Crank => &["AXIS", "ARM", "ROD", "SIDE"],
+    }
+}
 
 /// Why no machine could be made of an INI file.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,12 +70,81 @@ impl From<IniError> for MachineError {
     }
 }
 
-/// Limits and home of one joint, `[JOINT_N]`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a joint moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// The length of a strut.
+    Strut,
+    /// A carriage along its guide.
+    Carriage,
+    /// An arm about its axis, in degrees.
+    Arm,
+    /// The table under the workpiece.
+    Table,
+}
+
+impl JointKind {
+    const ALL: [Self; 4] = [Self::Strut, Self::Carriage, Self::Arm, Self::Table];
+
+    const fn of_leg(kind: Kind) -> Self {
+        match kind {
+            Kind::Strut => Self::Strut,
+            Kind::Slider => Self::Carriage,
+            Kind::Crank => Self::Arm,
+        }
+    }
+
+    /// Name of one such joint.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Strut => "strut",
+            Self::Carriage => "carriage",
+            Self::Arm => "arm",
+            Self::Table => "table",
+        }
+    }
+
+    /// Name of several.
+    pub const fn plural(self) -> &'static str {
+        match self {
+            Self::Strut => "struts",
+            Self::Carriage => "carriages",
+            Self::Arm => "arms",
+            Self::Table => "table axes",
+        }
+    }
+
+    /// What is measured of it.
+    pub const fn quantity(self) -> &'static str {
+        match self {
+            Self::Strut => "length",
+            Self::Carriage | Self::Table => "position",
+            Self::Arm => "angle",
+        }
+    }
+}
+
+/// Joints of one kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Their kind.
+    pub kind: JointKind,
+    /// Their unit.
+    pub unit: &'static str,
+    /// Their numbers.
+    pub joints: Vec<usize>,
+}
+
+/// Kind, limits and home of one joint, `[JOINT_N]`.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Shortest strut, in joint units.
+    /// Kind.
+    pub kind: JointKind,
+    /// Name for people, such as `strut 3` or `table X`.
+    pub name: String,
+    /// Lowest value, in joint units.
     pub min: f64,
-    /// Longest strut, in joint units.
+    /// Highest value, in joint units.
     pub max: f64,
     /// Joint units per second.
     pub max_velocity: f64,
@@ -102,23 +184,23 @@ pub struct MachineConfig {
     /// The INI file.
     pub file: PathBuf,
     /// Checked and frozen geometry.
-    pub machine: Machine<JOINTS>,
+    pub machine: Machine,
     /// The geometry as given.
-    pub geometry: Geometry<JOINTS>,
+    pub geometry: Geometry,
     /// `[TRAJ]HOME`: x y z in machine units, a b c in degrees.
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
     /// Settings of forward kinematics.
     pub solver: Solver,
-    /// Half angle of the cone that the strut may leave its home direction by, degrees, per leg.
-    pub base_cone: [Option<f64>; JOINTS],
+    /// Half angle of the cone that the leg may leave its home direction by, degrees, per leg.
+    pub base_cone: Vec<Option<f64>>,
     /// The same at the platform, in the platform frame.
-    pub platform_cone: [Option<f64>; JOINTS],
-    /// `[JOINT_N]`.
-    pub joints: [Joint; JOINTS],
+    pub platform_cone: Vec<Option<f64>>,
+    /// `[JOINT_N]`: legs, then table axes.
+    pub joints: Vec<Joint>,
     /// `[AXIS_X]` to `[AXIS_C]`.
-    pub axes: [Axis; 6],
+    pub axes: Vec<Axis>,
     /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
     pub units_per_mm: f64,
     /// `[TRAJ]MAX_LINEAR_VELOCITY`, machine units per second.
@@ -145,16 +227,20 @@ impl MachineConfig {
     /// # Errors
     /// One of the values, or the geometry is refused.
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
-        let coordinates = check_kinematics(ini)?;
-        check_leg_sections(ini)?;
+        let load = load(ini)?;
+        let legs = load.layout.legs();
+        check_joints(ini, &load.layout)?;
+        check_leg_sections(ini, legs)?;
+        check_coordinates(ini, &load.layout)?;
         ini.check_section("PKM", MACHINE_KEYS)?;
+        // Only the module uses the first; the second one where a strut has no lead of its own.
+        for key in ["MAX_ERROR", "SCREW_LEAD"] {
+            ini.numbers::<1>("PKM", key)?;
+        }
         let home = home(ini)?;
-        let legs = per_leg(|n| strut(ini, n))?;
-        let offsets = per_leg(|n| ini.number_or(&leg(n), "OFFSET", 0.0))?;
-        let geometry = Geometry { legs, home: Some(home), coordinates };
-        let machine = Machine::freeze(&geometry, &offsets)
+        let geometry = geometry(ini, &load, home)?;
+        let machine = Machine::freeze(&geometry, &offsets(ini, legs)?)
             .map_err(|fault| MachineError::Geometry(ini.file().into(), fault))?;
-        ini.numbers::<1>("PKM", "MAX_ERROR")?;
         let speed = |key| positive(ini, "TRAJ", key, Some(f64::INFINITY));
         Ok(Self {
             file: ini.file().into(),
@@ -163,10 +249,10 @@ impl MachineConfig {
             home,
             spindle: Vector3::new(0.0, 0.0, ini.number_or("PKM", "SPINDLE_OFFSET", 0.0)?),
             solver: solver(ini)?,
-            base_cone: per_leg(|n| cone(ini, n, "BASE_CONE"))?,
-            platform_cone: per_leg(|n| cone(ini, n, "PLATFORM_CONE"))?,
-            joints: per_leg(|n| joint(ini, n))?,
-            axes: axes(ini)?,
+            base_cone: each(legs, |n| cone(ini, n, "BASE_CONE"))?,
+            platform_cone: each(legs, |n| cone(ini, n, "PLATFORM_CONE"))?,
+            joints: each(load.layout.joints(), |n| joint(ini, n, &load))?,
+            axes: each(AXES.len(), |i| axis(ini, AXES[i]))?,
             units_per_mm: units_per_mm(ini)?,
             max_linear_velocity: speed("MAX_LINEAR_VELOCITY")?,
             max_angular_velocity: speed("MAX_ANGULAR_VELOCITY")?,
@@ -185,49 +271,102 @@ impl MachineConfig {
         Pose::from_degrees(self.home)
     }
 
-    /// Angle of every strut to its direction at home: at the base joints (in base), and
+    /// Number of legs; the other joints belong to the table.
+    pub fn legs(&self) -> usize {
+        self.machine.layout().legs()
+    }
+
+    /// The joints by kind, kinds that the machine has only.
+    pub fn groups(&self) -> Vec<Group> {
+        let group = |kind: JointKind| Group {
+            kind,
+            unit: self.unit(kind),
+            joints: (0..self.joints.len()).filter(|i| self.joints[*i].kind == kind).collect(),
+        };
+        JointKind::ALL.into_iter().map(group).filter(|group| !group.joints.is_empty()).collect()
+    }
+
+    /// Unit of the values of joints of this kind.
+    pub fn unit(&self, kind: JointKind) -> &'static str {
+        if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
+    }
+
+    /// Angle of every leg to its direction at home: at the base joints (in base), and
     /// at the platform joints (in the platform frame). Degrees.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
     pub fn cone_angles(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<ConeAngles, Fault> {
         let home = self.home_pose();
-        let at_home = self.machine.directions(&home, &self.spindle)?;
-        let now = self.machine.directions(pose, tool)?;
+        let at_home = self.directions(&home, &self.spindle)?;
+        let now = self.directions(pose, tool)?;
         let turn = home.rotation() * pose.rotation().transpose();
-        Ok(ConeAngles {
-            base: std::array::from_fn(|i| angle_deg(&at_home[i], &now[i])),
-            platform: std::array::from_fn(|i| angle_deg(&at_home[i], &(turn * now[i]))),
-        })
+        let angles = |now: &dyn Fn(usize) -> Vector3<f64>| {
+            at_home.iter().enumerate().map(|(i, home)| angle_deg(home, &now(i))).collect()
+        };
+        Ok(ConeAngles { base: angles(&|i| now[i]), platform: angles(&|i| turn * now[i]) })
+    }
+
+    /// Unit vectors along the legs, base to platform, in base.
+    fn directions(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, Fault> {
+        let segments = self.machine.segments(pose, tool)?;
+        Ok(segments[..self.legs()].iter().map(direction).collect())
+    }
+
+    /// Least |cos| of the angle between a rod and the motion of its lower end, which is 0
+    /// at the rod's dead point; `None` where every leg is a strut.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn least_drive(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<f64>, Fault> {
+        let segments = self.machine.segments(pose, tool)?;
+        let drives =
+            self.geometry.legs().iter().zip(&segments).filter_map(|(leg, s)| drive(leg, s));
+        Ok(drives.reduce(f64::min))
     }
 }
 
-/// Angles between struts and their directions at home, degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Angles between legs and their directions at home, degrees, per leg.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ConeAngles {
     /// At the base joints, seen in base.
-    pub base: [f64; JOINTS],
+    pub base: Vec<f64>,
     /// At the platform joints, seen in the platform frame.
-    pub platform: [f64; JOINTS],
+    pub platform: Vec<f64>,
 }
 
 fn angle_deg(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     a.cross(b).norm().atan2(a.dot(b)).to_degrees()
 }
 
+fn direction(leg: &Segment) -> Vector3<f64> {
+    (leg.platform - leg.base).normalize()
+}
+
+fn drive(leg: &LegGeometry, segment: &Segment) -> Option<f64> {
+    let motion = match leg.kind {
+        LegKind::Strut(_) => return None,
+        LegKind::Slider(slider) => Vector3::from(slider.guide),
+        LegKind::Crank(crank) => {
+            Vector3::from(crank.axis).cross(&(segment.base - Vector3::from(leg.base)))
+        }
+    };
+    Some(direction(segment).dot(&motion.normalize()).abs())
+}
+
 fn leg(n: usize) -> String {
     format!("LEG_{n}")
 }
 
-/// One value a leg; the first error wins.
-fn per_leg<T>(value: impl Fn(usize) -> Result<T, IniError>) -> Result<[T; JOINTS], IniError> {
-    let values = (0..JOINTS).map(value).collect::<Result<Vec<T>, _>>()?;
-    Ok(<[T; JOINTS]>::try_from(values).unwrap_or_else(|_| unreachable!("one value a leg")))
+/// `count` values; the first error wins.
+fn each<T>(count: usize, value: impl Fn(usize) -> Result<T, IniError>) -> Result<Vec<T>, IniError> {
+    (0..count).map(value).collect()
 }
 
-/// Checks `[KINS]` and returns the order of the pose letters.
-fn check_kinematics(ini: &Ini) -> Result<Coordinates, IniError> {
-    let expected = "expected pkmkins legs=strut:6 [coordinates=XYZABC]";
+/// The load parameters in `[KINS]KINEMATICS`.
+fn load(ini: &Ini) -> Result<Load, IniError> {
+    let expected =
+        "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS]";
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
@@ -242,31 +381,54 @@ fn check_kinematics(ini: &Ini) -> Result<Coordinates, IniError> {
         given[place] = Some(text.as_bytes());
     }
     let [legs, coordinates, table] = given;
-    let load = Load::parse(legs, coordinates, table)
-        .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))?;
-    let [joints] = ini.require_numbers::<1>("KINS", "JOINTS")?;
-    if joints != JOINTS as f64 {
-        let entry = ini.require("KINS", "JOINTS", "")?;
-        return Err(ini.refuse(entry, "expected 6, one joint for each leg of [KINS]KINEMATICS"));
-    }
-    Ok(load.coordinates)
+    Load::parse(legs, coordinates, table)
+        .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
 }
 
-/// Exactly the sections LEG_0 to LEG_5.
-fn check_leg_sections(ini: &Ini) -> Result<(), IniError> {
-    for n in 0..JOINTS {
+fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
+    let [joints] = ini.require_numbers::<1>("KINS", "JOINTS")?;
+    if joints == layout.joints() as f64 {
+        return Ok(());
+    }
+    let expected = format!(
+        "expected {}, one joint for each leg and each table letter of [KINS]KINEMATICS",
+        layout.joints()
+    );
+    Err(ini.refuse(ini.require("KINS", "JOINTS", &expected)?, &expected))
+}
+
+/// Exactly the sections LEG_0 to that of the last leg.
+fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
+    for n in 0..legs {
         if !ini.sections().iter().any(|(name, _)| *name == leg(n)) {
-            let text = "[KINS]KINEMATICS has 6 legs; give each its own section";
-            return Err(ini.error(&leg(n), "", None, text));
+            let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
+            return Err(ini.error(&leg(n), "", None, &text));
         }
     }
     for (name, line) in ini.sections().iter().filter(|(name, _)| name.starts_with("LEG_")) {
-        if !(0..JOINTS).any(|n| *name == leg(n)) {
-            let expected = "one section too many; [KINS]KINEMATICS has legs 0 to 5";
-            return Err(ini.error(name, "", Some(""), expected).at_line(*line));
+        if !(0..legs).any(|n| *name == leg(n)) {
+            let expected =
+                format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
+            return Err(ini.error(name, "", Some(""), &expected).at_line(*line));
         }
     }
     Ok(())
+}
+
+/// LinuxCNC takes no program word with a letter that is missing here, so that nothing
+/// could ever bring that coordinate back to 0. A letter too many does no harm.
+fn check_coordinates(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
+    let moved = || Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
+    let wanted: String = moved().map(Letter::name).collect();
+    let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
+    let entry = ini.require("TRAJ", "COORDINATES", &expected)?;
+    let given = entry.value.to_ascii_uppercase();
+    match moved().find(|letter| !given.contains(letter.name())) {
+        None => Ok(()),
+        Some(letter) => {
+            Err(ini.refuse(entry, &format!("{expected}, {} is missing", letter.name())))
+        }
+    }
 }
 
 fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
@@ -282,22 +444,76 @@ fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
     Ok(home)
 }
 
-fn strut(ini: &Ini, n: usize) -> Result<LegGeometry, IniError> {
+fn geometry(ini: &Ini, load: &Load, home: [f64; 6]) -> Result<Geometry, IniError> {
+    let legs = each(load.layout.legs(), |n| leg_geometry(ini, n, load.kinds()[n]))?;
+    let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
+    let mut geometry = Geometry::new(&legs, coordinates, table)
+        .expect("the layout of the load parameters is consistent");
+    geometry.centre = ini.numbers("PKM", "CENTRE")?.unwrap_or_default();
+    geometry.home = Some(home);
+    Ok(geometry)
+}
+
+fn offsets(ini: &Ini, legs: usize) -> Result<PerLeg, IniError> {
+    let mut offsets = [0.0; MAX_LEGS];
+    for (n, offset) in offsets.iter_mut().enumerate().take(legs) {
+        *offset = ini.number_or(&leg(n), "OFFSET", 0.0)?;
+    }
+    Ok(offsets)
+}
+
+fn leg_geometry(ini: &Ini, n: usize, kind: Kind) -> Result<LegGeometry, IniError> {
     let section = leg(n);
-    ini.check_section(&section, STRUT_KEYS)?;
-    let lead = match ini.numbers(&section, "LEAD")? {
+    ini.check_section(&section, &[LEG_KEYS, own_keys(kind)].concat())?;
+    let base = ini.require_numbers(&section, "BASE")?;
+    let platform = ini.require_numbers(&section, "PLATFORM")?;
+    let kind = match kind {
+        Kind::Strut => return Ok(LegGeometry::strut(base, platform, strut(ini, &section)?)),
+        Kind::Slider => LegKind::Slider(slider(ini, &section)?),
+        Kind::Crank => LegKind::Crank(crank(ini, &section)?),
+    };
+    Ok(LegGeometry { base, platform, kind })
+}
+
+fn strut(ini: &Ini, section: &str) -> Result<StrutGeometry, IniError> {
+    let lead = match ini.numbers(section, "LEAD")? {
         Some([own]) => own,
         // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
         None => ini.require_numbers::<1>("PKM", "SCREW_LEAD")?[0],
     };
-    let axis = |key| match ini.numbers(&section, key)? {
-        None if lead != 0.0 => ini.require_numbers(&section, key),
+    let axis = |key| match ini.numbers(section, key)? {
+        None if lead != 0.0 => ini.require_numbers(section, key),
         axis => Ok(axis.unwrap_or_default()),
     };
-    let geometry =
-        StrutGeometry { base_axis: axis("BASE_N")?, platform_axis: axis("PLATFORM_N")?, lead };
-    let base = ini.require_numbers(&section, "BASE")?;
-    Ok(LegGeometry::strut(base, ini.require_numbers(&section, "PLATFORM")?, geometry))
+    Ok(StrutGeometry { base_axis: axis("BASE_N")?, platform_axis: axis("PLATFORM_N")?, lead })
+}
+
+fn slider(ini: &Ini, section: &str) -> Result<SliderGeometry, IniError> {
+    Ok(SliderGeometry {
+        guide: ini.require_numbers(section, "GUIDE")?,
+        rod: positive(ini, section, "ROD", None)?,
+        side: side(ini, section)?,
+    })
+}
+
+fn crank(ini: &Ini, section: &str) -> Result<CrankGeometry, IniError> {
+    Ok(CrankGeometry {
+        axis: ini.require_numbers(section, "AXIS")?,
+        arm: ini.require_numbers(section, "ARM")?,
+        rod: positive(ini, section, "ROD", None)?,
+        side: side(ini, section)?,
+    })
+}
+
+/// A sign that tells which of two places the carriage or crank takes, hence no decimal number.
+fn side(ini: &Ini, section: &str) -> Result<i32, IniError> {
+    let expected = "expected 1 or -1 and nothing else on the line";
+    let entry = ini.require(section, "SIDE", expected)?;
+    match entry.value.as_str() {
+        "1" | "+1" => Ok(1),
+        "-1" => Ok(-1),
+        _ => Err(ini.refuse(entry, expected)),
+    }
 }
 
 fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
@@ -312,21 +528,35 @@ fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
 
 fn solver(ini: &Ini) -> Result<Solver, IniError> {
     let solver = Solver::default();
-    let criterion =
-        positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(solver.convergence_criterion))?;
-    let Some([limit]) = ini.numbers::<1>("PKM", "LIMIT_ITERATIONS")? else {
-        return Ok(Solver { convergence_criterion: criterion, ..solver });
-    };
-    let entry = ini.require("PKM", "LIMIT_ITERATIONS", "")?;
-    let is_whole = entry.value.bytes().all(|b| b.is_ascii_digit());
-    if !is_whole || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
-        let expected = format!("expected a whole number from 1 to {MAX_ITERATIONS}");
-        return Err(ini.refuse(entry, &expected));
-    }
-    Ok(Solver { convergence_criterion: criterion, limit_iterations: limit as u32, ..solver })
+    let criterion = solver.convergence_criterion;
+    Ok(Solver {
+        convergence_criterion: positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(criterion))?,
+        limit_iterations: limit_iterations(ini)?.unwrap_or(solver.limit_iterations),
+        residual_limit: residual_limit(ini)?,
+        ..solver
+    })
 }
 
-fn joint(ini: &Ini, n: usize) -> Result<Joint, IniError> {
+fn limit_iterations(ini: &Ini) -> Result<Option<u32>, IniError> {
+    let Some([limit]) = ini.numbers::<1>("PKM", "LIMIT_ITERATIONS")? else { return Ok(None) };
+    let expected = format!("expected a whole number from 1 to {MAX_ITERATIONS}");
+    let entry = ini.require("PKM", "LIMIT_ITERATIONS", &expected)?;
+    let is_whole = entry.value.bytes().all(|b| b.is_ascii_digit());
+    if !is_whole || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
+        return Err(ini.refuse(entry, &expected));
+    }
+    Ok(Some(limit as u32))
+}
+
+/// 0, which stands for the core's own limit, only where the key is missing.
+fn residual_limit(ini: &Ini) -> Result<f64, IniError> {
+    match ini.first("PKM", "RESIDUAL_LIMIT") {
+        None => Ok(0.0),
+        Some(_) => positive(ini, "PKM", "RESIDUAL_LIMIT", None),
+    }
+}
+
+fn joint(ini: &Ini, n: usize, load: &Load) -> Result<Joint, IniError> {
     let section = format!("JOINT_{n}");
     let [min] = ini.require_numbers(&section, "MIN_LIMIT")?;
     let [max] = ini.require_numbers(&section, "MAX_LIMIT")?;
@@ -334,7 +564,10 @@ fn joint(ini: &Ini, n: usize) -> Result<Joint, IniError> {
         let expected = format!("expected less than MAX_LIMIT = {max}");
         return Err(ini.refuse(ini.require(&section, "MIN_LIMIT", &expected)?, &expected));
     }
+    let (kind, name) = kind_and_name(n, load);
     Ok(Joint {
+        kind,
+        name,
         min,
         max,
         max_velocity: positive(ini, &section, "MAX_VELOCITY", None)?,
@@ -343,13 +576,25 @@ fn joint(ini: &Ini, n: usize) -> Result<Joint, IniError> {
     })
 }
 
-fn axes(ini: &Ini) -> Result<[Axis; 6], IniError> {
-    per_leg(|i| {
-        Ok(Axis {
-            min: ini.number_or(AXES[i], "MIN_LIMIT", f64::NEG_INFINITY)?,
-            max: ini.number_or(AXES[i], "MAX_LIMIT", f64::INFINITY)?,
-            max_velocity: positive(ini, AXES[i], "MAX_VELOCITY", Some(AXIS_VELOCITY))?,
-        })
+fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
+    match load.kinds().get(n) {
+        Some(kind) => {
+            let kind = JointKind::of_leg(*kind);
+            (kind, format!("{} {n}", kind.name()))
+        }
+        None => {
+            let letter = load.layout.table().as_slice()[n - load.layout.legs()];
+            let kind = JointKind::Table;
+            (kind, format!("{} {}", kind.name(), letter.name()))
+        }
+    }
+}
+
+fn axis(ini: &Ini, section: &str) -> Result<Axis, IniError> {
+    Ok(Axis {
+        min: ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY)?,
+        max: ini.number_or(section, "MAX_LIMIT", f64::INFINITY)?,
+        max_velocity: positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY))?,
     })
 }
 

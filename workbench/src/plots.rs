@@ -2,8 +2,10 @@
 //! SVG plots of traces, made to be read in black and white as well: lines differ in
 //! dashes, not in colour alone.
 
-use crate::machine::{JOINTS, MachineConfig};
+use crate::machine::{Group, JointKind, MachineConfig};
+use crate::path::{Along, along};
 use crate::trace::Sample;
+use kinematics::{LegKind, Letter, MAX_JOINTS, MAX_LEGS};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;
@@ -19,19 +21,31 @@ const FONT: &str = "sans-serif";
 const MOST_POINTS: usize = 1500;
 /// Tool axes drawn along the path.
 const NEEDLES: usize = 60;
-/// Plots over time are this much longer than the data: the legend covers nothing.
+/// Plots of joints are this much longer than the data: the legend covers nothing.
 const LEGEND_ROOM: f64 = 1.2;
+/// A path does not move along a coordinate that changes by less than this share of the others.
+const LEAST_EXTENT: f64 = 1e-6;
 /// Isometric view: X to the right and down, Y to the right and up, Z up.
 const COS_30: f64 = 0.866_025_403_784_438_6;
 
+/// Pixels around a plot.
+const MARGIN: u32 = 12;
+/// Pixels for ticks and description below a plot, and to its left.
+const BELOW: u32 = 44;
+const LEFT: u32 = 64;
+/// Pixels that the caption takes above a plot.
+const CAPTION: u32 = 28;
+
 /// Dark shades that print apart, and (dash, gap) in pixels.
-const STYLES: [(RGBColor, (u32, u32)); JOINTS] = [
+const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
     (RGBColor(0, 0, 0), (40, 1)),
     (RGBColor(0, 90, 160), (12, 5)),
     (RGBColor(180, 40, 20), (5, 4)),
     (RGBColor(0, 120, 70), (2, 4)),
     (RGBColor(120, 60, 140), (18, 4)),
     (RGBColor(150, 100, 0), (9, 9)),
+    (RGBColor(90, 90, 90), (26, 10)),
+    (RGBColor(0, 110, 120), (3, 9)),
 ];
 
 /// One named line of a plot.
@@ -53,9 +67,9 @@ struct Frame<'a> {
 #[derive(Clone, Debug)]
 pub struct Plot {
     /// File name, ending in .svg.
-    pub file: &'static str,
+    pub file: String,
     /// What it shows, one line.
-    pub caption: &'static str,
+    pub caption: String,
     /// The drawing.
     pub svg: String,
 }
@@ -67,80 +81,154 @@ pub struct Plot {
 pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, String> {
     let world: Vec<&Sample> = samples.iter().filter(|s| s.in_world).collect();
     let unit = config.length_unit();
-    Ok(vec![
+    let path = along(world.iter().map(|s| (s.pose, s.joints)));
+    let mut plots = vec![];
+    for group in config.groups() {
+        plots.extend(of_group(config, &group, &world, &path)?);
+    }
+    if has_lead(config) {
+        plots.push(Plot {
+            file: "corrections.svg".into(),
+            caption: "Length corrections for the nuts that turn as the platform tilts".into(),
+            svg: corrections(config, &world, unit)?,
+        });
+    }
+    plots.push(Plot {
+        file: "tool-path.svg".into(),
+        caption: "Path of the control point in the planes it moves in".into(),
+        svg: tool_path(&world, unit)?,
+    });
+    plots.push(Plot {
+        file: "tool-path-3d.svg".into(),
+        caption: "Path of the control point (isometric) with the tool axis at some places".into(),
+        svg: isometric(&world, unit)?,
+    });
+    Ok(plots)
+}
+
+fn has_lead(config: &MachineConfig) -> bool {
+    let lead = |kind| matches!(kind, LegKind::Strut(strut) if strut.lead != 0.0);
+    config.geometry.legs().iter().any(|leg| lead(leg.kind))
+}
+
+/// Values, changes along the path and speeds of joints of one kind.
+fn of_group(
+    config: &MachineConfig,
+    group: &Group,
+    world: &[&Sample],
+    path: &[Along],
+) -> Result<[Plot; 3], String> {
+    let name = group.kind.plural();
+    let stem = name.replace(' ', "-");
+    Ok([
         Plot {
-            file: "struts.svg",
-            caption: "Strut lengths during the program, between the limits of the INI file",
-            svg: struts(config, &world, unit)?,
+            file: format!("{stem}.svg"),
+            caption: format!("{} during the program; limits where they are near", first_up(name)),
+            svg: values(config, group, world)?,
         },
         Plot {
-            file: "corrections.svg",
-            caption: "Length corrections for the nuts that turn as the platform tilts",
-            svg: corrections(&world, unit)?,
+            file: format!("{stem}-path.svg"),
+            caption: format!(
+                "Change of {name} since the program's start, against the length of the path of \
+                 the control point; a turn in place is a vertical line"
+            ),
+            svg: changes(config, group, path)?,
         },
         Plot {
-            file: "speeds.svg",
-            caption: "Joint speeds; the lowest limit of the INI file stands above the plot",
-            svg: speeds(config, &world, unit)?,
-        },
-        Plot {
-            file: "tool-path.svg",
-            caption: "Path of the control point seen from above and from the side",
-            svg: tool_path(&world, unit)?,
-        },
-        Plot {
-            file: "tool-path-3d.svg",
-            caption: "Path of the control point (isometric) with the tool axis at some places",
-            svg: isometric(&world, unit)?,
+            file: format!("{stem}-speeds.svg"),
+            caption: format!("Speeds of {name}; the lowest limit stands above the plot"),
+            svg: speeds(config, group, world)?,
         },
     ])
 }
 
-fn struts(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, String> {
-    let low = config.joints.iter().fold(f64::NEG_INFINITY, |low, j| low.max(j.min));
-    let high = config.joints.iter().fold(f64::INFINITY, |high, j| high.min(j.max));
-    let frame = Frame {
-        title: "Strut lengths",
-        x: "time in s",
-        y: &format!("length in {unit}"),
-        limits: vec![(format!("shortest {low}"), low), (format!("longest {high}"), high)],
-    };
-    over_time(&frame, &joint_lines(world, "strut", |s, i| s.joints[i]))
+fn first_up(text: &str) -> String {
+    let mut characters = text.chars();
+    characters.next().map_or(String::new(), |c| c.to_uppercase().chain(characters).collect())
 }
 
-fn corrections(world: &[&Sample], unit: &str) -> Result<String, String> {
+fn values(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, String> {
+    let joints = || group.joints.iter().map(|i| &config.joints[*i]);
+    let low = joints().fold(f64::NEG_INFINITY, |low, j| low.max(j.min));
+    let high = joints().fold(f64::INFINITY, |high, j| high.min(j.max));
+    let lines = lines(config, group, world.iter().map(|s| (time(world, s), &s.joints)));
+    let Group { kind, unit, .. } = group;
+    let frame = Frame {
+        title: &format!("{} (limits {low} to {high} {unit})", first_up(kind.plural())),
+        x: "time in s",
+        y: &format!("{} in {unit}", kind.quantity()),
+        limits: near(&lines, &[(format!("lowest {low}"), low), (format!("highest {high}"), high)]),
+    };
+    drawn_lines(&frame, &lines)
+}
+
+/// Limits no farther from the lines than these reach: others would only flatten them.
+fn near(lines: &[Line], limits: &[(String, f64)]) -> Vec<(String, f64)> {
+    let (low, high) = span(lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)));
+    let reach = low - (high - low)..=high + (high - low);
+    limits.iter().filter(|(_, value)| reach.contains(value)).cloned().collect()
+}
+
+fn changes(config: &MachineConfig, group: &Group, path: &[Along]) -> Result<String, String> {
+    let frame = Frame {
+        title: &format!("{}: change since the program's start", first_up(group.kind.plural())),
+        x: &format!("length of the path in {}", config.length_unit()),
+        y: &format!("change of {} in {}", group.kind.quantity(), group.unit),
+        limits: vec![],
+    };
+    drawn_lines(&frame, &lines(config, group, path.iter().map(|a| (a.length, &a.change))))
+}
+
+fn corrections(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, String> {
     let frame = Frame {
         title: "Nut corrections",
         x: "time in s",
         y: &format!("correction in {unit}"),
         limits: vec![],
     };
-    over_time(&frame, &joint_lines(world, "strut", |s, i| s.corrections[i]))
+    let groups = config.groups();
+    let struts = groups.iter().filter(|group| group.kind == JointKind::Strut);
+    let values = world.iter().map(|s| (time(world, s), &s.corrections));
+    let lines: Vec<Line> = struts.flat_map(|group| lines(config, group, values.clone())).collect();
+    drawn_lines(&frame, &lines)
 }
 
-fn speeds(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, String> {
-    let limit = config.joints.iter().fold(f64::INFINITY, |limit, j| limit.min(j.max_velocity));
+fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, String> {
+    let limits = group.joints.iter().map(|i| config.joints[*i].max_velocity);
+    let limit = limits.fold(f64::INFINITY, f64::min);
+    let Group { kind, unit, .. } = group;
     let frame = Frame {
-        title: &format!("Joint speeds (limit {limit} {unit}/s)"),
+        title: &format!("Speeds of {} (limit {limit} {unit}/s)", kind.plural()),
         x: "time in s",
         y: &format!("speed in {unit}/s"),
         limits: vec![],
     };
-    let line = |i: usize| Line {
-        name: format!("strut {i}"),
-        points: thin(world.windows(2).map(|w| {
-            (w[1].time - world[0].time, (w[1].joints[i] - w[0].joints[i]) / config.period)
-        })),
-    };
-    over_time(&frame, &(0..JOINTS).map(line).collect::<Vec<_>>())
+    let speeds: Vec<_> = world
+        .windows(2)
+        .map(|w| {
+            let speed = |i: usize| (w[1].joints[i] - w[0].joints[i]) / config.period;
+            (time(world, w[1]), std::array::from_fn::<f64, MAX_JOINTS, _>(speed))
+        })
+        .collect();
+    drawn_lines(&frame, &lines(config, group, speeds.iter().map(|(t, v)| (*t, v))))
 }
 
-fn joint_lines(world: &[&Sample], name: &str, value: fn(&Sample, usize) -> f64) -> Vec<Line> {
-    let line = |i| Line {
-        name: format!("{name} {i}"),
-        points: thin(world.iter().map(|s| (s.time - world[0].time, value(s, i)))),
+/// Seconds since the program's start.
+fn time(world: &[&Sample], sample: &Sample) -> f64 {
+    sample.time - world[0].time
+}
+
+/// One line for each joint of a group, from (abscissa, values of all joints).
+fn lines<'a, const N: usize>(
+    config: &MachineConfig,
+    group: &Group,
+    rows: impl Iterator<Item = (f64, &'a [f64; N])> + Clone,
+) -> Vec<Line> {
+    let line = |i: &usize| Line {
+        name: config.joints[*i].name.clone(),
+        points: thin(rows.clone().map(|(x, values)| (x, values[*i]))),
     };
-    (0..JOINTS).map(line).collect()
+    group.joints.iter().map(line).collect()
 }
 
 /// Few enough points; every group keeps its point of largest amount, so that peaks stay.
@@ -153,11 +241,11 @@ fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     points.chunks(group).map(peak).collect()
 }
 
-fn over_time(frame: &Frame, lines: &[Line]) -> Result<String, String> {
+fn drawn_lines(frame: &Frame, lines: &[Line]) -> Result<String, String> {
     drawn(|root| {
         let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1));
         let y = padded(values.chain(frame.limits.iter().map(|limit| limit.1)));
-        let end = lines[0].points.last().map_or(1.0, |p| p.0);
+        let end = lines[0].points.last().map(|p| p.0).filter(|end| *end > 0.0).unwrap_or(1.0);
         let mut chart = axes(root, frame, 0.0..end * LEGEND_ROOM, y)?;
         for (name, value) in &frame.limits {
             let ends = [(0.0, *value), (end, *value)];
@@ -173,15 +261,16 @@ fn over_time(frame: &Frame, lines: &[Line]) -> Result<String, String> {
 }
 
 fn tool_path(world: &[&Sample], unit: &str) -> Result<String, String> {
+    let views = views(world);
+    let grid = [(1, 1), (1, 1), (1, 2), (2, 2)][views.len()];
     drawn(|root| {
-        let halves = root.split_evenly((1, 2));
-        let views = [("Seen from above", 0, 1, "Y"), ("Seen from the front", 0, 2, "Z")];
-        for (area, (title, h, v, name)) in halves.iter().zip(views) {
-            let points: Vec<(f64, f64)> = world.iter().map(|s| (s.pose[h], s.pose[v])).collect();
+        for (area, View { title, across, up }) in root.split_evenly(grid).iter().zip(views) {
+            let point = |s: &&Sample| (s.pose[across.index()], s.pose[up.index()]);
+            let points: Vec<(f64, f64)> = world.iter().map(point).collect();
             let frame = Frame {
                 title,
-                x: &format!("X in {unit}"),
-                y: &format!("{name} in {unit}"),
+                x: &format!("{} in {unit}", across.name()),
+                y: &format!("{} in {unit}", up.name()),
                 limits: vec![],
             };
             let mut chart = path_axes(area, &frame, &points)?;
@@ -189,6 +278,37 @@ fn tool_path(world: &[&Sample], unit: &str) -> Result<String, String> {
         }
         Ok(())
     })
+}
+
+/// A look at the path along one of the axes.
+#[derive(Clone, Copy)]
+struct View {
+    title: &'static str,
+    across: Letter,
+    up: Letter,
+}
+
+const VIEWS: [View; 3] = [
+    View { title: "Seen from above", across: Letter::X, up: Letter::Y },
+    View { title: "Seen from the front", across: Letter::X, up: Letter::Z },
+    View { title: "Seen from the side", across: Letter::Y, up: Letter::Z },
+];
+
+/// The views in which the path is more than a line; where it is one in all, those in which
+/// it is not a point.
+fn views(world: &[&Sample]) -> Vec<View> {
+    let extent = |letter: Letter| {
+        let (low, high) = span(world.iter().map(|s| s.pose[letter.index()]));
+        high - low
+    };
+    let most = Letter::ALL.into_iter().take(3).map(extent).fold(0.0, f64::max);
+    let moves = |letter| extent(letter) > LEAST_EXTENT * most;
+    let plane: Vec<View> =
+        VIEWS.into_iter().filter(|view| moves(view.across) && moves(view.up)).collect();
+    if !plane.is_empty() {
+        return plane;
+    }
+    VIEWS.into_iter().filter(|view| most == 0.0 || moves(view.across) || moves(view.up)).collect()
 }
 
 fn isometric(world: &[&Sample], unit: &str) -> Result<String, String> {
@@ -255,6 +375,7 @@ fn path_axes<'a, 'b>(
     points: &[(f64, f64)],
 ) -> Result<Chart<'a, 'b>, String> {
     let (width, height) = area.dim_in_pixel();
+    let (width, height) = (width - LEFT - 2 * MARGIN, height - BELOW - CAPTION - 2 * MARGIN);
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
     let scale = ((x.end - x.start) / f64::from(width)).max((y.end - y.start) / f64::from(height));
     let around = |range: Range<f64>, pixels: u32| {
@@ -272,9 +393,9 @@ fn axes<'a, 'b>(
 ) -> Result<Chart<'a, 'b>, String> {
     let mut chart = ChartBuilder::on(area)
         .caption(frame.title, (FONT, 22))
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
+        .margin(MARGIN)
+        .x_label_area_size(BELOW)
+        .y_label_area_size(LEFT)
         .build_cartesian_2d(x, y)
         .map_err(text)?;
     chart
@@ -319,10 +440,14 @@ fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), String> {
         .map_err(text)
 }
 
+/// Lowest and highest value.
+fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
 /// The range of the values with a margin; a flat line gets one unit around it.
 fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (low, high) =
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let (low, high) = span(values);
     let span = high - low;
     let margin = if span > 1e-9 * high.abs() { 0.06 * span } else { 1.0 };
     low - margin..high + margin
@@ -362,6 +487,71 @@ mod tests {
         let kept = apart(&points);
         assert!((500..2000).contains(&kept.len()), "{}", kept.len());
         assert_eq!(kept.last(), points.last());
+    }
+
+    #[test]
+    fn a_circle_is_drawn_round_in_every_part_of_a_sheet() {
+        let circle: Vec<(f64, f64)> = (0..100).map(|k| f64::from(k).sin_cos()).collect();
+        let frame = Frame { title: "Circle", x: "X", y: "Y", limits: vec![] };
+        for grid in [(1, 1), (1, 2), (2, 2)] {
+            drawn(|root| {
+                let part = &root.split_evenly(grid)[0];
+                let chart = path_axes(part, &frame, &circle)?;
+                let (x, y) = (chart.x_range(), chart.y_range());
+                let (width, height) = chart.plotting_area().dim_in_pixel();
+                let scale = (x.end - x.start) / f64::from(width) / (y.end - y.start);
+                // One pixel of 200, that of the caption's height.
+                assert!((scale * f64::from(height) - 1.0).abs() < 6e-3, "{grid:?} {scale}");
+                Ok(())
+            })
+            .unwrap();
+        }
+    }
+
+    /// A path over these coordinates, each with a law of its own.
+    fn path(letters: &[Letter]) -> Vec<Sample> {
+        let sample = |k: u32| {
+            let mut pose = [5.0; 6];
+            for letter in letters {
+                pose[letter.index()] = (f64::from(k) * (1.0 + letter.index() as f64)).sin();
+            }
+            Sample {
+                time: f64::from(k),
+                in_world: true,
+                pose,
+                joints: [0.0; MAX_JOINTS],
+                motors: [0.0; MAX_JOINTS],
+                forward: pose,
+                corrections: [0.0; MAX_LEGS],
+                tool: [0.0; 3],
+                iterations: 1.0,
+                residual: 0.0,
+            }
+        };
+        (0..100).map(sample).collect()
+    }
+
+    #[test]
+    fn a_path_is_seen_in_the_planes_it_moves_in() {
+        use Letter::{B, X, Y, Z};
+        for (letters, titles) in [
+            (&[X, Z][..], &["Seen from the front"][..]),
+            (&[Y, Z, B], &["Seen from the side"]),
+            (&[X, Y, Z], &["Seen from above", "Seen from the front", "Seen from the side"]),
+            (&[Z], &["Seen from the front", "Seen from the side"]),
+            (&[B], &["Seen from above", "Seen from the front", "Seen from the side"]),
+        ] {
+            let samples = path(letters);
+            let found = views(&samples.iter().collect::<Vec<_>>());
+            assert_eq!(found.iter().map(|view| view.title).collect::<Vec<_>>(), titles);
+        }
+    }
+
+    #[test]
+    fn limits_far_from_the_lines_are_left_out() {
+        let line = Line { name: String::new(), points: vec![(0.0, 10.0), (1.0, 14.0)] };
+        let limits = [(String::from("low"), 5.9), (String::from("high"), 17.9)];
+        assert_eq!(near(&[line], &limits), limits[1..]);
     }
 
     #[test]

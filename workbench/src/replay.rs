@@ -6,8 +6,8 @@
 //! are left out, so that speeds are upper bounds for straight pieces.
 
 use crate::interpreter::{Move, MoveKind};
-use crate::machine::{JOINTS, MachineConfig};
-use kinematics::{Certificate, Fault, Pose, Solution, Vector3};
+use crate::machine::{ConeAngles, Group, MachineConfig};
+use kinematics::{Certificate, Fault, Joints, Letter, Pose, Solution, Vector3};
 use std::fmt;
 
 /// A value and the program line it occurred in.
@@ -63,20 +63,25 @@ pub struct Replay {
     pub iterations_mean: f64,
     /// Share of the poses that one certified ball proved.
     pub certified: f64,
+    /// The joints by kind.
+    pub groups: Vec<Group>,
     /// Joint values, per joint.
-    pub joints: [Range; JOINTS],
+    pub joints: Vec<Range>,
     /// Pose coordinates x y z a b c.
     pub pose: [Range; 6],
     /// Largest amount of a nut correction.
     pub correction: At,
-    /// Largest cone angle, per base joint.
-    pub base_cone: [At; JOINTS],
-    /// Largest cone angle, per platform joint.
-    pub platform_cone: [At; JOINTS],
+    /// Largest cone angle at the base, per leg.
+    pub base_cone: Vec<At>,
+    /// Largest cone angle at the platform, per leg.
+    pub platform_cone: Vec<At>,
     /// Largest joint speed, per joint.
-    pub joint_speed: [At; JOINTS],
-    /// Largest move of a joint by a change of the tool length alone.
+    pub joint_speed: Vec<At>,
+    /// Largest move of a joint by a change of the tool length alone, in its unit.
     pub tool_step: At,
+    /// Least |cos| between a rod and the motion of its lower end, 0 at a dead point;
+    /// `None` where every leg is a strut.
+    pub least_drive: Option<At>,
 }
 
 /// Where a replay ended early.
@@ -145,7 +150,7 @@ struct Player<'a> {
     period: f64,
     at: [f64; 6],
     tool: Vector3<f64>,
-    joints: Option<[f64; JOINTS]>,
+    joints: Option<Joints>,
     seed: Pose,
     iterations: u64,
     proved: usize,
@@ -173,13 +178,15 @@ impl<'a> Player<'a> {
                 iterations_max: 0,
                 iterations_mean: 0.0,
                 certified: 0.0,
-                joints: [Range::EMPTY; JOINTS],
+                groups: config.groups(),
+                joints: vec![Range::EMPTY; config.joints.len()],
                 pose: [Range::EMPTY; 6],
                 correction: nowhere,
-                base_cone: [nowhere; JOINTS],
-                platform_cone: [nowhere; JOINTS],
-                joint_speed: [nowhere; JOINTS],
+                base_cone: vec![nowhere; config.legs()],
+                platform_cone: vec![nowhere; config.legs()],
+                joint_speed: vec![nowhere; config.joints.len()],
                 tool_step: nowhere,
+                least_drive: None,
             },
         }
     }
@@ -216,7 +223,7 @@ impl<'a> Player<'a> {
     }
 
     /// Inverse, forward and the records of one pose.
-    fn visit(&mut self, pose: [f64; 6], line: u32) -> Result<[f64; JOINTS], ReplayFault> {
+    fn visit(&mut self, pose: [f64; 6], line: u32) -> Result<Joints, ReplayFault> {
         let asked = Pose::from_degrees(pose);
         let failed = |forward| move |fault| ReplayFault { line, pose, forward, fault };
         let machine = &self.config.machine;
@@ -235,7 +242,7 @@ impl<'a> Player<'a> {
         Ok(joints)
     }
 
-    fn note_solution(&mut self, asked: &Pose, solution: &Solution<JOINTS>, line: u32) {
+    fn note_solution(&mut self, asked: &Pose, solution: &Solution, line: u32) {
         let distance = asked.distance(&solution.pose, self.config.machine.radius());
         larger(&mut self.result.mismatch, distance, line);
         self.result.iterations_max = self.result.iterations_max.max(solution.iterations);
@@ -249,16 +256,21 @@ impl<'a> Player<'a> {
         for correction in self.config.machine.corrections(asked, &self.tool)? {
             larger(&mut self.result.correction, correction.abs(), line);
         }
-        let cones = self.config.cone_angles(asked, &self.tool)?;
-        for i in 0..JOINTS {
-            larger(&mut self.result.base_cone[i], cones.base[i], line);
-            larger(&mut self.result.platform_cone[i], cones.platform[i], line);
+        let ConeAngles { base, platform } = self.config.cone_angles(asked, &self.tool)?;
+        let records = self.result.base_cone.iter_mut().chain(&mut self.result.platform_cone);
+        for (record, angle) in records.zip(base.into_iter().chain(platform)) {
+            larger(record, angle, line);
+        }
+        if let Some(value) = self.config.least_drive(asked, &self.tool)?
+            && self.result.least_drive.is_none_or(|least| value < least.value)
+        {
+            self.result.least_drive = Some(At { value, line });
         }
         Ok(())
     }
 
-    fn note_joints(&mut self, joints: &[f64; JOINTS], line: u32) {
-        for (i, joint) in joints.iter().enumerate() {
+    fn note_joints(&mut self, joints: &Joints, line: u32) {
+        for (i, joint) in joints.iter().enumerate().take(self.result.joints.len()) {
             self.result.joints[i].add(*joint, line);
             if let Some(before) = self.joints {
                 let speed = (joint - before[i]).abs() / self.period;
@@ -290,18 +302,16 @@ impl Replay {
     pub fn violations(&self, config: &MachineConfig) -> Vec<String> {
         let mut found = vec![];
         for (i, (range, joint)) in self.joints.iter().zip(&config.joints).enumerate() {
-            let name = format!("joint {i}");
-            check_range(&mut found, &name, range, joint.min, joint.max);
-            check_most(
-                &mut found,
-                &format!("speed of {name}"),
-                self.joint_speed[i],
-                joint.max_velocity,
-            );
+            let unit = config.unit(joint.kind);
+            check_range(&mut found, &joint.name, unit, range, joint.min, joint.max);
+            let name = format!("speed of {}", joint.name);
+            let speed = self.joint_speed[i];
+            check_most(&mut found, &name, &format!("{unit}/s"), speed, joint.max_velocity);
         }
-        for (i, (range, axis)) in self.pose.iter().zip(&config.axes).enumerate() {
-            let name = format!("axis {}", ["X", "Y", "Z", "A", "B", "C"][i]);
-            check_range(&mut found, &name, range, axis.min, axis.max);
+        for (letter, (range, axis)) in Letter::ALL.iter().zip(self.pose.iter().zip(&config.axes)) {
+            let name = format!("axis {}", letter.name());
+            let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
+            check_range(&mut found, &name, unit, range, axis.min, axis.max);
         }
         let cones = [
             ("base", &self.base_cone, &config.base_cone),
@@ -310,24 +320,25 @@ impl Replay {
         for (body, angles, limits) in cones {
             for (i, (angle, limit)) in angles.iter().zip(limits).enumerate() {
                 let limit = limit.unwrap_or(f64::INFINITY);
-                check_most(&mut found, &format!("cone angle of {body} joint {i}"), *angle, limit);
+                let name = format!("cone angle of {body} joint {i}");
+                check_most(&mut found, &name, "degrees", *angle, limit);
             }
         }
         found
     }
 }
 
-fn check_range(found: &mut Vec<String>, name: &str, range: &Range, min: f64, max: f64) {
+fn check_range(found: &mut Vec<String>, name: &str, unit: &str, range: &Range, min: f64, max: f64) {
     if range.min.value < min {
         let At { value, line } = range.min;
-        found.push(format!("line {line}: {name} reaches {value:.3}, below {min}"));
+        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, below {min}"));
     }
-    check_most(found, name, range.max, max);
+    check_most(found, name, unit, range.max, max);
 }
 
-fn check_most(found: &mut Vec<String>, name: &str, At { value, line }: At, max: f64) {
+fn check_most(found: &mut Vec<String>, name: &str, unit: &str, At { value, line }: At, max: f64) {
     if value > max {
-        found.push(format!("line {line}: {name} reaches {value:.3}, above {max}"));
+        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, above {max}"));
     }
 }
 
@@ -358,14 +369,25 @@ impl fmt::Display for Replay {
             most(&self.base_cone),
             most(&self.platform_cone)
         )?;
-        writeln!(f, "largest joint speed {:.2} per second", most(&self.joint_speed))?;
-        let low = self.joints.iter().fold(f64::INFINITY, |low, r| low.min(r.min.value));
-        let high = self.joints.iter().fold(0.0, |high: f64, r| high.max(r.max.value));
-        write!(
-            f,
-            "joints {low:.3} to {high:.3}; tool changes move them by {:.2e}",
-            self.tool_step.value
-        )
+        for group in &self.groups {
+            self.write_group(f, group)?;
+        }
+        if let Some(At { value, line }) = self.least_drive {
+            writeln!(f, "nearest to a dead point: cosine {value:.3}, line {line}")?;
+        }
+        write!(f, "tool changes move joints by {:.2e}", self.tool_step.value)
+    }
+}
+
+impl Replay {
+    fn write_group(&self, f: &mut fmt::Formatter<'_>, group: &Group) -> fmt::Result {
+        let Group { kind, unit, joints } = group;
+        let ranges = || joints.iter().map(|i| &self.joints[*i]);
+        let low = ranges().fold(f64::INFINITY, |low, r| low.min(r.min.value));
+        let high = ranges().fold(f64::NEG_INFINITY, |high, r| high.max(r.max.value));
+        let speed = joints.iter().fold(0.0, |most: f64, i| most.max(self.joint_speed[*i].value));
+        let name = kind.plural();
+        writeln!(f, "{name} {low:.3} to {high:.3} {unit}, at most {speed:.2} {unit}/s")
     }
 }
 
@@ -374,9 +396,13 @@ mod tests {
     use super::*;
     use std::path::Path;
 
+    fn config_of(machine: &str) -> MachineConfig {
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        MachineConfig::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
+    }
+
     fn config() -> MachineConfig {
-        let ini = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        MachineConfig::read(&ini).unwrap()
+        config_of("hexapod")
     }
 
     fn rapid(line: u32, end: [f64; 6], tool_z: f64) -> Move {
@@ -405,11 +431,41 @@ mod tests {
         (config.joints[3].max, config.axes[0].max, config.base_cone[0]) = (940.0, 10.0, Some(0.5));
         let moves = [rapid(7, [20.0, 0.0, 200.0, 0.0, 0.0, 0.0], 0.0)];
         let found = replay(&config, &moves, 1e-3).unwrap().violations(&config);
-        let starts = ["line 7: joint 3 reaches", "line 7: axis X reaches 20.000, above 10"];
+        let starts = ["line 7: strut 3 reaches", "line 7: axis X reaches 20.000 mm, above 10"];
         for start in starts.into_iter().chain(["line 7: cone angle of base joint 0 reaches"]) {
             assert!(found.iter().any(|text| text.starts_with(start)), "{start}: {found:?}");
         }
         assert_eq!(found.len(), 3, "{found:?}");
+    }
+
+    #[test]
+    fn limits_are_told_in_the_words_and_units_of_the_joint() {
+        for (machine, joint, to, text) in [
+            ("four-rod-lathe", 1, [0.0, 0.0, 5.0], "carriage 1 reaches 1509.410 mm, above 1500"),
+            ("pyramid", 4, [4.0, 0.0, 0.0], "table X reaches 4.000 mm, above 3"),
+            ("rotary-delta", 2, [0.0, 0.0, -0.2], "arm 2 reaches 11.320 degrees, above 11"),
+        ] {
+            let mut config = config_of(machine);
+            config.joints[joint].max = text.rsplit(' ').next().unwrap().parse().unwrap();
+            let mut end = config.home;
+            (0..3).for_each(|i| end[i] += to[i]);
+            let found = replay(&config, &[rapid(7, end, 0.0)], 1e-3).unwrap().violations(&config);
+            assert_eq!(found, [format!("line 7: {text}")]);
+        }
+    }
+
+    #[test]
+    fn the_place_nearest_to_a_dead_point_is_found_where_there_are_rods() {
+        let mut end = config_of("four-rod-lathe").home;
+        end[1] += 30.0;
+        let moves = [rapid(7, end, 0.0)];
+        let least = replay(&config_of("four-rod-lathe"), &moves, 1e-3).unwrap().least_drive;
+        // Rods of 700 whose upper ends are (300, 480) away from their rails.
+        let expected = (700.0_f64.powi(2) - 300.0_f64.powi(2) - 480.0_f64.powi(2)).sqrt() / 700.0;
+        let At { value, line } = least.unwrap();
+        assert!((value - expected).abs() < 1e-12 && line == 7, "{value} {line}");
+        let strut = rapid(7, [20.0, 0.0, 220.0, 0.0, 0.0, 0.0], 0.0);
+        assert_eq!(replay(&config(), &[strut], 1e-3).unwrap().least_drive, None);
     }
 
     #[test]

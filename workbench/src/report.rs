@@ -29,7 +29,7 @@ pub fn write(
     let plots = plots::all(config, samples)?;
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     for plot in &plots {
-        write_whole(&folder.join(plot.file), &plot.svg)?;
+        write_whole(&folder.join(&plot.file), &plot.svg)?;
     }
     write_whole(&folder.join("report.html"), &page(result, report, &plots))
 }

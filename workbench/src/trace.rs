@@ -5,20 +5,21 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
-use crate::machine::{JOINTS, MachineConfig};
-use kinematics::{Fault, Pose, Vector3};
+use crate::machine::{ConeAngles, Group, JointKind, MachineConfig};
+use crate::mobility::Structure;
+use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, PerLeg, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
 
-/// Coarse joint commands against host inverse, in mm.
-const JOINT_TOLERANCE_MM: f64 = 1e-9;
+/// Coarse joint commands against host inverse, in mm or degrees.
+const JOINT_TOLERANCE: f64 = 1e-9;
 
 /// Host forward of the coarse joints against the commanded pose, as a share of the size.
 const ROUND_TRIP: f64 = 1e-10;
 
 /// Joints of the pose that forward shows against the feedback, in units of the
-/// convergence criterion: forward stops on the residual of six legs, each within it.
+/// convergence criterion: forward stops on the residual of all legs, each within it.
 const FEEDBACK: f64 = 10.0;
 
 /// Iterations of forward one servo step away.
@@ -31,10 +32,9 @@ const LIMIT_ROUNDING: f64 = 1e-6;
 const WIDEST: usize = 34;
 
 const PROGRAM_PHASE: f64 = 2.0;
-const COLUMNS: usize = 35;
 const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
-/// One servo cycle. Lengths in machine units, angles in degrees.
+/// One servo cycle. Lengths in machine units, angles in degrees; 0 beyond the last joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Seconds since the first line.
@@ -44,15 +44,15 @@ pub struct Sample {
     /// Commanded pose x y z a b c.
     pub pose: [f64; 6],
     /// Commanded joints, before LinuxCNC smooths them.
-    pub joints: [f64; JOINTS],
+    pub joints: Joints,
     /// Motor positions after this cycle's command; a searching joint counts from power-up.
-    pub motors: [f64; JOINTS],
+    pub motors: Joints,
     /// What forward made of the motor positions of the cycle before.
     pub forward: [f64; 6],
-    /// Nut corrections that the module shows.
-    pub corrections: [f64; JOINTS],
-    /// Tool vector's z, spindle offset included.
-    pub tool_z: f64,
+    /// Nut corrections that the module shows, 0 for legs that are no struts.
+    pub corrections: PerLeg,
+    /// Tool vector, spindle offset included.
+    pub tool: [f64; 3],
     /// Iterations of the last forward call.
     pub iterations: f64,
     /// Largest leg residual of the last forward call.
@@ -62,7 +62,7 @@ pub struct Sample {
 impl Sample {
     /// The tool vector.
     pub fn tool(&self) -> Vector3<f64> {
-        Vector3::new(0.0, 0.0, self.tool_z)
+        Vector3::from(self.tool)
     }
 }
 
@@ -96,20 +96,22 @@ pub struct RunResult {
     pub error: Option<String>,
 }
 
-/// Reads a trace.
+/// Reads a trace of this machine.
 ///
 /// # Errors
 /// A sentence naming file, line and what was expected.
-pub fn read_trace(file: &Path) -> Result<Vec<Sample>, String> {
+pub fn read_trace(config: &MachineConfig, file: &Path) -> Result<Vec<Sample>, String> {
     let named = |error: &dyn fmt::Display| format!("{}: {error}", file.display());
     let mut reader = csv::Reader::from_path(file).map_err(|e| named(&e))?;
-    let expected = columns();
-    if reader.headers().map_err(|e| named(&e))?.iter().ne(expected.iter().map(String::as_str)) {
+    let header = reader.headers().map_err(|e| named(&e))?;
+    let columns = Columns { config };
+    let expected = columns.names();
+    if header.iter().ne(expected.iter().map(String::as_str)) {
         return Err(named(&format!("expected the columns {}", expected.join(","))));
     }
     let samples = reader
         .deserialize()
-        .map(|row| row.map_err(|e: csv::Error| e.to_string()).and_then(sample))
+        .map(|row| row.map_err(|e: csv::Error| e.to_string()).and_then(|row| columns.sample(row)))
         .enumerate()
         .map(|(i, row)| row.map_err(|e| named(&format!("line {}: {e}", i + 2))))
         .collect::<Result<Vec<Sample>, String>>()?;
@@ -122,42 +124,73 @@ pub fn read_trace(file: &Path) -> Result<Vec<Sample>, String> {
     Ok(samples)
 }
 
-fn columns() -> Vec<String> {
-    let numbered = |prefix: &'static str| (0..JOINTS).map(move |i| format!("{prefix}{i}"));
-    let lettered = |prefix: &'static str| LETTERS.map(|l| format!("{prefix}{l}"));
-    let mut columns = vec!["t_s".to_string(), "phase".to_string()];
-    columns.extend(lettered(""));
-    columns.extend(numbered("j").chain(numbered("m")));
-    columns.extend(lettered("f"));
-    columns.extend(numbered("corr"));
-    columns.extend(["tool_z", "iterations", "residual"].map(Into::into));
-    columns
+/// Order of the values in a line; every machine has its own joints and struts.
+struct Columns<'a> {
+    config: &'a MachineConfig,
 }
 
-fn sample(row: Vec<f64>) -> Result<Sample, String> {
-    if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
-        return Err(format!("{bad} is no value of a machine that runs"));
+impl Columns<'_> {
+    fn joints(&self) -> impl Iterator<Item = usize> + use<> {
+        0..self.config.joints.len()
     }
-    let row: [f64; COLUMNS] = row
-        .try_into()
-        .map_err(|row: Vec<f64>| format!("{} values, expected {COLUMNS}", row.len()))?;
-    let (iterations, residual) = (row[33], row[34]);
-    if iterations < 0.0 || residual < 0.0 {
-        return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
+
+    fn struts(&self) -> impl Iterator<Item = usize> {
+        let kinds = self.config.joints.iter().map(|joint| joint.kind).enumerate();
+        kinds.filter(|(_, kind)| *kind == JointKind::Strut).map(|(i, _)| i)
     }
-    let six = |from: usize| std::array::from_fn(|i| row[from + i]);
-    Ok(Sample {
-        time: row[0],
-        in_world: row[1] == PROGRAM_PHASE,
-        pose: six(2),
-        joints: six(8),
-        motors: six(14),
-        forward: six(20),
-        corrections: six(26),
-        tool_z: row[32],
-        iterations,
-        residual,
-    })
+
+    fn names(&self) -> Vec<String> {
+        let lettered = |prefix: &'static str| LETTERS.map(|l| format!("{prefix}{l}"));
+        let mut names = vec!["t_s".to_string(), "phase".to_string()];
+        names.extend(lettered(""));
+        names.extend(self.joints().map(|i| format!("j{i}")));
+        names.extend(self.joints().map(|i| format!("m{i}")));
+        names.extend(lettered("f"));
+        names.extend(self.struts().map(|i| format!("corr{i}")));
+        names.extend(["tool_x", "tool_y", "tool_z", "iterations", "residual"].map(String::from));
+        names
+    }
+
+    fn sample(&self, row: Vec<f64>) -> Result<Sample, String> {
+        if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
+            return Err(format!("{bad} is no value of a machine that runs"));
+        }
+        let mut values = row.into_iter();
+        let sample = Sample {
+            time: next(&mut values),
+            in_world: next(&mut values) == PROGRAM_PHASE,
+            pose: placed(&mut values, 0..6),
+            joints: placed(&mut values, self.joints()),
+            motors: placed(&mut values, self.joints()),
+            forward: placed(&mut values, 0..6),
+            corrections: placed(&mut values, self.struts()),
+            tool: placed(&mut values, 0..3),
+            iterations: next(&mut values),
+            residual: next(&mut values),
+        };
+        let Sample { iterations, residual, .. } = sample;
+        if iterations < 0.0 || residual < 0.0 {
+            return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
+        }
+        Ok(sample)
+    }
+}
+
+/// The next value of a line, which is as long as the heading: the CSV reader sees to that.
+fn next(values: &mut impl Iterator<Item = f64>) -> f64 {
+    values.next().unwrap_or_default()
+}
+
+/// The next values, put to these places; 0 elsewhere.
+fn placed<const N: usize>(
+    values: &mut impl Iterator<Item = f64>,
+    places: impl Iterator<Item = usize>,
+) -> [f64; N] {
+    let mut all = [0.0; N];
+    for place in places {
+        all[place] = next(values);
+    }
+    all
 }
 
 /// Reads the result file of a run.
@@ -248,6 +281,7 @@ pub fn judge(
     let world: Vec<Sample> = samples.iter().filter(|s| s.in_world).copied().collect();
     let offsets = motor_offsets(&world);
     let mut checks = run_checks(config, &world, result);
+    checks.extend(structure_checks(config).map_err(world[0].failed())?);
     checks.extend(kinematics_checks(config, &world, &offsets)?);
     checks.extend(limit_checks(config, samples, &world, &offsets));
     checks.extend(cone_checks(config, samples, &world, &offsets)?);
@@ -256,7 +290,7 @@ pub fn judge(
 }
 
 /// Joint value minus motor position: the machine stands still when world mode begins.
-fn motor_offsets(world: &[Sample]) -> [f64; JOINTS] {
+fn motor_offsets(world: &[Sample]) -> Joints {
     std::array::from_fn(|i| world[0].joints[i] - world[0].motors[i])
 }
 
@@ -284,71 +318,154 @@ fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> V
     ]
 }
 
+fn structure_checks(config: &MachineConfig) -> Result<[Check; 2], Fault> {
+    let structure = Structure::of(config)?;
+    Ok([info("structure", structure.loops()), info("mobility at home", structure.mobility())])
+}
+
+/// Largest deviations of a trace.
+struct Deviations {
+    /// Sampled joints from host inverse of the sampled pose, per joint.
+    joints: Joints,
+    /// Host forward of the sampled joints from the sampled pose.
+    round_trip: f64,
+    /// Joints of the pose that the module shows from those of the feedback, per joint.
+    feedback: Joints,
+    /// Least |cos| between a rod and the motion of its lower end.
+    least_drive: Option<f64>,
+}
+
+impl Deviations {
+    fn of(config: &MachineConfig, world: &[Sample], offsets: &Joints) -> Result<Self, TraceFault> {
+        let mut most = Self {
+            joints: [0.0; MAX_JOINTS],
+            round_trip: 0.0,
+            feedback: [0.0; MAX_JOINTS],
+            least_drive: None,
+        };
+        let mut seed = Pose::from_degrees(world[0].pose);
+        for (k, sample) in world.iter().enumerate() {
+            seed = most.add(config, sample, &seed).map_err(sample.failed())?;
+            if k > 0 {
+                let measured = std::array::from_fn(|i| world[k - 1].motors[i] + offsets[i]);
+                most.add_feedback(config, sample, &measured).map_err(sample.failed())?;
+            }
+        }
+        Ok(most)
+    }
+
+    /// Host forward of the sampled joints.
+    fn add(&mut self, config: &MachineConfig, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
+        let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
+        let asked = config.machine.inverse(&pose, &tool)?;
+        widen(&mut self.joints, &asked, &sample.joints);
+        let found = config.machine.forward(&sample.joints, seed, &tool, &config.solver)?.pose;
+        self.round_trip = self.round_trip.max(pose.distance(&found, config.machine.radius()));
+        let drives = self.least_drive.into_iter().chain(config.least_drive(&pose, &tool)?);
+        self.least_drive = drives.reduce(f64::min);
+        Ok(found)
+    }
+
+    /// Joints that contradict each other have no pose of their own: there the pose shown is
+    /// held to the one that the host finds to fit best.
+    fn add_feedback(
+        &mut self,
+        config: &MachineConfig,
+        sample: &Sample,
+        measured: &Joints,
+    ) -> Result<(), Fault> {
+        let (machine, tool) = (&config.machine, sample.tool());
+        let pose = Pose::from_degrees(sample.forward);
+        let shown = machine.inverse(&pose, &tool)?;
+        let mut expected = *measured;
+        if machine.layout().is_redundant() {
+            let fitted = machine.forward(measured, &pose, &tool, &config.solver)?.pose;
+            expected = machine.inverse(&fitted, &tool)?;
+        }
+        widen(&mut self.feedback, &shown, &expected);
+        Ok(())
+    }
+}
+
+fn widen(most: &mut Joints, a: &Joints, b: &Joints) {
+    for (most, (a, b)) in most.iter_mut().zip(a.iter().zip(b)) {
+        *most = most.max((a - b).abs());
+    }
+}
+
 fn kinematics_checks(
     config: &MachineConfig,
     world: &[Sample],
-    offsets: &[f64; JOINTS],
+    offsets: &Joints,
 ) -> Result<Vec<Check>, TraceFault> {
-    let machine = &config.machine;
-    let (mut joints, mut round_trip, mut feedback) = (0.0_f64, 0.0_f64, 0.0_f64);
-    let mut seed = Pose::from_degrees(world[0].pose);
-    for (k, sample) in world.iter().enumerate() {
-        let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
-        let asked = machine.inverse(&pose, &tool).map_err(sample.failed())?;
-        joints = joints.max(largest_gap(&asked, &sample.joints));
-        let solution = machine.forward(&sample.joints, &seed, &tool, &config.solver);
-        seed = solution.map_err(sample.failed())?.pose;
-        round_trip = round_trip.max(pose.distance(&seed, machine.radius()));
-        if k > 0 {
-            let shown = Pose::from_degrees(sample.forward);
-            let shown = machine.inverse(&shown, &tool).map_err(sample.failed())?;
-            let measured = std::array::from_fn(|i| world[k - 1].motors[i] + offsets[i]);
-            feedback = feedback.max(largest_gap(&shown, &measured));
-        }
-    }
-    let size = machine.size();
-    let most = |value: fn(&Sample) -> f64| world.iter().map(value).fold(0.0, f64::max);
-    let correction = most(|s| s.corrections.iter().fold(0.0, |m: f64, c| m.max(c.abs())));
-    let criterion = config.solver.convergence_criterion;
-    let iterations = most(|s| s.iterations);
+    let found = Deviations::of(config, world, offsets)?;
+    let mut checks = joint_checks(config, &found);
+    let round_trip = ROUND_TRIP * config.machine.size();
     let unit = config.length_unit();
-    let length = |name: &str, found: f64, allowed: f64| {
-        let text = |value: f64| format!("{value:.2e} {unit}");
-        check(name, text(found), &format!("at most {}", text(allowed)), found <= allowed)
-    };
-    Ok(vec![
-        length("joints against host inverse", joints, JOINT_TOLERANCE_MM * config.units_per_mm),
-        length("forward against inverse (pose)", round_trip, ROUND_TRIP * size),
-        length("forward of the feedback (joints)", feedback, FEEDBACK * criterion),
-        length("residual shown", most(|s| s.residual), criterion),
-        check(
-            "iterations of forward",
-            format!("{iterations}"),
-            &format!("at most {MOST_ITERATIONS}"),
-            iterations <= MOST_ITERATIONS,
-        ),
-        info("largest nut correction", format!("{correction:.4} {unit}")),
-    ])
+    checks.push(most("forward against inverse (pose)", found.round_trip, unit, round_trip));
+    let largest = |value: fn(&Sample) -> f64| world.iter().map(value).fold(0.0, f64::max);
+    checks.push(most(
+        "residual shown",
+        largest(|s| s.residual),
+        unit,
+        config.machine.largest_residual(&config.solver),
+    ));
+    let iterations = largest(|s| s.iterations);
+    checks.push(check(
+        "iterations of forward",
+        format!("{iterations}"),
+        &format!("at most {MOST_ITERATIONS}"),
+        iterations <= MOST_ITERATIONS,
+    ));
+    if config.joints.iter().any(|joint| joint.kind == JointKind::Strut) {
+        let correction = largest(|s| s.corrections.iter().fold(0.0, |m: f64, c| m.max(c.abs())));
+        checks.push(info("largest nut correction", format!("{correction:.4} {unit}")));
+    }
+    checks.extend(found.least_drive.map(|cosine| {
+        info("nearest to a dead point", format!("cosine of rod and motion {cosine:.3}"))
+    }));
+    Ok(checks)
 }
 
-fn largest_gap(a: &[f64; JOINTS], b: &[f64; JOINTS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+/// Joints by kind, because their units differ.
+fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
+    let mut checks = vec![];
+    for Group { kind, unit, joints } in config.groups() {
+        let largest = |gaps: &Joints| joints.iter().fold(0.0, |m: f64, i| m.max(gaps[*i]));
+        let tolerance = if kind == JointKind::Arm { 1.0 } else { config.units_per_mm };
+        let name = format!("{} against host inverse", kind.plural());
+        checks.push(most(&name, largest(&found.joints), unit, JOINT_TOLERANCE * tolerance));
+        let name = format!("{}, forward of the feedback", kind.plural());
+        let allowed = FEEDBACK * config.solver.convergence_criterion * per_length(config, kind);
+        checks.push(most(&name, largest(&found.feedback), unit, allowed));
+    }
+    checks
+}
+
+/// Joint units per machine unit of a residual, which is a length: at the end of an arm
+/// one degree is a length too.
+fn per_length(config: &MachineConfig, kind: JointKind) -> f64 {
+    let arms = config.geometry.legs().iter().filter_map(|leg| match leg.kind {
+        LegKind::Crank(crank) => Some(Vector3::from(crank.arm).norm().to_radians()),
+        LegKind::Strut(_) | LegKind::Slider(_) => None,
+    });
+    if kind == JointKind::Arm { arms.map(f64::recip).fold(0.0, f64::max) } else { 1.0 }
 }
 
 fn limit_checks(
     config: &MachineConfig,
     samples: &[Sample],
     world: &[Sample],
-    offsets: &[f64; JOINTS],
+    offsets: &Joints,
 ) -> Vec<Check> {
     let motors = |i: usize| samples.iter().map(|s| s.motors[i] + offsets[i]).collect::<Vec<_>>();
     let commands = |i: usize| world.iter().map(|s| s.joints[i]).collect::<Vec<_>>();
     let mut checks = vec![];
     for (i, joint) in config.joints.iter().enumerate() {
         let (low, high) = range(&motors(i));
-        let allowed = format!("{} to {} {}", joint.min, joint.max, config.length_unit());
+        let allowed = format!("{} to {} {}", joint.min, joint.max, config.unit(joint.kind));
         let kept = low >= joint.min && high <= joint.max;
-        checks.push(check(&format!("strut {i}"), format!("{low:.3} to {high:.3}"), &allowed, kept));
+        checks.push(check(&joint.name, format!("{low:.3} to {high:.3}"), &allowed, kept));
     }
     for (what, positions) in
         [("motors", &motors as &dyn Fn(usize) -> Vec<f64>), ("commands", &commands)]
@@ -383,13 +500,13 @@ fn cone_checks(
     config: &MachineConfig,
     samples: &[Sample],
     world: &[Sample],
-    offsets: &[f64; JOINTS],
+    offsets: &Joints,
 ) -> Result<Vec<Check>, TraceFault> {
-    let mut homing = Cones::default();
+    let mut homing = Cones::new(config);
     for (sample, pose) in homing_poses(config, samples, offsets)? {
         homing.add(config, &pose, &config.spindle).map_err(sample.failed())?;
     }
-    let mut program = Cones::default();
+    let mut program = Cones::new(config);
     for sample in world {
         let pose = Pose::from_degrees(sample.pose);
         program.add(config, &pose, &sample.tool()).map_err(sample.failed())?;
@@ -403,7 +520,7 @@ fn cone_checks(
 fn homing_poses<'a>(
     config: &MachineConfig,
     samples: &'a [Sample],
-    offsets: &[f64; JOINTS],
+    offsets: &Joints,
 ) -> Result<Vec<(&'a Sample, Pose)>, TraceFault> {
     let before: Vec<&Sample> = samples.iter().take_while(|s| !s.in_world).collect();
     let mut poses = vec![];
@@ -417,32 +534,33 @@ fn homing_poses<'a>(
     Ok(poses)
 }
 
-/// Largest cone angles, as (angle, limit) of the joint that comes nearest to its limit.
-#[derive(Default)]
-struct Cones {
-    base: [f64; JOINTS],
-    platform: [f64; JOINTS],
-}
+/// Largest cone angles, per leg.
+struct Cones(ConeAngles);
 
 impl Cones {
+    fn new(config: &MachineConfig) -> Self {
+        let none = vec![0.0; config.legs()];
+        Self(ConeAngles { base: none.clone(), platform: none })
+    }
+
     fn add(
         &mut self,
         config: &MachineConfig,
         pose: &Pose,
         tool: &Vector3<f64>,
     ) -> Result<(), Fault> {
-        let angles = config.cone_angles(pose, tool)?;
-        for i in 0..JOINTS {
-            self.base[i] = self.base[i].max(angles.base[i]);
-            self.platform[i] = self.platform[i].max(angles.platform[i]);
+        let now = config.cone_angles(pose, tool)?;
+        let most = self.0.base.iter_mut().chain(&mut self.0.platform);
+        for (most, angle) in most.zip(now.base.into_iter().chain(now.platform)) {
+            *most = most.max(angle);
         }
         Ok(())
     }
 
     fn checks(&self, config: &MachineConfig, when: &str) -> Vec<Check> {
         let parts = [
-            ("base", &self.base, &config.base_cone),
-            ("platform", &self.platform, &config.platform_cone),
+            ("base", &self.0.base, &config.base_cone),
+            ("platform", &self.0.platform, &config.platform_cone),
         ];
         parts
             .into_iter()
@@ -451,12 +569,7 @@ impl Cones {
     }
 }
 
-fn cone_check(
-    body: &str,
-    when: &str,
-    angles: &[f64; JOINTS],
-    limits: &[Option<f64>; JOINTS],
-) -> Check {
+fn cone_check(body: &str, when: &str, angles: &[f64], limits: &[Option<f64>]) -> Check {
     let name = format!("cone of the {body} joints, {when}");
     let kept = angles.iter().zip(limits).all(|(angle, limit)| limit.is_none_or(|l| *angle <= l));
     let lowest = limits.iter().flatten().copied().reduce(f64::min);
@@ -480,6 +593,12 @@ fn check(name: &str, found: String, allowed: &str, kept: bool) -> Check {
 
 fn info(name: &str, found: String) -> Check {
     check(name, found, "", true)
+}
+
+/// A deviation that may not be passed.
+fn most(name: &str, found: f64, unit: &str, allowed: f64) -> Check {
+    let text = |value: f64| format!("{value:.2e} {unit}");
+    check(name, text(found), &format!("at most {}", text(allowed)), found <= allowed)
 }
 
 /// A share of a limit that may not be passed.

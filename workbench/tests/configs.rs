@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every shipped configuration agrees with itself.
 
-use pkm::machine::{ConeAngles, JOINTS, MachineConfig};
+use pkm::machine::{ConeAngles, MachineConfig};
 use std::path::{Path, PathBuf};
 
-/// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file.
-const HOME_TOLERANCE_MM: f64 = 1e-9;
+/// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in
+/// mm, inches or degrees.
+const HOME_TOLERANCE: f64 = 1e-9;
 
 /// Every machine is meant to stand clear of its cone limits at home.
 const HOME_CONE_DEG: f64 = 1e-6;
@@ -16,7 +17,7 @@ fn folders() -> Vec<PathBuf> {
         std::fs::read_dir(configs).unwrap().map(|entry| entry.unwrap().path()).collect();
     folders.retain(|path| path.is_dir());
     folders.sort();
-    assert!(folders.len() >= 2, "{folders:?}");
+    assert!(folders.len() >= 8, "{folders:?}");
     folders
 }
 
@@ -35,7 +36,7 @@ fn joint_home_is_inverse_of_the_machine_home() {
         let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
         for (i, (joint, limits)) in joints.iter().zip(&config.joints).enumerate() {
             let off = (joint - limits.home).abs();
-            assert!(off <= HOME_TOLERANCE_MM, "{}: [JOINT_{i}]HOME = {joint}", name(&folder));
+            assert!(off <= HOME_TOLERANCE, "{}: [JOINT_{i}]HOME = {joint}", name(&folder));
         }
     }
 }
@@ -52,7 +53,7 @@ fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
         }
         let ConeAngles { base, platform } =
             config.cone_angles(&config.home_pose(), &config.spindle).unwrap();
-        for i in 0..JOINTS {
+        for i in 0..config.legs() {
             assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name(&folder));
             assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name(&folder));
         }
@@ -60,11 +61,14 @@ fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
 }
 
 #[test]
-fn every_program_is_named_in_the_readme() {
+fn every_machine_has_programs_and_names_them_in_the_readme() {
     for folder in folders() {
-        let readme = std::fs::read_to_string(folder.join("README.md")).unwrap();
-        for entry in std::fs::read_dir(folder.join("programs")).unwrap() {
-            let program = entry.unwrap().file_name().into_string().unwrap();
+        let readme = std::fs::read_to_string(folder.join("README.md"))
+            .unwrap_or_else(|error| panic!("{}/README.md: {error}", name(&folder)));
+        let mut programs = std::fs::read_dir(folder.join("programs")).unwrap().peekable();
+        assert!(programs.peek().is_some(), "{}: no program", name(&folder));
+        for program in programs {
+            let program = program.unwrap().file_name().into_string().unwrap();
             assert!(readme.contains(&program), "{}/README.md: {program}", name(&folder));
         }
     }

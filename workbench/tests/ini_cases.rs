@@ -17,9 +17,11 @@ struct Cases {
 #[serde(deny_unknown_fields)]
 struct Case {
     name: String,
+    /// Another base file than that of the list.
+    base: Option<PathBuf>,
     expect: String,
-    #[serde(default)]
-    same: bool,
+    /// Whether the geometry is that of the base file.
+    same: Option<bool>,
     #[serde(default)]
     edit: Vec<Edit>,
     #[serde(default)]
@@ -78,22 +80,15 @@ fn apply(lines: &mut Vec<String>, edit: &Edit) {
 fn every_case_is_read_or_refused_as_the_list_says() {
     let text = std::fs::read_to_string(root().join("tests/ini/cases.toml")).unwrap();
     let cases: Cases = toml::from_str(&text).unwrap();
-    let base_text = std::fs::read_to_string(root().join(&cases.base)).unwrap();
-    let base = MachineConfig::read(&root().join(&cases.base)).unwrap();
+    let base = |case: &Case| root().join(case.base.as_ref().unwrap_or(&cases.base));
     let failures: Vec<String> =
-        cases.case.iter().filter_map(|case| judge(case, &base_text, &cases.base, &base)).collect();
+        cases.case.iter().filter_map(|case| judge(case, &base(case))).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
 /// What is wrong with the outcome, if anything.
-fn judge(case: &Case, text: &str, file: &Path, base: &MachineConfig) -> Option<String> {
-    let mut lines: Vec<String> = text.lines().map(Into::into).collect();
-    for edit in &case.edit {
-        apply(&mut lines, edit);
-    }
-    let read = Ini::parse(file, &lines.join("\n"))
-        .map_err(MachineError::from)
-        .and_then(|ini| MachineConfig::from_ini(&ini));
+fn judge(case: &Case, base: &Path) -> Option<String> {
+    let read = read(case, base);
     let kind = match &read {
         Ok(_) => "ok",
         Err(MachineError::Ini(_)) => "error",
@@ -106,6 +101,17 @@ fn judge(case: &Case, text: &str, file: &Path, base: &MachineConfig) -> Option<S
     if let Some(missing) = case.names.iter().find(|name| !message.contains(*name)) {
         return Some(format!("{}: {missing:?} is not named in {message}", case.name));
     }
-    let changed = read.is_ok_and(|config| config.geometry.hash() != base.geometry.hash());
-    (case.same && changed).then(|| format!("{}: another geometry than the base file's", case.name))
+    let (same, config) = (case.same?, read.ok()?);
+    let is_same = config.geometry.hash() == MachineConfig::read(base).unwrap().geometry.hash();
+    (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
+}
+
+/// The base file with the edits of the case.
+fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
+    let text = std::fs::read_to_string(base).unwrap();
+    let mut lines: Vec<String> = text.lines().map(Into::into).collect();
+    for edit in &case.edit {
+        apply(&mut lines, edit);
+    }
+    MachineConfig::from_ini(&Ini::parse(base, &lines.join("\n"))?)
 }

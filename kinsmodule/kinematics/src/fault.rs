@@ -2,6 +2,8 @@
 //! Why a call was refused: one table feeds the code, the C header, the manual and
 //! the messages that reach the operator.
 
+use crate::layout::Letter;
+
 /// A refusal: its cause, the leg concerned, and the number that helps to understand it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
@@ -105,6 +107,8 @@ causes! {
         "stay away from B = 90 degrees";
     ResultNotFinite = -17, "the result would not be finite",
         "look at the pose and the geometry";
+    OutOfReach = -19, "the rod of the leg does not reach the platform anchor: the length shown is missing",
+        "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
     // Joints and seed that forward was given.
     JointNotFinite = -20, "the joint value is NaN or infinite",
         "check the feedback of this joint";
@@ -112,6 +116,8 @@ causes! {
         "home the joint, or check its OFFSET and feedback scale";
     SeedMissing = -22, "the pose to start from is NaN or infinite, and no earlier pose is known",
         "home the machine";
+    DeadPoint = -26, "the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown)",
+        "keep away from the end of this rod's range: beyond it SIDE would be the other one";
     // The forward solver.
     Singular = -30, "the legs do not hold the platform at this pose (singular Jacobian)",
         "move a joint away from this pose in joint mode";
@@ -131,6 +137,10 @@ causes! {
         "set pkmkins.limit-iterations between 1 and 288";
     CriterionInvalid = -38, "convergence-criterion must be a positive number",
         "set pkmkins.convergence-criterion to a length such as 1e-9";
+    ResidualLimitInvalid = -39, "residual-limit must be a positive number, or 0 for 5e-3 of the platform radius",
+        "set pkmkins.residual-limit to a length";
+    JointsInconsistent = -40, "the joints contradict each other by the length shown; without this one the others fit the last pose best",
+        "check its feedback and homing, or raise residual-limit";
     // The geometry offered for freezing.
     GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
         "correct the values of this leg";
@@ -148,6 +158,16 @@ causes! {
         "turn BASE_N or PLATFORM_N";
     StrutZeroAtHome = -57, "the strut has no length at the reference pose",
         "check BASE, PLATFORM and the reference pose";
+    GuideZero = -58, "the guide has no direction",
+        "give GUIDE as a direction";
+    RodNotPositive = -59, "the rod length must be more than 0",
+        "give ROD as a length";
+    SideInvalid = -60, "the side of the leg must be 1 or -1",
+        "set SIDE to 1 or -1";
+    ArmZero = -61, "the crank has no axis, or its arm lies along the axis",
+        "give AXIS as a direction and ARM across it";
+    CentreNotFinite = -62, "the centre holds a value that is NaN or infinite",
+        "correct CENTRE";
     // The module around the kinematics.
     NoGeometry = -70, "no valid geometry is frozen",
         "correct the geometry and raise pkmkins.apply with the machine off";
@@ -157,19 +177,59 @@ causes! {
         "switch to type 0 or 1";
     NullPointer = -73, "a null pointer was passed",
         "report this: LinuxCNC never does it";
+    IdentityImpossible = -75, "identity kinematics need a letter for every joint, and this machine has more legs than coordinates",
+        "stay with kinematics type 0";
     NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
         "home the machine";
+    // Coordinates that no joint moves.
+    HeldX = -80, "the pose asks for X, which this machine holds at 0",
+        "leave X out of the program, and its work offset at 0";
+    HeldY = -81, "the pose asks for Y, which this machine holds at 0",
+        "leave Y out of the program, and its work offset at 0";
+    HeldZ = -82, "the pose asks for Z, which this machine holds at 0",
+        "leave Z out of the program, and its work offset at 0";
+    HeldA = -83, "the pose asks for A, which this machine holds at 0",
+        "leave A out of the program, and its work offset at 0";
+    HeldB = -84, "the pose asks for B, which this machine holds at 0",
+        "leave B out of the program, and its work offset at 0";
+    HeldC = -85, "the pose asks for C, which this machine holds at 0",
+        "leave C out of the program, and its work offset at 0";
+}
+
+impl Cause {
+    /// The refusal of a value for a coordinate that is held at 0.
+    pub(crate) const fn held(letter: Letter) -> Self {
+        match letter {
+            Letter::X => Self::HeldX,
+            Letter::Y => Self::HeldY,
+            Letter::Z => Self::HeldZ,
+            Letter::A => Self::HeldA,
+            Letter::B => Self::HeldB,
+            Letter::C => Self::HeldC,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
     use super::*;
+    use std::format;
 
     #[test]
     fn codes_are_negative_and_unique() {
         for (i, a) in CAUSES.iter().enumerate() {
             assert!(a.code() < 0);
             assert!(CAUSES[..i].iter().all(|b| b.code() != a.code()), "{a:?}");
+        }
+    }
+
+    #[test]
+    fn a_message_is_shown_whole() {
+        // LinuxCNC cuts what an operator sees at 254 characters; "pkmkins: " goes before it.
+        for cause in CAUSES {
+            let text = format!("pkmkins: {}", Fault::of_leg(*cause, 7, -0.123_456_789_012_345_68));
+            assert!(text.chars().count() <= 254, "{cause:?}: {} characters", text.len());
         }
     }
 }

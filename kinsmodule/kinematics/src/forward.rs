@@ -6,15 +6,17 @@
 //! pose is that one, or the call fails. Near the seed one certified ball proves it;
 //! far from it a chain of such balls does. See the module `certificate`.
 
-use crate::certificate::{CERTAIN_AT_ALL, CERTIFIED, flatness};
+use crate::certificate::{CERTAIN_AT_ALL, CERTIFIED, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
 use crate::lanes::Lanes3;
-use crate::machine::{Machine, Placed};
+use crate::layout::{Joints, Letter, PerLeg};
+use crate::leg::LEAST_DRIVE;
+use crate::machine::{Chart, Mechanism, Place, Placed};
 use crate::nut::Twist;
-use crate::pose::{Pose, angles_near, cayley};
+use crate::pose::{Pose, Trigonometry, angles_near, cayley};
 use crate::qr::Qr;
 use libm::sqrt;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// Most linear solves that `limit_iterations` may allow.
 pub const MAX_ITERATIONS: u32 = 288;
@@ -44,6 +46,11 @@ const CHORD_MARGIN: f64 = 0.02;
 /// Rounding of a residual: no criterion below this share of the size can be met.
 const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
+/// Default of the residual limit as a share of the platform radius: a following error of
+/// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a
+/// platform of 120 mm then allows 0.6 mm.
+const RESIDUAL_SHARE: f64 = 5e-3;
+
 /// How forward searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -61,6 +68,9 @@ pub struct Solver {
     pub convergence_criterion: f64,
     /// Most linear solves, 1 to [`MAX_ITERATIONS`].
     pub limit_iterations: u32,
+    /// Largest leg residual accepted where legs exceed coordinates, in machine units;
+    /// 0 = 5e-3 of the platform radius.
+    pub residual_limit: f64,
     /// How to search.
     pub method: Method,
 }
@@ -70,6 +80,7 @@ impl Default for Solver {
         Self {
             convergence_criterion: 1e-9,
             limit_iterations: MAX_ITERATIONS,
+            residual_limit: 0.0,
             method: Method::Certified,
         }
     }
@@ -86,44 +97,27 @@ pub enum Certificate {
 
 /// A pose that forward found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solution<const N: usize> {
+pub struct Solution {
     /// The pose, angles next to those of the seed.
     pub pose: Pose,
     /// Linear solves used.
     pub iterations: u32,
     /// Sub-steps of the joint path; 1 = within one ball of the seed.
     pub sub_steps: u32,
-    /// Largest leg residual, in joint units.
+    /// Largest leg residual as an error of its joint, in machine units: of a strut's
+    /// length, of a carriage's place, of an arm's end along its circle.
     pub residual: f64,
     /// Nut-rotation corrections at the pose, machine units; zeros without a lead.
-    pub corrections: [f64; N],
+    pub corrections: PerLeg,
     /// The proof.
     pub certificate: Certificate,
 }
 
 /// Joints turned into what the solver sees: moving base anchors and target lengths.
-struct Target<const N: usize> {
-    anchors: Lanes3<N>,
+pub(crate) struct Target<const N: usize> {
+    pub anchors: Lanes3<N>,
     length: [f64; N],
-}
-
-/// Where the platform is: centroid of its anchors and rotation, in base.
-#[derive(Clone, Copy)]
-struct Place {
-    centre: Vector3<f64>,
-    rotation: Matrix3<f64>,
-}
-
-impl Place {
-    /// Moved by a step (v, r ω) of the chart.
-    #[inline]
-    fn moved(&self, step: &[f64; 6], radius: f64) -> Self {
-        let turn = Vector3::new(step[3], step[4], step[5]) / radius;
-        Self {
-            centre: self.centre + Vector3::new(step[0], step[1], step[2]),
-            rotation: cayley(&turn) * self.rotation,
-        }
-    }
+    joints: [f64; N],
 }
 
 /// Residuals at a place, with what the rows need.
@@ -145,6 +139,8 @@ struct Found<const N: usize> {
 struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     /// Joints at a share of the path.
     along: &'a F,
+    /// Where the sub-step starts.
+    here: &'a Target<N>,
     target: &'a Target<N>,
     /// Share already covered.
     done: f64,
@@ -164,7 +160,8 @@ struct Step {
 
 /// A certified step along the path.
 struct SubStep {
-    step: [f64; 6],
+    /// Where it leads.
+    place: Place,
     /// Share of the path it covers.
     share: f64,
     /// Whether it leads to the end.
@@ -211,29 +208,24 @@ impl Solver {
         if !(self.convergence_criterion > 0.0 && self.convergence_criterion.is_finite()) {
             return Err(Fault::with_value(Cause::CriterionInvalid, self.convergence_criterion));
         }
+        if !(self.residual_limit >= 0.0 && self.residual_limit.is_finite()) {
+            return Err(Fault::with_value(Cause::ResidualLimitInvalid, self.residual_limit));
+        }
         Ok(())
     }
 }
 
-impl<const N: usize> Machine<N> {
-    /// Pose of the joint values that is connected with `seed`.
-    ///
-    /// `joints` in joint units; `tool` as in [`Machine::inverse`]. Angles of the result
-    /// are those nearest to the seed's, whole turns kept.
-    ///
-    /// # Errors
-    /// A [`Fault`] of the joint, solver or settings group. With [`Method::Certified`]
-    /// a pose is never returned unless it is proved to be the connected one.
-    ///
-    /// Cost: at most `limit_iterations` linear solves and [`MAX_SUB_STEPS`] sub-steps.
+impl<const N: usize> Mechanism<N> {
+    #[inline]
     pub fn forward(
         &self,
-        joints: &[f64; N],
+        joints: &Joints,
         seed: &Pose,
         tool: &Vector3<f64>,
         solver: &Solver,
-    ) -> Result<Solution<N>, Fault> {
+    ) -> Result<Solution, Fault> {
         solver.check()?;
+        let seed = &if self.holds { self.held(seed, false)? } else { *seed };
         if !seed.is_finite() {
             return Err(Cause::SeedMissing.into());
         }
@@ -241,42 +233,112 @@ impl<const N: usize> Machine<N> {
         if !(tool.x.is_finite() && tool.y.is_finite() && tool.z.is_finite()) {
             return Err(Cause::ToolNotFinite.into());
         }
-        let target = self.target(joints)?;
+        let target = self.target(&self.lanes_of(joints))?;
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
-        let start = Place { centre: self.centre(&seed.position, &rotation, tool), rotation };
+        let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
+        let start = Place { centre, rotation, angles: seed.angles };
+        let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             iterations: 0,
             sub_steps: 1,
             limit: solver.limit_iterations,
             tolerance: POSE_TOLERANCE * self.size,
-            accepted: solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size),
+            accepted: match redundant {
+                false => self.criterion(solver),
+                // Legs that contradict each other leave what they leave: judged at the end.
+                true => f64::INFINITY,
+            },
         };
         let found = match solver.method {
-            Method::Certified => self.search(joints, &target, start, &mut effort)?,
+            Method::Certified => self.search(&target, start, &mut effort)?,
             Method::PlainNewton => self.plain_newton(&target, start, &mut effort)?,
         };
-        let r = &found.place.rotation;
-        let pose = Pose {
-            position: found.place.centre + tool - r * (tool + self.centroid),
-            angles: angles_near(r, seed, &trig),
-        };
-        // What inverse would refuse must not become the next seed either.
-        pose.check()?;
+        if redundant && !(found.residual <= self.residual_limit(solver)) {
+            let leg = self.contradicting(&target, &start);
+            return Err(Fault::of_leg(Cause::JointsInconsistent, leg, found.residual));
+        }
+        let pose = self.pose_at(&found.place, joints, tool, seed, &trig)?;
         Ok(Solution {
             pose,
             iterations: effort.iterations,
             sub_steps: effort.sub_steps,
             residual: found.residual,
-            corrections: found.corrections,
+            corrections: self.per_leg(&found.corrections),
             certificate: found.certificate,
         })
     }
 
+    fn criterion(&self, solver: &Solver) -> f64 {
+        solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size)
+    }
+
+    fn residual_limit(&self, solver: &Solver) -> f64 {
+        match solver.residual_limit {
+            0.0 => RESIDUAL_SHARE * self.radius,
+            given => given,
+        }
+    }
+
+    pub fn largest_residual(&self, solver: &Solver) -> f64 {
+        match (self.layout.is_redundant(), self.moving) {
+            (true, _) => self.residual_limit(solver),
+            (false, true) => self.criterion(solver) / LEAST_DRIVE,
+            (false, false) => self.criterion(solver),
+        }
+    }
+
+    /// Joint values of the legs; lanes beyond the last leg repeat the first one.
+    #[inline]
+    fn lanes_of(&self, joints: &Joints) -> [f64; N] {
+        let mut lanes = [joints[0]; N];
+        for (lane, joint) in lanes.iter_mut().zip(joints).take(self.count()) {
+            *lane = *joint;
+        }
+        lanes
+    }
+
+    /// The pose of a place of the platform, with the table where its joints are.
+    #[inline]
+    fn pose_at(
+        &self,
+        place: &Place,
+        joints: &Joints,
+        tool: &Vector3<f64>,
+        seed: &Pose,
+        trig: &Trigonometry,
+    ) -> Result<Pose, Fault> {
+        let mut point = place.centre;
+        for (i, letter) in self.layout.table().as_slice().iter().enumerate() {
+            let joint = self.count() + i;
+            let value = joints.get(joint).copied().unwrap_or(f64::NAN);
+            if !value.is_finite() {
+                return Err(Fault::of_leg(Cause::JointNotFinite, joint, value));
+            }
+            point[letter.index().min(2)] = value;
+        }
+        let r = &place.rotation;
+        let mut pose = Pose {
+            position: point + tool - r * (tool + self.reference),
+            angles: match self.chart {
+                Chart::Group => angles_near(r, seed, trig),
+                Chart::Angles | Chart::Level => place.angles,
+            },
+        };
+        for letter in [Letter::X, Letter::Y, Letter::Z] {
+            if self.holds && self.layout.is_held(letter) {
+                pose.position[letter.index().min(2)] = 0.0;
+            }
+        }
+        // What inverse would refuse must not become the next seed either.
+        pose.check()?;
+        Ok(pose)
+    }
+
     /// Moving base anchors and target lengths of the joints: from here on no leg kind exists.
     #[inline]
-    fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
-        let mut target = Target { anchors: self.base, length: [0.0; N] };
+    pub(crate) fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
+        let mut target = Target { anchors: self.base, length: [0.0; N], joints: *joints };
         for (i, joint) in joints.iter().enumerate() {
             if !joint.is_finite() {
                 return Err(Fault::of_leg(Cause::JointNotFinite, i, *joint));
@@ -290,10 +352,62 @@ impl<const N: usize> Machine<N> {
         Ok(target)
     }
 
+    /// How the base anchors move between two targets; `None` where none of them can.
+    #[inline]
+    fn motion(&self, from: &Target<N>, to: &Target<N>) -> Option<Motion<N>> {
+        if !self.moving {
+            return None;
+        }
+        let chord = |i: usize| to.anchors.get(i) - from.anchors.get(i);
+        let mut shift = Vector3::zeros();
+        // With nut corrections the platform stays: they would change along the way.
+        if self.nut.is_none() {
+            for i in 0..self.count() {
+                shift += chord(i);
+            }
+            shift = self.of_legs(shift / self.count() as f64);
+        }
+        let mut motion = Motion { shift, travel: [0.0; N], second: [0.0; N], turn: [0.0; N] };
+        for i in 0..N {
+            let bend = self.legs[i].bend(to.joints[i] - from.joints[i]);
+            motion.travel[i] = (chord(i) - shift).norm() + bend.second / 2.0;
+            motion.second[i] = bend.second;
+            motion.turn[i] = bend.turn;
+        }
+        Some(motion)
+    }
+
+    /// A place taken along by a motion of the base anchors.
+    fn taken_along(&self, place: &Place, motion: Option<&Motion<N>>) -> Place {
+        let shift = motion.map_or(Vector3::zeros(), |motion| motion.shift);
+        Place { centre: place.centre + shift, ..*place }
+    }
+
+    /// A place moved by a step (v, r ω) of the chart.
+    #[inline]
+    fn moved(&self, place: &Place, step: &[f64; 6]) -> Place {
+        let centre = place.centre + Vector3::new(step[0], step[1], step[2]);
+        let turn = Vector3::new(step[3], step[4], step[5]) / self.radius;
+        match self.chart {
+            Chart::Group => {
+                Place { centre, rotation: cayley(&turn) * place.rotation, angles: place.angles }
+            }
+            Chart::Angles => {
+                let angles = place.angles + turn;
+                let rotation = Pose { position: centre, angles }.rotation();
+                Place { centre, rotation, angles }
+            }
+            Chart::Level => Place { centre, ..*place },
+        }
+    }
+
     /// Residual of every leg, length + correction − target length.
     #[inline]
     fn measured(&self, target: &Target<N>, place: &Place) -> Result<Measured<N>, Fault> {
-        let placed = self.placed(&target.anchors, &place.centre, &place.rotation)?;
+        let placed = self.placed(&target.anchors, place);
+        for i in 0..N {
+            self.refuse_short(i, placed.length[i])?;
+        }
         let mut residual = placed.length;
         let mut twist = None;
         if let Some(nut) = &self.nut {
@@ -306,56 +420,91 @@ impl<const N: usize> Machine<N> {
         for i in 0..N {
             residual[i] -= target.length[i];
         }
+        for value in residual.iter_mut().skip(self.count()) {
+            *value = 0.0;
+        }
         Ok(Measured { placed, twist, residual })
     }
 
     #[inline]
-    fn factored(&self, at: &Measured<N>) -> Result<Qr<N>, Fault> {
+    fn factored(&self, at: &Measured<N>, place: &Place) -> Result<Qr<N>, Fault> {
         let columns = self.rows(&at.placed, &at.placed.directions(), at.twist.as_ref());
-        Qr::new(&self.scaled(columns)).ok_or(Cause::Singular.into())
+        Qr::new(&self.charted(columns, place), &self.active).ok_or(Cause::Singular.into())
+    }
+
+    /// Residuals and factorisation at a place.
+    #[inline]
+    fn at(&self, target: &Target<N>, place: &Place) -> Result<(Measured<N>, Qr<N>), Fault> {
+        let at = self.measured(target, place)?;
+        let qr = self.factored(&at, place)?;
+        Ok((at, qr))
     }
 
     /// L of the ball of radius `rho` about a measured place.
     #[inline]
     fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Result<f64, Fault> {
-        flatness(self, &at.placed, at.twist.as_ref(), qr, rho)
+        flatness(self, &at.placed, at.twist.as_ref(), qr, rho, None)
     }
 
     /// One certified ball if that reaches the target, certified tracking otherwise.
     #[inline]
     fn search(
         &self,
-        joints: &[f64; N],
         target: &Target<N>,
         start: Place,
         effort: &mut Effort,
     ) -> Result<Found<N>, Fault> {
-        let at = self.measured(target, &start)?;
-        let qr = self.factored(&at)?;
+        let motion = if self.moving {
+            self.motion(&self.target(&self.joints_at(&start)?)?, target)
+        } else {
+            None
+        };
+        let ahead = self.taken_along(&start, motion.as_ref());
         effort.spend()?;
-        let first = self.first_step(&at, &qr, 0.0);
-        if first.h <= CERTIFIED {
-            return self.near(target, &start, &at, &qr, &first, effort);
-        }
-        self.refuse_nearly_singular(&at, &qr)?;
-        let (place, at, qr) = self.track(joints, target, start, first.h, effort)?;
+        let h_whole = match self.at(target, &ahead) {
+            Ok((at, qr)) => {
+                let first = self.first_step(&at, &qr, 0.0, target, motion.as_ref());
+                if first.h <= CERTIFIED {
+                    return self.near(target, &ahead, &at, &qr, &first, effort);
+                }
+                first.h
+            }
+            // Far anchors about the seed's platform are a machine that need not exist.
+            Err(_) if self.moving => f64::INFINITY,
+            Err(fault) => return Err(fault),
+        };
+        let (place, at, qr) = self.track(target, start, h_whole, effort)?;
         effort.spend()?;
-        let first = self.first_step(&at, &qr, 0.0);
+        let first = self.first_step(&at, &qr, 0.0, target, None);
         if !(first.h <= CERTIFIED) {
             return Err(Fault::with_value(Cause::NotCertified, first.h));
         }
         self.near(target, &place, &at, &qr, &first, effort)
     }
 
-    /// Newton's step from a measured place, and how flat the ball is that it needs; the
-    /// ball reaches at least twice `leftover` far.
+    /// Newton's step from a measured place towards `target`, and how flat the ball is that
+    /// it needs; the ball reaches at least twice `leftover` far.
     #[inline]
-    fn first_step(&self, at: &Measured<N>, qr: &Qr<N>, leftover: f64) -> Step {
+    fn first_step(
+        &self,
+        at: &Measured<N>,
+        qr: &Qr<N>,
+        leftover: f64,
+        target: &Target<N>,
+        motion: Option<&Motion<N>>,
+    ) -> Step {
         let step = newton_step(qr, &at.residual);
         let length = norm(&step);
-        let reach = length.max(leftover);
-        let flat = self.flat(at, qr, 2.0 * reach).unwrap_or(f64::INFINITY);
-        Step { step, length, flat, h: flat * reach }
+        let mut reach = length.max(leftover);
+        let mut turned = 0.0;
+        if let Some(motion) = motion {
+            reach += bow(self, &at.placed, qr, motion);
+            let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
+            turned = drift(self, &at.placed, qr, 2.0 * reach, motion, margin);
+        }
+        let flat = flatness(self, &at.placed, at.twist.as_ref(), qr, 2.0 * reach, motion)
+            .unwrap_or(f64::INFINITY);
+        Step { step, length, flat, h: flat * reach + turned }
     }
 
     /// Converges within the ball about `centre`, whose first step is known.
@@ -369,7 +518,8 @@ impl<const N: usize> Machine<N> {
         first: &Step,
         effort: &mut Effort,
     ) -> Result<Found<N>, Fault> {
-        let mut place = centre.moved(&first.step, self.radius);
+        let redundant = self.layout.is_redundant();
+        let mut place = self.moved(centre, &first.step);
         let mut length = first.length;
         let mut contraction = 1.0;
         let mut travelled = length;
@@ -385,10 +535,12 @@ impl<const N: usize> Machine<N> {
             }
             // The first correction tells how well the factorisation still serves.
             let known = contraction < 1.0;
-            if length > CHORD_STEP * self.radius
+            // With more legs than coordinates the old one would settle elsewhere.
+            if redundant
+                || length > CHORD_STEP * self.radius
                 || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
             {
-                renewed = Some(self.factored(&current)?);
+                renewed = Some(self.factored(&current, &place)?);
             }
             effort.spend()?;
             let correction = newton_step(renewed.as_ref().unwrap_or(qr), &current.residual);
@@ -396,7 +548,7 @@ impl<const N: usize> Machine<N> {
             contraction = shorter / length;
             length = shorter;
             travelled += length;
-            place = place.moved(&correction, self.radius);
+            place = self.moved(&place, &correction);
             current = self.measured(target, &place)?;
         }
         if !converged {
@@ -406,10 +558,13 @@ impl<const N: usize> Machine<N> {
         if !(reach < 1.0) {
             return Err(Fault::with_value(Cause::NotCertified, reach));
         }
+        if self.moving {
+            self.refuse_dead_points(&current.placed, &target.joints)?;
+        }
         if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
             self.refuse_nearly_singular(at, qr)?;
         }
-        Ok(self.found(place, &current, Certificate::Ball(reach)))
+        Ok(self.found(target, place, &current, Certificate::Ball(reach)))
     }
 
     /// L(d) d of the distance travelled; the ball of the first step serves if it is as large.
@@ -432,30 +587,34 @@ impl<const N: usize> Machine<N> {
     /// path between, and the path of the platform stays in that ball.
     fn track(
         &self,
-        joints: &[f64; N],
         target: &Target<N>,
         start: Place,
         h_whole: f64,
         effort: &mut Effort,
     ) -> Result<(Place, Measured<N>, Qr<N>), Fault> {
-        let from = self.joints_of(&start)?;
+        let from = self.joints_at(&start)?;
+        let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
         let mut done = 0.0;
         let mut share = shrunk(1.0, h_whole);
         effort.sub_steps = 0;
         while effort.sub_steps < MAX_SUB_STEPS {
             effort.sub_steps += 1;
-            let along = |t: f64| core::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
-            let here = self.measured(&self.target(&along(done))?, &place)?;
-            let qr = self.factored(&here)?;
-            let leftover = qr.inverse_norm() * norm(&here.residual);
-            let path = Path { along: &along, target, done, leftover };
+            let here = self.target(&along(done))?;
+            let (at, qr) = self.at(&here, &place)?;
+            if self.moving {
+                self.refuse_dead_points(&at.placed, &here.joints)?;
+            }
+            if effort.sub_steps == 1 {
+                self.refuse_nearly_singular(&at, &qr)?;
+            }
+            let leftover = norm(&newton_step(&qr, &at.residual));
+            let path = Path { along: &along, here: &here, target, done, leftover };
             let taken = self.sub_step(&path, &place, &qr, share, effort)?;
-            place = place.moved(&taken.step, self.radius);
+            place = taken.place;
             done += taken.share;
             if taken.arrives {
-                let at = self.measured(target, &place)?;
-                let qr = self.factored(&at)?;
+                let (at, qr) = self.at(target, &place)?;
                 return Ok((place, at, qr));
             }
             share = taken.share * 0.95 * (CERTIFIED / taken.h).min(4.0);
@@ -479,27 +638,25 @@ impl<const N: usize> Machine<N> {
                 break;
             }
             // The end is the target itself, not a sum of shares.
-            let ahead = if arrives {
-                self.measured(path.target, place)?
+            let between;
+            let to = if arrives {
+                path.target
             } else {
-                self.measured(&self.target(&(path.along)(path.done + share))?, place)?
+                between = self.target(&(path.along)(path.done + share))?;
+                &between
             };
+            let motion = self.motion(path.here, to);
+            let ahead = self.taken_along(place, motion.as_ref());
+            let at = self.measured(to, &ahead)?;
             effort.spend()?;
-            let Step { step, h, .. } = self.first_step(&ahead, qr, path.leftover);
+            let Step { step, h, .. } = self.first_step(&at, qr, path.leftover, to, motion.as_ref());
             share = share.min(rest);
             if h <= CERTIFIED {
-                return Ok(SubStep { step, share, arrives, h });
+                return Ok(SubStep { place: self.moved(&ahead, &step), share, arrives, h });
             }
             share = shrunk(share, h);
         }
         Err(Fault::with_value(Cause::PathStalled, path.done))
-    }
-
-    /// Joint values of a place.
-    fn joints_of(&self, place: &Place) -> Result<[f64; N], Fault> {
-        let none = Vector3::zeros();
-        let position = place.centre - place.rotation * self.centroid;
-        self.joints_at(&position, &place.rotation, &none)
     }
 
     fn refuse_nearly_singular(&self, at: &Measured<N>, qr: &Qr<N>) -> Result<(), Fault> {
@@ -509,12 +666,76 @@ impl<const N: usize> Machine<N> {
         Err(Cause::NearlySingular.into())
     }
 
-    fn found(&self, place: Place, at: &Measured<N>, certificate: Certificate) -> Found<N> {
+    fn found(
+        &self,
+        target: &Target<N>,
+        place: Place,
+        at: &Measured<N>,
+        certificate: Certificate,
+    ) -> Found<N> {
         let corrections = match (&self.nut, &at.twist) {
             (Some(nut), Some(twist)) => nut.corrections(twist),
             _ => [0.0; N],
         };
-        Found { place, residual: largest(&at.residual), corrections, certificate }
+        Found { place, residual: self.off(target, at), corrections, certificate }
+    }
+
+    /// Largest error of a joint that the residuals amount to: of a strut's length, of the
+    /// place of a carriage, of the end of an arm along its circle.
+    fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
+        let mut off = at.residual;
+        if self.moving {
+            for (i, value) in off.iter_mut().enumerate() {
+                let margin = self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
+                *value /= margin.unwrap_or(1.0);
+            }
+        }
+        largest(&off)
+    }
+
+    /// The leg without which the others agree best with the seed, for joints that
+    /// contradict each other. (Residuals alone cannot tell: with one leg more than
+    /// coordinates they have the same shape whichever joint is off.)
+    fn contradicting(&self, target: &Target<N>, start: &Place) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        for leg in 0..self.count() {
+            if let Ok(apart) = self.disagreement_without(leg, target, start)
+                && apart < best.0
+            {
+                best = (apart, leg);
+            }
+        }
+        best.1
+    }
+
+    /// How far the legs but one are from fitting the seed: the step there, and what it leaves.
+    fn disagreement_without(
+        &self,
+        leg: usize,
+        target: &Target<N>,
+        start: &Place,
+    ) -> Result<f64, Fault> {
+        let mut at = self.measured(target, start)?;
+        let columns = self.rows(&at.placed, &at.placed.directions(), at.twist.as_ref());
+        let mut columns = self.charted(columns, start);
+        let without = |values: &mut [f64; N]| {
+            for (i, value) in values.iter_mut().enumerate() {
+                if i == leg {
+                    *value = 0.0;
+                }
+            }
+        };
+        without(&mut at.residual);
+        columns.iter_mut().for_each(without);
+        let qr = Qr::new(&columns, &self.active).ok_or(Cause::Singular)?;
+        let step = newton_step(&qr, &at.residual);
+        let mut left = at.residual;
+        for (column, x) in columns.iter().zip(step) {
+            for (value, row) in left.iter_mut().zip(column) {
+                *value += row * x;
+            }
+        }
+        Ok(norm(&step) + norm(&left))
     }
 
     /// Newton's method with the exact Jacobian and no proof.
@@ -524,15 +745,24 @@ impl<const N: usize> Machine<N> {
         start: Place,
         effort: &mut Effort,
     ) -> Result<Found<N>, Fault> {
-        let mut place = start;
+        let seed = if self.moving {
+            self.motion(&self.target(&self.joints_at(&start)?)?, target)
+        } else {
+            None
+        };
+        let mut place = self.taken_along(&start, seed.as_ref());
         loop {
-            let at = self.measured(target, &place)?;
-            let qr = self.factored(&at)?;
-            if effort.is_converged(qr.inverse_norm() * norm(&at.residual), &at.residual) {
-                return Ok(self.found(place, &at, Certificate::None));
+            let (at, qr) = self.at(target, &place)?;
+            let step = newton_step(&qr, &at.residual);
+            let error = match self.layout.is_redundant() {
+                false => qr.inverse_norm() * norm(&at.residual),
+                true => norm(&step),
+            };
+            if effort.is_converged(error, &at.residual) {
+                return Ok(self.found(target, place, &at, Certificate::None));
             }
             effort.spend()?;
-            place = place.moved(&newton_step(&qr, &at.residual), self.radius);
+            place = self.moved(&place, &step);
         }
     }
 }
@@ -559,4 +789,147 @@ fn norm<const M: usize>(v: &[f64; M]) -> f64 {
 #[inline]
 fn largest<const N: usize>(v: &[f64; N]) -> f64 {
     v.iter().fold(0.0, |m: f64, x| if x.abs() <= m { m } else { x.abs() })
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// Residuals `share` of the way between two targets, at a point of the chart about a
+    /// platform that is taken along.
+    fn residuals(
+        machine: &Mechanism<6>,
+        step: &JointStep,
+        share: f64,
+        point: &[f64; 6],
+    ) -> Option<[f64; 6]> {
+        let target = step.target(machine, share);
+        let shift = step.motion.shift * share;
+        let place = Place { centre: step.place.centre + shift, ..step.place };
+        let lengths = lengths(machine, &target.anchors, &at(machine, &place, point))?;
+        Some(core::array::from_fn(|i| lengths[i] - target.length[i]))
+    }
+
+    /// A step of the joints from those of a place.
+    struct JointStep {
+        place: Place,
+        from: [f64; 6],
+        to: [f64; 6],
+        motion: Motion<6>,
+    }
+
+    impl JointStep {
+        fn target(&self, machine: &Mechanism<6>, share: f64) -> Target<6> {
+            let joints =
+                core::array::from_fn(|i| self.from[i] + share * (self.to[i] - self.from[i]));
+            machine.target(&joints).unwrap()
+        }
+    }
+
+    /// A step of the joints from those of the place.
+    fn joint_step(rng: &mut Pcg64, machine: &Mechanism<6>, place: Place) -> Option<JointStep> {
+        let from = machine.joints_at(&place).ok()?;
+        // A common part, which the platform may follow, and one of each leg's own; random
+        // machines are ill-conditioned as often as not, so steps of every size are tried.
+        let size = libm::pow(10.0, random(rng, -3.0, 0.7));
+        let (common, apart) = (random(rng, -5.0, 5.0) * size, size);
+        let to = from.map(|q| q + common + random(rng, -apart, apart));
+        let motion = machine.motion(&machine.target(&from).ok()?, &machine.target(&to).ok()?)?;
+        Some(JointStep { place, from, to, motion })
+    }
+
+    /// ‖M J(X, t) − 1‖ in the chart, by differences of the residuals.
+    fn departure(
+        machine: &Mechanism<6>,
+        step: &JointStep,
+        qr: &Qr<6>,
+        share: f64,
+        point: &[f64; 6],
+    ) -> Option<f64> {
+        // Rounding 2e-13/1e-2 and bends of 1e-3·1e-4 stay below 1e-6 with ‖M‖ up to 10.
+        const STEP: f64 = 1e-2;
+        let mut sum = 0.0;
+        for k in (0..6).filter(|k| machine.active[*k]) {
+            let at = |by: f64| {
+                let mut x = *point;
+                x[k] += by;
+                residuals(machine, step, share, &x)
+            };
+            let (a, b) = (at(-STEP)?, at(STEP)?);
+            let column = qr.solve(&core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * STEP)));
+            for (j, value) in column.iter().enumerate().filter(|(j, _)| machine.active[*j]) {
+                sum += (value - f64::from(u8::from(j == k))).powi(2);
+            }
+        }
+        Some(sqrt(sum))
+    }
+
+    #[test]
+    fn at_every_moment_of_a_certified_step_the_rows_stay_within_the_bound() {
+        for coordinates in CHARTS {
+            let mut rng = Pcg64::seed_from_u64(12);
+            let (mut checked, mut turned, mut stepped) = (0, 0.0_f64, 0.0_f64);
+            for n in 0..10_000 {
+                let Some((machine, place)) = machine(&mut rng, coordinates, n % 4 == 0) else {
+                    continue;
+                };
+                let Some(step) = joint_step(&mut rng, &machine, place) else { continue };
+                let to = step.target(&machine, 1.0);
+                let ahead = machine.taken_along(&place, Some(&step.motion));
+                let Ok(there) = machine.measured(&to, &ahead) else { continue };
+                // The search factors ahead, a sub-step where it starts.
+                let qr = if rng.random() {
+                    machine.factored(&there, &ahead)
+                } else {
+                    let here = step.target(&machine, 0.0);
+                    let here = machine.measured(&here, &place).unwrap();
+                    machine.factored(&here, &place)
+                };
+                let Ok(qr) = qr else { continue };
+                let first = machine.first_step(&there, &qr, 0.0, &to, Some(&step.motion));
+                if !(first.h <= CERTIFIED) {
+                    continue;
+                }
+                let reach = first.length + bow(&machine, &there.placed, &qr, &step.motion);
+                let rho = 2.0 * reach;
+                let margin = |i: usize| machine.margin(&there.placed, i, to.joints[i]);
+                let drift = drift(&machine, &there.placed, &qr, rho, &step.motion, margin);
+                for _ in 0..4 {
+                    let share = rng.random();
+                    let away = random(&mut rng, 0.0, rho);
+                    let point = unit(&mut rng, &machine).map(|x| x * away);
+                    let Some(departure) = departure(&machine, &step, &qr, share, &point) else {
+                        panic!("the nut has no correction within a certified ball");
+                    };
+                    let bound = first.flat * rho + drift;
+                    assert!(departure <= bound + 1e-6, "{departure} {bound}");
+                    turned = turned.max(departure / bound);
+                    let residuals = residuals(&machine, &step, share, &[0.0; 6]).unwrap();
+                    let length = norm(&newton_step(&qr, &residuals));
+                    assert!(length <= reach * (1.0 + 1e-9) + 1e-9, "{length} {reach}");
+                    stepped = stepped.max(length / reach);
+                    // Every rod is on its side.
+                    let target = step.target(&machine, share);
+                    let shift = step.motion.shift * share;
+                    let centre = Place { centre: place.centre + shift, ..place };
+                    let placed = machine.placed(&target.anchors, &at(&machine, &centre, &point));
+                    for i in 0..6 {
+                        let margin = machine.margin(&placed, i, target.joints[i]);
+                        assert!(margin.is_none_or(|m| m > 0.0), "{margin:?}");
+                    }
+                    checked += 1;
+                }
+            }
+            let name = core::str::from_utf8(coordinates).unwrap();
+            std::println!("{name}: {checked} points, rows {turned:.2}, step {stepped:.2} of bound");
+            assert!(checked > 1000, "{name}: {checked}");
+            // Bounds that are far too wide would be sound and useless.
+            assert!(turned > 0.1 && stepped > 0.5, "{name}: {turned} {stepped}");
+        }
+    }
 }

@@ -6,8 +6,9 @@ use crate::certificate::{CERTAIN_AT_ALL, flatness};
 use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
+use crate::layout::{Letter, PerLeg};
 use crate::leg::{Leg, LegKind};
-use crate::machine::Machine;
+use crate::machine::{Chart, Mechanism, Place};
 use crate::nut::Nut;
 use crate::pose::Pose;
 use crate::qr::Qr;
@@ -17,129 +18,207 @@ use nalgebra::Vector3;
 /// Anchors nearer than this share of the size count as one point.
 const SAME_POINT: f64 = 1e-9;
 
-impl<const N: usize> Machine<N> {
-    /// Checks a geometry and computes what stays constant.
-    ///
-    /// `offset` is in joint units, one per leg (0 for a joint that reads its native
-    /// value). Work is bounded: no loop depends on the values.
-    ///
-    /// # Errors
-    /// A [`Fault`] with a cause of the geometry group, naming the leg.
-    pub fn freeze(geometry: &Geometry<N>, offset: &[f64; N]) -> Result<Self, Fault> {
-        for (i, (leg, offset)) in geometry.legs.iter().zip(offset).enumerate() {
-            if !leg.is_finite() || !offset.is_finite() {
-                return Err(Fault::of_leg(Cause::GeometryNotFinite, i, 0.0));
-            }
-        }
-        let base = Lanes3::from_fn(|i| Vector3::from(geometry.legs[i].base));
-        let platform = Lanes3::from_fn(|i| Vector3::from(geometry.legs[i].platform));
-        let mut centroid = Vector3::zeros();
-        let mut size = 0.0_f64;
-        for i in 0..N {
-            centroid += platform.get(i) / N as f64;
-            size = size.max(base.get(i).norm()).max(platform.get(i).norm());
-        }
+/// What a machine is frozen from.
+pub(crate) struct Frozen<'a> {
+    pub geometry: &'a Geometry,
+    /// Per leg, in joint units.
+    pub offset: &'a PerLeg,
+}
+
+impl Frozen<'_> {
+    /// The checked machine in N lanes.
+    pub fn mechanism<const N: usize>(&self) -> Result<Mechanism<N>, Fault> {
+        self.refuse_not_finite()?;
+        let layout = *self.geometry.layout();
+        let leg = |i: usize| self.geometry.lane(i);
+        let base = Lanes3::from_fn(|i| Vector3::from(leg(i).base));
+        let centroid = self.centroid();
+        let size = self.size();
         if !size.is_finite() {
             return Err(Fault::with_value(Cause::GeometryNotFinite, size));
         }
-        refuse_coincident(&base, &platform, size)?;
-        let arms = Lanes3::from_fn(|i| platform.get(i) - centroid);
-        refuse_collinear(&arms, size)?;
-        let radius = sqrt(arms.dot(&arms).iter().sum::<f64>() / N as f64);
-        let mut machine = Self {
-            legs: geometry.legs.map(|leg| match leg.kind {
-                LegKind::Strut(_) => Leg::Strut,
-            }),
+        self.refuse_coincident(size)?;
+        let active = core::array::from_fn(|k| {
+            layout.coordinates().as_slice().iter().any(|letter| letter.index() == k)
+        });
+        let angles = active[3..].iter().filter(|a| **a).count();
+        let chart = match angles {
+            0 => Chart::Level,
+            3 => Chart::Group,
+            _ => Chart::Angles,
+        };
+        let radius = self.radius(&centroid, size, chart)?;
+        let whole = active[..3].iter().all(|a| *a);
+        let reference = if whole { centroid } else { Vector3::from(self.geometry.centre) };
+        let mut mechanism = Mechanism {
+            layout,
+            chart,
+            active,
+            holds: Letter::ALL.iter().any(|letter| layout.is_held(*letter)),
+            moving: false,
+            legs: [Leg::Strut; N],
             base,
-            arms,
-            centroid,
-            offset: *offset,
-            nut: nut_of(geometry)?,
+            arms: Lanes3::from_fn(|i| Vector3::from(leg(i).platform) - reference),
+            reference,
+            offset: core::array::from_fn(|i| *self.offset.get(self.lane(i)).unwrap_or(&0.0)),
+            nut: self.nut()?,
             size,
             radius,
             s1: [0.0; N],
             s2: [0.0; N],
         };
         for i in 0..N {
-            let arm = arms.get(i).norm();
-            machine.s1[i] = sqrt(1.0 + (arm / radius) * (arm / radius));
-            machine.s2[i] = arm / (radius * radius);
+            mechanism.legs[i] =
+                leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
+            mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
-        if let Some(home) = geometry.home {
-            machine.settle_at(home)?;
+        mechanism.bound_anchors(angles);
+        if let Some(home) = self.geometry.home {
+            mechanism.settle_at(home)?;
         }
-        Ok(machine)
+        Ok(mechanism)
+    }
+
+    /// Leg whose values lane `i` holds.
+    fn lane(&self, i: usize) -> usize {
+        if i < self.geometry.layout().legs() { i } else { 0 }
+    }
+
+    fn refuse_not_finite(&self) -> Result<(), Fault> {
+        for (i, (leg, offset)) in self.geometry.legs().iter().zip(self.offset).enumerate() {
+            if !leg.is_finite() || !offset.is_finite() {
+                return Err(Fault::of_leg(Cause::GeometryNotFinite, i, 0.0));
+            }
+        }
+        if !self.geometry.centre.iter().all(|v| v.is_finite()) {
+            return Err(Cause::CentreNotFinite.into());
+        }
+        Ok(())
+    }
+
+    fn centroid(&self) -> Vector3<f64> {
+        let mut centroid = Vector3::zeros();
+        for leg in self.geometry.legs() {
+            centroid += Vector3::from(leg.platform) / self.geometry.legs().len() as f64;
+        }
+        centroid
+    }
+
+    fn size(&self) -> f64 {
+        self.geometry.legs().iter().fold(0.0, |size: f64, leg| {
+            size.max(Vector3::from(leg.base).norm()).max(Vector3::from(leg.platform).norm())
+        })
+    }
+
+    /// Root mean square distance of the platform anchors from their centroid.
+    fn radius(&self, centroid: &Vector3<f64>, size: f64, chart: Chart) -> Result<f64, Fault> {
+        let legs = self.geometry.legs();
+        let arm = |i: usize| Vector3::from(self.geometry.lane(i).platform) - centroid;
+        let sum = (0..legs.len()).fold(0.0, |sum, i| sum + arm(i).norm_squared());
+        let radius = sqrt(sum / legs.len() as f64);
+        let is_point = !(radius > SAME_POINT * size);
+        if chart == Chart::Level {
+            return Ok(if is_point { size } else { radius });
+        }
+        // Platform anchors on one line leave the rotation about that line free.
+        let mut spread = 0.0_f64;
+        for i in 0..legs.len() {
+            for j in 0..i {
+                spread = spread.max(arm(i).cross(&arm(j)).norm());
+            }
+        }
+        if is_point || (chart == Chart::Group && spread <= SAME_POINT * size * size) {
+            return Err(Fault::with_value(Cause::PlatformDegenerate, spread));
+        }
+        Ok(radius)
+    }
+
+    /// Two equal legs constrain the same motion twice; of struts, the anchors tell.
+    fn refuse_coincident(&self, size: f64) -> Result<(), Fault> {
+        let legs = self.geometry.legs();
+        let apart = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm();
+        for (i, one) in legs.iter().enumerate() {
+            for (j, other) in legs.iter().enumerate().take(i) {
+                let same_kind = match (one.kind, other.kind) {
+                    (LegKind::Strut(_), LegKind::Strut(_)) => true,
+                    (a, b) => a == b,
+                };
+                let apart =
+                    apart(&one.base, &other.base).max(apart(&one.platform, &other.platform));
+                if same_kind && apart <= SAME_POINT * size {
+                    return Err(Fault::of_leg(Cause::LegsCoincide, i, j as f64));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The screws, if any leg has a lead.
+    fn nut<const N: usize>(&self) -> Result<Option<Nut<N>>, Fault> {
+        let struts = core::array::from_fn(|i| match self.geometry.lane(i).kind {
+            LegKind::Strut(strut) => strut,
+            LegKind::Slider(_) | LegKind::Crank(_) => Default::default(),
+        });
+        if struts.iter().all(|s| s.lead == 0.0) {
+            return Ok(None);
+        }
+        let nut = Nut::new(
+            &struts.map(|s| s.base_axis),
+            &struts.map(|s| s.platform_axis),
+            &struts.map(|s| s.lead),
+        )?;
+        Ok(Some(nut))
+    }
+}
+
+impl<const N: usize> Mechanism<N> {
+    /// Bounds of the platform anchors' derivatives in the chart with `angles` active angles.
+    fn bound_anchors(&mut self, angles: usize) {
+        // On the group |ω × b| ≤ |ω||b|; each angle of its own adds a rotation of its own.
+        let m = match self.chart {
+            Chart::Group => 1.0,
+            Chart::Angles => angles as f64,
+            Chart::Level => 0.0,
+        };
+        for i in 0..N {
+            let arm = self.arms.get(i).norm() / self.radius;
+            self.s1[i] = sqrt(1.0 + m * arm * arm);
+            self.s2[i] = m * arm / self.radius;
+        }
     }
 
     /// Checks the reference pose and fixes the fold of the nut correction there.
     fn settle_at(&mut self, home: [f64; 6]) -> Result<(), Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
-        let r = pose.rotation();
-        let centre = self.centre(&pose.position, &r, &Vector3::zeros());
-        let placed = self
-            .placed(&self.base, &centre, &r)
-            .map_err(|fault| Fault { cause: Cause::StrutZeroAtHome, ..fault })?;
-        let n = placed.directions();
-        if let Some(nut) = &mut self.nut {
-            nut.fold_at(&n, &r)?;
+        let pose = self.held(&pose, true)?;
+        let rotation = pose.rotation();
+        let point = self.point(&pose.position, &rotation, &Vector3::zeros());
+        let place = Place { centre: self.of_legs(point), rotation, angles: pose.angles };
+        let placed = self.placed(&self.base, &place);
+        for i in 0..self.count() {
+            if self.legs[i] == Leg::Strut && self.refuse_short(i, placed.length[i]).is_err() {
+                return Err(Fault::of_leg(Cause::StrutZeroAtHome, i, placed.length[i]));
+            }
         }
-        let twist = self.twist(&n, &r)?;
-        let columns = self.scaled(self.rows(&placed, &n, twist.as_ref()));
-        let qr = Qr::new(&columns).ok_or(Cause::SingularAtHome)?;
-        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0)?;
+        if let Some(nut) = &mut self.nut {
+            nut.fold_at(&placed.directions(), &rotation)?;
+        }
+        self.refuse_free_at(&place)
+    }
+
+    /// Refuses a layout whose legs leave the platform free at `place`.
+    fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
+        let anchors = self.moved_anchors(&self.joints_at(place)?)?;
+        let placed = self.placed(&anchors, place);
+        let n = placed.directions();
+        let twist = self.twist(&n, &place.rotation)?;
+        let columns = self.charted(self.rows(&placed, &n, twist.as_ref()), place);
+        let qr = Qr::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
+        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }
         Ok(())
     }
-}
-
-/// The screws, if any leg has a lead.
-fn nut_of<const N: usize>(geometry: &Geometry<N>) -> Result<Option<Nut<N>>, Fault> {
-    let struts = geometry.legs.map(|leg| {
-        let LegKind::Strut(strut) = leg.kind;
-        strut
-    });
-    if struts.iter().all(|s| s.lead == 0.0) {
-        return Ok(None);
-    }
-    let nut = Nut::new(
-        &struts.map(|s| s.base_axis),
-        &struts.map(|s| s.platform_axis),
-        &struts.map(|s| s.lead),
-    )?;
-    Ok(Some(nut))
-}
-
-/// Two legs between the same points constrain the same motion twice.
-fn refuse_coincident<const N: usize>(
-    base: &Lanes3<N>,
-    platform: &Lanes3<N>,
-    size: f64,
-) -> Result<(), Fault> {
-    for i in 0..N {
-        for j in 0..i {
-            let apart =
-                (base.get(i) - base.get(j)).norm().max((platform.get(i) - platform.get(j)).norm());
-            if apart <= SAME_POINT * size {
-                return Err(Fault::of_leg(Cause::LegsCoincide, i, j as f64));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Platform anchors on one line leave the rotation about that line free.
-fn refuse_collinear<const N: usize>(arms: &Lanes3<N>, size: f64) -> Result<(), Fault> {
-    let mut spread = 0.0_f64;
-    for i in 0..N {
-        for j in 0..i {
-            spread = spread.max(arms.get(i).cross(&arms.get(j)).norm());
-        }
-    }
-    if spread <= SAME_POINT * size * size {
-        return Err(Fault::with_value(Cause::PlatformDegenerate, spread));
-    }
-    Ok(())
 }

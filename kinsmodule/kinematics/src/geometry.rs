@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The geometry as the integrator wrote it, before any check, and its hash.
 
+use crate::layout::{Layout, Letters, MAX_LEGS};
 use crate::leg::{LegKind, StrutGeometry};
+use crate::load::LoadError;
 
 /// One leg as given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +17,17 @@ pub struct LegGeometry {
 }
 
 impl LegGeometry {
+    /// Fills the places of legs that a machine does not have.
+    const NONE: Self = Self {
+        base: [0.0; 3],
+        platform: [0.0; 3],
+        kind: LegKind::Strut(StrutGeometry {
+            base_axis: [0.0; 3],
+            platform_axis: [0.0; 3],
+            lead: 0.0,
+        }),
+    };
+
     /// A strut. Its axes matter only where it has a lead: without one they are
     /// dropped, so that they change neither hash nor comparison.
     pub fn strut(base: [f64; 3], platform: [f64; 3], strut: StrutGeometry) -> Self {
@@ -24,107 +37,94 @@ impl LegGeometry {
 
     /// Whether every value is finite.
     pub(crate) fn is_finite(&self) -> bool {
-        let LegKind::Strut(s) = &self.kind;
         let finite = |v: &[f64]| v.iter().all(|x| x.is_finite());
-        finite(&self.base)
-            && finite(&self.platform)
-            && finite(&s.base_axis)
-            && finite(&s.platform_axis)
-            && s.lead.is_finite()
-    }
-}
-
-/// A coordinate of the pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "LinuxCNC's letters")]
-pub enum Letter {
-    X,
-    Y,
-    Z,
-    A,
-    B,
-    C,
-}
-
-impl Letter {
-    const ALL: [Letter; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
-
-    /// Place in a pose: X = 0 … C = 5.
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-}
-
-/// The pose letters in the order of `coordinates=`: joint j of the identity
-/// kinematics is the j-th letter. For the machine itself the order means nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Coordinates([Letter; 6]);
-
-impl Coordinates {
-    /// X Y Z A B C.
-    pub const XYZABC: Self = Self(Letter::ALL);
-
-    /// From text such as `XYZABC`, any order, upper or lower case.
-    ///
-    /// `None` unless each of the six letters stands exactly once: machines with
-    /// fewer active coordinates are not supported by this version.
-    pub fn parse(text: &[u8]) -> Option<Self> {
-        let mut letters = Letter::ALL;
-        if text.len() != letters.len() {
-            return None;
-        }
-        for (i, character) in text.iter().enumerate() {
-            let index = b"XYZABC".iter().position(|l| *l == character.to_ascii_uppercase())?;
-            let letter = Letter::ALL[index];
-            if letters[..i].contains(&letter) {
-                return None;
-            }
-            letters[i] = letter;
-        }
-        Some(Self(letters))
-    }
-
-    /// For each joint of the identity kinematics, its letter.
-    pub fn letters(&self) -> &[Letter; 6] {
-        &self.0
+        let mut all = finite(&self.base) && finite(&self.platform);
+        self.kind.for_each_value(|values| all = all && finite(values));
+        all
     }
 }
 
 /// A machine as given: what [`crate::Machine::freeze`] checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry<const N: usize> {
-    /// Legs in joint order.
-    pub legs: [LegGeometry; N],
+pub struct Geometry {
+    /// Numbers of legs and coordinates, and their letters.
+    layout: Layout,
+    legs: [LegGeometry; MAX_LEGS],
+    /// Point of the platform at which held X, Y, Z are held, and whose X, Y, Z a table
+    /// takes over; platform frame, machine units.
+    pub centre: [f64; 3],
     /// Reference pose (x, y, z, a, b, c), machine units and degrees; it fixes the
-    /// fold of the nut correction. `None`: the correction is the literal arcsin.
+    /// fold of the nut correction, and there the legs must hold the platform. `None`:
+    /// the correction is the literal arcsin.
     pub home: Option<[f64; 6]>,
-    /// Order of the pose letters.
-    pub coordinates: Coordinates,
 }
 
-impl<const N: usize> Geometry<N> {
+impl Geometry {
+    /// A machine of these legs, in joint order, with `coordinates` for its platform and
+    /// `table` under the workpiece; centre 0, no reference pose.
+    ///
+    /// # Errors
+    /// As [`Layout::new`].
+    pub fn new(
+        legs: &[LegGeometry],
+        coordinates: Letters,
+        table: Letters,
+    ) -> Result<Self, LoadError> {
+        let layout = Layout::new(legs.len(), coordinates, table)?;
+        Ok(Self::of_layout(layout, |i| legs.get(i).copied().unwrap_or(LegGeometry::NONE)))
+    }
+
+    /// As [`Geometry::new`], leg by leg.
+    pub fn of_layout(layout: Layout, leg: impl Fn(usize) -> LegGeometry) -> Self {
+        let mut legs = [LegGeometry::NONE; MAX_LEGS];
+        for (i, place) in legs.iter_mut().enumerate().take(layout.legs()) {
+            *place = leg(i);
+        }
+        Self { layout, legs, centre: [0.0; 3], home: None }
+    }
+
+    /// Numbers and letters.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Legs in joint order.
+    pub fn legs(&self) -> &[LegGeometry] {
+        self.legs.get(..self.layout.legs()).unwrap_or(&self.legs)
+    }
+
+    /// Leg `lane`; beyond the last leg the first one stands in.
+    pub(crate) fn lane(&self, lane: usize) -> &LegGeometry {
+        self.legs().get(lane).unwrap_or(&self.legs[0])
+    }
+
     /// FNV-1a (32 bit) over the little-endian bits of the values as given, −0 as +0.
     ///
-    /// Order: per leg its kind (strut 1), base anchor, platform anchor, and for a
-    /// strut base axis, platform axis (zeros without a lead) and lead; then the
-    /// reference pose if there is one; then the coordinates (X = 0 … C = 5).
-    /// Joint offsets, tool and solver settings do not enter.
+    /// Order: per leg its base anchor and platform anchor after its kind (strut 1,
+    /// slider 2, crank 3), then for a strut base axis, platform axis (zeros without a
+    /// lead) and lead; for a slider guide, rod and side; for a crank axis, rod, side and
+    /// arm. After the legs the centre, the reference pose if there is one, and the
+    /// letters of coordinates and table (X = 0 … C = 5). Joint offsets, tool and solver
+    /// settings do not enter.
     pub fn hash(&self) -> u32 {
         let mut hash = Fnv1a::new();
-        for leg in &self.legs {
-            hash.add(&[leg.kind.number()]);
-            hash.add(&leg.base);
-            hash.add(&leg.platform);
-            let LegKind::Strut(strut) = &leg.kind;
-            hash.add(&strut.base_axis);
-            hash.add(&strut.platform_axis);
-            hash.add(&[strut.lead]);
+        for leg in self.legs() {
+            let mut anchors = Some([leg.base, leg.platform]);
+            leg.kind.for_each_value(|values| {
+                hash.add(values);
+                for anchor in anchors.take().into_iter().flatten() {
+                    hash.add(&anchor);
+                }
+            });
         }
+        hash.add(&self.centre);
         if let Some(home) = &self.home {
             hash.add(home);
         }
-        for letter in self.coordinates.letters() {
-            hash.add(&[letter.index() as f64]);
+        for letters in [self.layout.coordinates(), self.layout.table()] {
+            for letter in letters.as_slice() {
+                hash.add(&[letter.index() as f64]);
+            }
         }
         hash.0
     }
@@ -150,16 +150,6 @@ impl Fnv1a {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn coordinates_take_each_letter_once_in_any_order() {
-        assert_eq!(Coordinates::parse(b"xyzabc"), Some(Coordinates::XYZABC));
-        let turned = Coordinates::parse(b"CBAZYX").unwrap();
-        assert_eq!(turned.letters().map(Letter::index), [5, 4, 3, 2, 1, 0]);
-        for bad in [&b"XYZAB"[..], b"XYZABB", b"XYZABU", b"", b"XYZABCC"] {
-            assert_eq!(Coordinates::parse(bad), None);
-        }
-    }
 
     #[test]
     fn fnv_1a_gives_the_number_of_an_independent_implementation() {

@@ -2,112 +2,131 @@
 //! Inverse Jacobians: joint rates per twist, and per pose coordinate.
 
 use crate::fault::{Cause, Fault};
-use crate::machine::Machine;
-use crate::pose::Pose;
-use nalgebra::{SMatrix, Vector3};
+use crate::inverse::Posed;
+use crate::lanes::Lanes3;
+use crate::layout::MAX_LEGS;
+use crate::machine::{Jacobian, Mechanism};
+use crate::pose::{Pose, Trigonometry};
+use nalgebra::Vector3;
 
 /// cos B below which the pose coordinates A and C are not independent.
 const MIN_COS_B: f64 = 1e-6;
 
-impl<const N: usize> Machine<N> {
-    /// Inverse Jacobian: joint rates per unit twist, N × 6.
-    ///
-    /// Row i is `[nᵢᵀ (ρᵢ × nᵢ)ᵀ]` for a strut, plus the exact gradient of the nut
-    /// correction, so that q̇ = J (v; ω), linear part first. Frames: v and ω in base
-    /// axes; reference point = control point (tool tip), ρᵢ = R (o + bᵢ).
-    /// Units: columns 0–2 joint units per machine unit, 3–5 joint units per radian.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    /// Source: paper 004 and LinuxCNC's genhexkins for the rows without the nut term.
-    pub fn inverse_jacobian(
-        &self,
-        pose: &Pose,
-        tool: &Vector3<f64>,
-    ) -> Result<SMatrix<f64, N, 6>, Fault> {
-        pose.check()?;
-        let r = pose.rotation();
-        let centre = self.centre(&pose.position, &r, tool);
-        let placed = self.placed(&self.base, &centre, &r)?;
-        let n = placed.directions();
-        let twist = self.twist(&n, &r)?;
-        let rows = self.rows(&placed, &n, twist.as_ref());
-        // A twist about the control point moves the centroid by v + ω × lever.
-        let lever = r * (tool + self.centroid);
-        let mut jacobian = SMatrix::zeros();
-        for i in 0..N {
-            let rate = self.legs[i].rate(&n.get(i));
-            let force = Vector3::new(rows[0][i], rows[1][i], rows[2][i]);
-            let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]) + lever.cross(&force);
-            for axis in 0..3 {
-                jacobian[(i, axis)] = force[axis] * rate;
-                jacobian[(i, axis + 3)] = moment[axis] * rate;
-            }
-        }
-        Ok(jacobian)
+/// Rates of one joint.
+struct Rates {
+    /// Per velocity of the reference point.
+    force: Vector3<f64>,
+    /// Per angular velocity, about the reference point.
+    moment: Vector3<f64>,
+}
+
+impl<const N: usize> Mechanism<N> {
+    pub fn inverse_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
+        Ok(self.twist_rows(pose, tool)?.0)
     }
 
-    /// Inverse Jacobian in pose coordinates: ∂q / ∂(x, y, z, a, b, c), N × 6.
-    ///
-    /// Units: joint units per machine unit and per **degree**.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`]; [`Cause::TiltNearRightAngle`] where cos B < 1e-6.
-    pub fn pose_jacobian(
+    /// Rows per unit twist about the control point, and the pose's sines and cosines.
+    fn twist_rows(
         &self,
         pose: &Pose,
         tool: &Vector3<f64>,
-    ) -> Result<SMatrix<f64, N, 6>, Fault> {
-        let of_twist = self.inverse_jacobian(pose, tool)?;
-        let trig = pose.trigonometry();
+    ) -> Result<(Jacobian, Trigonometry), Fault> {
+        let posed = self.posed(pose, tool)?;
+        let legs = self.leg_rates(&posed)?;
+        // A twist about the control point moves the reference point by v + ω × lever.
+        let lever = posed.place.rotation * (tool + self.reference);
+        let mut jacobian = Jacobian::zeros();
+        let mut set = |joint: usize, Rates { force, moment }: &Rates| {
+            let moment = moment + lever.cross(force);
+            for (axis, value) in force.iter().chain(moment.iter()).enumerate() {
+                if let Some(place) = jacobian.get_mut((joint, axis)) {
+                    *place = *value;
+                }
+            }
+        };
+        for (i, leg) in legs.iter().enumerate().take(self.count()) {
+            set(i, &Rates { force: self.of_legs(leg.force), moment: leg.moment });
+        }
+        for (i, letter) in self.layout.table().as_slice().iter().enumerate() {
+            let mut force = Vector3::zeros();
+            force[letter.index().min(2)] = 1.0;
+            set(self.count() + i, &Rates { force, moment: Vector3::zeros() });
+        }
+        Ok((jacobian, posed.trig))
+    }
+
+    fn leg_rates(&self, posed: &Posed<N>) -> Result<[Rates; N], Fault> {
+        let joints = self.joints_of(posed)?;
+        let placed = self.placed(&self.moved_anchors(&joints)?, &posed.place);
+        let n = placed.directions();
+        let twist = self.twist(&n, &posed.place.rotation)?;
+        let rows = self.rows(&placed, &n, twist.as_ref());
+        Ok(core::array::from_fn(|i| {
+            let motion = self.legs[i].motion(joints[i] + self.offset[i]);
+            let rate = self.legs[i].rate(n.get(i).dot(&motion));
+            let force = Vector3::new(rows[0][i], rows[1][i], rows[2][i]);
+            let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]);
+            Rates { force: force * rate, moment: moment * rate }
+        }))
+    }
+
+    pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
+        let (of_twist, trig) = self.twist_rows(pose, tool)?;
         if !(trig.cb.abs() >= MIN_COS_B) {
             return Err(Fault::with_value(Cause::TiltNearRightAngle, trig.cb));
         }
         let per_degree = trig.rate_map() * (core::f64::consts::PI / 180.0);
         let mut jacobian = of_twist;
-        for i in 0..N {
-            for angle in 0..3 {
-                jacobian[(i, angle + 3)] = of_twist[(i, 3)] * per_degree[(0, angle)]
-                    + of_twist[(i, 4)] * per_degree[(1, angle)]
-                    + of_twist[(i, 5)] * per_degree[(2, angle)];
+        let angular = of_twist.fixed_columns::<3>(3) * per_degree;
+        jacobian.fixed_columns_mut::<3>(3).copy_from(&angular);
+        Ok(jacobian)
+    }
+
+    pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
+        if self.layout.is_redundant() {
+            return Ok(0);
+        }
+        let posed = self.posed(pose, tool)?;
+        let legs = self.leg_rates(&posed)?;
+        let force = Lanes3::from_fn(|i| legs[i].force);
+        let moment = Lanes3::from_fn(|i| legs[i].moment);
+        let columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+        let columns = self.charted(columns, &posed.place);
+        let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
+        let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
+        for (row, (column, _)) in square.iter_mut().zip(active) {
+            for (to, value) in row.iter_mut().zip(column) {
+                *to = *value;
             }
         }
-        Ok(jacobian)
+        Ok(sign_of_determinant(square, self.count().min(MAX_LEGS)))
     }
 }
 
-impl Machine<6> {
-    /// Sign of det J (1, −1, or 0 where it is singular): tells apart ways of assembling
-    /// the machine, but not all of them. Information, not a guard.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
-        let jacobian = self.inverse_jacobian(pose, tool)?;
-        let mut a: [[f64; 6]; 6] =
-            core::array::from_fn(|i| core::array::from_fn(|j| jacobian[(i, j)]));
-        let mut sign = 1;
-        for k in 0..6 {
-            // Row by row exchange instead of a pivot search: no index depends on data.
-            for i in k + 1..6 {
-                if a[i][k].abs() > a[k][k].abs() {
-                    a.swap(i, k);
-                    sign = -sign;
-                }
-            }
-            if a[k][k] == 0.0 {
-                return Ok(0);
-            }
-            if a[k][k] < 0.0 {
+/// Sign of the determinant of the first `m` rows and columns.
+fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
+    let m = m.min(MAX_LEGS);
+    let mut sign = 1;
+    for k in 0..m {
+        // Row by row exchange instead of a pivot search: no index depends on data.
+        for i in k + 1..m {
+            if a[i][k].abs() > a[k][k].abs() {
+                a.swap(i, k);
                 sign = -sign;
             }
-            for i in k + 1..6 {
-                let factor = a[i][k] / a[k][k];
-                for j in k..6 {
-                    a[i][j] -= factor * a[k][j];
-                }
+        }
+        if a[k][k] == 0.0 {
+            return 0;
+        }
+        if a[k][k] < 0.0 {
+            sign = -sign;
+        }
+        for i in k + 1..m {
+            let factor = a[i][k] / a[k][k];
+            for j in k..m {
+                a[i][j] -= factor * a[k][j];
             }
         }
-        Ok(sign)
     }
+    sign
 }

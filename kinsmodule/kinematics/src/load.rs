@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS`.
 
-use crate::geometry::Coordinates;
-
-/// Legs of the machines that this version drives: six struts hold X Y Z A B C.
-pub const LEGS: usize = 6;
+use crate::layout::{Layout, Letters, MAX_LEGS};
+use crate::leg::Kind;
 
 /// What the load parameters ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
-    /// Order of the pose letters.
-    pub coordinates: Coordinates,
+    kinds: [Kind; MAX_LEGS],
+    /// Numbers and letters.
+    pub layout: Layout,
 }
 
 /// Why load parameters are refused.
@@ -20,26 +19,38 @@ pub enum LoadError {
     LegsMalformed,
     /// A kind of leg that does not exist.
     KindUnknown,
-    /// A kind of leg that this version does not drive.
-    KindUnsupported,
-    /// Not as many legs as coordinates.
-    CountWrong,
-    /// `coordinates` is not each of X Y Z A B C once.
+    /// No leg, or more than the module drives.
+    LegsWrong,
+    /// `coordinates` holds another character than X Y Z A B C, one of them twice, or none.
     CoordinatesWrong,
-    /// A table, which this version does not drive.
-    TableUnsupported,
+    /// More coordinates than legs.
+    TooManyCoordinates,
+    /// `table` holds another character than X Y Z, or one of them twice.
+    TableWrong,
+    /// A letter in both `coordinates` and `table`.
+    LetterTwice,
 }
 
 impl LoadError {
     /// One sentence for people, with the way out.
     pub const fn text(self) -> &'static str {
         match self {
-            Self::LegsMalformed => "legs= must be KIND:COUNT[,KIND:COUNT], such as strut:6",
+            Self::LegsMalformed => {
+                "legs= must be KIND:COUNT[,KIND:COUNT], such as strut:6 or slider:4"
+            }
             Self::KindUnknown => "the kinds of legs are strut, slider, crank",
-            Self::KindUnsupported => "this version drives struts only, such as legs=strut:6",
-            Self::CountWrong => "the coordinates XYZABC need six legs, such as legs=strut:6",
-            Self::CoordinatesWrong => "coordinates= must hold each of X Y Z A B C once",
-            Self::TableUnsupported => "this version drives no table axes: leave table= out",
+            Self::LegsWrong => "a machine has one to eight legs",
+            Self::CoordinatesWrong => {
+                "coordinates= must hold some of the letters X Y Z A B C, each once"
+            }
+            Self::TooManyCoordinates => {
+                "more coordinates than legs: each needs a leg that moves it, such as \
+                 legs=slider:4 coordinates=XYZB"
+            }
+            Self::TableWrong => "table= may hold the letters X Y Z, each once",
+            Self::LetterTwice => {
+                "a letter stands in coordinates= and in table=: either the platform moves it, or the table"
+            }
         }
     }
 }
@@ -55,19 +66,18 @@ impl Load {
         coordinates: Option<&[u8]>,
         table: Option<&[u8]>,
     ) -> Result<Self, LoadError> {
-        if let Some(text) = given(legs)
-            && count_legs(text)? != LEGS
-        {
-            return Err(LoadError::CountWrong);
-        }
-        if given(table).is_some() {
-            return Err(LoadError::TableUnsupported);
-        }
+        let (kinds, count) = legs_of(given(legs).unwrap_or(b"strut:6"))?;
         let coordinates = match given(coordinates) {
-            None => Coordinates::XYZABC,
-            Some(text) => Coordinates::parse(text).ok_or(LoadError::CoordinatesWrong)?,
+            None => Letters::XYZABC,
+            Some(text) => Letters::parse(text).ok_or(LoadError::CoordinatesWrong)?,
         };
-        Ok(Self { coordinates })
+        let table = Letters::parse(table.unwrap_or(b"")).ok_or(LoadError::TableWrong)?;
+        Ok(Self { kinds, layout: Layout::new(count, coordinates, table)? })
+    }
+
+    /// Kind of every leg, in joint order.
+    pub fn kinds(&self) -> &[Kind] {
+        self.kinds.get(..self.layout.legs()).unwrap_or(&self.kinds)
     }
 }
 
@@ -75,22 +85,29 @@ fn given(text: Option<&[u8]>) -> Option<&[u8]> {
     text.filter(|t| !t.is_empty())
 }
 
-fn count_legs(text: &[u8]) -> Result<usize, LoadError> {
+/// Kinds of the legs and their number.
+fn legs_of(text: &[u8]) -> Result<([Kind; MAX_LEGS], usize), LoadError> {
+    let mut kinds = [Kind::Strut; MAX_LEGS];
     let mut sum = 0;
     for group in text.split(|c| *c == b',') {
         let mut parts = group.split(|c| *c == b':');
         let (Some(kind), Some(count), None) = (parts.next(), parts.next(), parts.next()) else {
             return Err(LoadError::LegsMalformed);
         };
-        match kind {
-            b"strut" => {}
-            b"slider" | b"crank" => return Err(LoadError::KindUnsupported),
+        let kind = match kind {
+            b"strut" => Kind::Strut,
+            b"slider" => Kind::Slider,
+            b"crank" => Kind::Crank,
             b"" => return Err(LoadError::LegsMalformed),
             _ => return Err(LoadError::KindUnknown),
+        };
+        let count = number(count).ok_or(LoadError::LegsMalformed)?;
+        for place in kinds.iter_mut().skip(sum).take(count) {
+            *place = kind;
         }
-        sum += number(count).ok_or(LoadError::LegsMalformed)?;
+        sum += count;
     }
-    Ok(sum)
+    Ok((kinds, sum))
 }
 
 /// A count of one or two digits.
@@ -112,10 +129,19 @@ mod tests {
     #[test]
     fn six_struts_are_the_default_however_they_are_grouped() {
         let default = Load::parse(None, None, None).unwrap();
-        assert_eq!(default.coordinates, Coordinates::XYZABC);
+        assert_eq!(default.layout, Layout::new(6, Letters::XYZABC, Letters::NONE).unwrap());
+        assert_eq!(default.kinds(), [Kind::Strut; 6]);
         for text in ["", "strut:6", "strut:06", "strut:4,strut:2"] {
             assert_eq!(legs(text), Ok(default), "{text}");
         }
+    }
+
+    #[test]
+    fn kinds_stand_in_joint_order() {
+        let hybrid = Load::parse(Some(b"strut:1,slider:2,crank:1"), Some(b"ZAB"), Some(b"xy"));
+        let hybrid = hybrid.unwrap();
+        assert_eq!(hybrid.kinds(), [Kind::Strut, Kind::Slider, Kind::Slider, Kind::Crank]);
+        assert_eq!(hybrid.layout.joints(), 6);
     }
 
     #[test]
@@ -128,15 +154,28 @@ mod tests {
             ("strut:6:1", LoadError::LegsMalformed),
             ("strut:100", LoadError::LegsMalformed),
             ("hexapod:6", LoadError::KindUnknown),
-            ("slider:6", LoadError::KindUnsupported),
-            ("strut:0", LoadError::CountWrong),
-            ("strut:5", LoadError::CountWrong),
-            ("strut:6,strut:1", LoadError::CountWrong),
+            ("strut:0", LoadError::LegsWrong),
+            ("strut:9", LoadError::LegsWrong),
+            ("strut:6,strut:99", LoadError::LegsWrong),
+            ("strut:5", LoadError::TooManyCoordinates),
         ] {
             assert_eq!(legs(text), Err(error), "{text}");
         }
-        let coordinates = |t: &str| Load::parse(None, Some(t.as_bytes()), None);
-        assert_eq!(coordinates("XYZB"), Err(LoadError::CoordinatesWrong));
-        assert_eq!(Load::parse(None, None, Some(b"XY")), Err(LoadError::TableUnsupported));
+        for (coordinates, table, error) in [
+            ("XYZAA", "", LoadError::CoordinatesWrong),
+            ("XYZU", "", LoadError::CoordinatesWrong),
+            ("ZAB", "XX", LoadError::TableWrong),
+            ("ZAB", "XC", LoadError::TableWrong),
+            ("ZAB", "XU", LoadError::TableWrong),
+            ("XZAB", "XY", LoadError::LetterTwice),
+            ("XYZAB", "", LoadError::TooManyCoordinates),
+        ] {
+            let load = Load::parse(
+                Some(b"slider:4"),
+                Some(coordinates.as_bytes()),
+                Some(table.as_bytes()),
+            );
+            assert_eq!(load, Err(error), "{coordinates} {table}");
+        }
     }
 }

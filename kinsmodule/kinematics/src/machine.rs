@@ -1,43 +1,253 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The checked, frozen machine, and its legs at one place of the platform.
+//! The checked, frozen machine.
+//!
+//! Legs are stored in lanes, as many as the number of legs rounded up to 4, 6 or 8, so
+//! that loops over them have a fixed length. Lanes beyond the last leg are copies of the
+//! first one, which makes them harmless to compute with; what they contribute is
+//! dropped (rows and residuals of 0).
 
 use crate::fault::{Cause, Fault};
+use crate::forward::{Solution, Solver};
+use crate::freeze::Frozen;
+use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
+use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
+use crate::pose::{Pose, Trigonometry};
 use libm::sqrt;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Shortest leg that still has a direction, as a share of the size.
 const MIN_LENGTH: f64 = 1e-6;
 
-/// A parallel machine of N legs, made by [`Machine::freeze`], which checks it.
+/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
+const HELD_TOLERANCE: f64 = 1e-9;
+
+/// Rows of joints by columns of a twist or pose; rows beyond the last joint are 0.
+pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
+
+/// A parallel machine, made by [`Machine::freeze`], which checks it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine<const N: usize> {
-    pub(crate) legs: [Leg; N],
+pub struct Machine(Lanes);
+
+/// The machine by number of lanes.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "without an allocator there is no box")]
+enum Lanes {
+    Four(Mechanism<4>),
+    Six(Mechanism<6>),
+    Eight(Mechanism<8>),
+}
+
+/// Calls the same method on whichever mechanism a machine has.
+macro_rules! each {
+    ($machine:expr, $mechanism:ident => $call:expr) => {
+        match &$machine.0 {
+            Lanes::Four($mechanism) => $call,
+            Lanes::Six($mechanism) => $call,
+            Lanes::Eight($mechanism) => $call,
+        }
+    };
+}
+
+impl Machine {
+    /// Checks a geometry and computes what stays constant.
+    ///
+    /// `offset` is in joint units, one per leg (0 for a joint that reads its native
+    /// value). Work is bounded: no loop depends on the values.
+    ///
+    /// # Errors
+    /// A [`Fault`] with a cause of the geometry group, naming the leg.
+    pub fn freeze(geometry: &Geometry, offset: &PerLeg) -> Result<Self, Fault> {
+        let frozen = Frozen { geometry, offset };
+        Ok(Self(match geometry.layout().legs() {
+            0..=4 => Lanes::Four(frozen.mechanism()?),
+            5..=6 => Lanes::Six(frozen.mechanism()?),
+            _ => Lanes::Eight(frozen.mechanism()?),
+        }))
+    }
+
+    /// Numbers and letters of the machine.
+    pub fn layout(&self) -> &Layout {
+        each!(self, m => &m.layout)
+    }
+
+    /// Largest distance of an anchor from the origin of its frame: what relative
+    /// tolerances refer to. Machine units.
+    pub fn size(&self) -> f64 {
+        each!(self, m => m.size)
+    }
+
+    /// Root mean square distance of the platform anchors from their centroid: turns
+    /// an angle into a length in pose distances. Machine units. (The size, where all
+    /// anchors are one point and no angle is active.)
+    pub fn radius(&self) -> f64 {
+        each!(self, m => m.radius)
+    }
+
+    /// Joint values of a pose, in joint units (struts and sliders: length, cranks: degrees).
+    ///
+    /// `tool` is the vector o in machine units: tool offsets x and y, and the sum of
+    /// spindle and tool offset in z. It changes no joint at A = B = C = 0: legs and table
+    /// place the point D = t − o + R (o + centre).
+    ///
+    /// # Errors
+    /// A [`Fault`] of the pose group; nothing is returned in part.
+    #[inline]
+    pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
+        each!(self, m => m.inverse(pose, tool))
+    }
+
+    /// Pose of the joint values that is connected with `seed`.
+    ///
+    /// `joints` in joint units; `tool` as in [`Machine::inverse`]. Angles of the result
+    /// are those nearest to the seed's, whole turns kept; held coordinates are 0, those of
+    /// the seed are not read.
+    ///
+    /// # Errors
+    /// A [`Fault`] of the joint, solver or settings group. With
+    /// [`crate::Method::Certified`] a pose is never returned unless it is proved to be the
+    /// connected one.
+    ///
+    /// Cost: at most `limit_iterations` linear solves and [`crate::MAX_SUB_STEPS`] sub-steps.
+    #[inline]
+    pub fn forward(
+        &self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+        solver: &Solver,
+    ) -> Result<Solution, Fault> {
+        each!(self, m => m.forward(joints, seed, tool, solver))
+    }
+
+    /// Largest [`Solution::residual`] that forward may return with these settings, machine
+    /// units: the residual limit where legs exceed coordinates, else what the convergence
+    /// criterion of the legs' lengths makes of a joint.
+    pub fn largest_residual(&self, solver: &Solver) -> f64 {
+        each!(self, m => m.largest_residual(solver))
+    }
+
+    /// Length corrections of a pose by nut rotation, machine units; zeros without a lead.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
+        each!(self, m => m.corrections(pose, tool))
+    }
+
+    /// The legs at a pose: from moving base anchor to platform anchor, in base.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; 8], Fault> {
+        each!(self, m => m.segments(pose, tool))
+    }
+
+    /// Inverse Jacobian: joint rates per unit twist, one row a joint.
+    ///
+    /// Row i is `[uᵢᵀ (ρᵢ × uᵢ)ᵀ]` over uᵢ · ∂cᵢ/∂q + ∂dᵢ/∂q (see the module `leg`), for
+    /// a strut plus the exact gradient of the nut correction, so that q̇ = J (v; ω), linear
+    /// part first. Frames: v and ω in base axes; reference point = control point (tool
+    /// tip). Units: columns 0–2 joint units per machine unit, 3–5 joint units per radian.
+    /// Held coordinates are not left out: the columns are the derivatives of the equations.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    /// Source: paper 004 and LinuxCNC's genhexkins for struts without the nut term, paper
+    /// 003 equations 14 to 17 (corrected) for rods.
+    pub fn inverse_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
+        each!(self, m => m.inverse_jacobian(pose, tool))
+    }
+
+    /// Inverse Jacobian in pose coordinates: ∂q / ∂(x, y, z, a, b, c), one row a joint.
+    ///
+    /// Units: joint units per machine unit and per **degree**.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`]; [`Cause::TiltNearRightAngle`] where cos B < 1e-6.
+    pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
+        each!(self, m => m.pose_jacobian(pose, tool))
+    }
+
+    /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not
+    /// square): tells apart ways of assembling the machine, but not all of them.
+    /// Information, not a guard.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
+        each!(self, m => m.assembly(pose, tool))
+    }
+}
+
+/// One leg at a pose, in base, machine units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Base anchor, or where carriage or arm have moved it to.
+    pub base: Vector3<f64>,
+    /// Platform anchor.
+    pub platform: Vector3<f64>,
+}
+
+/// How the orientation of the platform is charted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Chart {
+    /// A, B and C are active: rotation vectors about the orientation at hand.
+    Group,
+    /// One or two of them are: the angles themselves.
+    Angles,
+    /// None of them is: the platform stays level.
+    Level,
+}
+
+/// A machine of up to N legs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Mechanism<const N: usize> {
+    pub layout: Layout,
+    pub chart: Chart,
+    /// Per coordinate X … C whether the legs move it.
+    pub active: [bool; 6],
+    /// Whether any coordinate is neither moved by the legs nor by a table.
+    pub holds: bool,
+    /// Whether the base anchor of any leg moves.
+    pub moving: bool,
+    pub legs: [Leg; N],
     /// Base anchors in base.
-    pub(crate) base: Lanes3<N>,
-    /// Platform anchors about their centroid: the reference point of all solvers, so
-    /// that a long tool does not weaken the certificate.
-    pub(crate) arms: Lanes3<N>,
-    /// Centroid of the platform anchors in the platform frame.
-    pub(crate) centroid: Vector3<f64>,
+    pub base: Lanes3<N>,
+    /// Platform anchors about the reference point.
+    pub arms: Lanes3<N>,
+    /// Reference point of all solvers, in the platform frame: the centroid of the
+    /// platform anchors, so that a long tool does not weaken the certificate; with a held
+    /// or table X, Y, Z the point that these are about.
+    pub reference: Vector3<f64>,
     /// Joint = native value + correction − offset.
-    pub(crate) offset: [f64; N],
-    pub(crate) nut: Option<Nut<N>>,
+    pub offset: [f64; N],
+    pub nut: Option<Nut<N>>,
     /// Largest anchor distance from its frame's origin.
-    pub(crate) size: f64,
-    /// Root mean square of the arms' lengths.
-    pub(crate) radius: f64,
-    /// Per leg √(1 + (|arm|/radius)²): bound of the platform anchor's speed.
-    pub(crate) s1: [f64; N],
-    /// Per leg |arm|/radius²: bound of the platform anchor's second derivative.
-    pub(crate) s2: [f64; N],
+    pub size: f64,
+    /// Root mean square distance of the platform anchors from their centroid.
+    pub radius: f64,
+    /// Per leg √(1 + m (|arm|/radius)²), m = active angles (1 for the group): bound of
+    /// the platform anchor's speed.
+    pub s1: [f64; N],
+    /// Per leg m |arm|/radius²: bound of the platform anchor's second derivative.
+    pub s2: [f64; N],
+}
+
+/// Where the platform is: its reference point and orientation, in base.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    pub centre: Vector3<f64>,
+    pub rotation: Matrix3<f64>,
+    /// A, B, C; kept up to date by [`Chart::Angles`] only.
+    pub angles: Vector3<f64>,
 }
 
 /// The legs at one place of the platform.
 pub(crate) struct Placed<const N: usize> {
-    /// Arms in base (R times the platform anchor about the centroid).
+    /// Arms in base (R times the platform anchor about the reference point).
     pub arms: Lanes3<N>,
     /// From moving base anchor to platform anchor.
     pub span: Lanes3<N>,
@@ -50,71 +260,106 @@ impl<const N: usize> Placed<N> {
     pub fn directions(&self) -> Lanes3<N> {
         let mut inverse = [0.0; N];
         for i in 0..N {
-            inverse[i] = 1.0 / self.length[i];
+            // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
+            inverse[i] = 1.0 / self.length[i].max(f64::MIN_POSITIVE);
         }
         self.span.scaled(&inverse)
     }
 }
 
-impl<const N: usize> Machine<N> {
-    /// Largest distance of an anchor from the origin of its frame: what relative
-    /// tolerances refer to. Machine units.
-    pub fn size(&self) -> f64 {
-        self.size
-    }
-
-    /// Root mean square distance of the platform anchors from their centroid: turns
-    /// an angle into a length in pose distances. Machine units.
-    pub fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// Place of the centroid in base for a pose with rotation `r`.
-    ///
-    /// P = t − o + R (o + centroid): the tool o changes nothing while R = 1.
+impl<const N: usize> Mechanism<N> {
+    /// Number of legs; a bound that the compiler knows.
     #[inline]
-    pub(crate) fn centre(
+    pub fn count(&self) -> usize {
+        self.layout.legs().min(N)
+    }
+
+    /// The pose with its held coordinates at exactly 0, its sines and cosines, and what
+    /// has to be refused about it.
+    #[inline]
+    pub fn checked(&self, pose: &Pose) -> Result<(Pose, Trigonometry), Fault> {
+        pose.check()?;
+        let pose = if self.holds { self.held(pose, true)? } else { *pose };
+        let trig = pose.trigonometry();
+        Ok((pose, trig))
+    }
+
+    /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
+    pub fn held(&self, pose: &Pose, strict: bool) -> Result<Pose, Fault> {
+        let given = pose.to_degrees();
+        let mut held = *pose;
+        for letter in Letter::ALL {
+            if !self.layout.is_held(letter) {
+                continue;
+            }
+            let k = letter.index();
+            let most = if letter.is_angle() { HELD_TOLERANCE } else { HELD_TOLERANCE * self.size };
+            if strict && !(given[k].abs() <= most) {
+                return Err(Fault::with_value(Cause::held(letter), given[k]));
+            }
+            if letter.is_angle() {
+                held.angles[k - 3] = 0.0;
+            } else {
+                held.position[k] = 0.0;
+            }
+        }
+        Ok(held)
+    }
+
+    /// The reference point in base, legs and table together, for a pose with rotation `r`:
+    /// t − o + R (o + reference). The tool o changes nothing while R = 1.
+    #[inline]
+    pub fn point(
         &self,
         position: &Vector3<f64>,
         r: &Matrix3<f64>,
         tool: &Vector3<f64>,
     ) -> Vector3<f64> {
-        position - tool + r * (tool + self.centroid)
+        position - tool + r * (tool + self.reference)
     }
 
-    /// Legs between `anchors` (moving base anchors) and the platform at centre and rotation.
+    /// The part of a point, or of a velocity, that the legs take.
     #[inline]
-    pub(crate) fn placed(
-        &self,
-        anchors: &Lanes3<N>,
-        centre: &Vector3<f64>,
-        r: &Matrix3<f64>,
-    ) -> Result<Placed<N>, Fault> {
-        let arms = self.arms.rotated(r);
-        let span = arms.shifted_minus(centre, anchors);
+    pub fn of_legs(&self, mut v: Vector3<f64>) -> Vector3<f64> {
+        for k in 0..3 {
+            if !self.active[k] {
+                v[k] = 0.0;
+            }
+        }
+        v
+    }
+
+    /// Legs between `anchors` (moving base anchors) and the platform at a place.
+    #[inline]
+    pub fn placed(&self, anchors: &Lanes3<N>, place: &Place) -> Placed<N> {
+        let arms = self.arms.rotated(&place.rotation);
+        let span = arms.shifted_minus(&place.centre, anchors);
         let mut length = span.dot(&span);
         for l in &mut length {
             *l = sqrt(*l);
         }
-        let shortest = MIN_LENGTH * self.size;
-        for (i, l) in length.iter().enumerate() {
-            if !(*l > shortest) {
-                return Err(Fault::of_leg(Cause::StrutTooShort, i, *l));
-            }
+        Placed { arms, span, length }
+    }
+
+    /// Refuses a leg without a direction.
+    #[inline]
+    pub fn refuse_short(&self, i: usize, length: f64) -> Result<(), Fault> {
+        if length > MIN_LENGTH * self.size {
+            return Ok(());
         }
-        Ok(Placed { arms, span, length })
+        Err(Fault::of_leg(Cause::StrutTooShort, i, length))
     }
 
     /// Twist of every leg, if any leg has a lead.
     #[inline]
-    pub(crate) fn twist(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Twist<N>>, Fault> {
+    pub fn twist(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Twist<N>>, Fault> {
         self.nut.as_ref().map(|nut| nut.twist(n, r)).transpose()
     }
 
     /// Rows of the length constraints at a place of the platform: one column per lane
-    /// array, linear part first, about the centroid; the last three per radian.
+    /// array, linear part first, about the reference point; the last three per radian.
     #[inline]
-    pub(crate) fn rows(
+    pub fn rows(
         &self,
         placed: &Placed<N>,
         n: &Lanes3<N>,
@@ -136,13 +381,34 @@ impl<const N: usize> Machine<N> {
         [force.x, force.y, force.z, moment.x, moment.y, moment.z]
     }
 
-    /// The angular columns per unit of radius·angle instead of per radian.
+    /// Columns of the chart from those of the twist: active coordinates only, angular ones
+    /// per unit of radius·angle; the lanes beyond the last leg are 0.
     #[inline]
-    pub(crate) fn scaled(&self, mut columns: [[f64; N]; 6]) -> [[f64; N]; 6] {
+    pub fn charted(&self, mut columns: [[f64; N]; 6], place: &Place) -> [[f64; N]; 6] {
+        if self.chart == Chart::Angles {
+            let map =
+                Pose { position: place.centre, angles: place.angles }.trigonometry().rate_map();
+            let of_twist = columns;
+            for k in 0..3 {
+                for i in 0..N {
+                    columns[k + 3][i] = of_twist[3][i] * map[(0, k)]
+                        + of_twist[4][i] * map[(1, k)]
+                        + of_twist[5][i] * map[(2, k)];
+                }
+            }
+        }
         let inverse = 1.0 / self.radius;
         for column in &mut columns[3..] {
             for value in column {
                 *value *= inverse;
+            }
+        }
+        for (column, active) in columns.iter_mut().zip(self.active) {
+            if !active {
+                *column = [0.0; N];
+            }
+            for value in column.iter_mut().skip(self.count()) {
+                *value = 0.0;
             }
         }
         columns

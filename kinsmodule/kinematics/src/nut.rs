@@ -254,12 +254,5 @@ fn widened(sine: f64, by: f64) -> Option<Widened> {
 
 /// Unit vector of an axis as given.
 fn direction(given: &[f64; 3], leg: usize) -> Result<Vector3<f64>, Fault> {
-    let v = Vector3::from(*given);
-    let largest = v.amax();
-    if !(largest > 0.0) {
-        return Err(Fault::of_leg(Cause::AxisZero, leg, 0.0));
-    }
-    // Scaled first: the squares of very long or very short vectors leave f64's range.
-    let scaled = v / largest;
-    Ok(scaled / scaled.norm())
+    crate::leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
 }

@@ -16,14 +16,18 @@ pub(crate) struct Qr<const N: usize> {
 }
 
 impl<const N: usize> Qr<N> {
-    /// `None` if a column depends on the ones before it.
+    /// `None` if an active column depends on the ones before it. Columns that are not
+    /// active must hold zeros; their unknowns are 0.
     #[inline]
-    pub fn new(columns: &[[f64; N]; 6]) -> Option<Self> {
+    pub fn new(columns: &[[f64; N]; 6], active: &[bool; 6]) -> Option<Self> {
         let mut q = *columns;
         let mut r = [[0.0; 6]; 6];
         let mut diagonal_inverse = [0.0; 6];
         let mut largest = 0.0_f64;
         for k in 0..6 {
+            if !active[k] {
+                continue;
+            }
             let norm = libm::sqrt(dot(&q[k], &q[k]));
             largest = largest.max(norm);
             if !(norm > DEPENDENT * largest) {
@@ -125,9 +129,28 @@ mod tests {
                 b[i] += a[k][i] * x[k];
             }
         }
-        let got = Qr::new(&a).unwrap().solve(&b);
+        let got = Qr::new(&a, &[true; 6]).unwrap().solve(&b);
         for k in 0..6 {
             // 1e-12: a few hundred roundings times the condition number (below 100).
+            assert!((got[k] - x[k]).abs() < 1e-12, "{got:?}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_that_is_not_active_is_zero_and_the_others_are_those_without_it() {
+        let mut a = tall();
+        a[2] = [0.0; 8];
+        let x = [1.0, -2.0, 0.0, 3.0, -0.25, 4.0];
+        let mut b = [0.0; 8];
+        for i in 0..8 {
+            for k in 0..6 {
+                b[i] += a[k][i] * x[k];
+            }
+        }
+        let active = [true, true, false, true, true, true];
+        let got = Qr::new(&a, &active).unwrap().solve(&b);
+        for k in 0..6 {
+            // As above.
             assert!((got[k] - x[k]).abs() < 1e-12, "{got:?}");
         }
     }
@@ -136,6 +159,6 @@ mod tests {
     fn a_dependent_column_is_refused() {
         let mut a = tall();
         a[5] = core::array::from_fn(|i| a[0][i] + a[1][i]);
-        assert!(Qr::new(&a).is_none());
+        assert!(Qr::new(&a, &[true; 6]).is_none());
     }
 }

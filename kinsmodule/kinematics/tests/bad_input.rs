@@ -3,53 +3,71 @@
 
 mod common;
 
-use common::{NO_TOOL, geometry, paper_004, shipped};
-use kinematics::leg::{LegKind, StrutGeometry};
-use kinematics::{Cause, Fault, Geometry, Machine, Pose, Solver, Vector3};
+use common::machines::{
+    changed_legs, declared, four_rod_lathe, geometry, hexapod, hexapods, linear_delta, paper_004,
+    rotary_delta, slider,
+};
+use common::{NO_OFFSET, NO_TOOL};
+use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::{
+    Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, Pose, Solver, Vector3,
+};
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
-fn refused(geometry: &Geometry<6>) -> Fault {
-    Machine::freeze(geometry, &[0.0; 6]).unwrap_err()
+fn refused(geometry: &Geometry) -> Fault {
+    Machine::freeze(geometry, &NO_OFFSET).unwrap_err()
 }
 
-fn changed(change: impl Fn(&mut Geometry<6>)) -> Geometry<6> {
-    let mut geometry = paper_004(10.0);
-    change(&mut geometry);
-    geometry
+/// Paper 004's hexapod with one leg changed.
+fn with_leg(i: usize, change: impl Fn(&mut LegGeometry)) -> Geometry {
+    changed_legs(&paper_004(10.0), |k, leg| {
+        if k == i {
+            change(leg);
+        }
+    })
 }
 
-fn strut(geometry: &mut Geometry<6>, i: usize) -> &mut StrutGeometry {
-    let LegKind::Strut(strut) = &mut geometry.legs[i].kind;
-    strut
+/// The same with the strut of one leg changed.
+fn with_strut(i: usize, change: impl Fn(&mut StrutGeometry)) -> Geometry {
+    with_leg(i, |leg| match &mut leg.kind {
+        LegKind::Strut(strut) => change(strut),
+        _ => panic!("a hexapod has struts only"),
+    })
 }
 
 #[test]
 fn values_that_are_not_finite_are_refused_wherever_they_stand() {
     for bad in BAD {
         let of_leg = [
-            changed(|g| g.legs[2].base[1] = bad),
-            changed(|g| g.legs[2].platform[0] = bad),
-            changed(|g| strut(g, 2).base_axis[2] = bad),
-            changed(|g| strut(g, 2).platform_axis[2] = bad),
-            changed(|g| strut(g, 2).lead = bad),
+            with_leg(2, |leg| leg.base[1] = bad),
+            with_leg(2, |leg| leg.platform[0] = bad),
+            with_strut(2, |strut| strut.base_axis[2] = bad),
+            with_strut(2, |strut| strut.platform_axis[2] = bad),
+            with_strut(2, |strut| strut.lead = bad),
         ];
         for geometry in of_leg {
             let fault = refused(&geometry);
             assert_eq!((fault.cause, fault.leg), (Cause::GeometryNotFinite, Some(2)));
         }
         for k in 0..6 {
-            let home = changed(|g| g.home.as_mut().unwrap()[k] = bad);
+            let mut home = paper_004(10.0);
+            home.home.as_mut().unwrap()[k] = bad;
             assert_eq!(refused(&home).cause, Cause::HomeNotFinite);
         }
-        let fault = Machine::freeze(&paper_004(0.0), &[0.0, 0.0, 0.0, bad, 0.0, 0.0]).unwrap_err();
+        let mut centre = paper_004(10.0);
+        centre.centre[1] = bad;
+        assert_eq!(refused(&centre).cause, Cause::CentreNotFinite);
+        let mut offset = NO_OFFSET;
+        offset[3] = bad;
+        let fault = Machine::freeze(&paper_004(0.0), &offset).unwrap_err();
         assert_eq!((fault.cause, fault.leg), (Cause::GeometryNotFinite, Some(3)));
     }
 }
 
 #[test]
 fn bad_poses_joints_seeds_and_tools_are_refused_and_named() {
-    let [case, _] = shipped();
+    let [case, _] = hexapods();
     let (m, home) = (&case.machine, &case.home);
     let joints = m.inverse(home, &NO_TOOL).unwrap();
     let solver = Solver::default();
@@ -83,12 +101,11 @@ fn bad_poses_joints_seeds_and_tools_are_refused_and_named() {
 
 #[test]
 fn joints_that_close_no_platform_are_refused() {
-    for case in shipped() {
+    for case in hexapods() {
         let joints = case.machine.inverse(&case.home, &NO_TOOL).unwrap();
         let solver = Solver::default();
-        let refuse = |q: [f64; 6]| {
-            case.machine.forward(&q, &case.home, &NO_TOOL, &solver).unwrap_err().cause
-        };
+        let refuse =
+            |q: Joints| case.machine.forward(&q, &case.home, &NO_TOOL, &solver).unwrap_err().cause;
         let mut zero = joints;
         zero[4] = 0.0;
         assert_eq!(refuse(zero), Cause::JointNotPositive);
@@ -97,7 +114,7 @@ fn joints_that_close_no_platform_are_refused() {
         // Far beyond what closes, either limit of the tracker may be met first.
         let mut torn = joints;
         torn[0] *= 3.0;
-        for q in [torn, [1.0; 6]] {
+        for q in [torn, [1.0; 11]] {
             assert!(matches!(refuse(q), Cause::PathStalled | Cause::TooManySubSteps), "{q:?}");
         }
     }
@@ -105,7 +122,7 @@ fn joints_that_close_no_platform_are_refused() {
 
 #[test]
 fn solver_settings_out_of_range_are_refused() {
-    let [case, _] = shipped();
+    let [case, _] = hexapods();
     let joints = case.machine.inverse(&case.home, &NO_TOOL).unwrap();
     let cause = |solver: Solver| {
         case.machine.forward(&joints, &case.home, &NO_TOOL, &solver).unwrap_err().cause
@@ -126,27 +143,26 @@ fn solver_settings_out_of_range_are_refused() {
 
 #[test]
 fn degenerate_geometries_are_refused_with_their_reason() {
-    let coincide = changed(|g| {
-        g.legs[4].base = g.legs[1].base;
-        g.legs[4].platform = g.legs[1].platform;
+    let one = paper_004(10.0).legs()[1];
+    let coincide = with_leg(4, |leg| {
+        leg.base = one.base;
+        leg.platform = one.platform;
     });
     let fault = refused(&coincide);
     assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LegsCoincide, Some(4), 1.0));
 
-    let line = changed(|g| {
-        for (i, leg) in g.legs.iter_mut().enumerate() {
-            leg.platform = [10.0 * i as f64, 0.0, 0.0];
-        }
+    let line = changed_legs(&paper_004(10.0), |i, leg| {
+        leg.platform = [10.0 * i as f64, 0.0, 0.0];
     });
     assert_eq!(refused(&line).cause, Cause::PlatformDegenerate);
 
-    let no_axis = changed(|g| strut(g, 5).base_axis = [0.0; 3]);
+    let no_axis = with_strut(5, |strut| strut.base_axis = [0.0; 3]);
     let fault = refused(&no_axis);
     assert_eq!((fault.cause, fault.leg), (Cause::AxisZero, Some(5)));
 
-    let closed = changed(|g| {
-        let p = g.legs[3].platform;
-        g.legs[3].base = [p[0], p[1], p[2] + 250.0];
+    let closed = with_leg(3, |leg| {
+        let p = leg.platform;
+        leg.base = [p[0], p[1], p[2] + 250.0];
     });
     let fault = refused(&closed);
     assert_eq!((fault.cause, fault.leg), (Cause::StrutZeroAtHome, Some(3)));
@@ -159,27 +175,25 @@ fn degenerate_geometries_are_refused_with_their_reason() {
         })
     };
     let home = Some([0.0, 0.0, 600.0, 0.0, 0.0, 0.0]);
-    let similar = geometry(hexagon(400.0), hexagon(200.0), [StrutGeometry::default(); 6], home);
+    let similar = hexapod(hexagon(400.0), hexagon(200.0), [StrutGeometry::default(); 6], home);
     assert_eq!(refused(&similar).cause, Cause::SingularAtHome);
 }
 
 #[test]
 fn axes_are_not_asked_for_where_a_strut_has_no_lead() {
-    let plain = changed(|g| {
-        for i in 0..6 {
-            *strut(g, i) = StrutGeometry::default();
-        }
-        *strut(g, 0) = StrutGeometry {
+    let plain = changed_legs(&paper_004(10.0), |i, leg| {
+        let screw = StrutGeometry {
             base_axis: [0.0, 1.0, 0.0],
             platform_axis: [0.0, -1.0, 0.0],
             lead: 5.0,
         };
+        leg.kind = LegKind::Strut(if i == 0 { screw } else { StrutGeometry::default() });
     });
-    let machine = Machine::freeze(&plain, &[0.0; 6]).unwrap();
+    let machine = Machine::freeze(&plain, &NO_OFFSET).unwrap();
     let turned = Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, 10.0]);
     let corrections = machine.corrections(&turned, &NO_TOOL).unwrap();
     assert!(corrections[0] != 0.0);
-    assert_eq!(corrections[1..], [0.0; 5]);
+    assert_eq!(corrections[1..], [0.0; 7]);
 }
 
 #[test]
@@ -191,10 +205,189 @@ fn a_singular_pose_is_an_error_of_forward_and_not_of_inverse() {
             [r * t.cos(), r * t.sin(), 0.0]
         })
     };
-    let given = geometry(hexagon(400.0), hexagon(200.0), [StrutGeometry::default(); 6], None);
-    let machine = Machine::freeze(&given, &[0.0; 6]).unwrap();
+    let given = hexapod(hexagon(400.0), hexagon(200.0), [StrutGeometry::default(); 6], None);
+    let machine = Machine::freeze(&given, &NO_OFFSET).unwrap();
     let pose = Pose::from_degrees([0.0, 0.0, 600.0, 0.0, 0.0, 0.0]);
     let joints = machine.inverse(&pose, &NO_TOOL).unwrap();
     let fault = machine.forward(&joints, &pose, &NO_TOOL, &Solver::default()).unwrap_err();
     assert!(matches!(fault.cause, Cause::Singular | Cause::NearlySingular), "{fault}");
+}
+
+/// Why a machine is refused after a change of leg `i`.
+fn fault_of(given: &Geometry, i: usize, change: impl Fn(&mut LegGeometry)) -> Fault {
+    refused(&changed_legs(given, |k, leg| {
+        if k == i {
+            change(leg);
+        }
+    }))
+}
+
+fn slider_of(leg: &mut LegGeometry) -> &mut SliderGeometry {
+    match &mut leg.kind {
+        LegKind::Slider(slider) => slider,
+        _ => panic!("a slider"),
+    }
+}
+
+fn crank_of(leg: &mut LegGeometry) -> &mut CrankGeometry {
+    match &mut leg.kind {
+        LegKind::Crank(crank) => crank,
+        _ => panic!("a crank"),
+    }
+}
+
+#[test]
+fn a_slider_without_guide_rod_or_side_is_refused_with_its_number() {
+    let given = linear_delta().geometry;
+    let named = |fault: Fault| (fault.cause, fault.leg);
+    let guide = fault_of(&given, 1, |leg| slider_of(leg).guide = [0.0, -0.0, 0.0]);
+    assert_eq!(named(guide), (Cause::GuideZero, Some(1)));
+    for rod in [0.0, -0.0, -269.0] {
+        let fault = fault_of(&given, 2, |leg| slider_of(leg).rod = rod);
+        assert_eq!((named(fault), fault.value), ((Cause::RodNotPositive, Some(2)), rod));
+    }
+    for side in [0, 2, -2, i32::MAX, i32::MIN] {
+        let fault = fault_of(&given, 2, |leg| slider_of(leg).side = side);
+        assert_eq!((named(fault), fault.value), ((Cause::SideInvalid, Some(2)), f64::from(side)));
+    }
+    for bad in BAD {
+        for fault in [
+            fault_of(&given, 0, |leg| slider_of(leg).guide[1] = bad),
+            fault_of(&given, 0, |leg| slider_of(leg).rod = bad),
+        ] {
+            assert_eq!(named(fault), (Cause::GeometryNotFinite, Some(0)));
+        }
+    }
+}
+
+#[test]
+fn a_crank_without_axis_arm_rod_or_side_is_refused_with_its_number() {
+    let given = rotary_delta().geometry;
+    let named = |fault: Fault| (fault.cause, fault.leg);
+    let along = |leg: &mut LegGeometry| {
+        let crank = crank_of(leg);
+        crank.arm = crank.axis.map(|v| 10.0 * v);
+    };
+    for fault in [
+        fault_of(&given, 1, |leg| crank_of(leg).axis = [0.0; 3]),
+        fault_of(&given, 1, |leg| crank_of(leg).arm = [0.0; 3]),
+        fault_of(&given, 1, along),
+    ] {
+        assert_eq!(named(fault), (Cause::ArmZero, Some(1)));
+    }
+    let fault = fault_of(&given, 2, |leg| crank_of(leg).rod = 0.0);
+    assert_eq!(named(fault), (Cause::RodNotPositive, Some(2)));
+    for side in [0, 3] {
+        let fault = fault_of(&given, 0, |leg| crank_of(leg).side = side);
+        assert_eq!(named(fault), (Cause::SideInvalid, Some(0)));
+    }
+    for bad in BAD {
+        for fault in [
+            fault_of(&given, 0, |leg| crank_of(leg).axis[2] = bad),
+            fault_of(&given, 0, |leg| crank_of(leg).arm[0] = bad),
+            fault_of(&given, 0, |leg| crank_of(leg).rod = bad),
+        ] {
+            assert_eq!(named(fault), (Cause::GeometryNotFinite, Some(0)));
+        }
+    }
+}
+
+#[test]
+fn directions_of_any_length_are_the_same_guide_and_axis() {
+    for case in [linear_delta(), rotary_delta()] {
+        let longer = changed_legs(&case.geometry, |_, leg| match &mut leg.kind {
+            LegKind::Slider(slider) => slider.guide = slider.guide.map(|v| 1e200 * v),
+            LegKind::Crank(crank) => crank.axis = crank.axis.map(|v| 1e-200 * v),
+            LegKind::Strut(_) => panic!("no struts here"),
+        });
+        let (a, b) = (case.joints(&case.home), Machine::freeze(&longer, &NO_OFFSET).unwrap());
+        let b = b.inverse(&case.home, &NO_TOOL).unwrap();
+        for i in 0..3 {
+            // A rounding or two of the direction.
+            assert!((a[i] - b[i]).abs() < 1e-12 * case.machine.size(), "{}", case.name);
+        }
+    }
+}
+
+#[test]
+fn two_equal_legs_are_refused_and_two_rods_on_one_guide_are_not() {
+    for case in declared() {
+        let one = case.geometry.legs()[0];
+        let fault = fault_of(&case.geometry, 1, |leg| *leg = one);
+        assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LegsCoincide, Some(1), 0.0));
+    }
+    // The rods of the lathes share their guides.
+    assert!(Machine::freeze(&four_rod_lathe().geometry, &NO_OFFSET).is_ok());
+}
+
+#[test]
+fn parallel_guides_that_leave_a_free_motion_are_refused() {
+    // Rods in one plane: the platform can leave the plane.
+    let rod = |x: f64, z: f64, side| {
+        slider([3.0 * x, 0.0, 0.0], [x, 0.0, z], [0.0, 0.0, 1.0], 700.0, side)
+    };
+    let legs =
+        [rod(150.0, -60.0, -1), rod(150.0, 60.0, 1), rod(-150.0, -60.0, -1), rod(-150.0, 60.0, 1)];
+    let home = Some([0.0, 0.0, 1000.0, 0.0, 0.0, 0.0]);
+    assert_eq!(refused(&geometry(&legs, "XYZB", "", home)).cause, Cause::SingularAtHome);
+    // Four rods of the lathe's kind hold neither A nor C.
+    let lathe = four_rod_lathe().geometry;
+    for coordinates in ["XYZA", "XYZC"] {
+        let other = geometry(lathe.legs(), coordinates, "", lathe.home);
+        assert_eq!(refused(&other).cause, Cause::SingularAtHome, "{coordinates}");
+    }
+    for coordinates in ["XYZB", "XYAB", "YZBC", "YABC"] {
+        let mut other = geometry(lathe.legs(), coordinates, "", lathe.home);
+        if !coordinates.contains('X') || !coordinates.contains('Z') {
+            // What is held is held at 0, so the guides must pass there.
+            let shift = lathe.home.unwrap();
+            other = changed_legs(&other, |_, leg| leg.base[2] -= shift[2]);
+            other.home = Some([0.0, shift[1], 0.0, 0.0, 0.0, 0.0]);
+        }
+        assert!(Machine::freeze(&other, &NO_OFFSET).is_ok(), "{coordinates}");
+    }
+}
+
+#[test]
+fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
+    for case in [linear_delta(), rotary_delta()] {
+        let named = |rod: f64| {
+            let fault = fault_of(&case.geometry, 2, |leg| match &mut leg.kind {
+                LegKind::Slider(slider) => slider.rod = rod,
+                LegKind::Crank(crank) => crank.rod = rod,
+                LegKind::Strut(_) => panic!("no struts here"),
+            });
+            (fault.cause, fault.leg)
+        };
+        let joints = case.joints(&case.home);
+        let segments = case.machine.segments(&case.home, &NO_TOOL).unwrap();
+        let base = Vector3::from(case.geometry.legs()[2].base);
+        let span = segments[2].platform - base;
+        // The shortest rod that reaches: square to the guide, or in line with the arm.
+        let shortest = match case.geometry.legs()[2].kind {
+            LegKind::Slider(_) => span.xy().norm(),
+            LegKind::Crank(_) => span.norm() - 10.0,
+            LegKind::Strut(_) => panic!("no struts here"),
+        };
+        assert!(joints[2].is_finite() && shortest > 0.0);
+        assert_eq!(named(0.999 * shortest), (Cause::OutOfReach, Some(2)), "{}", case.name);
+        assert_eq!(named(1.0001 * shortest), (Cause::DeadPoint, Some(2)), "{}", case.name);
+    }
+}
+
+#[test]
+fn a_home_that_asks_for_a_held_coordinate_is_refused() {
+    let mut tilted = linear_delta().geometry;
+    tilted.home.as_mut().unwrap()[3] = 1.0;
+    assert_eq!(refused(&tilted).cause, Cause::HeldA);
+}
+
+#[test]
+fn a_crank_angle_beyond_any_turn_is_refused() {
+    let case = rotary_delta();
+    let mut joints = case.joints(&case.home);
+    joints[1] = 1.1e6;
+    let fault = case.machine.forward(&joints, &case.home, &NO_TOOL, &Solver::default());
+    let fault = fault.unwrap_err();
+    assert_eq!((fault.cause, fault.leg), (Cause::AngleTooLarge, Some(1)));
 }

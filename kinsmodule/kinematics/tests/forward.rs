@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Forward kinematics against inverse and against the reference tracker.
+//! Forward kinematics against inverse, over the declared workspace of every machine.
 
 mod common;
 
+use common::machines::declared;
 use common::tolerances::{ROUND_TRIP, SERVO_REACH, SUB_STEPS_FROM_HOME, WRONG};
-use common::{Case, NO_TOOL, cases, rng, servo_step, shipped};
-use kinematics::{Certificate, Method, Solver};
+use common::{Case, NO_TOOL, cases, rng};
+use kinematics::{Certificate, Method, Pose, Solution, Solver};
 
-/// Servo-step figures of one machine.
+/// What was seen of one machine.
 #[derive(Default)]
 struct Figures {
     worst: f64,
@@ -16,37 +17,45 @@ struct Figures {
     sub_steps: u32,
 }
 
+impl Figures {
+    fn add(&mut self, case: &Case, pose: &Pose, found: &Solution) {
+        let Certificate::Ball(reach) = found.certificate else { panic!("no certificate") };
+        self.worst = self.worst.max(case.apart(&found.pose, pose));
+        self.iterations = self.iterations.max(found.iterations);
+        self.reach = self.reach.max(reach);
+        self.sub_steps = self.sub_steps.max(found.sub_steps);
+    }
+
+    fn print(&self, case: &Case) {
+        println!(
+            "{}: mismatch {:.1e} of size, iterations {}, sub-steps {}, reach {:.3}",
+            case.name, self.worst, self.iterations, self.sub_steps, self.reach
+        );
+    }
+}
+
 fn near_figures(case: &Case, count: usize) -> Figures {
     let mut rng = rng(1);
     let mut figures = Figures::default();
     let solver = Solver::default();
     for _ in 0..count {
         let pose = (case.sample)(&mut rng);
-        let seed = servo_step(&mut rng, &pose, 0.5);
-        let joints = case.machine.inverse(&pose, &NO_TOOL).unwrap();
+        let seed = case.servo_step(&mut rng, &pose);
         let found = case
             .machine
-            .forward(&joints, &seed, &NO_TOOL, &solver)
+            .forward(&case.joints(&pose), &seed, &NO_TOOL, &solver)
             .unwrap_or_else(|e| panic!("{}: {pose:?} from {seed:?}: {e}", case.name));
-        let Certificate::Ball(reach) = found.certificate else { panic!("no certificate") };
         assert_eq!(found.sub_steps, 1, "{}: {pose:?} from {seed:?} needed tracking", case.name);
-        figures.worst = figures
-            .worst
-            .max(found.pose.distance(&pose, case.machine.radius()) / case.machine.size());
-        figures.iterations = figures.iterations.max(found.iterations);
-        figures.reach = figures.reach.max(reach);
+        figures.add(case, &pose, &found);
     }
     figures
 }
 
 #[test]
 fn forward_recovers_pose_one_servo_step_away_within_three_certified_iterations() {
-    for case in shipped() {
+    for case in declared() {
         let f = near_figures(&case, cases(100_000));
-        println!(
-            "{}: mismatch {:.1e} of size, iterations {}, reach {:.3}",
-            case.name, f.worst, f.iterations, f.reach
-        );
+        f.print(&case);
         assert!(f.worst <= ROUND_TRIP, "{}: {:e}", case.name, f.worst);
         assert!(f.iterations <= 3, "{}: {}", case.name, f.iterations);
         assert!(f.reach < SERVO_REACH, "{}: {}", case.name, f.reach);
@@ -55,26 +64,18 @@ fn forward_recovers_pose_one_servo_step_away_within_three_certified_iterations()
 
 #[test]
 fn forward_from_home_reaches_the_whole_workspace_certified() {
-    for case in shipped() {
+    for case in declared() {
         let mut rng = rng(2);
         let mut f = Figures::default();
         for _ in 0..cases(10_000) {
             let pose = (case.sample)(&mut rng);
-            let joints = case.machine.inverse(&pose, &NO_TOOL).unwrap();
             let found = case
                 .machine
-                .forward(&joints, &case.home, &NO_TOOL, &Solver::default())
+                .forward(&case.joints(&pose), &case.home, &NO_TOOL, &Solver::default())
                 .unwrap_or_else(|e| panic!("{}: {pose:?}: {e}", case.name));
-            f.worst = f
-                .worst
-                .max(found.pose.distance(&pose, case.machine.radius()) / case.machine.size());
-            f.iterations = f.iterations.max(found.iterations);
-            f.sub_steps = f.sub_steps.max(found.sub_steps);
+            f.add(&case, &pose, &found);
         }
-        println!(
-            "{}: mismatch {:.1e} of size, iterations {}, sub-steps {}",
-            case.name, f.worst, f.iterations, f.sub_steps
-        );
+        f.print(&case);
         assert!(f.worst <= ROUND_TRIP, "{}: {:e}", case.name, f.worst);
         assert!(f.sub_steps <= SUB_STEPS_FROM_HOME, "{}: {}", case.name, f.sub_steps);
     }
@@ -83,16 +84,14 @@ fn forward_from_home_reaches_the_whole_workspace_certified() {
 #[test]
 fn plain_newton_from_home_needs_at_most_six_iterations() {
     let solver = Solver { method: Method::PlainNewton, ..Solver::default() };
-    for case in shipped() {
+    for case in declared() {
         let mut rng = rng(3);
         let mut most = 0;
         for _ in 0..cases(10_000) {
             let pose = (case.sample)(&mut rng);
-            let joints = case.machine.inverse(&pose, &NO_TOOL).unwrap();
+            let joints = case.joints(&pose);
             let found = case.machine.forward(&joints, &case.home, &NO_TOOL, &solver).unwrap();
-            assert!(
-                found.pose.distance(&pose, case.machine.radius()) <= WRONG * case.machine.size()
-            );
+            assert!(case.apart(&found.pose, &pose) <= WRONG, "{}: {pose:?}", case.name);
             most = most.max(found.iterations);
         }
         println!("{}: {most}", case.name);

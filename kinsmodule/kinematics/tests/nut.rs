@@ -3,24 +3,38 @@
 
 mod common;
 
+use common::machines::{changed_legs, hexapod, hexapods, paper_004};
 use common::tolerances::GOLDEN_JOINT;
-use common::{NO_TOOL, geometry, paper_004, rng, shipped};
-use kinematics::leg::{LegKind, StrutGeometry};
-use kinematics::{Cause, Geometry, Machine, Pose, Vector3};
+use common::{NO_OFFSET, NO_TOOL, rng};
+use kinematics::leg::StrutGeometry;
+use kinematics::{Cause, Geometry, LegKind, Machine, Pose, Vector3};
 
-fn machine(geometry: &Geometry<6>) -> Machine<6> {
-    Machine::freeze(geometry, &[0.0; 6]).unwrap()
+fn machine(geometry: &Geometry) -> Machine {
+    Machine::freeze(geometry, &NO_OFFSET).unwrap()
 }
 
-fn struts(geometry: &Geometry<6>) -> [StrutGeometry; 6] {
-    geometry.legs.map(|leg| {
-        let LegKind::Strut(strut) = leg.kind;
-        strut
+fn struts(geometry: &Geometry) -> [StrutGeometry; 6] {
+    std::array::from_fn(|i| match geometry.legs()[i].kind {
+        LegKind::Strut(strut) => strut,
+        _ => panic!("a hexapod has struts only"),
     })
 }
 
-fn with_struts(given: &Geometry<6>, struts: [StrutGeometry; 6]) -> Geometry<6> {
-    geometry(given.legs.map(|l| l.base), given.legs.map(|l| l.platform), struts, given.home)
+fn with_struts(given: &Geometry, struts: [StrutGeometry; 6]) -> Geometry {
+    changed_legs(given, |i, leg| leg.kind = LegKind::Strut(struts[i]))
+}
+
+/// The same machine without a reference pose.
+fn without_home(given: &Geometry) -> Geometry {
+    let mut other = *given;
+    other.home = None;
+    other
+}
+
+/// Unit vectors along the struts, base to platform.
+fn directions(machine: &Machine, pose: &Pose) -> [Vector3<f64>; 6] {
+    let segments = machine.segments(pose, &NO_TOOL).unwrap();
+    std::array::from_fn(|i| (segments[i].platform - segments[i].base).normalize())
 }
 
 /// Paper 004, equation 1, as printed: l + (t/2π) asin of a scalar product.
@@ -35,14 +49,14 @@ fn printed(strut: &StrutGeometry, n: &Vector3<f64>, pose: &Pose) -> f64 {
 #[test]
 fn correction_equals_the_printed_arcsin_within_its_range_with_and_without_reference_pose() {
     let given = paper_004(10.0);
-    let literal = machine(&Geometry { home: None, ..given });
+    let literal = machine(&without_home(&given));
     let folded = machine(&given);
     let struts = struts(&given);
-    let [hexapod, _] = shipped();
+    let [hexapod, _] = hexapods();
     let mut rng = rng(6);
     for _ in 0..2000 {
         let pose = (hexapod.sample)(&mut rng);
-        let n = folded.directions(&pose, &NO_TOOL).unwrap();
+        let n = directions(&folded, &pose);
         let a = literal.corrections(&pose, &NO_TOOL).unwrap();
         let b = folded.corrections(&pose, &NO_TOOL).unwrap();
         for i in 0..6 {
@@ -56,8 +70,8 @@ fn correction_equals_the_printed_arcsin_within_its_range_with_and_without_refere
 #[test]
 fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
     let given = paper_004(10.0);
-    let (folded, literal) = (machine(&given), machine(&Geometry { home: None, ..given }));
-    let at = |m: &Machine<6>, c: f64| {
+    let (folded, literal) = (machine(&given), machine(&without_home(&given)));
+    let at = |m: &Machine, c: f64| {
         m.corrections(&Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, c]), &NO_TOOL).unwrap()[0]
     };
     let step = 0.5;
@@ -78,14 +92,14 @@ fn a_right_hand_screw_gets_shorter_when_the_platform_turns_with_the_strut_direct
     // One strut straight up: turning the platform by +c about n unscrews a right-hand
     // nut by c/360 of the lead, so the motor must take that length back.
     let given = paper_004(10.0);
-    let mut base = given.legs.map(|l| l.base);
-    let mut platform = given.legs.map(|l| l.platform);
+    let mut base: [_; 6] = std::array::from_fn(|i| given.legs()[i].base);
+    let mut platform: [_; 6] = std::array::from_fn(|i| given.legs()[i].platform);
     base[0] = [0.0, 0.0, 0.0];
     platform[0] = [0.0, 0.0, 0.0];
     let mut struts = struts(&given);
     struts[0] =
         StrutGeometry { base_axis: [1.0, 0.0, 0.0], platform_axis: [-1.0, 0.0, 0.0], lead: 10.0 };
-    let m = machine(&geometry(base, platform, struts, given.home));
+    let m = machine(&hexapod(base, platform, struts, given.home));
     let turned = Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, 36.0]);
     assert!((m.corrections(&turned, &NO_TOOL).unwrap()[0] + 1.0).abs() < 1e-12);
     assert!((m.inverse(&turned, &NO_TOOL).unwrap()[0] - 249.0).abs() < 1e-12);
@@ -148,7 +162,7 @@ fn a_reference_pose_near_a_quarter_turn_is_refused() {
             ..s
         }),
     );
-    let fault = Machine::freeze(&turned, &[0.0; 6]).unwrap_err();
+    let fault = Machine::freeze(&turned, &NO_OFFSET).unwrap_err();
     assert_eq!((fault.cause, fault.leg), (Cause::FoldUndefined, Some(0)));
 }
 
@@ -156,10 +170,10 @@ fn a_reference_pose_near_a_quarter_turn_is_refused() {
 fn a_strut_along_its_joint_axis_is_refused_with_its_number() {
     let given = paper_004(10.0);
     let home = Pose::from_degrees(given.home.unwrap());
-    let n = machine(&given).directions(&home, &NO_TOOL).unwrap();
+    let n = directions(&machine(&given), &home);
     let mut screws = struts(&given);
     screws[3].base_axis = n[3].into();
-    let m = machine(&Geometry { home: None, ..with_struts(&given, screws) });
+    let m = machine(&without_home(&with_struts(&given, screws)));
     let fault = m.inverse(&home, &NO_TOOL).unwrap_err();
     assert_eq!((fault.cause, fault.leg), (Cause::StrutAlongAxis, Some(3)));
 }

@@ -3,10 +3,13 @@
 
 mod common;
 
-use common::reference::{follow, handedness};
+use common::machines::{declared, genhexkins_case, hexapods, wild, with_legs};
+use common::random::{RECIPES, coin, draw};
+use common::reference::Tracker;
 use common::tolerances::WRONG;
-use common::{Case, NO_TOOL, cases, genhexkins_case, rng, shipped};
-use kinematics::{Cause, Machine, Pose, Solver};
+use common::{Case, NO_OFFSET, NO_TOOL, cases, rng, uniform};
+use kinematics::{Cause, Joints, LegKind, Machine, Pose, Solver};
+use rand_pcg::Pcg64;
 
 /// What became of a batch of calls.
 #[derive(Debug, Default)]
@@ -18,32 +21,35 @@ struct Outcome {
     missed: usize,
 }
 
-fn judge(outcome: &mut Outcome, machine: &Machine<6>, joints: &[f64; 6], seed: &Pose) {
-    let right = follow(machine, seed, joints, &NO_TOOL);
-    match (machine.forward(joints, seed, &NO_TOOL, &Solver::default()), right) {
-        (Ok(found), Some(pose)) => {
-            let apart = found.pose.distance(&pose, machine.radius());
-            if apart <= WRONG * machine.size() {
-                outcome.right += 1;
-            } else {
-                outcome.wrong += 1;
-            }
+fn judge(outcome: &mut Outcome, case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) {
+    let Ok(found) = case.machine.forward(joints, seed, &NO_TOOL, &Solver::default()) else {
+        match tracker.follow(seed, joints) {
+            Some(_) => outcome.missed += 1,
+            None => outcome.refused += 1,
         }
-        (Ok(_), None) => outcome.wrong += 1,
-        (Err(_), Some(_)) => outcome.missed += 1,
-        (Err(_), None) => outcome.refused += 1,
+        return;
+    };
+    let is_right = |pose: &Pose| case.apart(&found.pose, pose) <= WRONG;
+    if tracker.follow(seed, joints).as_ref().is_some_and(is_right)
+        || tracker.follow_closely(seed, joints).as_ref().is_some_and(is_right)
+    {
+        outcome.right += 1;
+        return;
     }
+    let (found, seed) = (found.pose.to_degrees(), seed.to_degrees());
+    println!("{}: {found:?} from {seed:?} with {joints:?} is wrong", case.name);
+    outcome.wrong += 1;
 }
 
 #[test]
 fn from_home_every_pose_of_the_workspace_is_the_one_the_reference_tracker_reaches() {
-    for case in shipped() {
+    for case in declared() {
+        let tracker = Tracker::new(&case.geometry);
         let mut rng = rng(20);
         let mut outcome = Outcome::default();
         for _ in 0..cases(1000) {
             let pose = (case.sample)(&mut rng);
-            let joints = case.machine.inverse(&pose, &NO_TOOL).unwrap();
-            judge(&mut outcome, &case.machine, &joints, &case.home);
+            judge(&mut outcome, &case, &tracker, &case.joints(&pose), &case.home);
         }
         println!("{}: {outcome:?}", case.name);
         assert_eq!(outcome.right, cases(1000), "{}: {outcome:?}", case.name);
@@ -53,13 +59,13 @@ fn from_home_every_pose_of_the_workspace_is_the_one_the_reference_tracker_reache
 #[test]
 fn between_far_poses_a_result_is_right_or_refused() {
     let genhexkins = genhexkins_case();
-    for case in shipped().iter().chain([&genhexkins]) {
+    for case in declared().iter().chain([&genhexkins]) {
+        let tracker = Tracker::new(&case.geometry);
         let mut rng = rng(21);
         let mut outcome = Outcome::default();
         for _ in 0..cases(1000) {
             let (seed, pose) = ((case.sample)(&mut rng), (case.sample)(&mut rng));
-            let joints = case.machine.inverse(&pose, &NO_TOOL).unwrap();
-            judge(&mut outcome, &case.machine, &joints, &seed);
+            judge(&mut outcome, case, &tracker, &case.joints(&pose), &seed);
         }
         println!("{}: {outcome:?}", case.name);
         assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", case.name);
@@ -67,40 +73,124 @@ fn between_far_poses_a_result_is_right_or_refused() {
     }
 }
 
-/// Poses beyond the workspace, many of them behind a singular one.
-fn wild(case: &Case, rng: &mut rand_pcg::Pcg64) -> Pose {
-    let mut v = case.home.to_degrees();
-    let size = case.machine.size();
-    for (k, value) in v.iter_mut().enumerate() {
-        let spread = if k < 3 { 0.4 * size } else { 75.0 };
-        *value += common::uniform(rng, -spread, spread);
-    }
-    Pose::from_degrees(v)
-}
-
 #[test]
 fn a_pose_behind_a_singular_one_is_refused_and_never_replaced_by_another() {
     let genhexkins = genhexkins_case();
-    for case in shipped().iter().chain([&genhexkins]) {
+    for case in declared().iter().chain([&genhexkins]) {
+        let (tracker, sample) = (Tracker::new(&case.geometry), wild(case, 0.4, 75.0));
         let mut rng = rng(22);
         let mut outcome = Outcome::default();
         let mut behind = 0;
+        let at_home = tracker.handedness(&case.home, &case.joints(&case.home));
         for _ in 0..cases(1000) {
-            let pose = wild(case, &mut rng);
+            let pose = case.without_held(&sample(&mut rng));
             let Ok(joints) = case.machine.inverse(&pose, &NO_TOOL) else { continue };
-            let sides = [&pose, &case.home].map(|p| handedness(&case.machine, p, &NO_TOOL));
-            behind += usize::from(sides[0] != sides[1]);
-            judge(&mut outcome, &case.machine, &joints, &case.home);
+            behind += usize::from(tracker.handedness(&pose, &joints) != at_home);
+            judge(&mut outcome, case, &tracker, &joints, &case.home);
         }
         println!("{}: {outcome:?}, {behind} behind a singular pose", case.name);
         assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", case.name);
-        assert!(behind > 0, "the test must reach beyond singular poses");
+        assert!(outcome.right > 0, "{}: {outcome:?}", case.name);
+        let six_struts = case.geometry.legs().len() == 6
+            && case.geometry.legs().iter().all(|leg| matches!(leg.kind, LegKind::Strut(_)));
+        assert!(behind > 0 || !six_struts, "{}: the test must reach beyond", case.name);
+    }
+}
+
+#[test]
+fn random_machines_of_every_kind_never_give_another_pose() {
+    let mut rng = rng(23);
+    let mut refused = 0;
+    for recipe in RECIPES {
+        let mut outcome = Outcome::default();
+        for _ in 0..cases(60) {
+            let case = draw(&mut rng, recipe);
+            let (tracker, sample) = (Tracker::new(&case.geometry), wild(&case, 0.15, 40.0));
+            for k in 0..20 {
+                let far = case.without_held(&sample(&mut rng));
+                let near = (case.sample)(&mut rng);
+                let pose = if k % 2 == 0 { far } else { near };
+                let Ok(joints) = case.machine.inverse(&pose, &NO_TOOL) else { continue };
+                judge(&mut outcome, &case, &tracker, &joints, &case.home);
+            }
+        }
+        println!("{}: {outcome:?}", recipe.name);
+        assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", recipe.name);
+        assert!(outcome.right > 0, "{}: {outcome:?}", recipe.name);
+        refused += outcome.refused;
+    }
+    assert!(refused > 0, "some poses must lie behind singular ones");
+}
+
+/// The same machine with the rods of some legs on their other side.
+fn mirrored(rng: &mut Pcg64, case: &Case) -> Option<Machine> {
+    let mut turned = false;
+    let mut legs = case.geometry.legs().to_vec();
+    for leg in &mut legs {
+        if !coin(rng) {
+            continue;
+        }
+        match &mut leg.kind {
+            LegKind::Strut(_) => continue,
+            LegKind::Slider(slider) => slider.side = -slider.side,
+            LegKind::Crank(crank) => crank.side = -crank.side,
+        }
+        turned = true;
+    }
+    let mut other = with_legs(&case.geometry, &legs);
+    other.home = None;
+    turned.then(|| Machine::freeze(&other, &NO_OFFSET).expect("any side will do"))
+}
+
+#[test]
+fn joints_of_the_other_side_of_a_dead_point_are_never_answered_by_a_pose_of_this_side() {
+    let mut rng = rng(24);
+    let mut across = 0;
+    for recipe in RECIPES {
+        let mut outcome = Outcome::default();
+        for _ in 0..cases(60) {
+            let case = draw(&mut rng, recipe);
+            let Some(mirror) = mirrored(&mut rng, &case) else { continue };
+            let (tracker, sample) = (Tracker::new(&case.geometry), wild(&case, 0.1, 25.0));
+            for _ in 0..20 {
+                let pose = case.without_held(&sample(&mut rng));
+                let Ok(joints) = mirror.inverse(&pose, &NO_TOOL) else { continue };
+                judge(&mut outcome, &case, &tracker, &joints, &case.home);
+                across += 1;
+            }
+        }
+        println!("{}: {outcome:?}", recipe.name);
+        assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", recipe.name);
+    }
+    assert!(across > cases(1000), "{across} joint paths lead across dead points");
+}
+
+#[test]
+fn joints_drawn_at_random_are_answered_by_the_connected_pose_or_not_at_all() {
+    let mut rng = rng(25);
+    for recipe in RECIPES {
+        let mut outcome = Outcome::default();
+        for _ in 0..cases(60) {
+            let case = draw(&mut rng, recipe);
+            if case.machine.layout().is_redundant() {
+                continue;
+            }
+            let tracker = Tracker::new(&case.geometry);
+            let home = case.joints(&case.home);
+            for _ in 0..20 {
+                let spread = uniform(&mut rng, 5.0, 200.0);
+                let joints = home.map(|q| q + uniform(&mut rng, -spread, spread));
+                judge(&mut outcome, &case, &tracker, &joints, &case.home);
+            }
+        }
+        println!("{}: {outcome:?}", recipe.name);
+        assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", recipe.name);
     }
 }
 
 #[test]
 fn the_way_out_of_the_workspace_ends_with_the_cause_of_a_stalled_path() {
-    let [case, _] = shipped();
+    let [case, _] = hexapods();
     let joints = case.machine.inverse(&case.home, &NO_TOOL).unwrap();
     let mut torn = joints;
     torn[2] += 600.0;

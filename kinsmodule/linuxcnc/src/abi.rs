@@ -10,7 +10,7 @@ use crate::module::{Kind, Module};
 use crate::pins::Pins;
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
-use kinematics::{Cause, Fault, LEGS, Load, LoadError, Pose};
+use kinematics::{Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_JOINTS, Pose};
 
 /// LinuxCNC's kinds of kinematics.
 #[cfg(not(kinematics_h))]
@@ -35,7 +35,9 @@ pub type KINEMATICS_FORWARD_FLAGS = c_ulong;
 pub type KINEMATICS_INVERSE_FLAGS = c_ulong;
 
 /// Rows of the Jacobian that LinuxCNC provides: EMCMOT_MAX_JOINTS.
-const MAX_JOINTS: usize = 16;
+const ROWS: usize = 16;
+
+const _: () = assert!(MAX_JOINTS <= ROWS);
 
 /// Pose coordinates of LinuxCNC: X Y Z A B C U V W.
 const MAX_AXES: usize = 9;
@@ -91,6 +93,17 @@ impl EmcPose {
         self.tran = PmCartesian { x: v[0], y: v[1], z: v[2] };
         [self.a, self.b, self.c] = [v[3], v[4], v[5]];
     }
+
+    /// Makes the coordinates that the machine moves NaN; all of X … C if none is known.
+    fn spoil(&mut self, layout: Option<&Layout>) {
+        let mut values = self.degrees();
+        for (value, letter) in values.iter_mut().zip(Letter::ALL) {
+            if !layout.is_some_and(|layout| layout.is_held(letter)) {
+                *value = f64::NAN;
+            }
+        }
+        self.set_degrees(values);
+    }
 }
 
 /// The module's state, made by `rtapi_app_main`.
@@ -117,23 +130,31 @@ fn code<T>(result: Result<T, Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |_| 0)
 }
 
-/// Joint values of a call.
+/// Joint values of a call; `None` for a null pointer.
 ///
 /// # Safety
-/// `joint` must be null or point to at least [`LEGS`] values.
-unsafe fn joints<'a>(joint: *const f64) -> Option<&'a [f64; LEGS]> {
-    // SAFETY: passed on to the caller; LinuxCNC's array holds EMCMOT_MAX_JOINTS values.
-    unsafe { joint.cast::<[f64; LEGS]>().as_ref() }
+/// `joint` must be null or point to at least `count` values.
+unsafe fn joints(joint: *const f64, count: usize) -> Option<Joints> {
+    if joint.is_null() {
+        return None;
+    }
+    let mut values = [0.0; MAX_JOINTS];
+    for (i, value) in values.iter_mut().enumerate().take(count) {
+        // SAFETY: i < count; LinuxCNC's array holds EMCMOT_MAX_JOINTS values.
+        *value = unsafe { joint.add(i).read() };
+    }
+    Some(values)
 }
 
 /// Joints to pose. `world` is the seed and receives the pose.
 ///
-/// Returns 0, or a negative code (see the table of causes); then X … C of `world` are
-/// NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-/// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay.
+/// Returns 0, or a negative code (see the table of causes); then the coordinates of
+/// `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+/// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay. On success
+/// coordinates that the machine holds are 0.
 ///
 /// # Safety
-/// `joint` must be null or hold at least six values; `world` null or valid; the flags
+/// `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags
 /// are not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsForward(
@@ -143,12 +164,18 @@ pub unsafe extern "C" fn kinematicsForward(
     _iflags: *mut KINEMATICS_INVERSE_FLAGS,
 ) -> c_int {
     // SAFETY: LinuxCNC passes its joint array and pose, from its servo thread.
-    let (joints, world, module) = unsafe { (joints(joint), world.as_mut(), module()) };
+    let (world, module) = unsafe { (world.as_mut(), module()) };
     let Some(world) = world else { return Cause::NullPointer.code() };
-    let (Some(joints), Some(module)) = (joints, module) else {
-        world.set_degrees([f64::NAN; 6]);
+    let Some(module) = module else {
+        world.spoil(None);
         return Cause::NullPointer.code();
     };
+    // SAFETY: as above.
+    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+        world.spoil(Some(module.layout()));
+        return Cause::NullPointer.code();
+    };
+    let joints = &joints;
     let given = world.degrees();
     let result = match module.kind() {
         Kind::Identity => module.identity_forward(joints, given),
@@ -161,7 +188,7 @@ pub unsafe extern "C" fn kinematicsForward(
         Ok(pose) => world.set_degrees(pose),
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
-        Err(_) => world.set_degrees([f64::NAN; 6]),
+        Err(_) => world.spoil(Some(module.layout())),
     }
     code(result)
 }
@@ -171,7 +198,8 @@ pub unsafe extern "C" fn kinematicsForward(
 /// Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
 ///
 /// # Safety
-/// `world` must be null or valid; `joint` null or room for at least six values; the
+/// `world` must be null or valid; `joint` null or room for as many values as the
+/// machine has joints; the
 /// flags are not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsInverse(
@@ -182,7 +210,7 @@ pub unsafe extern "C" fn kinematicsInverse(
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and joint array, from its servo thread.
     let (world, joint, module) =
-        unsafe { (world.as_ref(), joint.cast::<[f64; LEGS]>().as_mut(), module()) };
+        unsafe { (world.as_ref(), (!joint.is_null()).then_some(joint), module()) };
     let (Some(world), Some(joint), Some(module)) = (world, joint, module) else {
         return Cause::NullPointer.code();
     };
@@ -192,7 +220,10 @@ pub unsafe extern "C" fn kinematicsInverse(
         Kind::Machine => module.inverse(&Pose::from_degrees(pose)),
     };
     if let Ok(joints) = result {
-        *joint = joints;
+        for (i, value) in joints.iter().enumerate().take(module.layout().joints()) {
+            // SAFETY: the array holds as many values as the machine has joints.
+            unsafe { joint.add(i).write(*value) };
+        }
     }
     code(result)
 }
@@ -214,7 +245,7 @@ pub unsafe extern "C" fn kinematicsJacobian(
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and a 16 × 9 array, from its servo thread.
     let (world, jac, module) =
-        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; MAX_JOINTS]>().as_mut(), module()) };
+        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; ROWS]>().as_mut(), module()) };
     let (Some(world), Some(jac), Some(module)) = (world, jac, module) else {
         return -1;
     };
@@ -223,10 +254,10 @@ pub unsafe extern "C" fn kinematicsJacobian(
         Kind::Machine => module.jacobian(&Pose::from_degrees(world.degrees())),
     };
     let Ok(rows) = rows else { return -1 };
-    *jac = [[0.0; MAX_AXES]; MAX_JOINTS];
-    for (out, row) in jac.iter_mut().zip(rows) {
-        for (to, value) in out.iter_mut().zip(row) {
-            *to = value;
+    *jac = [[0.0; MAX_AXES]; ROWS];
+    for (out, row) in jac.iter_mut().zip(rows.row_iter()) {
+        for (to, value) in out.iter_mut().zip(row.iter()) {
+            *to = *value;
         }
     }
     0
@@ -237,7 +268,7 @@ pub unsafe extern "C" fn kinematicsJacobian(
 /// Returns 0, or −1 and leaves `rot` alone.
 ///
 /// # Safety
-/// `joint` must be null or hold at least six values; `rot` null or valid; the flags are
+/// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
 /// not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsToolFrame(
@@ -246,10 +277,15 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     _fflags: *const KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
     // SAFETY: LinuxCNC passes its joint array and a matrix, from its servo thread.
-    let (joints, rot, module) = unsafe { (joints(joint), rot.as_mut(), module()) };
-    let (Some(joints), Some(rot), Some(module)) = (joints, rot, module) else {
+    let (rot, module) = unsafe { (rot.as_mut(), module()) };
+    let (Some(rot), Some(module)) = (rot, module) else {
         return -1;
     };
+    // SAFETY: as above.
+    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+        return -1;
+    };
+    let joints = &joints;
     let pose = match module.kind() {
         Kind::Identity => module.identity_pose(joints, [0.0; 6]).map(Pose::from_degrees),
         Kind::Machine => module.pose_of(joints),
@@ -261,7 +297,7 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     0
 }
 
-/// Work axes in world coordinates as columns: the work stands still on these machines.
+/// Work axes in world coordinates as columns: a table moves the work, but does not turn it.
 ///
 /// Returns 0, or −1 for a null pointer.
 ///
@@ -380,10 +416,10 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
     // SAFETY: fresh, zeroed HAL memory; all-zero bytes are null pins, which `create`
     // fills before anyone reads them.
     let pins = unsafe { &mut *pins };
-    pins.create(component)?;
+    pins.create(component, &load)?;
     component.export(c"pkmkins.monitor", monitor)?;
     // SAFETY: no thread runs yet.
-    unsafe { *MODULE.0.get() = Some(Module::new(pins, load.coordinates)) };
+    unsafe { *MODULE.0.get() = Some(Module::new(pins, load)) };
     component.ready()
 }
 

@@ -53,7 +53,7 @@ string_parameter!(
     rtapi_info_address_legs,
     rtapi_info_type_legs,
     rtapi_info_description_legs,
-    c"kinds and numbers of legs, such as strut:6"
+    c"kinds and numbers of legs (strut, slider, crank), such as strut:6 or slider:4"
 );
 string_parameter!(
     coordinates,
@@ -61,7 +61,7 @@ string_parameter!(
     rtapi_info_address_coordinates,
     rtapi_info_type_coordinates,
     rtapi_info_description_coordinates,
-    c"pose letters; their order is that of the identity kinematics"
+    c"pose letters that the legs move; their order is that of the identity kinematics"
 );
 string_parameter!(
     table,
@@ -69,7 +69,7 @@ string_parameter!(
     rtapi_info_address_table,
     rtapi_info_type_table,
     rtapi_info_description_table,
-    c"serial axes under the workpiece"
+    c"serial axes under the workpiece, some of X Y Z"
 );
 
 #[unsafe(no_mangle)]

@@ -4,7 +4,9 @@
 
 use crate::hal::print_error;
 use crate::pins::{Given, Pins};
-use kinematics::{Cause, Coordinates, Fault, LEGS, Letter, Machine, Pose, Solution, Vector3};
+use kinematics::{
+    Cause, Fault, Jacobian, Joints, Layout, Load, MAX_JOINTS, Machine, Pose, Solution, Vector3,
+};
 
 /// A tool change may move no joint by more than this share of the machine's size:
 /// less than what following errors of a level platform make of it.
@@ -22,7 +24,7 @@ const CALLERS: usize = 2;
 
 /// The geometry in use.
 struct Frozen {
-    machine: Machine<LEGS>,
+    machine: Machine,
     given: Given,
 }
 
@@ -57,7 +59,7 @@ struct Report {
 /// State between calls.
 pub struct Module {
     pins: &'static Pins,
-    coordinates: Coordinates,
+    load: Load,
     frozen: Option<Frozen>,
     kind: Kind,
     apply_was: bool,
@@ -78,10 +80,10 @@ pub struct Module {
 }
 
 impl Module {
-    pub fn new(pins: &'static Pins, coordinates: Coordinates) -> Self {
+    pub fn new(pins: &'static Pins, load: Load) -> Self {
         Self {
             pins,
-            coordinates,
+            load,
             frozen: None,
             kind: Kind::Machine,
             apply_was: false,
@@ -100,11 +102,15 @@ impl Module {
         self.kind
     }
 
+    pub fn layout(&self) -> &Layout {
+        &self.load.layout
+    }
+
     /// Joints of a pose.
     ///
     /// Changes nothing but the fault record, so that LinuxCNC may ask for end points of
     /// queued moves at any time; the first call of all freezes the geometry.
-    pub fn inverse(&mut self, pose: &Pose) -> Result<[f64; LEGS], Fault> {
+    pub fn inverse(&mut self, pose: &Pose) -> Result<Joints, Fault> {
         let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
             let tool = self.tool_in_effect()?;
             self.frozen()?.machine.inverse(pose, &tool)
@@ -113,12 +119,7 @@ impl Module {
     }
 
     /// Pose of the joints; `address` tells the kind of call, `seed` may hold NaN.
-    pub fn forward(
-        &mut self,
-        joints: &[f64; LEGS],
-        seed: &Pose,
-        address: usize,
-    ) -> Result<Pose, Fault> {
+    pub fn forward(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
@@ -139,7 +140,7 @@ impl Module {
     }
 
     /// Pose of the joints for the tool frame: no state changes, no fault is recorded.
-    pub fn pose_of(&self, joints: &[f64; LEGS]) -> Result<Pose, Fault> {
+    pub fn pose_of(&self, joints: &Joints) -> Result<Pose, Fault> {
         let machine = &self.frozen()?.machine;
         let seed = self.last_pose.or(self.reference()).ok_or(Cause::SeedMissing)?;
         let tool = self.tool_in_effect()?;
@@ -147,19 +148,16 @@ impl Module {
     }
 
     /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.
-    pub fn jacobian(&self, pose: &Pose) -> Result<[[f64; 6]; LEGS], Fault> {
+    pub fn jacobian(&self, pose: &Pose) -> Result<Jacobian, Fault> {
         let tool = self.tool_in_effect()?;
-        let jacobian = self.frozen()?.machine.pose_jacobian(pose, &tool)?;
-        Ok(core::array::from_fn(|i| core::array::from_fn(|j| jacobian[(i, j)])))
+        self.frozen()?.machine.pose_jacobian(pose, &tool)
     }
 
     /// Changes the kinematics: 0 the machine, 1 identity.
     pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
-        let kind = match number {
-            0 => Kind::Machine,
-            1 => Kind::Identity,
-            _ => {
-                let fault = Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number));
+        let kind = match self.kind_of(number) {
+            Ok(kind) => kind,
+            Err(fault) => {
                 self.tell_unmonitored(&fault);
                 return self.recorded(Err(fault));
             }
@@ -175,10 +173,19 @@ impl Module {
         Ok(())
     }
 
+    fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
+        match number {
+            0 => Ok(Kind::Machine),
+            1 if self.layout().joint_letters().is_some() => Ok(Kind::Identity),
+            1 => Err(Cause::IdentityImpossible.into()),
+            _ => Err(Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number))),
+        }
+    }
+
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
     pub fn identity_forward(
         &mut self,
-        joints: &[f64; LEGS],
+        joints: &Joints,
         world: [f64; 6],
     ) -> Result<[f64; 6], Fault> {
         let result = self.identity_pose(joints, world);
@@ -189,33 +196,40 @@ impl Module {
     }
 
     /// `world` with each joint at its letter's place.
-    pub fn identity_pose(
-        &self,
-        joints: &[f64; LEGS],
-        mut world: [f64; 6],
-    ) -> Result<[f64; 6], Fault> {
+    pub fn identity_pose(&self, joints: &Joints, mut world: [f64; 6]) -> Result<[f64; 6], Fault> {
         if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
             return Err(Fault::of_leg(Cause::JointNotFinite, i, joints[i]));
         }
-        for (letter, value) in self.coordinates.letters().iter().zip(joints) {
-            world[letter.index()] = *value;
+        for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
+            if let Some(place) = world.get_mut(letter.index()) {
+                *place = *value;
+            }
         }
         Ok(world)
     }
 
     /// ∂q/∂(x … c) of the identity kinematics.
-    pub fn identity_jacobian(&self) -> [[f64; 6]; LEGS] {
-        let row =
-            |letter: Letter| core::array::from_fn(|a| if a == letter.index() { 1.0 } else { 0.0 });
-        self.coordinates.letters().map(row)
+    pub fn identity_jacobian(&self) -> Jacobian {
+        let mut jacobian = Jacobian::zeros();
+        for (i, letter) in self.layout().joint_letters().into_iter().flatten().enumerate() {
+            if let Some(place) = jacobian.get_mut((i, letter.index())) {
+                *place = 1.0;
+            }
+        }
+        jacobian
     }
 
     /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
-    pub fn identity_inverse(&mut self, pose: &[f64; 6]) -> Result<[f64; LEGS], Fault> {
+    pub fn identity_inverse(&mut self, pose: &[f64; 6]) -> Result<Joints, Fault> {
         if !pose.iter().all(|v| v.is_finite()) {
             return self.recorded(Err(Cause::PoseNotFinite.into()));
         }
-        Ok(self.coordinates.letters().map(|letter| pose[letter.index()]))
+        let mut joints = [0.0; MAX_JOINTS];
+        let letters = self.layout().joint_letters().into_iter().flatten();
+        for (joint, letter) in joints.iter_mut().zip(letters) {
+            *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
+        }
+        Ok(joints)
     }
 
     /// The servo-thread function beside the kinematics calls: watches `.apply`, shows
@@ -266,7 +280,7 @@ impl Module {
 
     /// Takes the geometry of the pins, or leaves the last good one in force.
     fn freeze(&mut self) -> Result<(), Fault> {
-        let given = self.pins.given(self.coordinates);
+        let given = self.pins.given(&self.load);
         let checked = given.checked();
         self.pins.geometry_ok.set(checked.is_ok());
         let machine = checked?;
@@ -292,10 +306,8 @@ impl Module {
     /// Shows whether the pins differ from the frozen values.
     fn watch_geometry(&self) {
         // NaN on a pin counts as a change: a frozen geometry holds none.
-        let changed = self
-            .frozen
-            .as_ref()
-            .is_some_and(|frozen| self.pins.given(self.coordinates) != frozen.given);
+        let changed =
+            self.frozen.as_ref().is_some_and(|frozen| self.pins.given(&self.load) != frozen.given);
         self.pins.geometry_changed.set(changed);
     }
 
@@ -330,12 +342,7 @@ impl Module {
         Err(Fault::with_value(Cause::ToolChangedTilted, jump))
     }
 
-    fn solved(
-        &mut self,
-        joints: &[f64; LEGS],
-        seed: &Pose,
-        address: usize,
-    ) -> Result<Solution<LEGS>, Fault> {
+    fn solved(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Solution, Fault> {
         let seed = self.seed_for(seed, address)?;
         // A refused tool change must not blind the display: the old offset still holds.
         let tool = self.tool_in_effect().unwrap_or(self.tool);
@@ -369,14 +376,14 @@ impl Module {
         self.callers[0] = Some(entry);
     }
 
-    fn show(&self, solution: &Solution<LEGS>) {
+    fn show(&self, solution: &Solution) {
         let pins = self.pins;
         pins.last_iterations.set(solution.iterations);
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
         pins.show_pose(solution.pose.to_degrees());
         pins.show_tool(&self.tool);
-        pins.show_corrections(&solution.corrections);
+        pins.show_corrections(&self.load, &solution.corrections);
     }
 
     fn show_assembly(&self) {

@@ -6,9 +6,10 @@
 
 use crate::hal::{Component, Direction, HalError, Pin};
 use core::fmt;
-use kinematics::leg::StrutGeometry;
+use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Cause, Coordinates, Fault, Geometry, LEGS, LegGeometry, Machine, Method, Solver, Vector3,
+    Cause, Fault, Geometry, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method,
+    PerLeg, Solver, Vector3,
 };
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -34,16 +35,30 @@ const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
     ]
 };
 
-/// Pins of one leg.
+/// Pins of one leg; those that its kind does not have are not made and never read.
 #[repr(C)]
 pub struct LegPins {
     base: Vector,
     platform: Vector,
+    offset: Pin<f64>,
+    // Strut.
     base_axis: Vector,
     platform_axis: Vector,
     lead: Pin<f64>,
-    offset: Pin<f64>,
     correction: Pin<f64>,
+    // Slider.
+    guide: Vector,
+    // Crank.
+    axis: Vector,
+    arm: Vector,
+    // Slider and crank.
+    rod: Pin<f64>,
+    side: Pin<i32>,
+}
+
+/// Pins of one joint.
+#[repr(C)]
+pub struct JointPins {
     min_limit: Pin<f64>,
     max_limit: Pin<f64>,
     max_velocity: Pin<f64>,
@@ -53,9 +68,11 @@ pub struct LegPins {
 /// All pins; stands in HAL memory.
 #[repr(C)]
 pub struct Pins {
-    legs: [LegPins; LEGS],
+    legs: [LegPins; MAX_LEGS],
+    joints: [JointPins; MAX_JOINTS],
     screw_lead: Pin<f64>,
     home: Pose6,
+    centre: Vector,
     spindle_offset: Pin<f64>,
     tool_offset: Pin<f64>,
     tool_offset_x: Pin<f64>,
@@ -63,6 +80,7 @@ pub struct Pins {
     tool_offset_eff: Vector,
     convergence_criterion: Pin<f64>,
     limit_iterations: Pin<u32>,
+    residual_limit: Pin<f64>,
     max_error: Pin<f64>,
     pub last_iterations: Pin<u32>,
     pub max_iterations: Pin<u32>,
@@ -86,15 +104,15 @@ pub struct Pins {
 /// What is frozen at `.apply`.
 #[derive(Clone, Copy, PartialEq)]
 pub struct Given {
-    pub geometry: Geometry<LEGS>,
+    pub geometry: Geometry,
     /// Taken from the native joint values.
-    pub offset: [f64; LEGS],
+    pub offset: PerLeg,
     pub spindle_offset: f64,
 }
 
 impl Given {
     /// The machine, or why it is refused.
-    pub fn checked(&self) -> Result<Machine<LEGS>, Fault> {
+    pub fn checked(&self) -> Result<Machine, Fault> {
         if !self.spindle_offset.is_finite() {
             return Err(Cause::ToolNotFinite.into());
         }
@@ -132,21 +150,81 @@ impl Maker {
 }
 
 impl LegPins {
-    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::{In, Out};
-        let [base, platform, base_axis, platform_axis] = GENHEXKINS[n];
+    fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
+        use Direction::In;
+        // genhexkins' machine where it has such a leg, so that its HAL files work.
+        let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
+        let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
         make.letters(&mut self.base, In, format_args!("pkmkins.base.{n}."), base)?;
         make.letters(&mut self.platform, In, format_args!("pkmkins.platform.{n}."), platform)?;
-        make.letters(&mut self.base_axis, In, format_args!("pkmkins.base-n.{n}."), base_axis)?;
-        make.letters(
-            &mut self.platform_axis,
-            In,
-            format_args!("pkmkins.platform-n.{n}."),
-            platform_axis,
-        )?;
-        make.one(&mut self.lead, In, format_args!("pkmkins.lead.{n}"), 0.0)?;
         make.one(&mut self.offset, In, format_args!("pkmkins.offset.{n}"), 0.0)?;
-        make.one(&mut self.correction, Out, format_args!("pkmkins.correction.{n}"), 0.0)?;
+        match kind {
+            Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
+            Kind::Slider => {
+                make.letters(&mut self.guide, In, format_args!("pkmkins.guide.{n}."), [0.0; 3])?;
+                self.create_rod(make, n)
+            }
+            Kind::Crank => {
+                make.letters(&mut self.axis, In, format_args!("pkmkins.axis.{n}."), [0.0; 3])?;
+                make.letters(&mut self.arm, In, format_args!("pkmkins.arm.{n}."), [0.0; 3])?;
+                self.create_rod(make, n)
+            }
+        }
+    }
+
+    fn create_strut(
+        &mut self,
+        make: &Maker,
+        n: usize,
+        base: [f64; 3],
+        platform: [f64; 3],
+    ) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        make.letters(&mut self.base_axis, In, format_args!("pkmkins.base-n.{n}."), base)?;
+        let axis = &mut self.platform_axis;
+        make.letters(axis, In, format_args!("pkmkins.platform-n.{n}."), platform)?;
+        make.one(&mut self.lead, In, format_args!("pkmkins.lead.{n}"), 0.0)?;
+        make.one(&mut self.correction, Out, format_args!("pkmkins.correction.{n}"), 0.0)
+    }
+
+    fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::In;
+        make.one(&mut self.rod, In, format_args!("pkmkins.rod.{n}"), 0.0)?;
+        make.one(&mut self.side, In, format_args!("pkmkins.side.{n}"), 0)
+    }
+
+    /// The leg as the pins give it now; `common_lead` is that of all struts.
+    fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
+        let (base, platform) = (read(&self.base), read(&self.platform));
+        match kind {
+            Kind::Strut => LegGeometry::strut(base, platform, self.strut(common_lead)),
+            Kind::Slider => {
+                let (guide, rod, side) = (read(&self.guide), self.rod.get(), self.side.get());
+                let kind = LegKind::Slider(SliderGeometry { guide, rod, side });
+                LegGeometry { base, platform, kind }
+            }
+            Kind::Crank => {
+                let (axis, arm) = (read(&self.axis), read(&self.arm));
+                let (rod, side) = (self.rod.get(), self.side.get());
+                let kind = LegKind::Crank(CrankGeometry { axis, arm, rod, side });
+                LegGeometry { base, platform, kind }
+            }
+        }
+    }
+
+    fn strut(&self, common_lead: f64) -> StrutGeometry {
+        let own = self.lead.get();
+        StrutGeometry {
+            base_axis: read(&self.base_axis),
+            platform_axis: read(&self.platform_axis),
+            lead: if own == 0.0 { common_lead } else { own },
+        }
+    }
+}
+
+impl JointPins {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::In;
         make.one(&mut self.min_limit, In, format_args!("pkmkins.min-limit.{n}"), -1e99)?;
         make.one(&mut self.max_limit, In, format_args!("pkmkins.max-limit.{n}"), 1e99)?;
         make.one(&mut self.max_velocity, In, format_args!("pkmkins.max-velocity.{n}"), 1e99)?;
@@ -156,10 +234,13 @@ impl LegPins {
 
 impl Pins {
     /// Makes all pins; `self` must stand in memory from [`Component::allocate`].
-    pub fn create(&mut self, component: Component) -> Result<(), HalError> {
+    pub fn create(&mut self, component: Component, load: &Load) -> Result<(), HalError> {
         let make = Maker(component);
-        for (n, leg) in self.legs.iter_mut().enumerate() {
-            leg.create(&make, n)?;
+        for (n, (leg, kind)) in self.legs.iter_mut().zip(load.kinds()).enumerate() {
+            leg.create(&make, n, *kind)?;
+        }
+        for (n, joint) in self.joints.iter_mut().enumerate().take(load.layout.joints()) {
+            joint.create(&make, n)?;
         }
         self.create_inputs(&make)?;
         self.create_outputs(&make)
@@ -169,6 +250,7 @@ impl Pins {
         use Direction::In;
         make.one(&mut self.screw_lead, In, format_args!("pkmkins.screw-lead"), 0.0)?;
         make.letters(&mut self.home, In, format_args!("pkmkins.home."), [f64::NAN; 6])?;
+        make.letters(&mut self.centre, In, format_args!("pkmkins.centre."), [0.0; 3])?;
         make.one(&mut self.spindle_offset, In, format_args!("pkmkins.spindle-offset"), 0.0)?;
         make.one(&mut self.tool_offset, In, format_args!("pkmkins.tool-offset"), 0.0)?;
         make.one(&mut self.tool_offset_x, In, format_args!("pkmkins.tool-offset-x"), 0.0)?;
@@ -180,6 +262,7 @@ impl Pins {
             1e-9,
         )?;
         make.one(&mut self.limit_iterations, In, format_args!("pkmkins.limit-iterations"), 120)?;
+        make.one(&mut self.residual_limit, In, format_args!("pkmkins.residual-limit"), 0.0)?;
         make.one(&mut self.max_error, In, format_args!("pkmkins.max-error"), 500.0)?;
         make.one(&mut self.machine_on, In, format_args!("pkmkins.machine-on"), false)?;
         make.one(&mut self.apply, In, format_args!("pkmkins.apply"), false)?;
@@ -209,25 +292,21 @@ impl Pins {
     }
 
     /// What enters the joint values as the pins give it now, the tool aside.
-    pub fn given(&self, coordinates: Coordinates) -> Given {
+    pub fn given(&self, load: &Load) -> Given {
         let common_lead = self.screw_lead.get();
-        let home = read(&self.home);
-        let legs = self.legs.each_ref().map(|leg| {
-            let own = leg.lead.get();
-            let strut = StrutGeometry {
-                base_axis: read(&leg.base_axis),
-                platform_axis: read(&leg.platform_axis),
-                lead: if own == 0.0 { common_lead } else { own },
-            };
-            LegGeometry::strut(read(&leg.base), read(&leg.platform), strut)
+        let kind = |i: usize| load.kinds().get(i).copied().unwrap_or(Kind::Strut);
+        let mut geometry = Geometry::of_layout(load.layout, |i| {
+            self.legs[i.min(MAX_LEGS - 1)].given(kind(i), common_lead)
         });
+        geometry.centre = read(&self.centre);
         // All NaN is the default and means that no reference pose was given.
-        let home = (!home.iter().all(|v| v.is_nan())).then_some(home);
-        Given {
-            geometry: Geometry { legs, home, coordinates },
-            offset: self.legs.each_ref().map(|leg| leg.offset.get()),
-            spindle_offset: self.spindle_offset.get(),
+        let home = read(&self.home);
+        geometry.home = (!home.iter().all(|v| v.is_nan())).then_some(home);
+        let mut offset = [0.0; MAX_LEGS];
+        for (value, leg) in offset.iter_mut().zip(&self.legs).take(load.layout.legs()) {
+            *value = leg.offset.get();
         }
+        Given { geometry, offset, spindle_offset: self.spindle_offset.get() }
     }
 
     /// The tool vector o that is asked for, with the spindle offset in force.
@@ -244,6 +323,7 @@ impl Pins {
         Solver {
             convergence_criterion: self.convergence_criterion.get(),
             limit_iterations: self.limit_iterations.get(),
+            residual_limit: self.residual_limit.get(),
             method: Method::Certified,
         }
     }
@@ -281,9 +361,11 @@ impl Pins {
         }
     }
 
-    pub fn show_corrections(&self, corrections: &[f64; LEGS]) {
-        for (leg, value) in self.legs.iter().zip(corrections) {
-            leg.correction.set(*value);
+    pub fn show_corrections(&self, load: &Load, corrections: &PerLeg) {
+        for ((leg, kind), value) in self.legs.iter().zip(load.kinds()).zip(corrections) {
+            if *kind == Kind::Strut {
+                leg.correction.set(*value);
+            }
         }
     }
 

@@ -2,16 +2,19 @@
 //! The built `pkmkins.so` seen from outside: loaded as LinuxCNC loads it, with a
 //! stub HAL around it, beside LinuxCNC's own modules in the same process.
 //!
-//! [`module::Module`] is one loaded module with its pins; [`machines`] holds the
-//! geometries; [`random`] repeatable random numbers; [`nut`] tells where
-//! genhexkins' arcsin is usable as a reference; [`tracker`] what forward must find;
-//! [`tolerances`] every number that a test compares with.
+//! [`module::Module`] is one loaded module with its pins; [`machines`] holds hexapods,
+//! [`parallel`] any machine, [`subjects`] one of each kind with its workspace;
+//! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
+//! usable as a reference; [`tracker`] what forward must find; [`tolerances`] every
+//! number that a test compares with.
 
 pub mod geometry;
 pub mod machines;
 pub mod module;
 pub mod nut;
+pub mod parallel;
 pub mod random;
 pub mod stub;
+pub mod subjects;
 pub mod tolerances;
 pub mod tracker;

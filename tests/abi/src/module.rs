@@ -86,9 +86,16 @@ impl Module {
     /// # Panics
     /// If LinuxCNC is not installed.
     pub fn genhexkins() -> Module {
-        let path = linuxcnc_modules().join("genhexkins.so");
+        Module::of_linuxcnc("genhexkins")
+    }
+
+    /// A kinematics module of LinuxCNC's own, with its default parameters.
+    /// # Panics
+    /// If LinuxCNC is not installed, or has no such module.
+    pub fn of_linuxcnc(name: &'static str) -> Module {
+        let path = linuxcnc_modules().join(format!("{name}.so"));
         assert!(path.exists(), "{} is missing: install linuxcnc-uspace", path.display());
-        Module::load(&path, "genhexkins", &[]).unwrap_or_else(|error| panic!("{error:?}"))
+        Module::load(&path, name, &[]).unwrap_or_else(|error| panic!("{error:?}"))
     }
 
     fn load(
@@ -105,6 +112,11 @@ impl Module {
         start(object, &world)?;
         let pins = world.pins().into_iter().map(|pin| (pin.name.clone(), pin)).collect();
         Ok(Module { prefix, entry, object, pins, world, _parameters: parameters })
+    }
+
+    /// Its name, with which its pins begin.
+    pub fn name(&self) -> &'static str {
+        self.prefix
     }
 
     /// All pins, in the order of their creation.
@@ -201,6 +213,28 @@ impl Module {
     pub fn forward_into(&self, joints: &Joints, world: &mut Pose) -> i32 {
         self.world.enter();
         // SAFETY: as in `inverse_into`.
+        unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
+    }
+
+    /// `kinematicsInverse` into an array that holds as many joints as the machine has,
+    /// and not one more.
+    ///
+    /// # Safety
+    /// `joints` must be as long as the machine has joints: nobody checks that.
+    pub unsafe fn inverse_exactly(&self, pose: &Pose, joints: &mut [f64]) -> i32 {
+        self.world.enter();
+        // SAFETY: the caller vouches for the length; the other pointers as in `inverse_into`.
+        unsafe { (self.entry.inverse)(pose, joints.as_mut_ptr(), &0, &mut 0) }
+    }
+
+    /// `kinematicsForward` from an array that holds as many joints as the machine has,
+    /// and not one more.
+    ///
+    /// # Safety
+    /// As [`Module::inverse_exactly`].
+    pub unsafe fn forward_exactly(&self, joints: &[f64], world: &mut Pose) -> i32 {
+        self.world.enter();
+        // SAFETY: as in `inverse_exactly`.
         unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
     }
 

@@ -28,9 +28,13 @@ pub enum PinDir {
     Out,
     /// Both.
     Io,
+    /// No pin but a parameter, which only the module writes.
+    ReadOnly,
+    /// A parameter that `setp` may write.
+    ReadWrite,
 }
 
-/// One pin of a world.
+/// One pin of a world, or one parameter.
 #[derive(Clone, Debug)]
 pub struct Pin {
     /// Full HAL name.
@@ -274,6 +278,8 @@ fn pin_dir(number: c_int) -> PinDir {
         16 => PinDir::In,
         32 => PinDir::Out,
         48 => PinDir::Io,
+        64 => PinDir::ReadOnly,
+        192 => PinDir::ReadWrite,
         other => panic!("pin direction {other} is none of hal.h's"),
     }
 }

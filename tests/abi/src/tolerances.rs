@@ -40,13 +40,14 @@ pub const GOLDEN_JOINT_MM: f64 = 1e-9;
 /// Golden Jacobian elements, per mm and per degree.
 pub const GOLDEN_JACOBIAN: f64 = 1e-9;
 
-/// Step of the central differences, mm and degrees alike.
-pub const DIFFERENCE_STEP: f64 = 1e-3;
+/// Step of the central differences: share of the machine's size, and radians.
+pub const DIFFERENCE_SHARE: f64 = 2e-4;
 
-/// Jacobian against central differences. The quotient rounds by
-/// 1000 mm · 2⁻⁵² · some ten operations / step = 2e-9, and its own error of
-/// third order is below 1e-10.
-pub const DIFFERENCE: f64 = 1e-8;
+/// Jacobian against central differences, relative to a row's largest element or 1. The
+/// quotient rounds by some ten operations of 2⁻⁵² over the step, 2e-11; its own error,
+/// step⁴/30 times a fifth derivative, is below 1e-10 with rods as near to their dead
+/// points (cosine 0.1) as the workspaces bring them. Seen: 5e-11.
+pub const DIFFERENCE: f64 = 1e-9;
 
 /// Elements of a rotation matrix, against the one of the pose that forward must
 /// find: ROUND_TRIP_REL turns 1250 mm into 1.3e-7 mm at a radius of 200 mm.
@@ -66,3 +67,26 @@ pub const SAME_COMPONENT: f64 = 1e-7;
 /// Pose components of genhexkins that count as found again, in its own unit: it
 /// stops at an absolute convergence-criterion of 1e-9 of joint length.
 pub const GENHEXKINS_SAME: f64 = 1e-6;
+
+/// Volume that the unit vectors along three legs span, below which the two poses of the
+/// joints come near each other: it amplifies roundings by its inverse, here twenty times.
+pub const PEER_LEAST_VOLUME: f64 = 0.05;
+
+/// Cosine between a rod and the motion of its lower end, below which a servo step may
+/// lead to the module's own limit of 0.05.
+pub const PEER_LEAST_DRIVE: f64 = 0.1;
+
+/// What one carriage a millimetre off at home leaves on the pyramid's four rods, in
+/// millimetres of their carriages: computed beside the golden rows (numpy, least squares
+/// of the length misfits), and how exactly that was noted.
+pub const PYRAMID_RESIDUAL: f64 = 0.2503;
+/// See [`PYRAMID_RESIDUAL`].
+pub const PYRAMID_RESIDUAL_MM: f64 = 1e-3;
+
+/// Residual of joints that fit, relative to the machine's size: the search stops at a
+/// pose error of 1e-12, and a joint moves up to twenty times as far as the platform.
+pub const SETTLED_RESIDUAL_REL: f64 = 2e-11;
+
+/// Step beside a least-squares pose, millimetres and degrees: it must be above the error
+/// of the pose, 1e-9, by so much that the misfit's square sees it in double precision.
+pub const LEAST_SQUARES_STEP: f64 = 1e-4;

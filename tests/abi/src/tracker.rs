@@ -6,7 +6,8 @@
 //! It stands on inverse and Jacobian only, which other tests compare with
 //! genhexkins and with differences.
 
-use crate::module::{Jacobian, Joints, Module, Pose};
+use crate::module::{Joints, Module, Pose};
+use crate::parallel::{Kind, Leg, Parallel};
 
 /// Steps of the path: small beside any distance at which two poses share joints.
 const STEPS: usize = 1000;
@@ -14,53 +15,95 @@ const STEPS: usize = 1000;
 /// Newton steps a place of the path may take; two are usual.
 const CORRECTIONS: usize = 20;
 
-/// Joint residual that ends a correction, relative to the machine's size.
+/// Joint residual that ends a correction, relative to the machine's size (to half a turn).
 const CONVERGED: f64 = 1e-13;
 
-/// Follows the joints from those of `seed` to `joints`. `None` where the path
-/// meets a singular pose: then there is nothing that forward may find.
-pub fn connected_pose(module: &Module, joints: &Joints, seed: &Pose, size: f64) -> Option<Pose> {
+/// Follows the joints from those of `seed` to `joints`. `None` where the path meets a
+/// singular pose, or one that inverse refuses: then there is nothing that forward may find.
+///
+/// For machines with as many legs as coordinates and no table.
+pub fn connected_pose(
+    module: &Module,
+    machine: &Parallel,
+    joints: &Joints,
+    seed: &Pose,
+) -> Option<Pose> {
+    let tracker = Tracker::new(module, machine);
     let start = module.inverse(seed).ok()?;
-    let side = factored(module, &start, seed)?.1.signum();
+    let side = tracker.solved(&start, seed, &[0.0; 6])?.1.signum();
     let mut pose = *seed;
     for step in 1..=STEPS {
         let share = step as f64 / STEPS as f64;
         let target = std::array::from_fn(|j| start[j] + share * (joints[j] - start[j]));
-        correct(module, &target, &mut pose, size)?;
+        tracker.correct(&target, &mut pose)?;
         // The determinant passes zero at a singular pose: beyond it the path is another.
-        if factored(module, &target, &pose)?.1.signum() != side {
+        if tracker.solved(&target, &pose, &[0.0; 6])?.1.signum() != side {
             return None;
         }
     }
     Some(pose)
 }
 
-fn correct(module: &Module, target: &Joints, pose: &mut Pose, size: f64) -> Option<()> {
-    for _ in 0..CORRECTIONS {
-        let here = module.inverse(pose).ok()?;
-        let residual: [f64; 6] = std::array::from_fn(|j| target[j] - here[j]);
-        let (step, _) = solved(&module.jacobian(&here, pose).ok()?, residual)?;
-        for (value, change) in pose.iter_mut().zip(step) {
-            *value += change;
-        }
-        if residual.iter().all(|r| r.abs() <= CONVERGED * size) {
-            return Some(());
-        }
+struct Tracker<'a> {
+    module: &'a Module,
+    /// Places in the pose of the coordinates that the legs move.
+    letters: Vec<usize>,
+    /// Largest joint residual that ends a correction, joint by joint.
+    converged: Vec<f64>,
+}
+
+impl Tracker<'_> {
+    fn new<'a>(module: &'a Module, machine: &Parallel) -> Tracker<'a> {
+        let letters: Vec<usize> = (0..6).filter(|c| machine.moves(*c)).collect();
+        assert!(machine.table.is_empty() && letters.len() == machine.legs.len());
+        let of = |leg: &Leg| match leg.kind {
+            Kind::Crank { .. } => CONVERGED * 180.0,
+            _ => CONVERGED * machine.size(),
+        };
+        Tracker { module, letters, converged: machine.legs.iter().map(of).collect() }
     }
-    None
+
+    /// Newton's method back to the path.
+    fn correct(&self, target: &Joints, pose: &mut Pose) -> Option<()> {
+        for _ in 0..CORRECTIONS {
+            let here = self.module.inverse(pose).ok()?;
+            let mut residual = [0.0; 6];
+            for n in 0..self.letters.len() {
+                residual[n] = target[n] - here[n];
+            }
+            let (step, _) = self.solved(&here, pose, &residual)?;
+            for (letter, change) in self.letters.iter().zip(step) {
+                pose[*letter] += change;
+            }
+            if residual.iter().zip(&self.converged).all(|(r, limit)| r.abs() <= *limit) {
+                return Some(());
+            }
+        }
+        None
+    }
+
+    /// Solution of J x = b over the letters that move, by elimination with row exchange,
+    /// and det J.
+    fn solved(&self, joints: &Joints, pose: &Pose, b: &[f64; 6]) -> Option<([f64; 6], f64)> {
+        let jacobian = self.module.jacobian(joints, pose).ok()?;
+        let count = self.letters.len();
+        let mut rows = [[0.0; 7]; 6];
+        for (i, row) in rows.iter_mut().enumerate().take(count) {
+            for (place, letter) in row.iter_mut().zip(&self.letters) {
+                *place = jacobian[i][*letter];
+            }
+            row[6] = b[i];
+        }
+        let determinant = eliminated(&mut rows, count)?;
+        Some((std::array::from_fn(|i| rows[i][6]), determinant))
+    }
 }
 
-fn factored(module: &Module, joints: &Joints, pose: &Pose) -> Option<([f64; 6], f64)> {
-    solved(&module.jacobian(joints, pose).ok()?, [0.0; 6])
-}
-
-/// Solution of J x = b by elimination with row exchange, and det J.
-fn solved(jacobian: &Jacobian, b: [f64; 6]) -> Option<([f64; 6], f64)> {
-    let mut rows: [[f64; 7]; 6] =
-        std::array::from_fn(|i| std::array::from_fn(|k| if k < 6 { jacobian[i][k] } else { b[i] }));
+/// Turns the first `count` columns into the unit matrix; their determinant.
+fn eliminated(rows: &mut [[f64; 7]; 6], count: usize) -> Option<f64> {
     let mut determinant = 1.0;
-    for k in 0..6 {
-        let pivot = (k..6).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs()))?;
+    for k in 0..count {
+        let pivot = (k..count).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs()))?;
         if rows[pivot][k] == 0.0 {
             return None;
         }
@@ -69,9 +112,9 @@ fn solved(jacobian: &Jacobian, b: [f64; 6]) -> Option<([f64; 6], f64)> {
             determinant = -determinant;
         }
         determinant *= rows[k][k];
-        eliminate(&mut rows, k);
+        eliminate(rows, k);
     }
-    Some((std::array::from_fn(|i| rows[i][6]), determinant))
+    Some(determinant)
 }
 
 /// Clears column `k` of every row but the k-th, which gets a 1 there.

@@ -5,7 +5,9 @@
 use abi_tests::geometry::distance;
 use abi_tests::machines::{Hexapod, genhexkins_default, tilted};
 use abi_tests::module::{Module, Pose};
+use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
+use abi_tests::subjects::subjects;
 use abi_tests::tolerances::WRONG_REL;
 use abi_tests::tracker::connected_pose;
 
@@ -20,7 +22,7 @@ struct Count {
 }
 
 impl Count {
-    fn add(&mut self, found: Result<Pose, i32>, right: Option<&Pose>, machine: &Hexapod) {
+    fn add(&mut self, found: Result<Pose, i32>, right: Option<&Pose>, machine: &Parallel) {
         let same = |found: &Pose, right: &Pose| {
             distance(found, right, machine.radius()) <= WRONG_REL * machine.size()
         };
@@ -43,7 +45,7 @@ fn pose(random: &mut Random, tilt: f64) -> Pose {
 #[test]
 fn forward_from_home_returns_the_connected_pose_or_fails() {
     let theirs = Module::genhexkins();
-    let machine = Hexapod { home: Some(HOME), ..genhexkins_default(&theirs) };
+    let machine = Parallel::from(Hexapod { home: Some(HOME), ..genhexkins_default(&theirs) });
     let ours = machine.module();
     let mut random = Random::new(14);
     for tilt in [20.0, 50.0, 80.0] {
@@ -51,7 +53,7 @@ fn forward_from_home_returns_the_connected_pose_or_fails() {
         for _ in 0..cases(400) {
             let pose = pose(&mut random, tilt);
             let joints = ours.inverse(&pose).expect("struts of some length");
-            let right = connected_pose(&ours, &joints, &HOME, machine.size());
+            let right = connected_pose(&ours, &machine, &joints, &HOME);
             let found = ours.forward(&joints, &HOME);
             let wrong = our_count.wrong;
             our_count.add(found, right.as_ref(), &machine);
@@ -60,5 +62,34 @@ fn forward_from_home_returns_the_connected_pose_or_fails() {
         }
         println!("to {tilt}°: pkmkins {our_count:?}\n        genhexkins {their_count:?}");
         assert!(our_count.right > 0);
+    }
+}
+
+/// Joints of poses up to three times as far from home as the workspace reaches, of every
+/// machine with as many legs as coordinates.
+#[test]
+fn rods_and_cranks_too_return_the_connected_pose_or_fail() {
+    let square = |machine: &Parallel| {
+        machine.table.is_empty() && machine.coordinates.len() == machine.legs.len()
+    };
+    for subject in subjects().iter().filter(|s| square(&s.machine) && s.machine.tool == [0.0; 3]) {
+        let (machine, home) = (&subject.machine, subject.home());
+        let module = machine.module();
+        let mut random = Random::new(16);
+        let mut count = Count::default();
+        for _ in 0..cases(150) {
+            let inside = (subject.sample)(&mut random);
+            let far = random.between(1.0, 3.0);
+            let pose: Pose = std::array::from_fn(|c| home[c] + far * (inside[c] - home[c]));
+            let Ok(joints) = module.inverse(&pose) else { continue };
+            let right = connected_pose(&module, machine, &joints, &home);
+            let found = module.forward(&joints, &home);
+            let wrong = count.wrong;
+            count.add(found, right.as_ref(), machine);
+            let what = format!("{}: home to {pose:?}", subject.name);
+            assert_eq!(count.wrong, wrong, "{what}: {found:?}, not {right:?}");
+        }
+        println!("{}: {count:?}", subject.name);
+        assert!(count.right > 0, "{}: {count:?}", subject.name);
     }
 }

@@ -1,33 +1,82 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! loadrt: what the module exports, accepts and refuses.
 
-use abi_tests::module::{Module, pkmkins_path};
+use abi_tests::module::{LoadError, Module, pkmkins_path};
 
-/// Parameters that must be refused, and a word the refusal has to contain.
+/// One parameter that must be refused, the others at their defaults, and a word the
+/// refusal has to contain.
 const REFUSED: &[(&str, &str, &str)] = &[
     ("legs", "hexapod:6", "hexapod"),
+    ("legs", "Strut:6", "Strut"),
     ("legs", "strut", "strut"),
     ("legs", "strut:", "strut"),
     ("legs", "strut:six", "six"),
     ("legs", "strut:-6", "-6"),
     ("legs", "strut:0", "0"),
     ("legs", "strut:5", "5"),
-    ("legs", "strut:7", "7"),
+    ("legs", "strut:9", "9"),
     ("legs", "strut:99", "99"),
     ("legs", "strut:4294967302", "4294967302"),
-    ("legs", "strut:6,strut:1", "strut"),
+    ("legs", "strut:18446744073709551622", "18446744073709551622"),
+    ("legs", "strut:6,strut:3", "strut"),
+    ("legs", "strut:6:1", "strut"),
     ("legs", "strut:6,", "legs"),
+    ("legs", "strut:6 slider:1", "slider"),
     ("legs", ":6", "legs"),
-    ("legs", "crank:6", "crank"),
-    ("legs", "slider:6", "slider"),
-    ("coordinates", "XYZ", "XYZ"),
     ("coordinates", "XYZXYZ", "XYZXYZ"),
     ("coordinates", "XYZABQ", "XYZABQ"),
     ("coordinates", "XYZABU", "XYZABU"),
     ("coordinates", "XYZABCUVW", "XYZABCUVW"),
+    ("coordinates", "X YZ", "X YZ"),
     ("table", "XY", "table"),
     ("table", "Q", "table"),
 ];
+
+/// Parameters that do not fit together, and words the refusal has to contain: what was
+/// written, and what is wrong with it.
+const MISMATCHED: &[([&str; 3], [&str; 2])] = &[
+    (["slider:4", "XYZAB", ""], ["XYZAB", "more coordinates than legs"]),
+    (["crank:3", "XYZB", ""], ["XYZB", "more coordinates than legs"]),
+    (["strut:5", "", ""], ["strut:5", "more coordinates than legs"]),
+    (["slider:4", "XYZX", ""], ["XYZX", "each once"]),
+    (["slider:4", "ZAAB", ""], ["ZAAB", "each once"]),
+    (["slider:4", "zabZ", ""], ["zabZ", "each once"]),
+    (["slider:4", "ZAB", "XYX"], ["XYX", "each once"]),
+    (["slider:4", "ZAB", "XZ"], ["XZ", "in table="]),
+    (["slider:4", "XYZB", "y"], ["table=y", "in table="]),
+    (["slider:4", "ZBC", "XA"], ["XA", "X Y Z"]),
+    (["slider:4", "ZAB", "XU"], ["XU", "X Y Z"]),
+    (["slider:4", "ZAB", "W"], ["table=W", "X Y Z"]),
+    (["strut:0", "X", ""], ["strut:0", "one to eight legs"]),
+    (["slider:9", "XYZ", ""], ["slider:9", "one to eight legs"]),
+    (["strut:4,slider:4,crank:1", "XYZ", ""], ["crank:1", "one to eight legs"]),
+    (["rail:4", "XYZB", ""], ["rail:4", "strut, slider, crank"]),
+];
+
+/// Machines that must load, and how many joints they have.
+const ACCEPTED: &[([&str; 3], usize)] = &[
+    (["strut:6", "XYZ", ""], 6),
+    (["strut:6", "XYZB", ""], 6),
+    (["strut:7", "XYZABC", ""], 7),
+    (["strut:8", "XYZABC", ""], 8),
+    (["strut:1", "Z", ""], 1),
+    (["strut:1", "C", "XYZ"], 4),
+    (["slider:4", "XYZB", ""], 4),
+    (["slider:4", "ZAB", "XY"], 6),
+    (["slider:4", "zab", "yx"], 6),
+    (["slider:6", "", ""], 6),
+    (["crank:3", "XYZ", ""], 3),
+    (["crank:6", "", ""], 6),
+    (["strut:3", "XYZ", ""], 3),
+    (["strut:5", "XYZAB", ""], 5),
+    (["strut:2,slider:2,crank:2", "XYZABC", ""], 6),
+    (["strut:8", "ABC", "XYZ"], 11),
+];
+
+fn load(texts: [&str; 3]) -> Result<Module, LoadError> {
+    let [legs, coordinates, table] = texts;
+    Module::try_pkmkins(&[("legs", legs), ("coordinates", coordinates), ("table", table)])
+}
 
 #[test]
 fn the_defaults_load_quietly() {
@@ -69,6 +118,33 @@ fn bad_parameters_are_refused_with_a_message_that_repeats_them() {
         }
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn parameters_that_do_not_fit_together_are_refused_with_the_reason() {
+    let mut wrong = Vec::new();
+    for (texts, words) in MISMATCHED {
+        match load(*texts) {
+            Ok(_) => wrong.push(format!("{texts:?} was accepted")),
+            Err(error) => {
+                let said = error.messages.join(" ");
+                if error.code >= 0 || !words.iter().all(|word| said.contains(word)) {
+                    wrong.push(format!("{texts:?}: code {}, said '{said}'", error.code));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn machines_of_one_to_eight_legs_and_any_letters_load_quietly() {
+    for (texts, joints) in ACCEPTED {
+        let module = load(*texts).unwrap_or_else(|error| panic!("{texts:?}: {error:?}"));
+        assert_eq!(module.messages().len(), 0, "{texts:?}: {:?}", module.messages());
+        let limits = |n: usize| module.has(&format!("max-velocity.{n}"));
+        assert!((0..*joints).all(limits) && !limits(*joints), "{texts:?}");
+    }
 }
 
 #[test]

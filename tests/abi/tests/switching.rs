@@ -4,6 +4,8 @@
 use abi_tests::geometry::distance;
 use abi_tests::machines::paper_004;
 use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::Parallel;
+use abi_tests::subjects::{four_rod_lathe, octopod, pyramid};
 use abi_tests::tolerances::{SAME_COMPONENT, WRONG_REL};
 use kinematics::Cause;
 
@@ -156,4 +158,96 @@ fn switching_to_the_type_that_is_on_already_keeps_the_seed() {
     assert_eq!(module.switch(0), 0);
     let pose = module.forward(&joints, &POSE).expect("its own joints");
     assert!(distance(&pose, &POSE, machine.radius()) <= WRONG_REL * machine.size());
+}
+
+/// Its four carriages move three coordinates: no letter belongs to a carriage.
+#[test]
+fn identity_is_refused_where_legs_exceed_coordinates_and_changes_nothing() {
+    for machine in [pyramid(), octopod()] {
+        let module = machine.module();
+        let home = machine.home.expect("given");
+        let joints = module.inverse(&home).expect("home");
+        module.clear_messages();
+        for _ in 0..3 {
+            assert_eq!(module.switch(1), Cause::IdentityImpossible.code());
+            assert_eq!(types(&module), [true, false, false]);
+            assert_eq!(module.get("fault"), f64::from(Cause::IdentityImpossible.code()));
+        }
+        module.monitor();
+        let said = module.messages();
+        assert_eq!(said.len(), 1, "one message, however often it was asked for: {said:?}");
+        assert!(said[0].text.contains(Cause::IdentityImpossible.text()), "{said:?}");
+        assert_eq!(module.inverse(&home), Ok(joints));
+        assert_eq!(module.switch(0), 0);
+        assert!(module.forward(&joints, &home).is_ok());
+    }
+}
+
+/// Without the monitor nobody else would tell.
+#[test]
+fn without_the_monitor_a_refused_identity_is_told_at_once() {
+    let machine = pyramid();
+    let module = machine.loaded();
+    machine.wire(&module);
+    module.inverse(&machine.home.expect("given")).expect("home");
+    assert_eq!(module.switch(1), Cause::IdentityImpossible.code());
+    assert_eq!(module.messages().len(), 1, "{:?}", module.messages());
+}
+
+/// Joint j is the j-th letter of `coordinates`, then come the letters of `table`; what no
+/// joint has keeps its value in forward, and counts for nothing in inverse.
+#[test]
+fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
+    let mut three = pyramid();
+    three.legs.pop();
+    let tables = ["XY", "YX"].map(|table| Parallel { table, ..three.clone() });
+    let lathes =
+        ["XYZB", "BZYX", "YBXZ"].map(|coordinates| Parallel { coordinates, ..four_rod_lathe() });
+    for machine in tables.into_iter().chain(lathes) {
+        let module = machine.loaded();
+        machine.wire(&module);
+        assert_eq!(module.switch(1), 0, "{}", machine.coordinates);
+        let letters: Vec<usize> = machine
+            .coordinates
+            .chars()
+            .chain(machine.table.chars())
+            .map(|letter| LETTERS.iter().position(|l| l.starts_with(letter)).expect("a letter"))
+            .collect();
+        let mut joints = [7.0; 16];
+        assert_eq!(module.inverse_into(&POSE, &mut joints), 0);
+        for (joint, letter) in letters.iter().enumerate() {
+            assert_eq!(joints[joint], POSE[*letter], "{} joint {joint}", machine.coordinates);
+        }
+        assert!(joints[letters.len()..].iter().all(|guard| *guard == 7.0));
+        let mut seed = [11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0];
+        let mut expected = seed;
+        for letter in &letters {
+            expected[*letter] = POSE[*letter];
+        }
+        assert_eq!(module.forward_into(&joints, &mut seed), 0);
+        assert_eq!(seed, expected, "{}", machine.coordinates);
+        let jacobian = module.jacobian(&joints, &POSE).expect("identity knows no limit");
+        for (joint, row) in jacobian.iter().enumerate() {
+            for (column, value) in row.iter().enumerate() {
+                let is_letter = letters.get(joint) == Some(&column);
+                assert_eq!(*value, f64::from(u8::from(is_letter)), "[{joint}][{column}]");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lathe_comes_back_from_identity_with_its_pose() {
+    let machine = four_rod_lathe();
+    let module = machine.module();
+    let pose: Pose = [50.0, 430.0, 900.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0];
+    let joints = module.inverse(&pose).expect("a pose of the workspace");
+    let mut world = pose;
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_eq!(module.switch(1), 0);
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_eq!(world[..3], joints[..3], "X Y Z now hold joint values");
+    assert_eq!(module.switch(0), 0);
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert!(distance(&world, &pose, machine.radius()) <= WRONG_REL * machine.size(), "{world:?}");
 }

@@ -33,7 +33,7 @@ fn unjudged(error: &str) -> ExitCode {
 fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, String> {
     let config = MachineConfig::read(ini).map_err(|e| e.to_string())?;
     let result = trace::read_result(result_file)?;
-    let samples = trace::read_trace(trace_file).map_err(|error| match &result.error {
+    let samples = trace::read_trace(&config, trace_file).map_err(|error| match &result.error {
         Some(reason) => format!("{error}; the run itself failed: {reason}"),
         None => error,
     })?;

@@ -11,34 +11,98 @@
 //! ```
 //!
 //! is the one gradient row that Jacobian and Newton's method need.
+//!
+//! A rod has two carriage (or crank) positions for one platform anchor. They meet at
+//! its *dead point*, where the rod stands square to the motion of its lower end:
+//! u · ∂c/∂q = 0. `side` tells them apart: the sign of u · ∂c/∂q is −side.
 
+pub mod crank;
+pub mod slider;
 pub mod strut;
 
+pub use crank::CrankGeometry;
+pub use slider::SliderGeometry;
 pub use strut::StrutGeometry;
 
 use crate::fault::Cause;
+use crank::Crank;
 use nalgebra::Vector3;
+use slider::Slider;
+
+/// Least |cos| of the angle between a rod and the motion of its lower end: nearer to
+/// the dead point joint speeds grow beyond twenty times the platform's.
+pub(crate) const LEAST_DRIVE: f64 = 0.05;
+
+/// A kind of leg, as the load parameter `legs=` names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Telescopic strut.
+    Strut,
+    /// Rod of fixed length on a carriage.
+    Slider,
+    /// Rod of fixed length on a turning arm.
+    Crank,
+}
 
 /// What the integrator wrote for one leg, by kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LegKind {
     /// Telescopic strut; joint value = length.
     Strut(StrutGeometry),
+    /// Rod on a straight guide; joint value = place of the carriage along it.
+    Slider(SliderGeometry),
+    /// Rod on an arm that turns about a fixed axis; joint value = its angle in degrees.
+    Crank(CrankGeometry),
 }
 
 impl LegKind {
-    /// Number of the kind in the geometry hash.
-    pub(crate) const fn number(&self) -> f64 {
+    /// Whether a joint value is an angle.
+    pub const fn is_angular(&self) -> bool {
+        matches!(self, LegKind::Crank(_))
+    }
+
+    /// Every value that enters the hash, in its order, the kind's number first.
+    pub(crate) fn for_each_value(&self, mut see: impl FnMut(&[f64])) {
         match self {
-            LegKind::Strut(_) => 1.0,
+            LegKind::Strut(s) => {
+                see(&[1.0]);
+                see(&s.base_axis);
+                see(&s.platform_axis);
+                see(&[s.lead]);
+            }
+            LegKind::Slider(s) => {
+                see(&[2.0]);
+                see(&s.guide);
+                see(&[s.rod, f64::from(s.side)]);
+            }
+            LegKind::Crank(c) => {
+                see(&[3.0]);
+                see(&c.axis);
+                see(&[c.rod, f64::from(c.side)]);
+                see(&c.arm);
+            }
+        }
+    }
+
+    /// The checked leg.
+    pub(crate) fn checked(&self) -> Result<Leg, Refusal> {
+        match self {
+            LegKind::Strut(_) => Ok(Leg::Strut),
+            LegKind::Slider(s) => Slider::new(s).map(Leg::Slider),
+            LegKind::Crank(c) => Crank::new(c).map(Leg::Crank),
         }
     }
 }
+
+/// Why a leg refuses, and the number that helps to understand it.
+pub(crate) type Refusal = (Cause, f64);
 
 /// A checked leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Leg {
     Strut,
+    Slider(Slider),
+    Crank(Crank),
 }
 
 /// Moving base anchor (as displacement from the base anchor) and target length.
@@ -50,9 +114,11 @@ pub(crate) struct Drive {
 impl Leg {
     /// Native joint value for a platform anchor at `w` from the base anchor, |w| = `length`.
     #[inline]
-    pub fn joint(&self, _w: &Vector3<f64>, length: f64) -> Result<f64, Cause> {
+    pub fn joint(&self, w: &Vector3<f64>, length: f64) -> Result<f64, Refusal> {
         match self {
             Leg::Strut => Ok(strut::joint(length)),
+            Leg::Slider(slider) => slider.joint(w),
+            Leg::Crank(crank) => crank.joint(w),
         }
     }
 
@@ -61,14 +127,82 @@ impl Leg {
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
         match self {
             Leg::Strut => strut::drive(q),
+            Leg::Slider(slider) => Ok(slider.drive(q)),
+            Leg::Crank(crank) => crank.drive(q),
         }
     }
 
-    /// Joint rate per speed of the platform anchor along u: 1 / (u · ∂c/∂q + ∂d/∂q).
+    /// ∂c/∂q at the native joint value `q`; zero for a leg whose base anchor stands still.
     #[inline]
-    pub fn rate(&self, _u: &Vector3<f64>) -> f64 {
+    pub fn motion(&self, q: f64) -> Vector3<f64> {
         match self {
-            Leg::Strut => strut::RATE,
+            Leg::Strut => Vector3::zeros(),
+            Leg::Slider(slider) => slider.motion(),
+            Leg::Crank(crank) => crank.motion(q),
         }
     }
+
+    /// Joint rate per speed of the platform anchor along u, for `along` = u · ∂c/∂q:
+    /// 1 / (u · ∂c/∂q + ∂d/∂q).
+    #[inline]
+    pub fn rate(&self, along: f64) -> f64 {
+        match self {
+            Leg::Strut => strut::RATE,
+            Leg::Slider(_) | Leg::Crank(_) => 1.0 / along,
+        }
+    }
+
+    /// How far a rod is on its side: −side · cos of the angle between u and the motion of
+    /// the lower end, for `along` = u · ∂c/∂q; `None` for a leg that has no sides.
+    #[inline]
+    pub fn margin(&self, along: f64) -> Option<f64> {
+        match self {
+            Leg::Strut => None,
+            Leg::Slider(slider) => Some(-slider.side * along),
+            Leg::Crank(crank) => Some(crank.margin(along)),
+        }
+    }
+
+    /// How the moving base anchor's path bends over a joint step `dq`.
+    #[inline]
+    pub fn bend(&self, dq: f64) -> Bend {
+        match self {
+            Leg::Strut | Leg::Slider(_) => Bend { turn: 0.0, second: 0.0 },
+            Leg::Crank(crank) => crank.bend(dq),
+        }
+    }
+}
+
+/// Bend of an anchor's path over a step that is run through in unit time.
+pub(crate) struct Bend {
+    /// Angle by which the direction of motion turns, radians.
+    pub turn: f64,
+    /// Largest second derivative, a length.
+    pub second: f64,
+}
+
+/// Checked rod length.
+pub(crate) fn rod_length(rod: f64) -> Result<f64, Refusal> {
+    if rod > 0.0 { Ok(rod) } else { Err((Cause::RodNotPositive, rod)) }
+}
+
+/// `side` as a factor.
+pub(crate) fn side_sign(side: i32) -> Result<f64, Refusal> {
+    match side {
+        1 => Ok(1.0),
+        -1 => Ok(-1.0),
+        _ => Err((Cause::SideInvalid, f64::from(side))),
+    }
+}
+
+/// Unit vector of a direction as given, any length; `None` where it has none.
+pub(crate) fn direction(given: &[f64; 3]) -> Option<Vector3<f64>> {
+    let v = Vector3::from(*given);
+    let largest = v.amax();
+    if !(largest > 0.0) {
+        return None;
+    }
+    // Scaled first: the squares of very long or very short vectors leave f64's range.
+    let scaled = v / largest;
+    Some(scaled / scaled.norm())
 }

@@ -1,37 +1,330 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The reference tracker: what the right pose is, found the slow way.
 //!
-//! Follows the straight joint path from the seed in 1000 steps with Newton's method
-//! to 1e-13 of the size at each, and gives up where the Jacobian changes its sign.
+//! Follows the straight joint path from the seed in 1000 steps with Newton's method at
+//! each, and gives up where the Jacobian changes its sign or a rod passes its dead point.
+//! Equations, frames and solver are its own: of the core it uses the numbers of a
+//! [`Geometry`] and the pose of the seed. (Joints of the seed come from inverse, which the
+//! tests of the legs' equations check.)
 
-use kinematics::{Machine, Method, Pose, Solver};
-use nalgebra::Vector3;
+use super::{NO_OFFSET, NO_TOOL};
+use kinematics::{Geometry, Joints, LegGeometry, LegKind, Letter, Machine, Pose, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 const STEPS: usize = 1000;
 
-/// The right pose, or `None` where the path meets a singular pose.
-pub fn follow(
-    machine: &Machine<6>,
-    seed: &Pose,
-    joints: &[f64; 6],
-    tool: &Vector3<f64>,
-) -> Option<Pose> {
-    let from = machine.inverse(seed, tool).ok()?;
-    let sign = handedness(machine, seed, tool)?;
-    let solver = Solver { method: Method::PlainNewton, limit_iterations: 20, ..Solver::default() };
-    let mut pose = *seed;
-    for step in 1..=STEPS {
-        let t = step as f64 / STEPS as f64;
-        let target = std::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
-        pose = machine.forward(&target, &pose, tool, &solver).ok()?.pose;
-        if handedness(machine, &pose, tool)? != sign {
-            return None;
-        }
-    }
-    Some(pose)
+/// Steps of the second, closer look where the first one found no way.
+const CLOSE_STEPS: usize = 20_000;
+
+/// Newton's steps at one point of the path: with the exact rows two are enough.
+const CORRECTIONS: usize = 40;
+
+/// Steps after which the gradient of the nut correction, by differences, joins the rows of
+/// the first look; the closer one has it from the start.
+const PLAIN: usize = 15;
+
+type Row = SVector<f64, 6>;
+
+/// A leg as the equations see it at given joints.
+pub struct Rod {
+    pub anchor: Vector3<f64>,
+    pub length: f64,
+    /// Unit vector along the lower end's motion, times −side; zero for a strut.
+    pub onwards: Vector3<f64>,
 }
 
-/// Sign of the Jacobian's determinant.
-pub fn handedness(machine: &Machine<6>, pose: &Pose, tool: &Vector3<f64>) -> Option<bool> {
-    Some(machine.inverse_jacobian(pose, tool).ok()?.determinant() > 0.0)
+/// Where the platform is: the centre as the legs see it, and the orientation.
+#[derive(Clone, Copy)]
+struct State {
+    centre: Vector3<f64>,
+    rotation: Matrix3<f64>,
+    angles: Vector3<f64>,
+}
+
+/// A machine by its equations alone.
+pub struct Tracker<'a> {
+    geometry: &'a Geometry,
+    machine: Machine,
+    /// Per leg the sign of the nut correction's fold.
+    hands: [f64; 8],
+}
+
+impl<'a> Tracker<'a> {
+    /// For a geometry with a reference pose.
+    pub fn new(geometry: &'a Geometry) -> Self {
+        let machine = Machine::freeze(geometry, &NO_OFFSET).expect("a machine");
+        let mut tracker = Self { geometry, machine, hands: [1.0; 8] };
+        let home = Pose::from_degrees(geometry.home.expect("a reference pose"));
+        let state = tracker.state(&home);
+        for (i, leg) in geometry.legs().iter().enumerate() {
+            if let Some((_, cosine)) = twist(leg, &state.rotation, &tracker.span(leg, &state)) {
+                tracker.hands[i] = cosine.signum();
+            }
+        }
+        tracker
+    }
+
+    fn is_active(&self, k: usize) -> bool {
+        self.geometry.layout().coordinates().as_slice().iter().any(|l| l.index() == k)
+    }
+
+    fn turns_freely(&self) -> bool {
+        (3..6).all(|k| self.is_active(k))
+    }
+
+    /// D = t + R centre, as the legs see it.
+    fn state(&self, pose: &Pose) -> State {
+        let rotation = pose.rotation();
+        let centre = Vector3::from(self.geometry.centre);
+        let mut d = pose.position + rotation * centre;
+        for k in 0..3 {
+            if !self.is_active(k) {
+                d[k] = 0.0;
+            }
+        }
+        State { centre: d, rotation, angles: pose.angles }
+    }
+
+    fn lever(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
+        state.rotation * (Vector3::from(leg.platform) - Vector3::from(self.geometry.centre))
+    }
+
+    /// From base anchor to platform anchor.
+    fn span(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
+        state.centre + self.lever(leg, state) - Vector3::from(leg.base)
+    }
+
+    fn correction(&self, i: usize, leg: &LegGeometry, state: &State) -> f64 {
+        let LegKind::Strut(strut) = leg.kind else { return 0.0 };
+        let Some((s, c)) = twist(leg, &state.rotation, &self.span(leg, state)) else { return 0.0 };
+        let h = self.hands[i];
+        h * strut.lead / std::f64::consts::TAU * (h * s).atan2(h * c)
+    }
+
+    /// Residuals and rows in (v, ω) about the centre; `None` where a rod is not on its side.
+    fn equations(&self, joints: &Joints, state: &State) -> Option<([f64; 8], [Row; 8])> {
+        let (mut residuals, mut rows) = ([0.0; 8], [Row::zeros(); 8]);
+        for (i, leg) in self.geometry.legs().iter().enumerate() {
+            let rod = rod(leg, joints[i]);
+            let lever = self.lever(leg, state);
+            let span = state.centre + lever - rod.anchor;
+            let n = span.normalize();
+            if rod.onwards != Vector3::zeros() && !(n.dot(&rod.onwards) > 0.0) {
+                return None;
+            }
+            residuals[i] = span.norm() + self.correction(i, leg, state) - rod.length;
+            let moment = lever.cross(&n);
+            rows[i] = Row::new(n.x, n.y, n.z, moment.x, moment.y, moment.z);
+        }
+        Some((residuals, rows))
+    }
+
+    /// Rows in the coordinates of the solver: angles where not all of them are active.
+    fn charted(&self, rows: &[Row; 8], state: &State) -> [Row; 8] {
+        let map = match self.turns_freely() {
+            true => Matrix3::identity(),
+            false => axes_of(&state.angles),
+        };
+        rows.map(|row| {
+            let moment = map.transpose() * row.fixed_rows::<3>(3) / self.machine.radius();
+            let mut row = Row::new(row[0], row[1], row[2], moment.x, moment.y, moment.z);
+            for k in 0..6 {
+                if !self.is_active(k) {
+                    row[k] = 0.0;
+                }
+            }
+            row
+        })
+    }
+
+    fn moved(&self, state: &State, step: &Row) -> State {
+        let centre = state.centre + Vector3::new(step[0], step[1], step[2]);
+        let turn = Vector3::new(step[3], step[4], step[5]) / self.machine.radius();
+        if self.turns_freely() {
+            let rotation = Rotation3::new(turn).matrix() * state.rotation;
+            return State { centre, rotation, angles: state.angles };
+        }
+        let angles = state.angles + turn;
+        let rotation = Pose { position: centre, angles }.rotation();
+        State { centre, rotation, angles }
+    }
+
+    /// Newton's (Gauss-Newton's) method at one point of the path; the sign of det JᵀJ has
+    /// no meaning, that of a square J has.
+    fn corrected(&self, joints: &Joints, mut state: State, plain: usize) -> Option<(State, f64)> {
+        for count in 0..CORRECTIONS {
+            let (residuals, rows) = self.equations(joints, &state)?;
+            let mut rows = self.charted(&rows, &state);
+            if count >= plain {
+                self.add_corrections(&mut rows, &state);
+            }
+            let (step, sign) = self.newton_step(&rows, &residuals)?;
+            state = self.moved(&state, &step);
+            // Ten roundings of the joints; what is left is at most a tenth of the step.
+            if step.norm() <= 1e-12 * self.machine.size().max(self.machine.radius()) {
+                return Some((state, sign));
+            }
+        }
+        // Joints of a redundant machine that contradict each other settle slowly.
+        self.geometry.layout().is_redundant().then_some((state, 1.0))
+    }
+
+    fn add_corrections(&self, rows: &mut [Row; 8], state: &State) {
+        let step = 1e-6 * self.machine.size();
+        for (i, leg) in self.geometry.legs().iter().enumerate() {
+            for k in (0..6).filter(|k| self.is_active(*k)) {
+                let at = |by: f64| {
+                    let mut x = Row::zeros();
+                    x[k] = by;
+                    self.correction(i, leg, &self.moved(state, &x))
+                };
+                rows[i][k] += (at(step) - at(-step)) / (2.0 * step);
+            }
+        }
+    }
+
+    fn newton_step(&self, rows: &[Row; 8], residuals: &[f64; 8]) -> Option<(Row, f64)> {
+        let layout = self.geometry.layout();
+        // Coordinates that do not move get an equation of their own, x = 0.
+        let mut a = SMatrix::<f64, 6, 6>::identity();
+        let mut b = Row::zeros();
+        let active: Vec<usize> = (0..6).filter(|k| self.is_active(*k)).collect();
+        if layout.is_redundant() {
+            for j in &active {
+                for k in &active {
+                    a[(*j, *k)] = rows.iter().map(|row| row[*j] * row[*k]).sum();
+                }
+                b[*j] = rows.iter().zip(residuals).map(|(row, r)| row[*j] * r).sum();
+            }
+        } else {
+            for (i, j) in active.iter().enumerate() {
+                for k in 0..6 {
+                    a[(*j, k)] = rows[i][k];
+                }
+                b[*j] = residuals[i];
+            }
+        }
+        let lu = a.lu();
+        let sign = if layout.is_redundant() { 1.0 } else { lu.determinant().signum() };
+        Some((-lu.solve(&b)?, sign))
+    }
+
+    /// The right pose, or `None` where the path meets a singular pose or a dead point.
+    pub fn follow(&self, seed: &Pose, joints: &Joints) -> Option<Pose> {
+        self.follow_in(STEPS, seed, joints)
+    }
+
+    /// The same by a closer look, for paths that steps of a thousandth overstep.
+    pub fn follow_closely(&self, seed: &Pose, joints: &Joints) -> Option<Pose> {
+        self.follow_in(CLOSE_STEPS, seed, joints)
+    }
+
+    fn follow_in(&self, steps: usize, seed: &Pose, joints: &Joints) -> Option<Pose> {
+        let from = self.machine.inverse(seed, &NO_TOOL).ok()?;
+        let plain = if steps == STEPS { PLAIN } else { 0 };
+        let mut seen = None;
+        let mut state = self.state(seed);
+        let mut last = state;
+        for step in 1..=steps {
+            let t = step as f64 / steps as f64;
+            let at = std::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
+            let guess = self.onwards(&last, &state);
+            last = state;
+            let (next, sign) = self.corrected(&at, guess, plain)?;
+            // A Newton step that leaves the neighbourhood follows another path.
+            let far = 50.0 * self.machine.radius() / steps as f64;
+            let gone = (next.centre - guess.centre).norm()
+                + self.machine.radius() * (next.rotation - guess.rotation).norm();
+            if *seen.get_or_insert(sign) != sign || gone > far {
+                return None;
+            }
+            state = next;
+        }
+        Some(self.pose(&state, joints))
+    }
+
+    /// The next place if the last step is repeated.
+    fn onwards(&self, last: &State, state: &State) -> State {
+        let centre = state.centre * 2.0 - last.centre;
+        if self.turns_freely() {
+            // By a rotation vector: products alone would lose orthogonality step by step.
+            let turn = state.rotation * last.rotation.transpose();
+            let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+            let rotation = Rotation3::new(turn).matrix() * state.rotation;
+            return State { centre, rotation, angles: state.angles };
+        }
+        let angles = state.angles * 2.0 - last.angles;
+        State { centre, rotation: Pose { position: centre, angles }.rotation(), angles }
+    }
+
+    /// t = D − R centre, held coordinates 0.
+    fn pose(&self, state: &State, joints: &Joints) -> Pose {
+        let layout = self.geometry.layout();
+        let mut d = state.centre;
+        for (i, letter) in layout.table().as_slice().iter().enumerate() {
+            d[letter.index()] = joints[layout.legs() + i];
+        }
+        let centre = Vector3::from(self.geometry.centre);
+        let mut position = d - state.rotation * centre;
+        for letter in [Letter::X, Letter::Y, Letter::Z] {
+            if layout.is_held(letter) {
+                position[letter.index()] = 0.0;
+            }
+        }
+        let angles = match self.turns_freely() {
+            false => state.angles,
+            true => {
+                let r = &state.rotation;
+                let b = (-r[(2, 0)]).atan2(r[(0, 0)].hypot(r[(1, 0)]));
+                Vector3::new(r[(2, 1)].atan2(r[(2, 2)]), b, r[(1, 0)].atan2(r[(0, 0)]))
+            }
+        };
+        Pose { position, angles }
+    }
+
+    /// Sign of the square Jacobian's determinant over the active coordinates.
+    pub fn handedness(&self, pose: &Pose, joints: &Joints) -> Option<bool> {
+        let state = self.state(pose);
+        let (residuals, rows) = self.equations(joints, &state)?;
+        let (_, sign) = self.newton_step(&self.charted(&rows, &state), &residuals)?;
+        Some(sign > 0.0)
+    }
+}
+
+/// Axes of A, B and C in base: columns of ω = E (Ȧ, Ḃ, Ċ).
+fn axes_of(angles: &Vector3<f64>) -> Matrix3<f64> {
+    let turn = |axis: Vector3<f64>| Rotation3::new(axis);
+    let about_c = turn(Vector3::z() * angles.z);
+    let about_b = about_c * turn(Vector3::y() * angles.y);
+    Matrix3::from_columns(&[about_b * Vector3::x(), about_c * Vector3::y(), Vector3::z()])
+}
+
+/// Anchor and length that a joint value sets.
+pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
+    let g = Vector3::from(leg.base);
+    match leg.kind {
+        LegKind::Strut(_) => Rod { anchor: g, length: q, onwards: Vector3::zeros() },
+        LegKind::Slider(s) => {
+            let e = Vector3::from(s.guide).normalize();
+            Rod { anchor: g + e * q, length: s.rod, onwards: e * -f64::from(s.side) }
+        }
+        LegKind::Crank(c) => {
+            let k = Vector3::from(c.axis).normalize();
+            let arm = Rotation3::new(k * q.to_radians()) * Vector3::from(c.arm);
+            let onwards = k.cross(&arm).normalize() * -f64::from(c.side);
+            Rod { anchor: g + arm, length: c.rod, onwards }
+        }
+    }
+}
+
+/// Sine and cosine of a screw's twist; `None` for a leg without a lead.
+fn twist(leg: &LegGeometry, rotation: &Matrix3<f64>, span: &Vector3<f64>) -> Option<(f64, f64)> {
+    let LegKind::Strut(strut) = leg.kind else { return None };
+    if strut.lead == 0.0 {
+        return None;
+    }
+    let n = span.normalize();
+    let a = Vector3::from(strut.base_axis).normalize();
+    let b = (rotation * Vector3::from(strut.platform_axis)).normalize();
+    Some((n.dot(&a.cross(&b)), a.dot(&b) - a.dot(&n) * b.dot(&n)))
 }

@@ -19,8 +19,9 @@ pub const SUB_STEPS_FROM_HOME: u32 = 60;
 /// roundings of lengths near 1000 mm (2e-13 mm each).
 pub const GOLDEN_JOINT: f64 = 1e-9;
 
-/// Jacobian against central differences with step 1e-4 (mm, degrees): truncation is
-/// step² times third derivatives (1e-8 · 1e-4), rounding 2e-13 / 1e-4 = 2e-9.
+/// Jacobian against central differences with step 1e-4 (mm, degrees): rounding is
+/// 2e-13 / 1e-4 = 2e-9 times what joints run faster than the platform, truncation step⁴
+/// times fifth derivatives, which grow without bound towards a dead point.
 pub const CENTRAL_DIFFERENCE: f64 = 1e-7;
 
 /// Scaling by a power of two changes only exponents.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Time, iterations, failures and wrong results of the built module beside
-//! LinuxCNC's genhexkins, measured in one run in turns, as Markdown.
+//! Time, iterations, failures and wrong results of the built module beside LinuxCNC's
+//! modules for the same machines, measured in one run in turns, as Markdown.
 //!
 //! Wall times depend on the machine and are printed, never asserted; the ratio
 //! of two modules measured in turns is what stays.
@@ -11,7 +11,9 @@ use abi_tests::machines::{
     tilted,
 };
 use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
+use abi_tests::subjects;
 use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
 use std::hint::black_box;
 use std::time::Instant;
@@ -26,12 +28,23 @@ const BATCHES: usize = 101;
 /// of any unit; this lets it go on, so that its speed can be measured at all.
 const NO_MAX_ERROR: f64 = 1e9;
 
+/// Stands where there is nothing to say.
+const NONE: &str = "–";
+
 /// A machine with the poses it is measured at.
 struct Subject {
     name: &'static str,
-    machine: Hexapod,
+    machine: Parallel,
     home: Pose,
     sample: fn(&mut Random) -> Pose,
+    /// LinuxCNC's module for such a machine, if there is one.
+    theirs: Option<Theirs>,
+}
+
+/// A module of LinuxCNC's and what its pins have to be for the subject.
+struct Theirs {
+    name: &'static str,
+    wire: Box<dyn Fn(&Module)>,
 }
 
 /// What the calls of one module on one subject came to.
@@ -55,17 +68,61 @@ struct Case {
     joints: Joints,
 }
 
-fn subjects() -> Vec<Subject> {
+/// Hexapods, beside genhexkins.
+fn hexapods() -> Vec<Subject> {
     let without_lead = Hexapod { lead: 0.0, ..paper_004() };
     let mut home = [0.0; 9];
     home[2] = 20.0;
     let default = Hexapod { home: Some(home), ..genhexkins_default(&Module::genhexkins()) };
-    let sample = paper_004_pose;
+    let sample: fn(&mut Random) -> Pose = paper_004_pose;
     vec![
-        Subject { name: "paper 004, lead 10", machine: paper_004(), home: PAPER_004_HOME, sample },
-        Subject { name: "paper 004, lead 0", machine: without_lead, home: PAPER_004_HOME, sample },
-        Subject { name: "genhexkins' defaults", machine: default, home, sample: genhexkins_pose },
+        hexapod("paper 004, lead 10", paper_004(), PAPER_004_HOME, sample),
+        hexapod("paper 004, lead 0", without_lead, PAPER_004_HOME, sample),
+        hexapod("genhexkins' defaults", default, home, genhexkins_pose),
     ]
+}
+
+/// genhexkins takes its literal arcsin, and answers however large the error is.
+fn hexapod(
+    name: &'static str,
+    machine: Hexapod,
+    home: Pose,
+    sample: fn(&mut Random) -> Pose,
+) -> Subject {
+    let pins = machine.clone();
+    let wire = Box::new(move |module: &Module| {
+        pins.wire(module);
+        module.set("max-error", NO_MAX_ERROR);
+    });
+    let theirs = Some(Theirs { name: "genhexkins", wire });
+    Subject { name, machine: machine.into(), home, sample, theirs }
+}
+
+/// Machines with rods and the tripod, beside LinuxCNC's module where it has one.
+fn others() -> Vec<Subject> {
+    let of = |subject: subjects::Subject| Subject {
+        name: subject.name,
+        home: subject.home(),
+        theirs: theirs(subject.name),
+        machine: subject.machine,
+        sample: subject.sample,
+    };
+    subjects::subjects()
+        .into_iter()
+        .filter(|subject| subject.machine.tool == [0.0; 3] && !subject.name.contains("hexapod"))
+        .map(of)
+        .collect()
+}
+
+fn theirs(machine: &str) -> Option<Theirs> {
+    let (name, pins): (_, &[(&str, f64)]) = match machine {
+        "linear delta" => ("lineardeltakins", &[("R", 130.25), ("L", 269.0)]),
+        "rotary delta" => ("rotarydeltakins", &[("shinlength", 18.0), ("footradius", 5.0)]),
+        "tripod" => ("tripodkins", &[("Bx", 10.0), ("Cx", 5.0), ("Cy", 7.071)]),
+        _ => return None,
+    };
+    let wire = Box::new(|module: &Module| pins.iter().for_each(|(pin, v)| module.set(pin, *v)));
+    Some(Theirs { name, wire })
 }
 
 /// Poses of genhexkins' default geometry (inches) with up to 20° of tilt: beyond
@@ -122,17 +179,17 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// Medians of `measure` for both modules, taken in turns so that both see the
-/// same clock, temperature and neighbours.
-fn in_turns(modules: &[&Module; 2], mut measure: impl FnMut(&Module) -> f64) -> [f64; 2] {
-    let mut times = [Vec::new(), Vec::new()];
+/// Medians of `measure` for all modules, taken in turns so that they see the same
+/// clock, temperature and neighbours.
+fn in_turns(modules: &[Module], mut measure: impl FnMut(&Module) -> f64) -> Vec<f64> {
+    let mut times = vec![Vec::new(); modules.len()];
     for batch in 0..BATCHES {
-        for k in 0..2 {
-            let which = (batch + k) % 2;
-            times[which].push(measure(modules[which]));
+        for k in 0..modules.len() {
+            let which = (batch + k) % modules.len();
+            times[which].push(measure(&modules[which]));
         }
     }
-    times.map(|mut t| median(&mut t))
+    times.iter_mut().map(|t| median(t)).collect()
 }
 
 /// Iterations, failures and wrong poses; apart from the timing, as it reads pins.
@@ -145,12 +202,17 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
         };
         // The most since this reset: genhexkins solves again for the GUI's pins
         // within the same call, and last-iterations is that second one's.
-        module.set("max-iterations", 0.0);
+        let counts = module.has("max-iterations");
+        if counts {
+            module.set("max-iterations", 0.0);
+        }
         let Ok(found) = module.forward(&case.joints, start) else {
             result.failures += 1;
             continue;
         };
-        result.iterations.push(module.get("max-iterations"));
+        if counts {
+            result.iterations.push(module.get("max-iterations"));
+        }
         let apart = distance(&found, &case.pose, subject.machine.radius());
         let allowed = (WRONG_REL * subject.machine.size()).max(GENHEXKINS_SAME);
         result.wrong += usize::from(apart.is_nan() || apart > allowed);
@@ -162,62 +224,68 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
 fn iterations(outcome: &Outcome) -> String {
     let mut sorted = outcome.iterations.clone();
     if sorted.is_empty() {
-        return "–".to_string();
+        return NONE.to_string();
     }
     let median = median(&mut sorted);
     format!("{median:.0} / {:.0}", sorted[sorted.len() - 1])
 }
 
-fn row(call: &str, subject: &Subject, results: [Option<Outcome>; 2], times: [f64; 2]) {
+/// One row: ours, then theirs if there is one.
+fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64]) {
     let mut cells = Vec::new();
-    for (result, time) in results.into_iter().zip(times) {
-        cells.push(format!("{time:.0}"));
-        if let Some(result) = result {
-            cells.push(iterations(&result));
+    for which in 0..2 {
+        cells.push(times.get(which).map_or(NONE.to_string(), |time| format!("{time:.0}")));
+        if let Some(result) = judged.get(which) {
+            cells.push(iterations(result));
             cells.push(format!("{} / {}", result.failures, result.wrong));
         } else {
-            cells.extend(["–".to_string(), "–".to_string()]);
+            cells.extend([NONE.to_string(), NONE.to_string()]);
         }
     }
-    let ratio = times[1] / times[0];
-    println!("| {call} | {} | {} | {ratio:.1} |", subject.name, cells.join(" | "));
+    let theirs = subject.theirs.as_ref().map_or(NONE, |theirs| theirs.name);
+    let ratio = times.get(1).map_or(NONE.to_string(), |time| format!("{:.2}", time / times[0]));
+    println!("| {call} | {} | {} | {theirs} | {ratio} |", subject.name, cells.join(" | "));
 }
 
-/// Both modules with the subject's machine; genhexkins with its literal arcsin.
-fn modules(subject: &Subject) -> [Module; 2] {
-    let ours = Module::pkmkins(&[]);
-    assert!(subject.machine.apply(&ours), "{:?}", ours.messages());
-    let theirs = Module::genhexkins();
-    subject.machine.wire(&theirs);
-    theirs.set("max-error", NO_MAX_ERROR);
-    [ours, theirs]
+/// Ours with the subject's machine, then theirs if there is one.
+fn modules(subject: &Subject) -> Vec<Module> {
+    let mut modules = vec![subject.machine.module()];
+    modules.extend(subject.theirs.iter().map(|theirs| {
+        let module = Module::of_linuxcnc(theirs.name);
+        (theirs.wire)(&module);
+        module
+    }));
+    modules
 }
 
 fn bench(subject: &Subject) {
     let modules = modules(subject);
-    let both = [&modules[0], &modules[1]];
     let mut random = Random::new(9);
     let cases: Vec<Case> = (0..POSES).map(|_| case(subject, &modules[0], &mut random)).collect();
-    row("inverse", subject, [None, None], in_turns(&both, |m| inverse_batch(m, &cases)));
+    row("inverse", subject, &[], &in_turns(&modules, |m| inverse_batch(m, &cases)));
     for (call, seed) in [("forward, servo step", Seed::ServoStep), ("forward, home", Seed::Home)] {
-        let judged = both.map(|m| Some(judged(m, subject, &cases, seed)));
-        let times = in_turns(&both, |m| forward_batch(m, &cases, seed, &subject.home));
-        row(call, subject, judged, times);
+        let judged: Vec<Outcome> =
+            modules.iter().map(|m| judged(m, subject, &cases, seed)).collect();
+        let times = in_turns(&modules, |m| forward_batch(m, &cases, seed, &subject.home));
+        row(call, subject, &judged, &times);
     }
 }
 
 /// From home with everything as shipped: what the operator gets after homing.
 fn from_home(subject: &Subject) {
-    let [ours, theirs] = modules(subject);
-    theirs.set("max-error", 500.0);
+    let modules = modules(subject);
     let mut random = Random::new(10);
     let count = cases(20_000);
-    let cases: Vec<Case> = (0..count).map(|_| case(subject, &ours, &mut random)).collect();
-    for (name, module) in [("pkmkins", &ours), ("genhexkins", &theirs)] {
+    let cases: Vec<Case> = (0..count).map(|_| case(subject, &modules[0], &mut random)).collect();
+    for module in &modules {
+        if module.name() == "genhexkins" {
+            module.set("max-error", 500.0);
+        }
         let result = judged(module, subject, &cases, Seed::Home);
         println!(
-            "| {} | {name} | {count} | {} ({:.1} %) | {} | {} |",
+            "| {} | {} | {count} | {} ({:.1} %) | {} | {} |",
             subject.name,
+            module.name(),
             result.failures,
             100.0 * result.failures as f64 / count as f64,
             result.wrong,
@@ -227,17 +295,18 @@ fn from_home(subject: &Subject) {
 }
 
 fn main() {
-    let subjects = subjects();
+    let mut subjects = hexapods();
+    subjects.extend(others());
     println!("Medians of {BATCHES} batches of {POSES} calls, the modules in turns; iterations are");
     println!("median / most; genhexkins with max-error lifted, so that it answers at all, and");
     println!("including the second solution it makes for its GUI pins.\n");
     println!(
         "| call | machine | pkmkins ns | iterations | failed / wrong \
-         | genhexkins ns | iterations | failed / wrong | times as fast |"
+         | theirs ns | iterations | failed / wrong | theirs | times as fast |"
     );
-    println!("|---|---|--:|--:|--:|--:|--:|--:|--:|");
+    println!("|---|---|--:|--:|--:|--:|--:|--:|---|--:|");
     subjects.iter().for_each(bench);
-    println!("\nFrom home, both modules with their default settings:\n");
+    println!("\nFrom home, all modules with their default settings:\n");
     println!("| machine | module | poses | failed | wrong | iterations |");
     println!("|---|---|--:|--:|--:|--:|");
     subjects.iter().for_each(from_home);

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Numbers and letters of a machine: which joints there are, and which coordinates of
+//! the pose they move.
+
+use crate::load::LoadError;
+
+/// Most legs of a machine.
+pub const MAX_LEGS: usize = 8;
+
+/// Most joints of a machine: legs, then X, Y and Z of a table.
+pub const MAX_JOINTS: usize = MAX_LEGS + 3;
+
+/// Joint values: legs in order, then table axes; 0 beyond the last joint.
+pub type Joints = [f64; MAX_JOINTS];
+
+/// One number for each leg; 0 beyond the last leg.
+pub type PerLeg = [f64; MAX_LEGS];
+
+/// A coordinate of the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "LinuxCNC's letters")]
+pub enum Letter {
+    X,
+    Y,
+    Z,
+    A,
+    B,
+    C,
+}
+
+impl Letter {
+    /// X Y Z A B C.
+    pub const ALL: [Letter; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
+
+    /// Place in a pose: X = 0 … C = 5.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The letter itself, upper case.
+    pub const fn name(self) -> char {
+        match self {
+            Self::X => 'X',
+            Self::Y => 'Y',
+            Self::Z => 'Z',
+            Self::A => 'A',
+            Self::B => 'B',
+            Self::C => 'C',
+        }
+    }
+
+    /// Whether it is an angle.
+    pub const fn is_angle(self) -> bool {
+        self.index() >= 3
+    }
+}
+
+/// Some letters, each at most once, in the order written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Letters {
+    all: [Letter; 6],
+    count: usize,
+}
+
+impl Letters {
+    /// None.
+    pub const NONE: Self = Self { all: [Letter::X; 6], count: 0 };
+
+    /// X Y Z A B C.
+    pub const XYZABC: Self = Self { all: Letter::ALL, count: 6 };
+
+    /// From text such as `XYZB`, upper or lower case; `None` if a character is no
+    /// letter of the pose, or stands twice.
+    pub fn parse(text: &[u8]) -> Option<Self> {
+        let mut letters = Self::NONE;
+        for character in text {
+            let index = b"XYZABC".iter().position(|l| *l == character.to_ascii_uppercase())?;
+            let letter = *Letter::ALL.get(index)?;
+            if letters.contains(letter) {
+                return None;
+            }
+            *letters.all.get_mut(letters.count)? = letter;
+            letters.count += 1;
+        }
+        // What stands beyond the last letter must not tell two equal lists apart.
+        for rest in letters.all.iter_mut().skip(letters.count) {
+            *rest = Letter::X;
+        }
+        Some(letters)
+    }
+
+    /// In the order written.
+    pub fn as_slice(&self) -> &[Letter] {
+        self.all.get(..self.count).unwrap_or(&self.all)
+    }
+
+    /// Whether `letter` is one of them.
+    pub fn contains(&self, letter: Letter) -> bool {
+        self.as_slice().contains(&letter)
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+}
+
+/// Numbers and letters of a machine, in themselves consistent.
+///
+/// Joints are the legs in order, then the table axes. Coordinates that neither the
+/// platform nor the table moves are held at 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    legs: usize,
+    coordinates: Letters,
+    table: Letters,
+}
+
+impl Layout {
+    /// Of `legs` legs that move the platform along `coordinates`, and serial axes under
+    /// the workpiece for the letters of `table`.
+    ///
+    /// # Errors
+    /// No leg or too many, no coordinate or more of them than legs, a table letter that
+    /// is an angle, a letter in both.
+    pub fn new(legs: usize, coordinates: Letters, table: Letters) -> Result<Self, LoadError> {
+        if !(1..=MAX_LEGS).contains(&legs) {
+            return Err(LoadError::LegsWrong);
+        }
+        if coordinates.is_empty() {
+            return Err(LoadError::CoordinatesWrong);
+        }
+        if coordinates.len() > legs {
+            return Err(LoadError::TooManyCoordinates);
+        }
+        if table.as_slice().iter().any(|letter| letter.is_angle()) {
+            return Err(LoadError::TableWrong);
+        }
+        if table.as_slice().iter().any(|letter| coordinates.contains(*letter)) {
+            return Err(LoadError::LetterTwice);
+        }
+        Ok(Self { legs, coordinates, table })
+    }
+
+    /// Number of legs.
+    pub fn legs(&self) -> usize {
+        self.legs
+    }
+
+    /// Number of joints: legs and table axes.
+    pub fn joints(&self) -> usize {
+        self.legs + self.table.len()
+    }
+
+    /// Coordinates that the legs move; joint j of the identity kinematics is the j-th
+    /// letter. For the machine itself their order means nothing.
+    pub fn coordinates(&self) -> &Letters {
+        &self.coordinates
+    }
+
+    /// Coordinates of the table axes, in joint order.
+    pub fn table(&self) -> &Letters {
+        &self.table
+    }
+
+    /// Whether no joint moves the coordinate: its value is always 0.
+    pub fn is_held(&self, letter: Letter) -> bool {
+        !self.coordinates.contains(letter) && !self.table.contains(letter)
+    }
+
+    /// Whether legs exceed coordinates, so that joint values can contradict each other.
+    pub fn is_redundant(&self) -> bool {
+        self.legs > self.coordinates.len()
+    }
+
+    /// The letter of every joint for the identity kinematics; `None` where a joint has none.
+    pub fn joint_letters(&self) -> Option<impl Iterator<Item = Letter> + '_> {
+        let both = [&self.coordinates, &self.table];
+        (!self.is_redundant()).then(|| both.into_iter().flat_map(|l| l.as_slice()).copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_stand_once_each_in_any_order() {
+        assert_eq!(Letters::parse(b"xyzabc"), Some(Letters::XYZABC));
+        let turned = Letters::parse(b"CBAZYX").unwrap();
+        assert!(turned.as_slice().iter().map(|l| l.index()).eq([5, 4, 3, 2, 1, 0]));
+        assert_eq!(Letters::parse(b"").unwrap().len(), 0);
+        for bad in [&b"XX"[..], b"XYZABB", b"XYZABU", b"X Y", b"XYZABCC"] {
+            assert_eq!(Letters::parse(bad), None);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_together_is_refused() {
+        let letters = |text: &str| Letters::parse(text.as_bytes()).unwrap();
+        let layout =
+            |legs, coordinates, table| Layout::new(legs, letters(coordinates), letters(table));
+        for (legs, coordinates, table, error) in [
+            (0, "X", "", LoadError::LegsWrong),
+            (9, "X", "", LoadError::LegsWrong),
+            (6, "", "", LoadError::CoordinatesWrong),
+            (4, "XYZAB", "", LoadError::TooManyCoordinates),
+            (4, "ZAB", "XC", LoadError::TableWrong),
+            (4, "ZAB", "XZ", LoadError::LetterTwice),
+        ] {
+            assert_eq!(
+                layout(legs, coordinates, table),
+                Err(error),
+                "{legs} {coordinates} {table}"
+            );
+        }
+        let pyramid = layout(4, "ZAB", "XY").unwrap();
+        assert_eq!((pyramid.joints(), pyramid.is_redundant()), (6, true));
+        assert!(pyramid.is_held(Letter::C) && !pyramid.is_held(Letter::X));
+        assert!(pyramid.joint_letters().is_none());
+        let square = layout(3, "ZAB", "XY").unwrap();
+        let letters = square.joint_letters().unwrap().map(Letter::name);
+        assert!(letters.eq(['Z', 'A', 'B', 'X', 'Y']));
+    }
+}

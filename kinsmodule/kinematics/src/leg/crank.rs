@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Rod of fixed length on the end of an arm that turns about a fixed axis (rotary delta).
+//!
+//! c(θ) = g + m(θ), d = L, where m(θ) is the arm m₀ turned by θ about the unit axis k
+//! through the hip g (the base anchor), right-handed. With m⊥ = m₀ − (k·m₀)k,
+//! w = p − g, a = w·m⊥, b = w·(k×m⊥), |w − m(θ)| = L says
+//!
+//! ```text
+//! a cos θ + b sin θ = T,   T = (|w|² + |m₀|² − L²)/2 − (k·m₀)(k·w)
+//! θ = atan2(b, a) + side acos(T/√(a²+b²))
+//! ```
+//!
+//! with no solution where |T| > √(a²+b²). The two angles are added as complex numbers, so
+//! that θ lies within ±180° and jumps only where the arm points opposite to m₀: a sum of
+//! arcs would jump by a turn wherever the anchor crosses the far side of the hip. With
+//! u = (p − c)/L, u · ∂c/∂θ = −side √(a²+b²−T²)/L. Joint values are degrees, so that
+//! ∂c/∂q = (π/180) k × m(θ).
+
+use super::{Bend, Drive, LEAST_DRIVE, Refusal, direction, rod_length, side_sign};
+use crate::fault::Cause;
+use libm::{atan2, sincos, sqrt};
+use nalgebra::Vector3;
+
+const RADIANS: f64 = core::f64::consts::PI / 180.0;
+
+/// Arms nearer to their axis than this share of their length do not turn their end.
+const LEAST_ARM: f64 = 1e-6;
+
+/// Largest joint value, in degrees: beyond it argument reduction becomes slow.
+const MAX_ANGLE_DEG: f64 = 1e6;
+
+/// What belongs to a crank beside its two anchors; the base anchor is its hip, a point
+/// of the axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CrankGeometry {
+    /// Direction of the axis in base; any length. Positive angles turn the arm
+    /// right-handed about it.
+    pub axis: [f64; 3],
+    /// From the hip to the end of the arm at 0 degrees, in base, machine units.
+    pub arm: [f64; 3],
+    /// Length of the rod, machine units.
+    pub rod: f64,
+    /// Which of the two arm angles: +1 the larger one, −1 the smaller.
+    pub side: i32,
+}
+
+/// A checked crank.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Crank {
+    axis: Vector3<f64>,
+    /// Part of the arm along the axis, signed.
+    along: f64,
+    /// Part of the arm across the axis, at 0 and at 90 degrees.
+    across: [Vector3<f64>; 2],
+    arm: f64,
+    rod: f64,
+    side: f64,
+}
+
+impl Crank {
+    pub fn new(given: &CrankGeometry) -> Result<Self, Refusal> {
+        let axis = direction(&given.axis).ok_or((Cause::ArmZero, 0.0))?;
+        let whole = Vector3::from(given.arm);
+        let along = axis.dot(&whole);
+        let across = whole - axis * along;
+        let arm = across.norm();
+        if !(arm > LEAST_ARM * whole.norm()) {
+            return Err((Cause::ArmZero, arm));
+        }
+        let rod = rod_length(given.rod)?;
+        let side = side_sign(given.side)?;
+        Ok(Self { axis, along, across: [across, axis.cross(&across)], arm, rod, side })
+    }
+
+    #[inline]
+    pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
+        let a = w.dot(&self.across[0]);
+        let b = w.dot(&self.across[1]);
+        let reach = sqrt(a * a + b * b);
+        // |w − along k|² + arm² − L² over 2: the same T without its cancellations.
+        let apart = w - self.axis * self.along;
+        let t = (apart.norm_squared() + self.arm * self.arm - self.rod * self.rod) * 0.5;
+        let squared = (reach - t) * (reach + t);
+        if !(squared >= 0.0) {
+            return Err((Cause::OutOfReach, (t.abs() - reach) / self.arm));
+        }
+        let root = sqrt(squared);
+        let drive = root / (self.arm * self.rod);
+        if !(drive >= LEAST_DRIVE) {
+            return Err((Cause::DeadPoint, drive));
+        }
+        let turned = self.side * root;
+        Ok(atan2(b * t + a * turned, a * t - b * turned) / RADIANS)
+    }
+
+    #[inline]
+    pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
+        if !(q.abs() <= MAX_ANGLE_DEG) {
+            return Err(Cause::AngleTooLarge);
+        }
+        let (s, c) = sincos(q * RADIANS);
+        let displacement = self.axis * self.along + self.across[0] * c + self.across[1] * s;
+        Ok(Drive { displacement, length: self.rod })
+    }
+
+    #[inline]
+    pub fn motion(&self, q: f64) -> Vector3<f64> {
+        let (s, c) = sincos(q * RADIANS);
+        (self.across[1] * c - self.across[0] * s) * RADIANS
+    }
+
+    #[inline]
+    pub fn margin(&self, along: f64) -> f64 {
+        -self.side * along / (self.arm * RADIANS)
+    }
+
+    #[inline]
+    pub fn bend(&self, dq: f64) -> Bend {
+        let turn = (dq * RADIANS).abs();
+        Bend { turn, second: self.arm * turn * turn }
+    }
+}

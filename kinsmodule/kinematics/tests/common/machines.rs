@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Machines with their declared workspaces.
+
+use super::{Case, Sample, uniform, within};
+use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::{Geometry, LegGeometry, LegKind, Letters, Pose, Vector3};
+use rand::Rng;
+use rand_pcg::Pcg64;
+
+/// 0.5 mm in inches.
+const INCH_STEP: f64 = 0.5 / 25.4;
+
+pub fn letters(text: &str) -> Letters {
+    Letters::parse(text.as_bytes()).expect("letters of the pose, each once")
+}
+
+pub fn on_circle(radius: f64, degrees: f64, z: f64) -> [f64; 3] {
+    let angle = degrees.to_radians();
+    [radius * angle.cos(), radius * angle.sin(), z]
+}
+
+/// A machine of `legs` with a reference pose.
+pub fn geometry(
+    legs: &[LegGeometry],
+    coordinates: &str,
+    table: &str,
+    home: Option<[f64; 6]>,
+) -> Geometry {
+    let mut geometry = Geometry::new(legs, letters(coordinates), letters(table)).expect("layout");
+    geometry.home = home;
+    geometry
+}
+
+/// A hexapod from anchors, and from axes and lead where the struts are screws.
+pub fn hexapod(
+    base: [[f64; 3]; 6],
+    platform: [[f64; 3]; 6],
+    struts: [StrutGeometry; 6],
+    home: Option<[f64; 6]>,
+) -> Geometry {
+    let legs: [_; 6] = std::array::from_fn(|i| LegGeometry::strut(base[i], platform[i], struts[i]));
+    geometry(&legs, "XYZABC", "", home)
+}
+
+/// The same machine with other legs.
+pub fn with_legs(given: &Geometry, legs: &[LegGeometry]) -> Geometry {
+    let layout = given.layout();
+    let mut other = Geometry::new(legs, *layout.coordinates(), *layout.table()).expect("layout");
+    other.centre = given.centre;
+    other.home = given.home;
+    other
+}
+
+/// The same machine with its legs changed one by one.
+pub fn changed_legs(given: &Geometry, change: impl Fn(usize, &mut LegGeometry)) -> Geometry {
+    let mut legs = given.legs().to_vec();
+    for (i, leg) in legs.iter_mut().enumerate() {
+        change(i, leg);
+    }
+    with_legs(given, &legs)
+}
+
+pub fn strut(base: [f64; 3], platform: [f64; 3]) -> LegGeometry {
+    LegGeometry::strut(base, platform, StrutGeometry::default())
+}
+
+pub fn slider(
+    base: [f64; 3],
+    platform: [f64; 3],
+    guide: [f64; 3],
+    rod: f64,
+    side: i32,
+) -> LegGeometry {
+    LegGeometry { base, platform, kind: LegKind::Slider(SliderGeometry { guide, rod, side }) }
+}
+
+/// The machine of paper 004 (machine a of the configurations): inverted, lead 10 mm.
+pub fn paper_004(lead: f64) -> Geometry {
+    let base = [-15.0, 15.0, 105.0, 135.0, 225.0, 255.0].map(|t| on_circle(560.0, t, 1250.0));
+    let platform = [-45.0, 45.0, 75.0, 165.0, 195.0, 285.0].map(|t| on_circle(200.0, t, 150.0));
+    let home = [0.0, 0.0, 250.0, 0.0, 0.0, 0.0];
+    let struts = std::array::from_fn(|i| {
+        let n = Vector3::from(platform[i]) + Vector3::new(0.0, 0.0, 250.0) - Vector3::from(base[i]);
+        let axis = Vector3::z().cross(&n).normalize();
+        StrutGeometry { base_axis: axis.into(), platform_axis: (-axis).into(), lead }
+    });
+    hexapod(base, platform, struts, Some(home))
+}
+
+fn paper_004_pose(rng: &mut Pcg64) -> Pose {
+    let radius = 150.0 * rng.random::<f64>().sqrt();
+    let around = uniform(rng, 0.0, std::f64::consts::TAU);
+    let tilt = (30.0 * rng.random::<f64>().sqrt()).to_radians();
+    let azimuth = uniform(rng, 0.0, std::f64::consts::TAU);
+    let z = [tilt.sin() * azimuth.cos(), tilt.sin() * azimuth.sin(), tilt.cos()];
+    Pose {
+        position: Vector3::new(
+            radius * around.cos(),
+            radius * around.sin(),
+            uniform(rng, 100.0, 400.0),
+        ),
+        angles: Vector3::new(-z[1].asin(), z[0].atan2(z[2]), 0.0),
+    }
+}
+
+/// The laboratory machine of paper 001: platform on top, no lead.
+pub fn paper_001() -> Geometry {
+    let base = [
+        (400.0, 78.0),
+        (400.0, 102.0),
+        (372.0, 198.0),
+        (372.0, 222.0),
+        (372.0, 318.0),
+        (372.0, 342.0),
+    ]
+    .map(|(r, t)| on_circle(r, t, 0.0));
+    let platform = [42.0, 138.0, 162.0, 258.0, 282.0, 378.0].map(|t| on_circle(140.0, t, 0.0));
+    hexapod(base, platform, [StrutGeometry::default(); 6], Some([0.0, 0.0, 640.0, 0.0, 0.0, 0.0]))
+}
+
+/// The default geometry of LinuxCNC's genhexkins (inches), axes included.
+#[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
+pub fn genhexkins_default(lead: f64) -> Geometry {
+    let (x, y) = (22.95, 13.25);
+    let base = [
+        [-x, y, 0.0],
+        [x, y, 0.0],
+        [x, y, 0.0],
+        [0.0, -26.5, 0.0],
+        [0.0, -26.5, 0.0],
+        [-x, y, 0.0],
+    ];
+    let platform = [
+        [-1.0, 11.5, 0.0],
+        [1.0, 11.5, 0.0],
+        [10.459, -4.884, 0.0],
+        [9.459, -6.616, 0.0],
+        [-9.459, -6.616, 0.0],
+        [-10.459, -4.884, 0.0],
+    ];
+    let d = 0.707107;
+    let base_axis =
+        [[d, 0.0, d], [0.0, -d, d], [-d, 0.0, d], [-d, 0.0, d], [0.0, d, d], [d, 0.0, d]];
+    let (p, q) = (0.866025, 0.5);
+    let platform_axis =
+        [[-1.0, 0.0, 0.0], [p, q, 0.0], [p, q, 0.0], [p, -q, 0.0], [p, -q, 0.0], [-1.0, 0.0, 0.0]];
+    let struts = std::array::from_fn(|i| StrutGeometry {
+        base_axis: base_axis[i],
+        platform_axis: platform_axis[i],
+        lead,
+    });
+    hexapod(base, platform, struts, Some([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]))
+}
+
+/// The two hexapods of papers 004 and 001 over their declared workspaces.
+pub fn hexapods() -> [Case; 2] {
+    let lab =
+        within([-60.0, -60.0, 520.0, -15.0, -15.0, -15.0], [60.0, 60.0, 800.0, 15.0, 15.0, 15.0]);
+    [
+        Case::new("hexapod (paper 004)", paper_004(10.0), Box::new(paper_004_pose), 0.5),
+        Case::new("lab-hexapod (paper 001)", paper_001(), lab, 0.5),
+    ]
+}
+
+/// genhexkins' default geometry with ±20° in every angle.
+pub fn genhexkins_case() -> Case {
+    let sample =
+        within([-5.0, -5.0, 15.0, -20.0, -20.0, -20.0], [5.0, 5.0, 25.0, 20.0, 20.0, 20.0]);
+    Case::new("genhexkins default, ±20°", genhexkins_default(0.0), sample, INCH_STEP)
+}
+
+const ALONG_Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// The four-rod lathe of paper 003 (machine c).
+pub fn four_rod_lathe() -> Case {
+    let rod = |x: f64, z: f64, side| slider([3.0 * x, 0.0, 0.0], [x, 0.0, z], ALONG_Z, 700.0, side);
+    let legs =
+        [rod(150.0, -60.0, -1), rod(150.0, 60.0, 1), rod(-150.0, -60.0, -1), rod(-150.0, 60.0, 1)];
+    let home = Some([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-120.0, 380.0, 600.0, 0.0, -20.0, 0.0], [120.0, 520.0, 1400.0, 0.0, 20.0, 0.0]);
+    Case::new("four-rod-lathe (paper 003)", geometry(&legs, "XYZB", "", home), sample, 0.5)
+}
+
+/// The six-rod lathe of paper 003 (machine d).
+pub fn six_rod_lathe() -> Case {
+    let rod = |x: f64, z: f64, side| slider([3.0 * x, 0.0, 0.0], [x, 0.0, z], ALONG_Z, 700.0, side);
+    let third = |x: f64| slider([6.0 * x, 0.0, 0.0], [x, -150.0, 0.0], ALONG_Z, 700.0, 1);
+    let legs = [
+        rod(150.0, -60.0, -1),
+        rod(150.0, 60.0, 1),
+        third(100.0),
+        rod(-150.0, -60.0, -1),
+        rod(-150.0, 60.0, 1),
+        third(-100.0),
+    ];
+    let home = Some([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-70.0, 410.0, 600.0, -12.0, -12.0, -12.0], [70.0, 480.0, 1400.0, 12.0, 12.0, 12.0]);
+    Case::new("six-rod-lathe (paper 003)", geometry(&legs, "XYZABC", "", home), sample, 0.5)
+}
+
+/// The pyramid of paper 000 (machine e): inclined guides, cross table, one carriage more
+/// than the platform has coordinates.
+pub fn pyramid_geometry() -> Geometry {
+    let legs: [_; 4] = std::array::from_fn(|i| {
+        let (s, c) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][i];
+        let guide = [-500.0 * c, -500.0 * s, 1000.0];
+        slider([700.0 * c, 700.0 * s, 200.0], [120.0 * c, 120.0 * s, 150.0], guide, 550.0, 1)
+    });
+    let mut given = geometry(&legs, "ZAB", "XY", Some([0.0, 0.0, 270.0, 0.0, 0.0, 0.0]));
+    given.centre = [0.0, 0.0, 150.0];
+    given
+}
+
+pub fn pyramid() -> Case {
+    let sample =
+        within([-150.0, -150.0, 150.0, -20.0, -20.0, 0.0], [150.0, 150.0, 390.0, 20.0, 20.0, 0.0]);
+    Case::new("pyramid (paper 000)", pyramid_geometry(), sample, 0.5)
+}
+
+/// Three upright guides; the default of LinuxCNC's lineardeltakins.
+pub fn linear_delta() -> Case {
+    let legs = [90.0, 210.0, 330.0]
+        .map(|t| slider(on_circle(163.25, t, 0.0), on_circle(33.0, t, 0.0), ALONG_Z, 269.0, 1));
+    let home = Some([0.0, 0.0, 90.0, 0.0, 0.0, 0.0]);
+    let sample = within([-80.0, -80.0, 0.0, 0.0, 0.0, 0.0], [80.0, 80.0, 100.0, 0.0, 0.0, 0.0]);
+    Case::new("linear-delta", geometry(&legs, "XYZ", "", home), sample, 0.5)
+}
+
+/// Three arms of 10 in with rods of 18 in; the default of LinuxCNC's rotarydeltakins.
+pub fn rotary_delta() -> Case {
+    let legs = [-90.0, 30.0, 150.0].map(|t| {
+        let axis = on_circle(1.0, t + 90.0, 0.0);
+        let crank = CrankGeometry { axis, arm: on_circle(10.0, t, 0.0), rod: 18.0, side: -1 };
+        LegGeometry {
+            base: on_circle(10.0, t, 0.0),
+            platform: on_circle(5.0, t, 0.0),
+            kind: LegKind::Crank(crank),
+        }
+    });
+    let home = Some([0.0, 0.0, -12.0, 0.0, 0.0, 0.0]);
+    let sample = within([-4.0, -4.0, -18.0, 0.0, 0.0, 0.0], [4.0, 4.0, -10.0, 0.0, 0.0, 0.0]);
+    Case::new("rotary-delta", geometry(&legs, "XYZ", "", home), sample, INCH_STEP)
+}
+
+/// Three struts that meet in the control point.
+pub fn tripod() -> Case {
+    let legs = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 7.071, 0.0]].map(|b| strut(b, [0.0; 3]));
+    let home = Some([5.0, 1.768, 3.06, 0.0, 0.0, 0.0]);
+    let sample = within([3.5, 0.5, 2.5, 0.0, 0.0, 0.0], [6.5, 3.0, 4.0, 0.0, 0.0, 0.0]);
+    Case::new("tripod", geometry(&legs, "XYZ", "", home), sample, INCH_STEP)
+}
+
+/// Five struts whose upper ends lie on the tool axis, so that C is of no consequence.
+pub fn pentapod() -> Case {
+    let heights = [0.0, 0.0, 0.0, 600.0, 500.0];
+    let legs: [_; 5] = std::array::from_fn(|i| {
+        let around = [90.0, 210.0, 330.0, 30.0, 150.0][i];
+        let level = if i < 3 { 0.0 } else { 1100.0 };
+        strut(on_circle(700.0, around, level), [0.0, 0.0, heights[i]])
+    });
+    let home = Some([0.0, 0.0, 500.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-60.0, -60.0, 430.0, -12.0, -12.0, 0.0], [60.0, 60.0, 570.0, 12.0, 12.0, 0.0]);
+    Case::new("pentapod", geometry(&legs, "XYZAB", "", home), sample, 0.5)
+}
+
+/// Screws and carriages under one platform.
+pub fn mixed() -> Case {
+    let screws = paper_004(10.0);
+    let legs: [_; 6] = std::array::from_fn(|i| match i % 2 {
+        0 => screws.legs()[i],
+        _ => {
+            let leg = screws.legs()[i];
+            let outwards = Vector3::new(leg.base[0], leg.base[1], 0.0).normalize();
+            let guide = outwards * 0.6 + Vector3::z() * 0.8;
+            slider(leg.base, leg.platform, guide.into(), 950.0, 1)
+        }
+    });
+    let ordered = [legs[0], legs[2], legs[4], legs[1], legs[3], legs[5]];
+    let home = Some([0.0, 0.0, 250.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-80.0, -80.0, 180.0, -10.0, -10.0, -10.0], [80.0, 80.0, 320.0, 10.0, 10.0, 10.0]);
+    Case::new("mixed", geometry(&ordered, "XYZABC", "", home), sample, 0.5)
+}
+
+/// Eight struts for six coordinates.
+pub fn eight_struts() -> Case {
+    let legs: [_; 8] = std::array::from_fn(|i| {
+        let t = 45.0 * i as f64;
+        let twist = if i % 2 == 0 { 25.0 } else { -25.0 };
+        let lower = if i % 4 < 2 { 0.0 } else { 60.0 };
+        strut(on_circle(500.0, t, lower), on_circle(180.0, t + twist, lower / 2.0))
+    });
+    let home = Some([0.0, 0.0, 600.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-80.0, -80.0, 520.0, -15.0, -15.0, -15.0], [80.0, 80.0, 700.0, 15.0, 15.0, 15.0]);
+    Case::new("eight-struts", geometry(&legs, "XYZABC", "", home), sample, 0.5)
+}
+
+/// A platform that only turns, about a point held by a ball joint.
+pub fn wrist() -> Case {
+    let legs: [_; 3] = std::array::from_fn(|i| {
+        let t = 120.0 * i as f64;
+        strut(on_circle(200.0, t, -300.0), on_circle(150.0, t + 60.0, 40.0))
+    });
+    let sample = within([0.0, 0.0, 0.0, -25.0, -25.0, -25.0], [0.0, 0.0, 0.0, 25.0, 25.0, 25.0]);
+    Case::new("wrist", geometry(&legs, "ABC", "", Some([0.0; 6])), sample, 0.5)
+}
+
+/// Every machine with a declared workspace.
+pub fn declared() -> Vec<Case> {
+    let [hexapod, lab_hexapod] = hexapods();
+    vec![
+        hexapod,
+        lab_hexapod,
+        four_rod_lathe(),
+        six_rod_lathe(),
+        pyramid(),
+        linear_delta(),
+        rotary_delta(),
+        tripod(),
+        pentapod(),
+        mixed(),
+        eight_struts(),
+        wrist(),
+    ]
+}
+
+/// Poses around home by up to this share of the size and these degrees, in every letter.
+pub fn wild(case: &Case, share: f64, degrees: f64) -> Sample {
+    let home = case.home.to_degrees();
+    let length = share * case.machine.size();
+    let spread = |k: usize| if k < 3 { length } else { degrees };
+    let low = std::array::from_fn(|k| home[k] - spread(k));
+    let high = std::array::from_fn(|k| home[k] + spread(k));
+    within(low, high)
+}

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where a rod stands square to the motion of its lower end, or does not reach: refused
+//! with the leg's number, by inverse and by forward.
+
+mod common;
+
+use common::machines::{declared, linear_delta, rotary_delta};
+use common::reference::rod;
+use common::{Case, NO_TOOL, direction, rng};
+use kinematics::{Cause, Fault, LegKind, Pose, Solver, Vector3};
+
+/// The rod's cosine below which the core refuses.
+const LEAST: f64 = 0.05;
+
+/// Cosine between a rod and its lower end's motion, of `leg` and the smallest of all.
+fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
+    let segments = case.machine.segments(pose, &NO_TOOL).unwrap();
+    let joints = case.joints(pose);
+    let drive = |i: usize| match case.geometry.legs()[i].kind {
+        LegKind::Strut(_) => f64::INFINITY,
+        _ => {
+            let along = (segments[i].platform - segments[i].base).normalize();
+            along.dot(&rod(&case.geometry.legs()[i], joints[i]).onwards)
+        }
+    };
+    let all = (0..case.geometry.legs().len()).map(drive);
+    (drive(leg), all.fold(f64::INFINITY, f64::min))
+}
+
+fn moved(from: &Pose, along: &Vector3<f64>, by: f64) -> Pose {
+    Pose { position: from.position + along * by, ..*from }
+}
+
+/// The last pose of a walk away from home that inverse accepts, the first refusal of a rod
+/// and what lies beyond it; `None` where another leg kind refuses.
+fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
+    let mut by = 0.0;
+    let mut refused = None;
+    for step in [1e-2, 1e-4].map(|share| share * case.machine.size()) {
+        loop {
+            match case.machine.inverse(&moved(&case.home, along, by + step), &NO_TOOL) {
+                Ok(_) => by += step,
+                Err(fault) => break refused = Some(fault),
+            }
+            if by > 20.0 * case.machine.size() {
+                return None;
+            }
+        }
+    }
+    let first = refused?;
+    let far = moved(&case.home, along, by + 20.0 * case.machine.size());
+    let beyond = case.machine.inverse(&far, &NO_TOOL).unwrap_err();
+    Some((moved(&case.home, along, by), first, beyond))
+}
+
+#[test]
+fn a_platform_that_walks_away_meets_the_dead_point_of_the_rod_that_is_nearest_to_it() {
+    let mut rng = rng(70);
+    let mut dead = 0;
+    for case in declared() {
+        let of_legs = |k: usize| {
+            let letter = kinematics::Letter::ALL[k];
+            f64::from(u8::from(case.machine.layout().coordinates().contains(letter)))
+        };
+        for _ in 0..50 {
+            let d = direction(&mut rng);
+            let along = Vector3::from_fn(|k, _| d[k] * of_legs(k));
+            if along.norm() < 0.3 {
+                continue;
+            }
+            let Some((last, first, beyond)) = walk(&case, &along) else { continue };
+            if !matches!(first.cause, Cause::DeadPoint | Cause::OutOfReach) {
+                continue;
+            }
+            let leg = usize::from(first.leg.unwrap());
+            let (drive, least) = drives(&case, &last, leg);
+            // Alike in symmetric poses; one step of the walk changes them by less than 0.02.
+            assert!(drive < least + 0.02, "{}: {drive} {least} {first}", case.name);
+            assert_eq!(first.cause, Cause::DeadPoint, "{}: {first}", case.name);
+            assert!(first.value < LEAST && drive >= LEAST, "{}: {drive} {first}", case.name);
+            assert_eq!(beyond.cause, Cause::OutOfReach, "{}: {beyond}", case.name);
+            assert!(beyond.leg.is_some() && beyond.value > 0.0, "{}: {beyond}", case.name);
+            dead += 1;
+        }
+    }
+    assert!(dead > 100, "{dead} walks met a dead point");
+}
+
+/// The carriage place or arm angle at a platform anchor, however near the dead point, by
+/// Newton's method on the rod's length.
+fn native(case: &Case, i: usize, pose: &Pose, from: f64) -> f64 {
+    let leg = &case.geometry.legs()[i];
+    let p = pose.position + pose.rotation() * Vector3::from(leg.platform);
+    let mut q = from;
+    for _ in 0..60 {
+        let at = rod(leg, q);
+        let off = |q: f64| (p - rod(leg, q).anchor).norm() - at.length;
+        let h = 1e-6;
+        q -= off(q) * 2.0 * h / (off(q + h) - off(q - h));
+    }
+    q
+}
+
+#[test]
+fn forward_names_the_rod_at_its_dead_point() {
+    let mut rng = rng(71);
+    let mut named = 0;
+    for case in [linear_delta(), rotary_delta()] {
+        for _ in 0..50 {
+            let along = direction(&mut rng);
+            let Some((last, first, _)) = walk(&case, &along) else { continue };
+            // A little further on the rod still reaches, with a cosine of 0.03 to 0.05.
+            let pose = moved(&last, &along, 4e-4 * case.machine.size());
+            let from = case.joints(&last);
+            let mut joints = from;
+            for i in 0..3 {
+                joints[i] = native(&case, i, &pose, from[i]);
+            }
+            let leg = &case.geometry.legs()[usize::from(first.leg.unwrap())];
+            let p = pose.position + Vector3::from(leg.platform);
+            let at = rod(leg, joints[usize::from(first.leg.unwrap())]);
+            let drive = (p - at.anchor).normalize().dot(&at.onwards);
+            if !(0.02..0.0499).contains(&drive) {
+                continue;
+            }
+            let solver = Solver::default();
+            let fault = case.machine.forward(&joints, &last, &NO_TOOL, &solver).unwrap_err();
+            // Near its end a rod may as well spoil the certificate first.
+            if fault.cause == Cause::DeadPoint {
+                assert_eq!(fault.leg, first.leg, "{}: {fault}", case.name);
+                assert!(fault.value < LEAST, "{fault}");
+                named += 1;
+            }
+        }
+    }
+    assert!(named >= 20, "{named}");
+}
+
+#[test]
+fn a_seed_beyond_reach_is_refused_with_its_leg() {
+    for case in [linear_delta(), rotary_delta()] {
+        let joints = case.joints(&case.home);
+        let far = moved(&case.home, &Vector3::x(), 20.0 * case.machine.size());
+        let solver = Solver::default();
+        let fault = case.machine.forward(&joints, &far, &NO_TOOL, &solver).unwrap_err();
+        assert_eq!((fault.cause, fault.leg.is_some()), (Cause::OutOfReach, true), "{fault}");
+    }
+}

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The equations of the legs against formulas that share nothing with them.
+
+mod common;
+
+use common::machines::{declared, four_rod_lathe, linear_delta, pyramid, six_rod_lathe};
+use common::random::{Draw, RECIPES, Recipe, draw};
+use common::reference::rod;
+use common::tolerances::GOLDEN_JOINT;
+use common::{Case, NO_TOOL, cases, rng};
+use kinematics::leg::SliderGeometry;
+use kinematics::{LegGeometry, LegKind, Pose, Vector3};
+
+/// A few roundings of lengths of the machine's size.
+const LENGTH: f64 = 1e-13;
+
+/// Every leg of a reached pose joins the points that its joint says, on its side.
+fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
+    let joints = case.machine.inverse(pose, tool).ok()?;
+    let segments = case.machine.segments(pose, tool).unwrap();
+    let corrections = case.machine.corrections(pose, tool).unwrap();
+    let layout = case.machine.layout();
+    // D = t − o + R (o + centre); table and held letters do not reach the legs.
+    let centre = Vector3::from(case.geometry.centre);
+    let r = pose.rotation();
+    let d = pose.position - tool + r * (tool + centre);
+    let mut of_legs = d;
+    for letter in &kinematics::Letter::ALL[..3] {
+        if !layout.coordinates().contains(*letter) {
+            of_legs[letter.index()] = 0.0;
+        }
+    }
+    let most = LENGTH * case.machine.size();
+    for (i, leg) in case.geometry.legs().iter().enumerate() {
+        let p = of_legs + r * (Vector3::from(leg.platform) - centre);
+        assert!((segments[i].platform - p).norm() < 10.0 * most, "{}: {i}", case.name);
+        let native = joints[i] - corrections[i];
+        let at = rod(leg, native);
+        assert!((segments[i].base - at.anchor).norm() < 10.0 * most, "{}: {i}", case.name);
+        let span = p - at.anchor;
+        // A rod's place on its guide is exact to rounding over the cosine to its motion.
+        assert!((span.norm() - at.length).abs() < 100.0 * most, "{}: leg {i} {span:?}", case.name);
+        if !matches!(leg.kind, LegKind::Strut(_)) {
+            let drive = span.normalize().dot(&at.onwards);
+            // 0.05 less rounding: nearer to the dead point inverse refuses.
+            assert!(drive > 0.0499, "{}: leg {i} stands on its other side: {drive}", case.name);
+        }
+    }
+    for (i, letter) in layout.table().as_slice().iter().enumerate() {
+        let joint = joints[layout.legs() + i];
+        assert!((joint - d[letter.index()]).abs() < 10.0 * most, "{}", case.name);
+    }
+    assert!(joints[layout.joints()..].iter().all(|q| *q == 0.0));
+    Some(())
+}
+
+#[test]
+fn every_leg_joins_the_points_that_its_joint_says_on_its_own_side() {
+    let mut rng = rng(30);
+    for case in declared() {
+        let tool = Vector3::new(0.02, -0.012, 0.1) * case.machine.size();
+        let mut reached = 0;
+        for _ in 0..cases(10_000) {
+            let pose = (case.sample)(&mut rng);
+            check(&case, &pose, &NO_TOOL).expect("the declared workspace is reached");
+            reached += usize::from(check(&case, &pose, &tool).is_some());
+        }
+        assert!(reached * 2 > cases(10_000), "{}: {reached} with a tool", case.name);
+    }
+    for recipe in RECIPES {
+        let mut reached = 0;
+        for _ in 0..cases(300) {
+            let case = draw(&mut rng, recipe);
+            let pose = (case.sample)(&mut rng);
+            reached += usize::from(check(&case, &pose, &Vector3::new(9.0, -7.0, 80.0)).is_some());
+        }
+        assert!(reached * 2 > cases(300), "{}: {reached}", recipe.name);
+    }
+}
+
+fn slider_of(leg: &LegGeometry) -> SliderGeometry {
+    let LegKind::Slider(slider) = leg.kind else { panic!("a slider") };
+    slider
+}
+
+/// Platform anchors of a machine without table or held X, Y, Z.
+fn platform_anchor(leg: &LegGeometry, pose: &Pose) -> Vector3<f64> {
+    pose.position + pose.rotation() * Vector3::from(leg.platform)
+}
+
+/// Paper 003, equation 13 with l²: guides along z.
+#[test]
+fn carriages_on_guides_along_z_stand_where_paper_003_says() {
+    let mut rng = rng(31);
+    for case in [four_rod_lathe(), six_rod_lathe(), linear_delta()] {
+        for _ in 0..cases(1000) {
+            let pose = (case.sample)(&mut rng);
+            let joints = case.joints(&pose);
+            for (i, leg) in case.geometry.legs().iter().enumerate() {
+                let slider = slider_of(leg);
+                let p = platform_anchor(leg, &pose);
+                let (x, y) = (p.x - leg.base[0], p.y - leg.base[1]);
+                let root = (slider.rod * slider.rod - x * x - y * y).sqrt();
+                let expected = p.z + f64::from(slider.side) * root - leg.base[2];
+                assert!((joints[i] - expected).abs() < GOLDEN_JOINT, "{}: {pose:?}", case.name);
+            }
+        }
+    }
+}
+
+/// Paper 003, equations 7 to 9 (corrected): guide x = t z + d, y = k z + b.
+#[test]
+fn carriages_on_any_guide_stand_where_paper_003_says() {
+    let recipe =
+        Recipe { name: "guides", kinds: &[Draw::Slider; 6], coordinates: "XYZABC", table: "" };
+    let mut rng = rng(32);
+    let mut checked = 0;
+    for _ in 0..cases(300) {
+        let case = draw(&mut rng, &recipe);
+        let pose = (case.sample)(&mut rng);
+        let Ok(joints) = case.machine.inverse(&pose, &NO_TOOL) else { continue };
+        for (i, leg) in case.geometry.legs().iter().enumerate() {
+            let slider = slider_of(leg);
+            let e = Vector3::from(slider.guide).normalize();
+            if e.z.abs() < 0.2 {
+                continue;
+            }
+            let p = platform_anchor(leg, &pose);
+            let (t, k) = (e.x / e.z, e.y / e.z);
+            let (d, b) = (leg.base[0] - t * leg.base[2], leg.base[1] - k * leg.base[2]);
+            let a = 1.0 + k * k + t * t;
+            let half = p.z + k * (p.y - b) + t * (p.x - d);
+            let c = p.z * p.z + (p.y - b).powi(2) + (p.x - d).powi(2) - slider.rod * slider.rod;
+            let sign = f64::from(slider.side) * e.z.signum();
+            let z = (half + sign * (half * half - a * c).sqrt()) / a;
+            let expected = (z - leg.base[2]) / e.z;
+            // The printed form cancels squares of some thousands of mm, over 0.2 and the root.
+            assert!((joints[i] - expected).abs() < 100.0 * GOLDEN_JOINT, "{leg:?} {pose:?}");
+            checked += 1;
+        }
+    }
+    assert!(checked > cases(300), "{checked}");
+}
+
+/// Paper 000, equations 7 and 8 (corrected), for the pair of guides in XZ while A = 0.
+#[test]
+fn carriages_of_the_pyramid_stand_where_paper_000_says() {
+    let case = pyramid();
+    let mut rng = rng(33);
+    for _ in 0..cases(1000) {
+        let mut pose = (case.sample)(&mut rng);
+        pose.angles.x = 0.0;
+        let joints = case.joints(&pose);
+        let (sin_b, cos_b) = pose.angles.y.sin_cos();
+        // The centre lies 150 above the tip; X and Y of it are the table's.
+        let height = pose.position.z + 150.0 * cos_b;
+        for (i, sign) in [(0, 1.0), (2, -1.0)] {
+            let (x0, z0) = (sign * 120.0 * cos_b, height - sign * 120.0 * sin_b);
+            let (k, x1, z1, l) = (-0.5 * sign, 700.0 * sign, 200.0, 550.0);
+            let s1 = 1.0 + k * k;
+            let s2 = 2.0 * k * x1 - 2.0 * k * x0 - 2.0 * k * k * z1 - 2.0 * z0;
+            let s3 = x1 * x1 + x0 * x0 + k * k * z1 * z1 - 2.0 * k * z1 * x1 + 2.0 * k * z1 * x0
+                - 2.0 * x0 * x1
+                + z0 * z0
+                - l * l;
+            let z = (-s2 + (s2 * s2 - 4.0 * s1 * s3).sqrt()) / (2.0 * s1);
+            let expected = (z - z1) * s1.sqrt();
+            assert!((joints[i] - expected).abs() < GOLDEN_JOINT, "{pose:?}");
+        }
+        let table = [pose.position.x + 150.0 * sin_b, pose.position.y];
+        assert!((joints[4] - table[0]).abs() < GOLDEN_JOINT);
+        assert!((joints[5] - table[1]).abs() < GOLDEN_JOINT);
+    }
+}

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Any machine the module drives, as its load parameters and pins describe it.
+
+use crate::geometry::{Vector, cross, dot, minus, norm, plus, rotation, scaled, turned, unit};
+use crate::machines::Hexapod;
+use crate::module::{Module, Pose};
+
+/// The letters of a pose, in its order.
+pub const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+
+/// One leg.
+#[derive(Clone, Debug)]
+pub struct Leg {
+    /// Base anchor; of a slider the guide's point with the carriage at 0, of a crank the hip.
+    pub base: Vector,
+    /// Platform anchor, in the platform.
+    pub platform: Vector,
+    /// Kind and what belongs to it.
+    pub kind: Kind,
+}
+
+/// What belongs to a leg of each kind.
+#[derive(Clone, Debug)]
+pub enum Kind {
+    /// Telescopic strut.
+    Strut {
+        /// Fixed axis of the base joint.
+        base_axis: Vector,
+        /// Fixed axis of the platform joint, in the platform.
+        platform_axis: Vector,
+        /// Screw lead.
+        lead: f64,
+    },
+    /// Rod on a carriage.
+    Slider {
+        /// Direction of the guide, any length.
+        guide: Vector,
+        /// Length of the rod.
+        rod: f64,
+        /// Branch.
+        side: i32,
+    },
+    /// Rod on a turning arm.
+    Crank {
+        /// Direction of the axis, any length.
+        axis: Vector,
+        /// From the hip to the arm's end at 0 degrees.
+        arm: Vector,
+        /// Length of the rod.
+        rod: f64,
+        /// Branch.
+        side: i32,
+    },
+}
+
+impl Kind {
+    /// A strut without a lead.
+    pub const PLAIN_STRUT: Self =
+        Self::Strut { base_axis: [0.0; 3], platform_axis: [0.0; 3], lead: 0.0 };
+
+    /// Its name in the load parameter `legs`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Strut { .. } => "strut",
+            Self::Slider { .. } => "slider",
+            Self::Crank { .. } => "crank",
+        }
+    }
+}
+
+impl Leg {
+    /// How far a joint value (without offset) moves the leg's lower end from its base anchor.
+    pub fn displacement(&self, joint: f64) -> Vector {
+        match self.kind {
+            Kind::Strut { .. } => [0.0; 3],
+            Kind::Slider { guide, .. } => scaled(unit(guide), joint),
+            Kind::Crank { axis, arm, .. } => {
+                // Rodrigues: about the unit vector k by the joint value in degrees.
+                let (s, c) = joint.to_radians().sin_cos();
+                let k = unit(axis);
+                let across = plus(scaled(arm, c), scaled(cross(k, arm), s));
+                plus(across, scaled(k, (1.0 - c) * dot(k, arm)))
+            }
+        }
+    }
+
+    /// Unit vector of the lower end's motion; `None` for a leg whose lower end stands still.
+    pub fn motion(&self, joint: f64) -> Option<Vector> {
+        match self.kind {
+            Kind::Strut { .. } => None,
+            Kind::Slider { guide, .. } => Some(unit(guide)),
+            Kind::Crank { axis, .. } => Some(unit(cross(axis, self.displacement(joint)))),
+        }
+    }
+
+    /// The joint value of the other side with its platform anchor at the same place;
+    /// `None` for a leg that has no sides.
+    pub fn other_side(&self, anchor: Vector, joint: f64) -> Option<f64> {
+        let w = minus(anchor, self.base);
+        match self.kind {
+            Kind::Strut { .. } => None,
+            Kind::Slider { guide, .. } => Some(2.0 * dot(unit(guide), w) - joint),
+            Kind::Crank { axis, arm, .. } => {
+                // Mirrored at the plane of axis and platform anchor.
+                let b = dot(w, cross(unit(axis), arm));
+                let a = dot(w, minus(arm, scaled(unit(axis), dot(unit(axis), arm))));
+                Some(2.0 * b.atan2(a).to_degrees() - joint)
+            }
+        }
+    }
+}
+
+/// A parallel machine.
+#[derive(Clone, Debug)]
+pub struct Parallel {
+    /// Legs in joint order.
+    pub legs: Vec<Leg>,
+    /// Load parameter `coordinates`, upper case.
+    pub coordinates: &'static str,
+    /// Load parameter `table`, upper case.
+    pub table: &'static str,
+    /// Point of the platform that held and table letters are about.
+    pub centre: Vector,
+    /// Reference pose.
+    pub home: Option<Pose>,
+    /// Tool offset.
+    pub tool: Vector,
+    /// Spindle offset.
+    pub spindle_offset: f64,
+}
+
+impl Parallel {
+    /// A machine without table, centre and tool.
+    pub fn new(legs: Vec<Leg>, coordinates: &'static str, home: Pose) -> Self {
+        Self {
+            legs,
+            coordinates,
+            table: "",
+            centre: [0.0; 3],
+            home: Some(home),
+            tool: [0.0; 3],
+            spindle_offset: 0.0,
+        }
+    }
+
+    /// Number of joints: legs, then table axes.
+    pub fn joints(&self) -> usize {
+        self.legs.len() + self.table.len()
+    }
+
+    /// Whether a coordinate (X = 0 … C = 5) is moved by legs or table.
+    pub fn moves(&self, coordinate: usize) -> bool {
+        let letter = LETTERS[coordinate].to_uppercase();
+        self.coordinates.contains(&letter) || self.table.contains(&letter)
+    }
+
+    /// D = t − o + R (o + centre): what legs and table together place.
+    pub fn point(&self, pose: &Pose) -> Vector {
+        let o = plus(self.tool, [0.0, 0.0, self.spindle_offset]);
+        let t = [pose[0], pose[1], pose[2]];
+        plus(minus(t, o), turned(&rotation(pose), plus(o, self.centre)))
+    }
+
+    /// Where the legs hold the platform anchor of leg `n`: of D they see 0 in place of
+    /// held and table coordinates.
+    pub fn anchor(&self, pose: &Pose, n: usize) -> Vector {
+        let point = self.point(pose);
+        let seen: Vector = std::array::from_fn(|k| {
+            let moved = self.coordinates.contains(&LETTERS[k].to_uppercase());
+            if moved { point[k] } else { 0.0 }
+        });
+        plus(seen, turned(&rotation(pose), minus(self.legs[n].platform, self.centre)))
+    }
+
+    /// From the lower end of leg `n` at a joint value to its platform anchor.
+    pub fn span(&self, pose: &Pose, n: usize, joint: f64) -> Vector {
+        let leg = &self.legs[n];
+        minus(minus(self.anchor(pose, n), leg.base), leg.displacement(joint))
+    }
+
+    /// The load parameters of this machine.
+    pub fn parameters(&self) -> [(&'static str, String); 3] {
+        let legs: Vec<String> =
+            self.legs.iter().map(|leg| format!("{}:1", leg.kind.name())).collect();
+        [
+            ("legs", legs.join(",")),
+            ("coordinates", self.coordinates.to_string()),
+            ("table", self.table.to_string()),
+        ]
+    }
+
+    /// A module loaded for this machine, nothing on its pins yet.
+    pub fn loaded(&self) -> Module {
+        let parameters = self.parameters();
+        Module::pkmkins(&parameters.each_ref().map(|(name, value)| (*name, value.as_str())))
+    }
+
+    /// A module with this machine on its pins and applied.
+    /// # Panics
+    /// If the geometry is refused.
+    pub fn module(&self) -> Module {
+        let module = self.loaded();
+        assert!(self.apply(&module), "{:?}: {self:?}", module.messages());
+        module
+    }
+
+    /// Puts this machine on a module's pins and applies it; false if it is refused.
+    pub fn apply(&self, module: &Module) -> bool {
+        self.wire(module);
+        module.apply();
+        module.is_on("geometry-ok") && !module.is_on("geometry-changed")
+    }
+
+    /// Sets every pin of the geometry.
+    pub fn wire(&self, module: &Module) {
+        for (n, leg) in self.legs.iter().enumerate() {
+            wire_leg(module, n, leg);
+        }
+        for (letter, value) in LETTERS.into_iter().zip(self.centre) {
+            module.set(&format!("centre.{letter}"), value);
+        }
+        for (i, letter) in LETTERS.into_iter().enumerate() {
+            module.set(&format!("home.{letter}"), self.home.map_or(f64::NAN, |home| home[i]));
+        }
+        for (pin, value) in
+            ["tool-offset-x", "tool-offset-y", "tool-offset"].into_iter().zip(self.tool)
+        {
+            module.set(pin, value);
+        }
+        module.set("spindle-offset", self.spindle_offset);
+    }
+
+    /// Largest distance of an anchor from its body's origin.
+    pub fn size(&self) -> f64 {
+        let anchors = self.legs.iter().flat_map(|leg| [leg.base, leg.platform]);
+        anchors.map(norm).fold(0.0, f64::max)
+    }
+
+    /// Root mean square radius of the platform anchors about their centroid.
+    pub fn radius(&self) -> f64 {
+        let count = self.legs.len() as f64;
+        let centroid: Vector = std::array::from_fn(|k| {
+            self.legs.iter().map(|leg| leg.platform[k]).sum::<f64>() / count
+        });
+        let squares = self.legs.iter().map(|leg| norm(minus(leg.platform, centroid)).powi(2));
+        (squares.sum::<f64>() / count).sqrt()
+    }
+}
+
+/// Sets the pins of leg `n`.
+pub fn wire_leg(module: &Module, n: usize, leg: &Leg) {
+    wire_vector(module, "base", n, leg.base);
+    wire_vector(module, "platform", n, leg.platform);
+    match &leg.kind {
+        Kind::Strut { base_axis, platform_axis, lead } => {
+            wire_vector(module, "base-n", n, *base_axis);
+            wire_vector(module, "platform-n", n, *platform_axis);
+            module.set(&format!("lead.{n}"), *lead);
+        }
+        Kind::Slider { guide, rod, side } => {
+            wire_vector(module, "guide", n, *guide);
+            wire_rod(module, n, *rod, *side);
+        }
+        Kind::Crank { axis, arm, rod, side } => {
+            wire_vector(module, "axis", n, *axis);
+            wire_vector(module, "arm", n, *arm);
+            wire_rod(module, n, *rod, *side);
+        }
+    }
+}
+
+fn wire_rod(module: &Module, n: usize, rod: f64, side: i32) {
+    module.set(&format!("rod.{n}"), rod);
+    module.set(&format!("side.{n}"), f64::from(side));
+}
+
+/// Sets three pins `NAME.N.x`, `.y`, `.z`.
+pub fn wire_vector(module: &Module, name: &str, n: usize, value: Vector) {
+    for (axis, value) in ["x", "y", "z"].into_iter().zip(value) {
+        module.set(&format!("{name}.{n}.{axis}"), value);
+    }
+}
+
+impl From<Hexapod> for Parallel {
+    fn from(hexapod: Hexapod) -> Self {
+        let leg = |i: usize| Leg {
+            base: hexapod.base[i],
+            platform: hexapod.platform[i],
+            kind: Kind::Strut {
+                base_axis: hexapod.base_axis[i],
+                platform_axis: hexapod.platform_axis[i],
+                lead: hexapod.lead,
+            },
+        };
+        Self {
+            legs: (0..6).map(leg).collect(),
+            coordinates: "XYZABC",
+            table: "",
+            centre: [0.0; 3],
+            home: hexapod.home,
+            tool: [0.0, 0.0, hexapod.tool_offset],
+            spindle_offset: hexapod.spindle_offset,
+        }
+    }
+}

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The machines of every kind with their workspaces.
+//!
+//! Dimensions and workspaces are those of configs/; the last two are nobody's, made to
+//! have all kinds of legs, eight of them, a lead, and both ways of charting rotations.
+
+use crate::geometry::{Vector, cross, plus, unit};
+use crate::machines::{Hexapod, lab_hexapod, lab_pose, paper_004, paper_004_pose};
+use crate::module::Pose;
+use crate::parallel::{Kind, Leg, Parallel};
+use crate::random::Random;
+
+/// A machine with the poses of its workspace.
+pub struct Subject {
+    /// For messages.
+    pub name: &'static str,
+    /// The machine.
+    pub machine: Parallel,
+    /// A random pose of the workspace.
+    pub sample: fn(&mut Random) -> Pose,
+}
+
+impl Subject {
+    fn new(name: &'static str, machine: Parallel, sample: fn(&mut Random) -> Pose) -> Self {
+        Self { name, machine, sample }
+    }
+
+    /// The reference pose.
+    /// # Panics
+    /// If the machine has none.
+    pub fn home(&self) -> Pose {
+        self.machine.home.expect("every subject has a reference pose")
+    }
+}
+
+/// Every machine.
+pub fn subjects() -> Vec<Subject> {
+    let mut all = hexapods();
+    all.extend(rods());
+    all.push(Subject::new("tripod", tripod(), tripod_pose));
+    all.push(Subject::new("hybrid of all kinds", hybrid(), hybrid_pose));
+    all.push(Subject::new("eight struts over a table", octopod(), octopod_pose));
+    all
+}
+
+/// Machines of six struts.
+pub fn hexapods() -> Vec<Subject> {
+    let long_tool = Hexapod { tool_offset: 120.0, ..paper_004() };
+    vec![
+        Subject::new("hexapod of paper 004", paper_004().into(), paper_004_pose),
+        Subject::new("the same with a tool", long_tool.into(), paper_004_pose),
+        Subject::new("laboratory hexapod", lab_hexapod().into(), lab_pose),
+    ]
+}
+
+/// Machines of rods on carriages or cranks.
+pub fn rods() -> Vec<Subject> {
+    let with_tool = Parallel { tool: [7.0, -11.0, 80.0], ..pyramid() };
+    let home = Some(pose([0.0, 0.0, -12.0, 0.0, 0.0, 0.0]));
+    let rotary = Parallel { home, ..rotary_delta(10.0, 10.0, 18.0, 5.0) };
+    vec![
+        Subject::new("four-rod lathe", four_rod_lathe(), four_rod_lathe_pose),
+        Subject::new("six-rod lathe", six_rod_lathe(), six_rod_lathe_pose),
+        Subject::new("pyramid", pyramid(), pyramid_pose),
+        Subject::new("pyramid with a tool", with_tool, pyramid_pose),
+        Subject::new("linear delta", linear_delta(163.25, 33.0, 269.0), linear_delta_pose),
+        Subject::new("rotary delta", rotary, rotary_delta_pose),
+    ]
+}
+
+/// A pose of six coordinates.
+pub const fn pose(c: [f64; 6]) -> Pose {
+    [c[0], c[1], c[2], c[3], c[4], c[5], 0.0, 0.0, 0.0]
+}
+
+/// A pose of a box; `half` sizes about `middle`.
+fn in_box(random: &mut Random, middle: [f64; 6], half: [f64; 6]) -> Pose {
+    let mut pose = pose(middle);
+    for (value, half) in pose.iter_mut().zip(half) {
+        *value += random.within(half);
+    }
+    pose
+}
+
+fn slider(base: Vector, platform: Vector, guide: Vector, rod: f64, side: i32) -> Leg {
+    Leg { base, platform, kind: Kind::Slider { guide, rod, side } }
+}
+
+const UP: Vector = [0.0, 0.0, 1.0];
+
+/// Reference pose of both lathes.
+const LATHE_HOME: Pose = pose([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]);
+
+/// The four-rod lathe of Kuznetsov, Dmytriev, Dinevych; dimensions of configs/four-rod-lathe.
+pub fn four_rod_lathe() -> Parallel {
+    let leg =
+        |rail: f64, z: f64, side| slider([rail, 0.0, 0.0], [rail / 3.0, 0.0, z], UP, 700.0, side);
+    let legs = vec![
+        leg(450.0, -60.0, -1),
+        leg(450.0, 60.0, 1),
+        leg(-450.0, -60.0, -1),
+        leg(-450.0, 60.0, 1),
+    ];
+    Parallel::new(legs, "XYZB", LATHE_HOME)
+}
+
+fn four_rod_lathe_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 450.0, 1000.0, 0.0, 0.0, 0.0], [120.0, 70.0, 400.0, 0.0, 20.0, 0.0])
+}
+
+/// The six-rod lathe of the same authors; dimensions of configs/six-rod-lathe.
+pub fn six_rod_lathe() -> Parallel {
+    let mut machine = four_rod_lathe();
+    let third =
+        |sign: f64| slider([600.0 * sign, 0.0, 0.0], [100.0 * sign, -150.0, 0.0], UP, 700.0, 1);
+    machine.legs.insert(2, third(1.0));
+    machine.legs.push(third(-1.0));
+    machine.coordinates = "XYZABC";
+    machine
+}
+
+fn six_rod_lathe_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 445.0, 1000.0, 0.0, 0.0, 0.0], [70.0, 35.0, 400.0, 12.0, 12.0, 12.0])
+}
+
+/// The drill-milling machine of Dmytriev, Piven, Keba; dimensions of configs/pyramid.
+pub fn pyramid() -> Parallel {
+    let leg = |x: f64, y: f64| {
+        let base = [700.0 * x, 700.0 * y, 200.0];
+        slider(base, [120.0 * x, 120.0 * y, 150.0], [-500.0 * x, -500.0 * y, 1000.0], 550.0, 1)
+    };
+    let legs = vec![leg(1.0, 0.0), leg(0.0, 1.0), leg(-1.0, 0.0), leg(0.0, -1.0)];
+    let home = pose([0.0, 0.0, 270.0, 0.0, 0.0, 0.0]);
+    Parallel { table: "XY", centre: [0.0, 0.0, 150.0], ..Parallel::new(legs, "ZAB", home) }
+}
+
+/// A pose of the pyramid's workspace.
+pub fn pyramid_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, 270.0, 0.0, 0.0, 0.0], [150.0, 150.0, 120.0, 20.0, 20.0, 0.0])
+}
+
+/// Directions of three legs at `degrees`, in that order.
+fn spokes(degrees: [f64; 3]) -> [Vector; 3] {
+    degrees.map(|at| {
+        let (s, c) = f64::to_radians(at).sin_cos();
+        [c, s, 0.0]
+    })
+}
+
+fn along(spoke: Vector, radius: f64) -> Vector {
+    spoke.map(|v| v * radius)
+}
+
+/// A linear delta with towers where LinuxCNC's lineardeltakins has them.
+pub fn linear_delta(towers: f64, effector: f64, rod: f64) -> Parallel {
+    let leg = |d: Vector| slider(along(d, towers), along(d, effector), UP, rod, 1);
+    let legs = spokes([90.0, 210.0, 330.0]).map(leg).to_vec();
+    // A third of the rod up: for the dimensions of configs/linear-delta inside its workspace.
+    Parallel::new(legs, "XYZ", pose([0.0, 0.0, rod / 3.0, 0.0, 0.0, 0.0]))
+}
+
+fn linear_delta_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, 50.0, 0.0, 0.0, 0.0], [80.0, 80.0, 50.0, 0.0, 0.0, 0.0])
+}
+
+/// A rotary delta with arms where LinuxCNC's rotarydeltakins has them; at its reference
+/// pose the foot hangs where shins stand square to thighs.
+pub fn rotary_delta(platform: f64, thigh: f64, shin: f64, foot: f64) -> Parallel {
+    let leg = |d: Vector| Leg {
+        base: along(d, platform),
+        platform: along(d, foot),
+        kind: Kind::Crank { axis: cross(UP, d), arm: along(d, thigh), rod: shin, side: -1 },
+    };
+    let legs = spokes([270.0, 30.0, 150.0]).map(leg).to_vec();
+    let depth = (thigh * thigh + shin * shin - (platform - foot).powi(2)).sqrt();
+    Parallel::new(legs, "XYZ", pose([0.0, 0.0, -depth, 0.0, 0.0, 0.0]))
+}
+
+fn rotary_delta_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, -14.0, 0.0, 0.0, 0.0], [4.0, 4.0, 4.0, 0.0, 0.0, 0.0])
+}
+
+/// Three struts to one point, with base joints where LinuxCNC's tripodkins has them.
+pub fn three_struts(bx: f64, cx: f64, cy: f64, home: Pose) -> Parallel {
+    let leg = |base| Leg { base, platform: [0.0; 3], kind: Kind::PLAIN_STRUT };
+    let legs = vec![leg([0.0; 3]), leg([bx, 0.0, 0.0]), leg([cx, cy, 0.0])];
+    Parallel::new(legs, "XYZ", home)
+}
+
+/// The tripod of configs/tripod.
+pub fn tripod() -> Parallel {
+    three_struts(10.0, 5.0, 7.071, pose([5.0, 1.768, 3.06, 0.0, 0.0, 0.0]))
+}
+
+fn tripod_pose(random: &mut Random) -> Pose {
+    in_box(random, [5.0, 1.75, 3.25, 0.0, 0.0, 0.0], [1.5, 1.25, 0.75, 0.0, 0.0, 0.0])
+}
+
+/// Two struts with a lead, two carriages on upright guides and two cranks with arms that
+/// lean along their axes, at the anchors of paper 004's hexapod.
+pub fn hybrid() -> Parallel {
+    let mut machine = Parallel::from(paper_004());
+    for (i, leg) in machine.legs.iter_mut().enumerate().skip(2) {
+        leg.kind = if i < 4 {
+            Kind::Slider { guide: [0.0, 0.0, -3.0], rod: 700.0, side: -1 }
+        } else {
+            crank_inwards(leg.base)
+        };
+    }
+    machine
+}
+
+/// A crank whose arm points inwards and a little along its axis.
+fn crank_inwards(hip: Vector) -> Kind {
+    let inwards = unit([-hip[0], -hip[1], 0.0]);
+    let axis = cross(inwards, UP);
+    let arm = plus(along(inwards, 200.0), along(axis, 30.0));
+    Kind::Crank { axis: along(axis, 2.0), arm, rod: 900.0, side: 1 }
+}
+
+fn hybrid_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, 250.0, 0.0, 0.0, 0.0], [60.0, 60.0, 80.0, 10.0, 10.0, 10.0])
+}
+
+/// Eight struts that move a platform along X Y A B C, over a table that moves along Z.
+pub fn octopod() -> Parallel {
+    let ring = |radius: f64, turn: f64, z: f64, i: usize| {
+        let at = 45.0 * i as f64 + turn * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let (s, c) = at.to_radians().sin_cos();
+        [radius * c, radius * s, z]
+    };
+    let leg = |i: usize| Leg {
+        base: ring(560.0, 12.0, 900.0, i),
+        platform: ring(200.0, -12.0, 0.0, i),
+        kind: Kind::PLAIN_STRUT,
+    };
+    let legs = (0..8).map(leg).collect();
+    let home = pose([0.0, 0.0, 100.0, 0.0, 0.0, 0.0]);
+    Parallel { table: "Z", centre: [0.0, 0.0, 50.0], ..Parallel::new(legs, "XYABC", home) }
+}
+
+fn octopod_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, 100.0, 0.0, 0.0, 0.0], [80.0, 80.0, 90.0, 15.0, 15.0, 15.0])
+}
+
+/// Five struts to points of the tool's axis, as LinuxCNC's pentakins has them where its
+/// effector rings have no radius.
+pub fn pentapod(base: [Vector; 5], heights: [f64; 5]) -> Parallel {
+    let leg =
+        |i: usize| Leg { base: base[i], platform: [0.0, 0.0, heights[i]], kind: Kind::PLAIN_STRUT };
+    Parallel::new((0..5).map(leg).collect(), "XYZAB", pose([0.0; 6]))
+}

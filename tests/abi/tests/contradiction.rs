@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! More legs than coordinates: joints that contradict each other a little are averaged,
+//! which `.residual` shows; more than `.residual-limit` is a code that names the leg.
+
+use abi_tests::geometry::norm;
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::{Kind, Parallel};
+use abi_tests::random::{Random, cases};
+use abi_tests::subjects::{Subject, octopod, pyramid, pyramid_pose, subjects};
+use abi_tests::tolerances::{
+    LEAST_SQUARES_STEP, PYRAMID_RESIDUAL, PYRAMID_RESIDUAL_MM, SETTLED_RESIDUAL_REL,
+};
+use kinematics::Cause;
+
+fn home() -> Pose {
+    pyramid().home.expect("given")
+}
+
+/// The pyramid's joints at home with one carriage `off` millimetres from its place.
+fn with_error(module: &Module, leg: usize, off: f64) -> Joints {
+    let mut joints = module.inverse(&home()).expect("home");
+    joints[leg] += off;
+    joints
+}
+
+#[test]
+fn one_carriage_a_millimetre_off_passes_and_leaves_a_quarter_of_it() {
+    let module = pyramid().module();
+    for leg in 0..4 {
+        for off in [1.0, -1.0] {
+            let joints = with_error(&module, leg, off);
+            module.forward(&joints, &home()).expect("a following error");
+            let residual = module.get("residual");
+            assert!(
+                (residual - PYRAMID_RESIDUAL).abs() <= PYRAMID_RESIDUAL_MM,
+                "{leg} {off}: {residual}"
+            );
+        }
+    }
+}
+
+#[test]
+fn joints_of_a_pose_leave_no_residual() {
+    for subject in redundant() {
+        let module = subject.machine.module();
+        let mut random = Random::new(51);
+        for _ in 0..cases(1_000) {
+            let pose = (subject.sample)(&mut random);
+            let joints = module.inverse(&pose).expect("a pose of the workspace");
+            module.forward(&joints, &subject.home()).expect("its own joints");
+            let residual = module.get("residual");
+            let allowed = SETTLED_RESIDUAL_REL * subject.machine.size();
+            assert!(residual <= allowed, "{}: {residual} at {pose:?}", subject.name);
+        }
+    }
+}
+
+fn redundant() -> Vec<Subject> {
+    let moved = |machine: &Parallel| machine.coordinates.len();
+    subjects().into_iter().filter(|s| s.machine.legs.len() > moved(&s.machine)).collect()
+}
+
+/// The default is 5e-3 of the platform's radius, 0.6 mm of 120 mm: a quarter of 2.4 mm.
+#[test]
+fn by_default_a_carriage_more_than_two_millimetres_off_is_refused_and_named() {
+    let module = pyramid().module();
+    for leg in 0..4 {
+        for off in [2.3, -2.3] {
+            let joints = with_error(&module, leg, off);
+            assert!(module.forward(&joints, &home()).is_ok(), "{leg} {off}");
+        }
+        for off in [2.5, -2.5, 5.0, -20.0] {
+            assert_contradiction(&module, leg, off);
+        }
+    }
+}
+
+fn assert_contradiction(module: &Module, leg: usize, off: f64) {
+    let joints = with_error(module, leg, off);
+    let mut world = home();
+    let code = module.forward_into(&joints, &mut world);
+    assert_eq!(code, Cause::JointsInconsistent.code(), "{leg} {off}");
+    assert!(world[..5].iter().all(|v| v.is_nan()), "{world:?}");
+    assert_eq!(world[5..], home()[5..], "C is held, U V W belong to somebody else");
+    assert!(module.is_on("fwd-kins-fail"));
+    module.monitor();
+    assert_eq!(module.get("fault-leg"), leg as f64, "{off}");
+    assert_eq!(module.get("fault"), f64::from(Cause::JointsInconsistent.code()));
+}
+
+#[test]
+fn the_limit_is_live_and_0_is_the_default() {
+    let module = pyramid().module();
+    let joints = with_error(&module, 2, 1.0);
+    for (limit, passes) in
+        [(0.26, true), (0.24, false), (0.0, true), (1e-6, false), (-0.0, true), (1e6, true)]
+    {
+        module.set("residual-limit", limit);
+        let found = module.forward(&joints, &home());
+        let refused = Err(Cause::JointsInconsistent.code());
+        assert!(if passes { found.is_ok() } else { found == refused }, "{limit}: {found:?}");
+    }
+    // Wide enough, what the default refuses passes.
+    module.set("residual-limit", 10.0);
+    assert!(module.forward(&with_error(&module, 0, 20.0), &home()).is_ok());
+}
+
+#[test]
+fn a_limit_that_is_no_positive_number_is_refused() {
+    let module = pyramid().module();
+    let joints = module.inverse(&home()).expect("home");
+    for limit in [-1.0, -1e-300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        module.set("residual-limit", limit);
+        let mut world = home();
+        let code = module.forward_into(&joints, &mut world);
+        assert_eq!(code, Cause::ResidualLimitInvalid.code(), "{limit}");
+        assert!(world[..5].iter().all(|v| v.is_nan()), "{world:?}");
+        assert!(module.inverse(&home()).is_ok(), "{limit} concerns forward only");
+    }
+    module.set("residual-limit", 0.0);
+    assert!(module.forward(&joints, &home()).is_ok());
+}
+
+/// Before homing all joints are 0 and contradict nothing; a limit set wrongly is told then too.
+#[test]
+fn a_wrong_limit_is_told_before_homing() {
+    let module = pyramid().module();
+    module.set("residual-limit", f64::NAN);
+    let code = module.forward_into(&[0.0; 16], &mut home());
+    assert_eq!(code, Cause::ResidualLimitInvalid.code());
+}
+
+#[test]
+fn where_legs_are_as_many_as_coordinates_the_limit_refuses_no_pose() {
+    for subject in subjects().iter().filter(|s| s.name.ends_with("lathe")) {
+        let module = subject.machine.module();
+        module.set("residual-limit", 1e-300);
+        let joints = module.inverse(&subject.home()).expect("home");
+        assert!(module.forward(&joints, &subject.home()).is_ok(), "{}", subject.name);
+    }
+}
+
+#[test]
+fn of_eight_struts_the_one_that_is_off_is_named() {
+    let machine = octopod();
+    let module = machine.module();
+    let home = machine.home.expect("given");
+    let joints = module.inverse(&home).expect("home");
+    for leg in 0..8 {
+        for off in [8.0, -8.0] {
+            let mut broken = joints;
+            broken[leg] += off;
+            let refused = Err(Cause::JointsInconsistent.code());
+            assert_eq!(module.forward(&broken, &home), refused, "{leg} {off}");
+            module.monitor();
+            assert_eq!(module.get("fault-leg"), leg as f64, "{off}");
+        }
+    }
+}
+
+/// Following errors of a moving machine: every carriage lags behind its own place.
+#[test]
+fn following_errors_of_all_carriages_pass_and_blur_the_pose_no_more_than_themselves() {
+    let module = pyramid().module();
+    let mut random = Random::new(52);
+    for _ in 0..cases(10_000) {
+        let pose = pyramid_pose(&mut random);
+        let mut joints = module.inverse(&pose).expect("a pose of the workspace");
+        for joint in &mut joints[..4] {
+            *joint += random.within(0.5);
+        }
+        let found = module.forward(&joints, &pose).expect("half a millimetre each");
+        // Z follows at most a carriage's error over the least rate, 1.3 (golden Jacobian);
+        // at home they are its mean.
+        assert!((found[2] - pose[2]).abs() <= 0.5, "{found:?} of {pose:?}");
+    }
+}
+
+/// What comes back is the least sum of the squared misfits of the legs' lengths: every
+/// pose beside it has a larger one.
+#[test]
+fn the_pose_of_contradicting_joints_is_the_least_squares_one() {
+    for subject in redundant() {
+        let module = subject.machine.module();
+        module.set("residual-limit", subject.machine.size());
+        let mut random = Random::new(53);
+        for _ in 0..cases(300) {
+            let pose = (subject.sample)(&mut random);
+            let mut joints = module.inverse(&pose).expect("a pose of the workspace");
+            for joint in &mut joints[..subject.machine.legs.len()] {
+                *joint += random.within(2.0);
+            }
+            let found = module.forward(&joints, &pose).expect("wide limit");
+            let least = misfit(&subject.machine, &joints, &found);
+            assert!(least > 0.0);
+            for c in (0..6).filter(|c| is_of_legs(&subject.machine, *c)) {
+                for step in [LEAST_SQUARES_STEP, -LEAST_SQUARES_STEP] {
+                    let mut beside = found;
+                    beside[c] += step;
+                    let there = misfit(&subject.machine, &joints, &beside);
+                    assert!(there > least, "{} {c} {step}: {there} {least}", subject.name);
+                }
+            }
+        }
+    }
+}
+
+fn is_of_legs(machine: &Parallel, coordinate: usize) -> bool {
+    machine.coordinates.contains(["X", "Y", "Z", "A", "B", "C"][coordinate])
+}
+
+/// Sum of the squared differences between the legs' lengths and those they should have.
+fn misfit(machine: &Parallel, joints: &Joints, pose: &Pose) -> f64 {
+    let of = |n: usize| {
+        let length = match machine.legs[n].kind {
+            Kind::Strut { .. } => joints[n],
+            Kind::Slider { rod, .. } | Kind::Crank { rod, .. } => rod,
+        };
+        (norm(machine.span(pose, n, joints[n])) - length).powi(2)
+    };
+    (0..machine.legs.len()).map(of).sum()
+}

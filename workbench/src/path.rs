@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Joints along a path: how far the control point has come, and what that took of every
+//! joint (the carriage curves of paper 003, table 2, added up step by step).
+
+use kinematics::{Joints, MAX_JOINTS};
+
+/// One place of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Along {
+    /// Length of the path of the control point so far, machine units.
+    pub length: f64,
+    /// Change of every joint so far, in its unit.
+    pub change: Joints,
+}
+
+/// Path length and joint changes since the first of these poses (x y z …) with their joints.
+pub fn along(places: impl IntoIterator<Item = ([f64; 6], Joints)>) -> Vec<Along> {
+    let mut places = places.into_iter();
+    let Some(mut last) = places.next() else { return vec![] };
+    let mut now = Along { length: 0.0, change: [0.0; MAX_JOINTS] };
+    let mut all = vec![now];
+    for (pose, joints) in places {
+        let squares = pose.iter().zip(&last.0).take(3).map(|(a, b)| (a - b) * (a - b));
+        now.length += squares.sum::<f64>().sqrt();
+        for (i, change) in now.change.iter_mut().enumerate() {
+            *change += joints[i] - last.1[i];
+        }
+        last = (pose, joints);
+        all.push(now);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_and_changes_add_up_and_turns_have_no_length() {
+        let joints = |first: f64| std::array::from_fn(|i| if i == 0 { first } else { 7.0 });
+        let places = [
+            ([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], joints(10.0)),
+            ([4.0, 4.0, 0.0, 0.0, 0.0, 0.0], joints(12.5)),
+            ([4.0, 4.0, 0.0, 9.0, 0.0, 0.0], joints(11.0)),
+        ];
+        let found: Vec<_> = along(places).iter().map(|a| (a.length, a.change[0])).collect();
+        assert_eq!(found, [(0.0, 0.0), (5.0, 2.5), (5.0, 1.0)]);
+        assert!(along([]).is_empty());
+    }
+}
