@@ -455,8 +455,11 @@ impl Report {
 
 /// Whether a refusal may come from joints and seed alone, as before homing.
 fn is_of_joints(cause: Cause) -> bool {
-    use Cause::{CriterionInvalid, LimitIterationsInvalid, ToolNotFinite};
-    !matches!(cause, CriterionInvalid | LimitIterationsInvalid | ToolNotFinite)
+    use Cause::{CriterionInvalid, LimitIterationsInvalid, ResidualLimitInvalid, ToolNotFinite};
+    !matches!(
+        cause,
+        CriterionInvalid | LimitIterationsInvalid | ResidualLimitInvalid | ToolNotFinite
+    )
 }
 
 /// A seed that says nothing: zeros, or the NaN that a refusal left.
