@@ -19,6 +19,10 @@ struct Outcome {
     wrong: usize,
     /// Refused although the reference tracker reached the pose with a regular Jacobian.
     missed: usize,
+    /// More legs than coordinates only: the least-squares path breaks off, but every leg
+    /// fits the pose. Between two poses the straight joint path is the joints of no pose;
+    /// what is followed there depends on how the legs are weighted, the end does not.
+    fitting: usize,
 }
 
 fn judge(outcome: &mut Outcome, case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) {
@@ -34,6 +38,11 @@ fn judge(outcome: &mut Outcome, case: &Case, tracker: &Tracker, joints: &Joints,
         || tracker.follow_closely(seed, joints).as_ref().is_some_and(is_right)
     {
         outcome.right += 1;
+        return;
+    }
+    let lost = tracker.follow_closely(seed, joints).is_none();
+    if case.geometry.layout().is_redundant() && lost && tracker.fits(&found.pose, joints) {
+        outcome.fitting += 1;
         return;
     }
     let (found, seed) = (found.pose.to_degrees(), seed.to_degrees());

@@ -7,6 +7,7 @@
 //! [`Geometry`] and the pose of the seed. (Joints of the seed come from inverse, which the
 //! tests of the legs' equations check.)
 
+use super::tolerances::WRONG;
 use super::{NO_OFFSET, NO_TOOL};
 use kinematics::{Geometry, Joints, LegGeometry, LegKind, Letter, Machine, Pose, Vector3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
@@ -280,6 +281,13 @@ impl<'a> Tracker<'a> {
             }
         };
         Pose { position, angles }
+    }
+
+    /// Whether every leg fits a pose to the tolerance by which poses count as equal.
+    pub fn fits(&self, pose: &Pose, joints: &Joints) -> bool {
+        let limit = WRONG * self.machine.size();
+        let fits = |residuals: [f64; 8]| residuals.iter().all(|r| r.abs() <= limit);
+        self.equations(joints, &self.state(pose)).is_some_and(|(residuals, _)| fits(residuals))
     }
 
     /// Sign of the square Jacobian's determinant over the active coordinates.
