@@ -281,7 +281,8 @@ pub(crate) mod tests {
         let placed = machine.placed(anchors, place);
         let mut lengths = placed.length;
         if let Some(nut) = &machine.nut {
-            let twist = nut.twist(&placed.directions(), &place.rotation).ok()?;
+            let twist = nut.twist(&placed.directions(), &place.rotation);
+            nut.refuse_along_axis(&twist).ok()?;
             for (length, correction) in lengths.iter_mut().zip(nut.corrections(&twist)) {
                 *length += correction;
             }

@@ -41,7 +41,10 @@ const CHORD_STEP: f64 = 1e-2;
 
 /// Share of the tolerance that the correction after the next one may be expected to
 /// leave: contraction differs from one correction to the next.
-const CHORD_MARGIN: f64 = 0.02;
+const CHORD_MARGIN: f64 = 0.03;
+
+/// Steps that the secant updates of one factorisation remember.
+const SECANTS: usize = 3;
 
 /// Rounding of a residual: no criterion below this share of the size can be met.
 const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -121,18 +124,73 @@ pub(crate) struct Target<const N: usize> {
 }
 
 /// Residuals at a place, with what the rows need.
-struct Measured<const N: usize> {
-    placed: Placed<N>,
-    twist: Option<Twist<N>>,
+#[derive(Clone, Copy)]
+pub(crate) struct Measured<const N: usize> {
+    pub placed: Placed<N>,
+    /// Unit vectors along the legs.
+    pub directions: Lanes3<N>,
+    /// Means something on machines with a nut only.
+    twist: Twist<N>,
     residual: [f64; N],
 }
 
-/// Result of the search before it becomes a pose.
-struct Found<const N: usize> {
+impl<const N: usize> Measured<N> {
+    const ZERO: Self = Self {
+        placed: Placed::ZERO,
+        directions: Lanes3::ZERO,
+        twist: Twist::ZERO,
+        residual: [0.0; N],
+    };
+}
+
+/// Where a search has come to.
+struct End<const N: usize> {
     place: Place,
-    residual: f64,
-    corrections: [f64; N],
-    certificate: Certificate,
+    at: Measured<N>,
+}
+
+/// Broyden's updates of a factorisation by the steps made with it: what they save is a
+/// second factorisation.
+struct Secants {
+    steps: [[f64; 6]; SECANTS],
+    squares: [f64; SECANTS],
+    count: usize,
+}
+
+impl Secants {
+    const NONE: Self = Self { steps: [[0.0; 6]; SECANTS], squares: [1.0; SECANTS], count: 0 };
+
+    #[inline]
+    fn remember(&mut self, step: &[f64; 6]) {
+        let square = dot(step, step);
+        let mut places = self.steps.iter_mut().zip(&mut self.squares);
+        if square > 0.0
+            && let Some((place, of_step)) = places.nth(self.count)
+        {
+            (*place, *of_step) = (*step, square);
+            self.count += 1;
+        }
+    }
+
+    /// The updated step, from that of the old factorisation (Kelley's form of Broyden's
+    /// method: only the steps are kept).
+    #[inline]
+    fn updated(&self, mut step: [f64; 6]) -> [f64; 6] {
+        let known = self.steps.iter().zip(&self.squares).take(self.count);
+        let next = self.steps.iter().skip(1).take(self.count.saturating_sub(1));
+        let mut gain = 0.0;
+        for ((last, square), next) in known.zip(next.map(Some).chain([None])) {
+            gain = dot(last, &step) / square;
+            for (value, by) in step.iter_mut().zip(next.into_iter().flatten()) {
+                *value += gain * by;
+            }
+        }
+        // A larger gain is no update of a factorisation that still serves.
+        if !(gain.abs() < 0.5) {
+            return step;
+        }
+        step.map(|value| value / (1.0 - gain))
+    }
 }
 
 /// The straight line in joint space from the seed's joints to the target.
@@ -156,6 +214,13 @@ struct Step {
     flat: f64,
     /// L η.
     h: f64,
+}
+
+/// A factored place with its Newton step, which is certified.
+struct Ball<'a, const N: usize> {
+    place: &'a Place,
+    qr: &'a Qr<N>,
+    first: Step,
 }
 
 /// A certified step along the path.
@@ -250,22 +315,27 @@ impl<const N: usize> Mechanism<N> {
                 true => f64::INFINITY,
             },
         };
-        let found = match solver.method {
-            Method::Certified => self.search(&target, start, &mut effort)?,
-            Method::PlainNewton => self.plain_newton(&target, start, &mut effort)?,
+        let mut end = End { place: start, at: Measured::ZERO };
+        let certificate = match solver.method {
+            Method::Certified => self.search(&target, start, &mut effort, &mut end)?,
+            Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end)?,
         };
-        if redundant && !(found.residual <= self.residual_limit(solver)) {
+        let residual = self.off(&target, &end.at);
+        if redundant && !(residual <= self.residual_limit(solver)) {
             let leg = self.contradicting(&target, &start);
-            return Err(Fault::of_leg(Cause::JointsInconsistent, leg, found.residual));
+            return Err(Fault::of_leg(Cause::JointsInconsistent, leg, residual));
         }
-        let pose = self.pose_at(&found.place, joints, tool, seed, &trig)?;
+        let corrections = match &self.nut {
+            Some(nut) => nut.corrections(&end.at.twist),
+            None => [0.0; N],
+        };
         Ok(Solution {
-            pose,
+            pose: self.pose_at(&end.place, joints, tool, seed, &trig)?,
             iterations: effort.iterations,
             sub_steps: effort.sub_steps,
-            residual: found.residual,
-            corrections: self.per_leg(&found.corrections),
-            certificate: found.certificate,
+            residual,
+            corrections: self.per_leg(&corrections),
+            certificate,
         })
     }
 
@@ -289,7 +359,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Joint values of the legs; lanes beyond the last leg repeat the first one.
-    #[inline]
+    #[inline(always)]
     fn lanes_of(&self, joints: &Joints) -> [f64; N] {
         let mut lanes = [joints[0]; N];
         for (lane, joint) in lanes.iter_mut().zip(joints).take(self.count()) {
@@ -299,7 +369,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The pose of a place of the platform, with the table where its joints are.
-    #[inline]
+    #[inline(always)]
     fn pose_at(
         &self,
         place: &Place,
@@ -336,7 +406,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Moving base anchors and target lengths of the joints: from here on no leg kind exists.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
         let mut target = Target { anchors: self.base, length: [0.0; N], joints: *joints };
         for (i, joint) in joints.iter().enumerate() {
@@ -384,7 +454,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// A place moved by a step (v, r ω) of the chart.
-    #[inline]
+    #[inline(always)]
     fn moved(&self, place: &Place, step: &[f64; 6]) -> Place {
         let centre = place.centre + Vector3::new(step[0], step[1], step[2]);
         let turn = Vector3::new(step[3], step[4], step[5]) / self.radius;
@@ -401,49 +471,99 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Residual of every leg, length + correction − target length.
-    #[inline]
-    fn measured(&self, target: &Target<N>, place: &Place) -> Result<Measured<N>, Fault> {
-        let placed = self.placed(&target.anchors, place);
-        for i in 0..N {
-            self.refuse_short(i, placed.length[i])?;
-        }
-        let mut residual = placed.length;
-        let mut twist = None;
+    /// Residual of every leg, length + correction − target length, in the place of those
+    /// of a place nearby.
+    #[inline(always)]
+    fn measure_on(
+        &self,
+        target: &Target<N>,
+        place: &Place,
+        at: &mut Measured<N>,
+    ) -> Result<(), Fault> {
+        self.span(target, place, at);
         if let Some(nut) = &self.nut {
-            let at = nut.twist(&placed.directions(), &place.rotation)?;
-            for (r, c) in residual.iter_mut().zip(nut.corrections(&at)) {
-                *r += c;
+            nut.twist_on(&at.directions, &place.rotation, &mut at.twist);
+        }
+        self.compare(target, at)
+    }
+
+    /// The same without a place nearby.
+    #[inline(always)]
+    fn measure(
+        &self,
+        target: &Target<N>,
+        place: &Place,
+        at: &mut Measured<N>,
+    ) -> Result<(), Fault> {
+        self.span(target, place, at);
+        if let Some(nut) = &self.nut {
+            at.twist = nut.twist(&at.directions, &place.rotation);
+        }
+        self.compare(target, at)
+    }
+
+    #[inline(always)]
+    fn span(&self, target: &Target<N>, place: &Place, at: &mut Measured<N>) {
+        self.place(&target.anchors, place, &mut at.placed);
+        at.placed.direct(&mut at.directions);
+        at.residual = at.placed.length;
+    }
+
+    /// Completes the residuals, and refuses legs that have none.
+    #[inline(always)]
+    fn compare(&self, target: &Target<N>, at: &mut Measured<N>) -> Result<(), Fault> {
+        self.refuse_short_legs(&at.placed.length)?;
+        if let Some(nut) = &self.nut {
+            nut.refuse_along_axis(&at.twist)?;
+            let corrections = nut.corrections(&at.twist);
+            for i in 0..N {
+                at.residual[i] += corrections[i];
             }
-            twist = Some(at);
         }
         for i in 0..N {
-            residual[i] -= target.length[i];
+            at.residual[i] -= target.length[i];
         }
-        for value in residual.iter_mut().skip(self.count()) {
+        for value in at.residual.iter_mut().skip(self.count()) {
             *value = 0.0;
         }
-        Ok(Measured { placed, twist, residual })
+        Ok(())
     }
 
+    fn measured(&self, target: &Target<N>, place: &Place) -> Result<Measured<N>, Fault> {
+        let mut at = Measured::ZERO;
+        self.measure(target, place, &mut at)?;
+        Ok(at)
+    }
+
+    /// The twist of a machine that has any.
     #[inline]
+    fn twist_of<'a>(&self, at: &'a Measured<N>) -> Option<&'a Twist<N>> {
+        self.nut.is_some().then_some(&at.twist)
+    }
+
+    /// Rows of the residuals in the chart, column by column.
+    #[inline(always)]
+    fn columns(&self, at: &Measured<N>, place: &Place, columns: &mut [[f64; N]; 6]) {
+        self.charted_rows(&at.placed, &at.directions, self.twist_of(at), place, columns);
+    }
+
+    #[inline(always)]
+    fn factor(&self, at: &Measured<N>, place: &Place, qr: &mut Qr<N>) -> Result<(), Fault> {
+        match qr.renew(&self.active, |columns| self.columns(at, place, columns)) {
+            true => Ok(()),
+            false => Err(Cause::Singular.into()),
+        }
+    }
+
     fn factored(&self, at: &Measured<N>, place: &Place) -> Result<Qr<N>, Fault> {
-        let columns = self.rows(&at.placed, &at.placed.directions(), at.twist.as_ref());
-        Qr::new(&self.charted(columns, place), &self.active).ok_or(Cause::Singular.into())
-    }
-
-    /// Residuals and factorisation at a place.
-    #[inline]
-    fn at(&self, target: &Target<N>, place: &Place) -> Result<(Measured<N>, Qr<N>), Fault> {
-        let at = self.measured(target, place)?;
-        let qr = self.factored(&at, place)?;
-        Ok((at, qr))
+        let mut qr = Qr::ZERO;
+        self.factor(at, place, &mut qr)?;
+        Ok(qr)
     }
 
     /// L of the ball of radius `rho` about a measured place.
-    #[inline]
     fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Result<f64, Fault> {
-        flatness(self, &at.placed, at.twist.as_ref(), qr, rho, None)
+        flatness(self, &at.placed, self.twist_of(at), qr, rho, None)
     }
 
     /// One certified ball if that reaches the target, certified tracking otherwise.
@@ -453,7 +573,8 @@ impl<const N: usize> Mechanism<N> {
         target: &Target<N>,
         start: Place,
         effort: &mut Effort,
-    ) -> Result<Found<N>, Fault> {
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
         let motion = if self.moving {
             self.motion(&self.target(&self.joints_at(&start)?)?, target)
         } else {
@@ -461,11 +582,13 @@ impl<const N: usize> Mechanism<N> {
         };
         let ahead = self.taken_along(&start, motion.as_ref());
         effort.spend()?;
-        let h_whole = match self.at(target, &ahead) {
-            Ok((at, qr)) => {
-                let first = self.first_step(&at, &qr, 0.0, target, motion.as_ref());
+        let mut qr = Qr::ZERO;
+        let measured = self.measure(target, &ahead, &mut end.at);
+        let h_whole = match measured.and_then(|()| self.factor(&end.at, &ahead, &mut qr)) {
+            Ok(()) => {
+                let first = self.first_step(&end.at, &qr, 0.0, target, motion.as_ref());
                 if first.h <= CERTIFIED {
-                    return self.near(target, &ahead, &at, &qr, &first, effort);
+                    return self.near(target, &Ball { place: &ahead, qr: &qr, first }, effort, end);
                 }
                 first.h
             }
@@ -473,13 +596,15 @@ impl<const N: usize> Mechanism<N> {
             Err(_) if self.moving => f64::INFINITY,
             Err(fault) => return Err(fault),
         };
-        let (place, at, qr) = self.track(target, start, h_whole, effort)?;
+        let place = self.track(target, start, h_whole, effort)?;
+        self.measure(target, &place, &mut end.at)?;
+        self.factor(&end.at, &place, &mut qr)?;
         effort.spend()?;
-        let first = self.first_step(&at, &qr, 0.0, target, None);
+        let first = self.first_step(&end.at, &qr, 0.0, target, None);
         if !(first.h <= CERTIFIED) {
             return Err(Fault::with_value(Cause::NotCertified, first.h));
         }
-        self.near(target, &place, &at, &qr, &first, effort)
+        self.near(target, &Ball { place: &place, qr: &qr, first }, effort, end)
     }
 
     /// Newton's step from a measured place towards `target`, and how flat the ball is that
@@ -502,34 +627,35 @@ impl<const N: usize> Mechanism<N> {
             let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
             turned = drift(self, &at.placed, qr, 2.0 * reach, motion, margin);
         }
-        let flat = flatness(self, &at.placed, at.twist.as_ref(), qr, 2.0 * reach, motion)
+        let flat = flatness(self, &at.placed, self.twist_of(at), qr, 2.0 * reach, motion)
             .unwrap_or(f64::INFINITY);
         Step { step, length, flat, h: flat * reach + turned }
     }
 
-    /// Converges within the ball about `centre`, whose first step is known.
+    /// Converges within the ball, whose residuals `end` holds.
     #[inline]
     fn near(
         &self,
         target: &Target<N>,
-        centre: &Place,
-        at: &Measured<N>,
-        qr: &Qr<N>,
-        first: &Step,
+        ball: &Ball<'_, N>,
         effort: &mut Effort,
-    ) -> Result<Found<N>, Fault> {
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
+        let Ball { first, .. } = ball;
         let redundant = self.layout.is_redundant();
-        let mut place = self.moved(centre, &first.step);
+        end.place = self.moved(ball.place, &first.step);
+        self.measure_on(target, &end.place, &mut end.at)?;
         let mut length = first.length;
         let mut contraction = 1.0;
         let mut travelled = length;
-        let mut current = self.measured(target, &place)?;
         let mut renewed = None;
+        let mut secants = Secants::NONE;
+        secants.remember(&first.step);
         let mut converged = false;
         for _ in 0..=MAX_CORRECTIONS {
-            let used = renewed.as_ref().unwrap_or(qr);
-            let error = (length * contraction).min(used.inverse_norm() * norm(&current.residual));
-            converged = effort.is_converged(error, &current.residual);
+            let used = renewed.as_ref().unwrap_or(ball.qr);
+            let error = (length * contraction).min(used.inverse_norm() * norm(&end.at.residual));
+            converged = effort.is_converged(error, &end.at.residual);
             if converged {
                 break;
             }
@@ -540,40 +666,45 @@ impl<const N: usize> Mechanism<N> {
                 || length > CHORD_STEP * self.radius
                 || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
             {
-                renewed = Some(self.factored(&current, &place)?);
+                renewed = Some(self.factored(&end.at, &end.place)?);
+                secants = Secants::NONE;
             }
             effort.spend()?;
-            let correction = newton_step(renewed.as_ref().unwrap_or(qr), &current.residual);
+            let used = renewed.as_ref().unwrap_or(ball.qr);
+            let correction = secants.updated(newton_step(used, &end.at.residual));
+            secants.remember(&correction);
             let shorter = norm(&correction);
             contraction = shorter / length;
             length = shorter;
             travelled += length;
-            place = self.moved(&place, &correction);
-            current = self.measured(target, &place)?;
+            end.place = self.moved(&end.place, &correction);
+            self.measure_on(target, &end.place, &mut end.at)?;
         }
         if !converged {
-            return Err(Fault::with_value(Cause::NotConverged, largest(&current.residual)));
+            return Err(Fault::with_value(Cause::NotConverged, largest(&end.at.residual)));
         }
-        let reach = self.reach(at, qr, first, travelled);
+        let reach = self.reach(target, ball, travelled);
         if !(reach < 1.0) {
             return Err(Fault::with_value(Cause::NotCertified, reach));
         }
         if self.moving {
-            self.refuse_dead_points(&current.placed, &target.joints)?;
+            self.refuse_dead_points(&end.at.placed, &target.joints)?;
         }
         if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
-            self.refuse_nearly_singular(at, qr)?;
+            self.refuse_nearly_singular(&self.measured(target, ball.place)?, ball.qr)?;
         }
-        Ok(self.found(target, place, &current, Certificate::Ball(reach)))
+        Ok(Certificate::Ball(reach))
     }
 
     /// L(d) d of the distance travelled; the ball of the first step serves if it is as large.
     #[inline]
-    fn reach(&self, at: &Measured<N>, qr: &Qr<N>, first: &Step, travelled: f64) -> f64 {
-        if travelled <= 2.0 * first.length {
-            return first.flat * travelled;
+    fn reach(&self, target: &Target<N>, ball: &Ball<'_, N>, travelled: f64) -> f64 {
+        if travelled <= 2.0 * ball.first.length {
+            return ball.first.flat * travelled;
         }
-        self.flat(at, qr, travelled).unwrap_or(f64::INFINITY) * travelled
+        let at = self.measured(target, ball.place);
+        let flat = at.and_then(|at| self.flat(&at, ball.qr, travelled));
+        flat.unwrap_or(f64::INFINITY) * travelled
     }
 
     /// Follows the straight joint path from the seed to `target` by certified
@@ -591,17 +722,19 @@ impl<const N: usize> Mechanism<N> {
         start: Place,
         h_whole: f64,
         effort: &mut Effort,
-    ) -> Result<(Place, Measured<N>, Qr<N>), Fault> {
+    ) -> Result<Place, Fault> {
         let from = self.joints_at(&start)?;
         let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
+        let (mut at, mut qr) = (Measured::ZERO, Qr::ZERO);
         let mut done = 0.0;
         let mut share = shrunk(1.0, h_whole);
         effort.sub_steps = 0;
         while effort.sub_steps < MAX_SUB_STEPS {
             effort.sub_steps += 1;
             let here = self.target(&along(done))?;
-            let (at, qr) = self.at(&here, &place)?;
+            self.measure(&here, &place, &mut at)?;
+            self.factor(&at, &place, &mut qr)?;
             if self.moving {
                 self.refuse_dead_points(&at.placed, &here.joints)?;
             }
@@ -614,8 +747,7 @@ impl<const N: usize> Mechanism<N> {
             place = taken.place;
             done += taken.share;
             if taken.arrives {
-                let (at, qr) = self.at(target, &place)?;
-                return Ok((place, at, qr));
+                return Ok(place);
             }
             share = taken.share * 0.95 * (CERTIFIED / taken.h).min(4.0);
         }
@@ -666,20 +798,6 @@ impl<const N: usize> Mechanism<N> {
         Err(Cause::NearlySingular.into())
     }
 
-    fn found(
-        &self,
-        target: &Target<N>,
-        place: Place,
-        at: &Measured<N>,
-        certificate: Certificate,
-    ) -> Found<N> {
-        let corrections = match (&self.nut, &at.twist) {
-            (Some(nut), Some(twist)) => nut.corrections(twist),
-            _ => [0.0; N],
-        };
-        Found { place, residual: self.off(target, at), corrections, certificate }
-    }
-
     /// Largest error of a joint that the residuals amount to: of a strut's length, of the
     /// place of a carriage, of the end of an arm along its circle.
     fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
@@ -716,8 +834,8 @@ impl<const N: usize> Mechanism<N> {
         start: &Place,
     ) -> Result<f64, Fault> {
         let mut at = self.measured(target, start)?;
-        let columns = self.rows(&at.placed, &at.placed.directions(), at.twist.as_ref());
-        let mut columns = self.charted(columns, start);
+        let mut columns = [[0.0; N]; 6];
+        self.columns(&at, start, &mut columns);
         let without = |values: &mut [f64; N]| {
             for (i, value) in values.iter_mut().enumerate() {
                 if i == leg {
@@ -744,25 +862,28 @@ impl<const N: usize> Mechanism<N> {
         target: &Target<N>,
         start: Place,
         effort: &mut Effort,
-    ) -> Result<Found<N>, Fault> {
-        let seed = if self.moving {
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
+        let motion = if self.moving {
             self.motion(&self.target(&self.joints_at(&start)?)?, target)
         } else {
             None
         };
-        let mut place = self.taken_along(&start, seed.as_ref());
+        let mut qr = Qr::ZERO;
+        end.place = self.taken_along(&start, motion.as_ref());
         loop {
-            let (at, qr) = self.at(target, &place)?;
-            let step = newton_step(&qr, &at.residual);
+            self.measure(target, &end.place, &mut end.at)?;
+            self.factor(&end.at, &end.place, &mut qr)?;
+            let step = newton_step(&qr, &end.at.residual);
             let error = match self.layout.is_redundant() {
-                false => qr.inverse_norm() * norm(&at.residual),
+                false => qr.inverse_norm() * norm(&end.at.residual),
                 true => norm(&step),
             };
-            if effort.is_converged(error, &at.residual) {
-                return Ok(self.found(target, place, &at, Certificate::None));
+            if effort.is_converged(error, &end.at.residual) {
+                return Ok(Certificate::None);
             }
             effort.spend()?;
-            place = self.moved(&place, &step);
+            end.place = self.moved(&end.place, &step);
         }
     }
 }
@@ -779,11 +900,16 @@ fn newton_step<const N: usize>(qr: &Qr<N>, residual: &[f64; N]) -> [f64; 6] {
 
 #[inline]
 fn norm<const M: usize>(v: &[f64; M]) -> f64 {
+    sqrt(dot(v, v))
+}
+
+#[inline]
+fn dot<const M: usize>(a: &[f64; M], b: &[f64; M]) -> f64 {
     let mut sum = 0.0;
-    for x in v {
-        sum += x * x;
+    for (x, y) in a.iter().zip(b) {
+        sum += x * y;
     }
-    sqrt(sum)
+    sum
 }
 
 #[inline]

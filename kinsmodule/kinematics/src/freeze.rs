@@ -213,7 +213,8 @@ impl<const N: usize> Mechanism<N> {
         let placed = self.placed(&anchors, place);
         let n = placed.directions();
         let twist = self.twist(&n, &place.rotation)?;
-        let columns = self.charted(self.rows(&placed, &n, twist.as_ref()), place);
+        let mut columns = [[0.0; N]; 6];
+        self.charted_rows(&placed, &n, twist.as_ref(), place, &mut columns);
         let qr = Qr::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
         let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {

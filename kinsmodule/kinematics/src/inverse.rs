@@ -9,12 +9,17 @@ use crate::machine::{Mechanism, Place, Placed, Segment};
 use crate::pose::{Pose, Trigonometry};
 use nalgebra::Vector3;
 
-/// A pose with its legs, as inverse and Jacobian see it.
-pub(crate) struct Posed<const N: usize> {
+/// A pose as the legs see it.
+pub(crate) struct Stand {
     pub trig: Trigonometry,
     pub place: Place,
     /// The reference point in base, legs and table together.
     pub point: Vector3<f64>,
+}
+
+/// A pose with its legs, as Jacobian and reports see it.
+pub(crate) struct Posed<const N: usize> {
+    pub stand: Stand,
     /// The legs from their base anchors at joint value 0.
     pub placed: Placed<N>,
     pub corrections: [f64; N],
@@ -23,22 +28,32 @@ pub(crate) struct Posed<const N: usize> {
 impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
-        let posed = self.posed(pose, tool)?;
-        let legs = self.joints_of(&posed)?;
+        let stand = self.stand(pose, tool)?;
+        let legs = self.joints_at(&stand.place)?;
         let mut joints = [0.0; MAX_JOINTS];
-        for (joint, leg) in joints.iter_mut().zip(&legs).take(self.count()) {
+        for (joint, leg) in joints.iter_mut().zip(&legs) {
             *joint = *leg;
+        }
+        if self.count() < N || self.layout.joints() > N {
+            self.complete(&mut joints, &stand.point);
+        }
+        // A sum of zeros, unless one of the joints is not finite.
+        if joints.iter().map(|joint| joint * 0.0).sum::<f64>() == 0.0 {
+            return Ok(joints);
+        }
+        let bad = joints.iter().position(|joint| !joint.is_finite()).unwrap_or(0);
+        Err(Fault::of_leg(Cause::ResultNotFinite, bad, joints[bad]))
+    }
+
+    /// Puts the table's joints behind those of the legs, where there were pad lanes.
+    fn complete(&self, joints: &mut Joints, point: &Vector3<f64>) {
+        for joint in joints.iter_mut().skip(self.count()) {
+            *joint = 0.0;
         }
         let table = joints.iter_mut().skip(self.count()).zip(self.layout.table().as_slice());
         for (joint, letter) in table {
-            *joint = posed.point[letter.index().min(2)];
+            *joint = point[letter.index().min(2)];
         }
-        for (i, joint) in joints.iter().enumerate() {
-            if !joint.is_finite() {
-                return Err(Fault::of_leg(Cause::ResultNotFinite, i, *joint));
-            }
-        }
-        Ok(joints)
     }
 
     pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
@@ -53,64 +68,99 @@ impl<const N: usize> Mechanism<N> {
         for (i, segment) in segments.iter_mut().enumerate().take(self.count()) {
             *segment = Segment {
                 base: anchors.get(i),
-                platform: posed.place.centre + posed.placed.arms.get(i),
+                platform: posed.stand.place.centre + posed.placed.arms.get(i),
             };
         }
         Ok(segments)
     }
 
-    /// A pose with its legs; refuses what cannot be one.
+    /// Where a pose puts the platform; refuses what cannot be one.
     #[inline(always)]
-    pub(crate) fn posed(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Posed<N>, Fault> {
-        let (pose, trig) = self.checked(pose)?;
+    fn stand(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Stand, Fault> {
+        pose.check()?;
         if !(tool.x.is_finite() && tool.y.is_finite() && tool.z.is_finite()) {
             return Err(Cause::ToolNotFinite.into());
         }
+        if self.holds {
+            return Ok(self.standing(&self.held(pose, true)?, tool));
+        }
+        Ok(self.standing(pose, tool))
+    }
+
+    #[inline(always)]
+    fn standing(&self, pose: &Pose, tool: &Vector3<f64>) -> Stand {
+        let trig = pose.trigonometry();
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
         let place = Place { centre: self.of_legs(point), rotation, angles: pose.angles };
-        let (placed, corrections) = self.corrected(&place)?;
-        Ok(Posed { trig, place, point, placed, corrections })
+        Stand { trig, place, point }
+    }
+
+    /// A pose with its legs.
+    pub(crate) fn posed(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Posed<N>, Fault> {
+        let stand = self.stand(pose, tool)?;
+        let mut placed = Placed::ZERO;
+        let corrections = self.corrected(&stand.place, &mut placed)?;
+        Ok(Posed { stand, placed, corrections })
     }
 
     /// Legs from their base anchors at joint value 0, and the nut corrections there.
     #[inline(always)]
-    fn corrected(&self, place: &Place) -> Result<(Placed<N>, [f64; N]), Fault> {
-        let placed = self.placed(&self.base, place);
+    fn corrected(&self, place: &Place, placed: &mut Placed<N>) -> Result<[f64; N], Fault> {
+        self.place(&self.base, place, placed);
+        if self.moving {
+            self.refuse_short_struts(placed)?;
+        } else {
+            self.refuse_short_legs(&placed.length)?;
+        }
+        let Some(nut) = &self.nut else { return Ok([0.0; N]) };
+        let twist = nut.twist(&placed.directions(), &place.rotation);
+        nut.refuse_along_axis(&twist)?;
+        Ok(nut.corrections(&twist))
+    }
+
+    /// A rod may start at its platform anchor, a strut may not.
+    fn refuse_short_struts(&self, placed: &Placed<N>) -> Result<(), Fault> {
         for i in 0..self.count() {
             if self.legs[i] == Leg::Strut {
                 self.refuse_short(i, placed.length[i])?;
             }
         }
-        let corrections = match &self.nut {
-            None => [0.0; N],
-            Some(nut) => nut.corrections(&nut.twist(&placed.directions(), &place.rotation)?),
-        };
-        Ok((placed, corrections))
+        Ok(())
     }
 
     /// Joint values of the legs at a place.
     #[inline(always)]
     pub(crate) fn joints_at(&self, place: &Place) -> Result<[f64; N], Fault> {
-        let (placed, corrections) = self.corrected(place)?;
+        let mut placed = Placed::ZERO;
+        let corrections = self.corrected(place, &mut placed)?;
         self.leg_joints(&placed, &corrections)
     }
 
-    #[inline(always)]
     pub(crate) fn joints_of(&self, posed: &Posed<N>) -> Result<[f64; N], Fault> {
         self.leg_joints(&posed.placed, &posed.corrections)
     }
 
     #[inline(always)]
     fn leg_joints(&self, placed: &Placed<N>, corrections: &[f64; N]) -> Result<[f64; N], Fault> {
-        let mut joints = [0.0; N];
+        let mut joints = placed.length;
+        if self.moving {
+            self.native_joints(placed, &mut joints)?;
+        }
         for i in 0..N {
-            let native = self.legs[i]
-                .joint(&placed.span.get(i), placed.length[i])
-                .map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
-            joints[i] = native + corrections[i] - self.offset[i];
+            joints[i] = joints[i] + corrections[i] - self.offset[i];
         }
         Ok(joints)
+    }
+
+    /// Native joint values where not all legs are struts.
+    fn native_joints(&self, placed: &Placed<N>, joints: &mut [f64; N]) -> Result<(), Fault> {
+        for i in 0..N {
+            joints[i] = self.legs[i]
+                .joint(&placed.span.get(i), placed.length[i])
+                .map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
+        }
+        Ok(())
     }
 
     /// Where the joints put the moving base anchors.

@@ -34,7 +34,7 @@ impl<const N: usize> Mechanism<N> {
         let posed = self.posed(pose, tool)?;
         let legs = self.leg_rates(&posed)?;
         // A twist about the control point moves the reference point by v + ω × lever.
-        let lever = posed.place.rotation * (tool + self.reference);
+        let lever = posed.stand.place.rotation * (tool + self.reference);
         let mut jacobian = Jacobian::zeros();
         let mut set = |joint: usize, Rates { force, moment }: &Rates| {
             let moment = moment + lever.cross(force);
@@ -52,14 +52,14 @@ impl<const N: usize> Mechanism<N> {
             force[letter.index().min(2)] = 1.0;
             set(self.count() + i, &Rates { force, moment: Vector3::zeros() });
         }
-        Ok((jacobian, posed.trig))
+        Ok((jacobian, posed.stand.trig))
     }
 
     fn leg_rates(&self, posed: &Posed<N>) -> Result<[Rates; N], Fault> {
         let joints = self.joints_of(posed)?;
-        let placed = self.placed(&self.moved_anchors(&joints)?, &posed.place);
+        let placed = self.placed(&self.moved_anchors(&joints)?, &posed.stand.place);
         let n = placed.directions();
-        let twist = self.twist(&n, &posed.place.rotation)?;
+        let twist = self.twist(&n, &posed.stand.place.rotation)?;
         let rows = self.rows(&placed, &n, twist.as_ref());
         Ok(core::array::from_fn(|i| {
             let motion = self.legs[i].motion(joints[i] + self.offset[i]);
@@ -90,8 +90,8 @@ impl<const N: usize> Mechanism<N> {
         let legs = self.leg_rates(&posed)?;
         let force = Lanes3::from_fn(|i| legs[i].force);
         let moment = Lanes3::from_fn(|i| legs[i].moment);
-        let columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-        let columns = self.charted(columns, &posed.place);
+        let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+        self.to_chart(&mut columns, &posed.stand.place);
         let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
         let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
         for (row, (column, _)) in square.iter_mut().zip(active) {

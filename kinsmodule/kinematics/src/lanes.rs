@@ -1,7 +1,37 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One vector per leg, stored as three arrays: loops over legs then use vector units.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
+use wide::f64x2;
+
+/// Lanes i and i + 1, i even. Two doubles fill the vector registers that every 64-bit
+/// machine has, and a compiler left to itself packs them less well.
+#[inline(always)]
+pub(crate) fn pair<const N: usize>(lanes: &[f64; N], i: usize) -> f64x2 {
+    f64x2::new([lanes[i], lanes[i + 1]])
+}
+
+/// Writes lanes i and i + 1.
+#[inline(always)]
+pub(crate) fn put<const N: usize>(lanes: &mut [f64; N], i: usize, values: f64x2) {
+    [lanes[i], lanes[i + 1]] = values.to_array();
+}
+
+/// The same number in both lanes.
+#[inline(always)]
+pub(crate) fn both(value: f64) -> f64x2 {
+    f64x2::splat(value)
+}
+
+#[inline(always)]
+pub(crate) fn dot(a: &[f64x2; 3], b: &[f64x2; 3]) -> f64x2 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+pub(crate) fn cross(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
 
 /// N vectors, component by component.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +52,20 @@ impl<const N: usize> Lanes3<N> {
         lanes
     }
 
-    #[inline]
+    /// Components of vectors i and i + 1, i even.
+    #[inline(always)]
+    pub fn pair(&self, i: usize) -> [f64x2; 3] {
+        [pair(&self.x, i), pair(&self.y, i), pair(&self.z, i)]
+    }
+
+    #[inline(always)]
+    pub fn put(&mut self, i: usize, [x, y, z]: [f64x2; 3]) {
+        put(&mut self.x, i, x);
+        put(&mut self.y, i, y);
+        put(&mut self.z, i, z);
+    }
+
+    #[inline(always)]
     pub fn get(&self, i: usize) -> Vector3<f64> {
         Vector3::new(self.x[i], self.y[i], self.z[i])
     }
@@ -33,31 +76,7 @@ impl<const N: usize> Lanes3<N> {
         self.z[i] = v.z;
     }
 
-    /// `m · v` for every lane.
-    #[inline]
-    pub fn rotated(&self, m: &Matrix3<f64>) -> Self {
-        let mut out = Self::ZERO;
-        for i in 0..N {
-            out.x[i] = m[(0, 0)] * self.x[i] + m[(0, 1)] * self.y[i] + m[(0, 2)] * self.z[i];
-            out.y[i] = m[(1, 0)] * self.x[i] + m[(1, 1)] * self.y[i] + m[(1, 2)] * self.z[i];
-            out.z[i] = m[(2, 0)] * self.x[i] + m[(2, 1)] * self.y[i] + m[(2, 2)] * self.z[i];
-        }
-        out
-    }
-
-    /// `self + shift − other` for every lane.
-    #[inline]
-    pub fn shifted_minus(&self, shift: &Vector3<f64>, other: &Self) -> Self {
-        let mut out = Self::ZERO;
-        for i in 0..N {
-            out.x[i] = self.x[i] + shift.x - other.x[i];
-            out.y[i] = self.y[i] + shift.y - other.y[i];
-            out.z[i] = self.z[i] + shift.z - other.z[i];
-        }
-        out
-    }
-
-    #[inline]
+    #[inline(always)]
     pub fn cross(&self, other: &Self) -> Self {
         let mut out = Self::ZERO;
         for i in 0..N {
@@ -68,16 +87,7 @@ impl<const N: usize> Lanes3<N> {
         out
     }
 
-    #[inline]
-    pub fn dot(&self, other: &Self) -> [f64; N] {
-        let mut out = [0.0; N];
-        for i in 0..N {
-            out[i] = self.x[i] * other.x[i] + self.y[i] * other.y[i] + self.z[i] * other.z[i];
-        }
-        out
-    }
-
-    #[inline]
+    #[inline(always)]
     pub fn scaled(&self, factor: &[f64; N]) -> Self {
         let mut out = *self;
         for i in 0..N {

@@ -10,12 +10,11 @@ use crate::fault::{Cause, Fault};
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
-use crate::lanes::Lanes3;
+use crate::lanes::{Lanes3, both, cross, dot, pair, put};
 use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
-use crate::pose::{Pose, Trigonometry};
-use libm::sqrt;
+use crate::pose::Pose;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Shortest leg that still has a direction, as a share of the size.
@@ -246,6 +245,7 @@ pub(crate) struct Place {
 }
 
 /// The legs at one place of the platform.
+#[derive(Clone, Copy)]
 pub(crate) struct Placed<const N: usize> {
     /// Arms in base (R times the platform anchor about the reference point).
     pub arms: Lanes3<N>,
@@ -255,33 +255,32 @@ pub(crate) struct Placed<const N: usize> {
 }
 
 impl<const N: usize> Placed<N> {
+    pub const ZERO: Self = Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N] };
+
     /// Unit vectors along the legs, base to platform.
-    #[inline]
+    #[inline(always)]
     pub fn directions(&self) -> Lanes3<N> {
-        let mut inverse = [0.0; N];
-        for i in 0..N {
+        let mut n = Lanes3::ZERO;
+        self.direct(&mut n);
+        n
+    }
+
+    /// The same in a place that exists.
+    #[inline(always)]
+    pub fn direct(&self, n: &mut Lanes3<N>) {
+        for i in (0..N).step_by(2) {
             // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
-            inverse[i] = 1.0 / self.length[i].max(f64::MIN_POSITIVE);
+            let length = pair(&self.length, i).max(both(f64::MIN_POSITIVE));
+            n.put(i, self.span.pair(i).map(|component| component / length));
         }
-        self.span.scaled(&inverse)
     }
 }
 
 impl<const N: usize> Mechanism<N> {
     /// Number of legs; a bound that the compiler knows.
-    #[inline]
+    #[inline(always)]
     pub fn count(&self) -> usize {
         self.layout.legs().min(N)
-    }
-
-    /// The pose with its held coordinates at exactly 0, its sines and cosines, and what
-    /// has to be refused about it.
-    #[inline]
-    pub fn checked(&self, pose: &Pose) -> Result<(Pose, Trigonometry), Fault> {
-        pose.check()?;
-        let pose = if self.holds { self.held(pose, true)? } else { *pose };
-        let trig = pose.trigonometry();
-        Ok((pose, trig))
     }
 
     /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
@@ -308,7 +307,7 @@ impl<const N: usize> Mechanism<N> {
 
     /// The reference point in base, legs and table together, for a pose with rotation `r`:
     /// t − o + R (o + reference). The tool o changes nothing while R = 1.
-    #[inline]
+    #[inline(always)]
     pub fn point(
         &self,
         position: &Vector3<f64>,
@@ -319,7 +318,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The part of a point, or of a velocity, that the legs take.
-    #[inline]
+    #[inline(always)]
     pub fn of_legs(&self, mut v: Vector3<f64>) -> Vector3<f64> {
         for k in 0..3 {
             if !self.active[k] {
@@ -330,15 +329,32 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Legs between `anchors` (moving base anchors) and the platform at a place.
-    #[inline]
+    #[inline(always)]
     pub fn placed(&self, anchors: &Lanes3<N>, place: &Place) -> Placed<N> {
-        let arms = self.arms.rotated(&place.rotation);
-        let span = arms.shifted_minus(&place.centre, anchors);
-        let mut length = span.dot(&span);
-        for l in &mut length {
-            *l = sqrt(*l);
+        let mut placed = Placed::ZERO;
+        self.place(anchors, place, &mut placed);
+        placed
+    }
+
+    /// The same in a place that exists. One loop over all of it keeps values in registers.
+    #[inline(always)]
+    pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
+        let r = place.rotation.map(both);
+        let c = place.centre.map(both);
+        let Placed { arms, span, length } = placed;
+        for i in (0..N).step_by(2) {
+            let [x, y, z] = self.arms.pair(i);
+            let arm = [
+                r[(0, 0)] * x + r[(0, 1)] * y + r[(0, 2)] * z,
+                r[(1, 0)] * x + r[(1, 1)] * y + r[(1, 2)] * z,
+                r[(2, 0)] * x + r[(2, 1)] * y + r[(2, 2)] * z,
+            ];
+            arms.put(i, arm);
+            let [x, y, z] = anchors.pair(i);
+            let leg = [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z];
+            span.put(i, leg);
+            put(length, i, dot(&leg, &leg).sqrt());
         }
-        Placed { arms, span, length }
     }
 
     /// Refuses a leg without a direction.
@@ -350,58 +366,103 @@ impl<const N: usize> Mechanism<N> {
         Err(Fault::of_leg(Cause::StrutTooShort, i, length))
     }
 
+    /// Refuses legs without a direction.
+    #[inline(always)]
+    pub fn refuse_short_legs(&self, length: &[f64; N]) -> Result<(), Fault> {
+        let mut long = true;
+        for l in length {
+            long &= *l > MIN_LENGTH * self.size;
+        }
+        if long {
+            return Ok(());
+        }
+        for (i, l) in length.iter().enumerate() {
+            self.refuse_short(i, *l)?;
+        }
+        Ok(())
+    }
+
     /// Twist of every leg, if any leg has a lead.
     #[inline]
     pub fn twist(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Twist<N>>, Fault> {
-        self.nut.as_ref().map(|nut| nut.twist(n, r)).transpose()
+        let Some(nut) = &self.nut else { return Ok(None) };
+        let twist = nut.twist(n, r);
+        nut.refuse_along_axis(&twist)?;
+        Ok(Some(twist))
     }
 
     /// Rows of the length constraints at a place of the platform: one column per lane
     /// array, linear part first, about the reference point; the last three per radian.
-    #[inline]
+    #[inline(always)]
     pub fn rows(
         &self,
         placed: &Placed<N>,
         n: &Lanes3<N>,
         twist: Option<&Twist<N>>,
     ) -> [[f64; N]; 6] {
-        let mut force = *n;
-        let mut moment = Lanes3::ZERO;
+        let mut columns = [[0.0; N]; 6];
+        self.rows_into(placed, n, twist, &mut columns);
+        columns
+    }
+
+    #[inline(always)]
+    fn rows_into(
+        &self,
+        placed: &Placed<N>,
+        n: &Lanes3<N>,
+        twist: Option<&Twist<N>>,
+        columns: &mut [[f64; N]; 6],
+    ) {
+        let [vx, vy, vz, wx, wy, wz] = columns;
+        (*vx, *vy, *vz) = (n.x, n.y, n.z);
+        (*wx, *wy, *wz) = ([0.0; N], [0.0; N], [0.0; N]);
         if let (Some(nut), Some(twist)) = (&self.nut, twist) {
             let rates = nut.rates(twist, n, &placed.length);
             for i in 0..N {
-                force.set(i, n.get(i) + rates.along.get(i));
+                vx[i] += rates.along.x[i];
+                vy[i] += rates.along.y[i];
+                vz[i] += rates.along.z[i];
             }
-            moment = rates.moment;
+            (*wx, *wy, *wz) = (rates.moment.x, rates.moment.y, rates.moment.z);
         }
-        let lever = placed.arms.cross(&force);
-        for i in 0..N {
-            moment.set(i, moment.get(i) + lever.get(i));
+        for i in (0..N).step_by(2) {
+            let force = [pair(vx, i), pair(vy, i), pair(vz, i)];
+            let moment = cross(&placed.arms.pair(i), &force);
+            put(wx, i, pair(wx, i) + moment[0]);
+            put(wy, i, pair(wy, i) + moment[1]);
+            put(wz, i, pair(wz, i) + moment[2]);
         }
-        [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+    }
+
+    /// The rows in the chart at a place, see [`Self::to_chart`].
+    #[inline(always)]
+    pub fn charted_rows(
+        &self,
+        placed: &Placed<N>,
+        n: &Lanes3<N>,
+        twist: Option<&Twist<N>>,
+        place: &Place,
+        columns: &mut [[f64; N]; 6],
+    ) {
+        self.rows_into(placed, n, twist, columns);
+        self.to_chart(columns, place);
     }
 
     /// Columns of the chart from those of the twist: active coordinates only, angular ones
     /// per unit of radius·angle; the lanes beyond the last leg are 0.
-    #[inline]
-    pub fn charted(&self, mut columns: [[f64; N]; 6], place: &Place) -> [[f64; N]; 6] {
+    #[inline(always)]
+    pub fn to_chart(&self, columns: &mut [[f64; N]; 6], place: &Place) {
         if self.chart == Chart::Angles {
-            let map =
-                Pose { position: place.centre, angles: place.angles }.trigonometry().rate_map();
-            let of_twist = columns;
-            for k in 0..3 {
-                for i in 0..N {
-                    columns[k + 3][i] = of_twist[3][i] * map[(0, k)]
-                        + of_twist[4][i] * map[(1, k)]
-                        + of_twist[5][i] * map[(2, k)];
-                }
-            }
+            self.of_angles(columns, place);
         }
         let inverse = 1.0 / self.radius;
         for column in &mut columns[3..] {
             for value in column {
                 *value *= inverse;
             }
+        }
+        if self.chart == Chart::Group && self.count() == N {
+            return;
         }
         for (column, active) in columns.iter_mut().zip(self.active) {
             if !active {
@@ -411,6 +472,18 @@ impl<const N: usize> Mechanism<N> {
                 *value = 0.0;
             }
         }
-        columns
+    }
+
+    /// Angular columns per rate of A, B, C instead of ω.
+    fn of_angles(&self, columns: &mut [[f64; N]; 6], place: &Place) {
+        let map = Pose { position: place.centre, angles: place.angles }.trigonometry().rate_map();
+        let of_twist = *columns;
+        for k in 0..3 {
+            for i in 0..N {
+                columns[k + 3][i] = of_twist[3][i] * map[(0, k)]
+                    + of_twist[4][i] * map[(1, k)]
+                    + of_twist[5][i] * map[(2, k)];
+            }
+        }
     }
 }

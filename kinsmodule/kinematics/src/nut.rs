@@ -19,8 +19,9 @@
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::Lanes3;
-use libm::{atan2, sqrt};
+use crate::lanes::{Lanes3, both, cross, dot, pair, put};
+use crate::pose::arc;
+use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
@@ -47,10 +48,13 @@ pub(crate) struct Nut<const N: usize> {
     /// lead / 2π: length per radian of twist.
     travel: [f64; N],
     hand: [f64; N],
+    /// 1 for a leg without a screw, which gives it a twist of 0; else 0.
+    idle: [f64; N],
     fold: Fold,
 }
 
 /// The twist of every leg at one pose.
+#[derive(Clone, Copy)]
 pub(crate) struct Twist<const N: usize> {
     /// Platform axes in base.
     platform_axis: Lanes3<N>,
@@ -81,6 +85,7 @@ impl<const N: usize> Nut<N> {
             platform_axis: Lanes3::ZERO,
             travel: lead.map(|l| l / core::f64::consts::TAU),
             hand: [1.0; N],
+            idle: lead.map(|l| f64::from(u8::from(l == 0.0))),
             fold: Fold::Literal,
         };
         for i in 0..N {
@@ -94,7 +99,8 @@ impl<const N: usize> Nut<N> {
 
     /// Fixes φ₀ by the reference pose, given its strut directions and orientation.
     pub fn fold_at(&mut self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Result<(), Fault> {
-        let twist = self.twist(n, rotation)?;
+        let twist = self.twist(n, rotation);
+        self.refuse_along_axis(&twist)?;
         for i in 0..N {
             if self.travel[i] == 0.0 {
                 continue;
@@ -109,36 +115,72 @@ impl<const N: usize> Nut<N> {
         Ok(())
     }
 
-    /// Twist of every leg; fails where a strut points along a joint axis.
-    #[inline]
-    pub fn twist(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Result<Twist<N>, Fault> {
-        let platform_axis = self.platform_axis.rotated(rotation);
-        let alpha = self.base_axis.dot(n);
-        let beta = platform_axis.dot(n);
-        let sine = n.dot(&self.base_axis.cross(&platform_axis));
-        let mut cosine = self.base_axis.dot(&platform_axis);
-        let mut hand = self.hand;
-        for i in 0..N {
-            cosine[i] -= alpha[i] * beta[i];
-            if self.fold == Fold::Literal {
-                hand[i] = if cosine[i] < 0.0 { -1.0 } else { 1.0 };
-            }
+    /// Twist of every leg; [`Self::refuse_along_axis`] tells whether it means anything.
+    #[inline(always)]
+    pub fn twist(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Twist<N> {
+        let mut twist = Twist::ZERO;
+        self.project(n, rotation, &mut twist);
+        for i in (0..N).step_by(2) {
+            let hand = pair(&twist.hand, i);
+            let (sine, cosine) = (hand * pair(&twist.sine, i), hand * pair(&twist.cosine, i));
+            put(&mut twist.from_fold, i, sine.atan2(cosine));
         }
-        for i in 0..N {
-            let room = room(alpha[i], beta[i]);
-            if !(room >= MIN_SIN_SQUARED) {
-                return Err(Fault::of_leg(Cause::StrutAlongAxis, i, room));
-            }
+        twist
+    }
+
+    /// Twist of every leg at a pose near that of `twist`, in its place: the arcs of the
+    /// small differences are what costs least.
+    #[inline(always)]
+    pub fn twist_on(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>, twist: &mut Twist<N>) {
+        if self.fold == Fold::Literal {
+            *twist = self.twist(n, rotation);
+            return;
         }
-        let mut from_fold = [0.0; N];
+        let (s0, c0) = (twist.sine, twist.cosine);
+        self.project(n, rotation, twist);
         for i in 0..N {
-            from_fold[i] = atan2(hand[i] * sine[i], hand[i] * cosine[i]);
+            let (s, c) = (twist.sine[i], twist.cosine[i]);
+            twist.from_fold[i] += arc(s * c0[i] - c * s0[i], c * c0[i] + s * s0[i]);
         }
-        Ok(Twist { platform_axis, alpha, beta, sine, cosine, hand, from_fold })
+    }
+
+    /// All of a twist but the arc.
+    #[inline(always)]
+    fn project(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>, twist: &mut Twist<N>) {
+        let r = rotation.map(both);
+        for i in (0..N).step_by(2) {
+            let [px, py, pz] = self.platform_axis.pair(i);
+            let b = [
+                r[(0, 0)] * px + r[(0, 1)] * py + r[(0, 2)] * pz,
+                r[(1, 0)] * px + r[(1, 1)] * py + r[(1, 2)] * pz,
+                r[(2, 0)] * px + r[(2, 1)] * py + r[(2, 2)] * pz,
+            ];
+            twist.platform_axis.put(i, b);
+            let (a, n) = (self.base_axis.pair(i), n.pair(i));
+            let (alpha, beta) = (dot(&a, &n), dot(&b, &n));
+            put(&mut twist.alpha, i, alpha);
+            put(&mut twist.beta, i, beta);
+            put(&mut twist.sine, i, dot(&n, &cross(&a, &b)));
+            put(&mut twist.cosine, i, dot(&a, &b) - alpha * beta + pair(&self.idle, i));
+        }
+        twist.hand = self.hand;
+        if self.fold == Fold::Literal {
+            twist.hand = twist.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
+        }
+    }
+
+    /// Refuses a strut that points along one of its joint axes: it has no twist.
+    #[inline(always)]
+    pub fn refuse_along_axis(&self, twist: &Twist<N>) -> Result<(), Fault> {
+        let mut free = true;
+        for i in 0..N {
+            free &= twist.room(i) >= MIN_SIN_SQUARED;
+        }
+        if free { Ok(()) } else { Err(twist.along_axis()) }
     }
 
     /// Lengths to add to the struts, in machine units.
-    #[inline]
+    #[inline(always)]
     pub fn corrections(&self, twist: &Twist<N>) -> [f64; N] {
         let mut out = [0.0; N];
         for i in 0..N {
@@ -153,7 +195,7 @@ impl<const N: usize> Nut<N> {
     /// w  = ( β (B×n)/(1−β²) − α (A×n)/(1−α²) ) / l
     /// dφ = w·v + ( ρ×w + (n − βB)/(1−β²) )·ω
     /// ```
-    #[inline]
+    #[inline(always)]
     pub fn rates(&self, twist: &Twist<N>, n: &Lanes3<N>, length: &[f64; N]) -> CorrectionRates<N> {
         let mut of_a = [0.0; N];
         let mut of_b = [0.0; N];
@@ -209,6 +251,28 @@ impl<const N: usize> Nut<N> {
 }
 
 impl<const N: usize> Twist<N> {
+    pub const ZERO: Self = Self {
+        platform_axis: Lanes3::ZERO,
+        alpha: [0.0; N],
+        beta: [0.0; N],
+        sine: [0.0; N],
+        cosine: [0.0; N],
+        hand: [0.0; N],
+        from_fold: [0.0; N],
+    };
+
+    /// The strut that points most closely along a joint axis.
+    #[cold]
+    fn along_axis(&self) -> Fault {
+        let mut worst = (0, f64::INFINITY);
+        for i in 0..N {
+            if !(self.room(i) >= worst.1) {
+                worst = (i, self.room(i));
+            }
+        }
+        Fault::of_leg(Cause::StrutAlongAxis, worst.0, worst.1)
+    }
+
     /// Squared sine of the angle between leg i and the nearer of its joint axes.
     pub fn room(&self, i: usize) -> f64 {
         room(self.alpha[i], self.beta[i])

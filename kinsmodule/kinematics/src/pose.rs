@@ -94,7 +94,7 @@ pub(crate) struct Trigonometry {
 
 impl Trigonometry {
     /// R = Rz(C) Ry(B) Rx(A).
-    #[inline]
+    #[inline(always)]
     pub fn rotation(&self) -> Matrix3<f64> {
         let Self { sa, ca, sb, cb, sc, cc } = *self;
         Matrix3::new(
@@ -155,7 +155,21 @@ fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f6
 
 /// `from` (of sine s0, cosine c0) turned the short way to the direction (s, c).
 fn turned(from: f64, s0: f64, c0: f64, s: f64, c: f64) -> f64 {
-    from + atan2(s * c0 - c * s0, c * c0 + s * s0)
+    from + arc(s * c0 - c * s0, c * c0 + s * s0)
+}
+
+/// atan2 for directions that mostly are next to (0, 1), where a short series is quicker.
+#[inline]
+pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
+    // Below this the first term left out, t¹³/13, is less than half a unit in the last place.
+    const SHORT: f64 = 0.03;
+    if !(sine.abs() <= SHORT * cosine) {
+        return atan2(sine, cosine);
+    }
+    let t = sine / cosine;
+    let u = t * t;
+    let tail = 1.0 / 7.0 - u * (1.0 / 9.0 - u / 11.0);
+    t * (1.0 - u * (1.0 / 3.0 - u * (1.0 / 5.0 - u * tail)))
 }
 
 /// Rotation vector (axis times angle) of `r`, angle in [0, π].
@@ -184,6 +198,7 @@ pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Rotation by about |ω| radians about ω (Cayley's formula): exactly orthogonal,
 /// and never a larger turn than |ω|.
+#[inline(always)]
 pub(crate) fn cayley(w: &Vector3<f64>) -> Matrix3<f64> {
     let h = w * 0.5;
     let k = 2.0 / (1.0 + h.norm_squared());
