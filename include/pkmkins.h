@@ -57,7 +57,7 @@ enum pkmkins_cause {
   PKMKINS_CRITERION_INVALID = -38,
   // residual-limit must be a positive number, or 0 for 5e-3 of the platform radius.
   PKMKINS_RESIDUAL_LIMIT_INVALID = -39,
-  // the joints contradict each other by the length shown; without this one the others fit the last pose best.
+  // the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose.
   PKMKINS_JOINTS_INCONSISTENT = -40,
   // the geometry of the leg holds a value that is NaN or infinite.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,

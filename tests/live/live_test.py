@@ -202,7 +202,7 @@ def carriage_beyond_the_end_of_its_rail_is_refused(out):
 
 @test
 def carriage_that_contradicts_the_others_is_refused_until_it_is_back(out):
-    result = scenario(PYRAMID, "inconsistent_joint", out, joint=0, distance=5, speed=20, code=-40,
+    result = scenario(PYRAMID, "inconsistent_joint", out, joint=2, distance=10, speed=20, code=-40,
                       after="G1 F600 X10 Z280")
     return result["reason"]
 

@@ -21,12 +21,14 @@
 //!
 //! **Moving base anchors** (carriages, cranks) turn the rows while the joints move. Their
 //! mean displacement is taken along by the platform, which changes no leg; what is left
-//! is the travel δ of each anchor, |δ'| ≤ δ over a step of unit time, |c''| its bend. Seen
-//! from the platform taken along, a gradient changes by s₁δ/l_min at most, and a residual
-//! at a fixed place leaves the straight line between its ends by (δ²/l_min + |c''|)/8. So
+//! is the travel δ of each anchor, |δ'| ≤ δ over a step of unit time, |c''| its bend, and
+//! |d''| that of the length that the joint sets (0 for all but a kind whose length is not
+//! linear in q; no row depends on d). Seen from the platform taken along, a gradient
+//! changes by s₁δ/l_min at most, and a residual at a fixed place leaves the straight line
+//! between its ends by (δ²/l_min + |c''| + |d''|)/8 = b. So
 //!
 //! ```text
-//! h = L η + ‖J⁻¹‖_F √Σ(s₁δ/l_min)²,   η = first step + ‖J⁻¹‖_F √Σ((δ²/l_min + |c''|)/8)²
+//! h = L η + ‖J⁻¹‖_F √Σ(s₁δ/l_min)²,   η = first step + ‖J⁻¹‖_F √Σb²
 //! ```
 //!
 //! takes the place of L η: η + Lρ²/2 + (h − Lη)ρ ≤ ρ for ρ = 2η and h ≤ 1/2, at every
@@ -54,9 +56,9 @@ pub(crate) struct Motion<const N: usize> {
     pub shift: Vector3<f64>,
     /// Per leg how far the anchor moves apart from that.
     pub travel: [f64; N],
-    /// Per leg |c''|, a length.
+    /// Per leg |c''| + |d''|, a length.
     pub second: [f64; N],
-    /// Per leg by how much the direction of ∂c/∂q turns, radians.
+    /// Per leg the largest change of its margin while its direction stands still.
     pub turn: [f64; N],
 }
 
@@ -118,11 +120,17 @@ pub(crate) fn bow<const N: usize>(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..machine.count() {
-        let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
-        let bow = (travel * travel / shortest.max(0.0) + motion.second[i]) / 8.0;
+        let bow = leg_bow(placed, motion, i);
         sum += bow * bow;
     }
     qr.inverse_norm() * sqrt(sum)
+}
+
+/// How far the residual of leg `i` leaves the straight line between its ends at most.
+#[inline]
+pub(crate) fn leg_bow<const N: usize>(placed: &Placed<N>, motion: &Motion<N>, i: usize) -> f64 {
+    let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
+    (travel * travel / shortest.max(0.0) + motion.second[i]) / 8.0
 }
 
 /// What the motion adds to h: how far the rows turn with the anchors, in the ball of
@@ -155,11 +163,11 @@ pub(crate) fn drift<const N: usize>(
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// How far the rod of leg `i` is on its side at native joint value `q`; `None` for a strut.
+    /// How far leg `i` is on its side at native joint value `q`; `None` for a strut.
     #[inline]
     pub fn margin(&self, placed: &Placed<N>, i: usize, q: f64) -> Option<f64> {
         let leg = &self.legs[i];
-        leg.margin(placed.span.get(i).dot(&leg.motion(q)) / placed.length[i])
+        leg.margin(leg.gain(q, &(placed.span.get(i) / placed.length[i])))
     }
 
     /// Refuses rods at or beyond their dead point, at these joint values.

@@ -139,8 +139,8 @@ causes! {
         "set pkmkins.convergence-criterion to a length such as 1e-9";
     ResidualLimitInvalid = -39, "residual-limit must be a positive number, or 0 for 5e-3 of the platform radius",
         "set pkmkins.residual-limit to a length";
-    JointsInconsistent = -40, "the joints contradict each other by the length shown; without this one the others fit the last pose best",
-        "check its feedback and homing, or raise residual-limit";
+    JointsInconsistent = -40, "the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose",
+        "check feedback and homing, or raise residual-limit";
     // The geometry offered for freezing.
     GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
         "correct the values of this leg";

@@ -7,7 +7,7 @@ use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
 use crate::layout::{Letter, PerLeg};
-use crate::leg::{Leg, LegKind};
+use crate::leg::{Leg, LegKind, StrutGeometry};
 use crate::machine::{Chart, Mechanism, Place};
 use crate::nut::Nut;
 use crate::pose::Pose;
@@ -157,7 +157,7 @@ impl Frozen<'_> {
     fn nut<const N: usize>(&self) -> Result<Option<Nut<N>>, Fault> {
         let struts = core::array::from_fn(|i| match self.geometry.lane(i).kind {
             LegKind::Strut(strut) => strut,
-            LegKind::Slider(_) | LegKind::Crank(_) => Default::default(),
+            _ => StrutGeometry::default(),
         });
         if struts.iter().all(|s| s.lead == 0.0) {
             return Ok(None);

@@ -62,8 +62,7 @@ impl<const N: usize> Mechanism<N> {
         let twist = self.twist(&n, &posed.stand.place.rotation)?;
         let rows = self.rows(&placed, &n, twist.as_ref());
         Ok(core::array::from_fn(|i| {
-            let motion = self.legs[i].motion(joints[i] + self.offset[i]);
-            let rate = self.legs[i].rate(n.get(i).dot(&motion));
+            let rate = 1.0 / self.legs[i].gain(joints[i] + self.offset[i], &n.get(i));
             let force = Vector3::new(rows[0][i], rows[1][i], rows[2][i]);
             let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]);
             Rates { force: force * rate, moment: moment * rate }

@@ -210,7 +210,7 @@ pub(crate) struct Mechanism<const N: usize> {
     pub active: [bool; 6],
     /// Whether any coordinate is neither moved by the legs nor by a table.
     pub holds: bool,
-    /// Whether the base anchor of any leg moves.
+    /// Whether any leg is not a strut: its base anchor moves, or its length bends.
     pub moving: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.

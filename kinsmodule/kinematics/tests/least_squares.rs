@@ -81,6 +81,32 @@ fn the_carriage_that_is_off_is_named_all_over_the_workspace() {
     }
 }
 
+/// A jog, or an encoder that loses counts: the last pose goes along until the limit is met.
+#[test]
+fn a_carriage_that_creeps_away_is_never_taken_for_another_and_is_named_in_the_end() {
+    let case = pyramid();
+    let mut rng = rng(53);
+    for n in 0..cases(200) {
+        let mut seed = (case.sample)(&mut rng);
+        let (leg, step) = (n % 4, if n % 8 < 4 { 0.02 } else { -0.02 });
+        let mut joints = case.joints(&seed);
+        let mut named = None;
+        // 10 mm, four times what the limit allows.
+        for _ in 0..500 {
+            joints[leg] += step;
+            match case.machine.forward(&joints, &seed, &NO_TOOL, &Solver::default()) {
+                Ok(found) => seed = found.pose,
+                Err(fault) => {
+                    assert_eq!(fault.cause, Cause::JointsInconsistent, "{fault}");
+                    assert!(fault.leg.is_none_or(|i| usize::from(i) == leg), "{leg}: {fault}");
+                    named = fault.leg;
+                }
+            }
+        }
+        assert!(named.is_some(), "{seed:?}");
+    }
+}
+
 #[test]
 fn consistent_joints_leave_nothing_and_need_three_solves() {
     for case in [pyramid(), eight_struts()] {

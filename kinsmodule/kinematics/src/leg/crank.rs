@@ -104,19 +104,19 @@ impl Crank {
     }
 
     #[inline]
-    pub fn motion(&self, q: f64) -> Vector3<f64> {
+    pub fn gain(&self, q: f64, u: &Vector3<f64>) -> f64 {
         let (s, c) = sincos(q * RADIANS);
-        (self.across[1] * c - self.across[0] * s) * RADIANS
+        u.dot(&((self.across[1] * c - self.across[0] * s) * RADIANS))
     }
 
     #[inline]
-    pub fn margin(&self, along: f64) -> f64 {
-        -self.side * along / (self.arm * RADIANS)
+    pub fn margin(&self, gain: f64) -> f64 {
+        -self.side * gain / (self.arm * RADIANS)
     }
 
     #[inline]
     pub fn bend(&self, dq: f64) -> Bend {
         let turn = (dq * RADIANS).abs();
-        Bend { turn, second: self.arm * turn * turn }
+        Bend { turn, anchor: self.arm * turn * turn, length: 0.0 }
     }
 }

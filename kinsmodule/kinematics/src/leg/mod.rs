@@ -12,9 +12,10 @@
 //!
 //! is the one gradient row that Jacobian and Newton's method need.
 //!
-//! A rod has two carriage (or crank) positions for one platform anchor. They meet at
-//! its *dead point*, where the rod stands square to the motion of its lower end:
-//! u · ∂c/∂q = 0. `side` tells them apart: the sign of u · ∂c/∂q is −side.
+//! Where the factor of q' is 0 the joint does not drive the leg: its *dead point*, where
+//! the two joint values that one platform anchor may have meet. A rod (d constant) stands
+//! square to the motion of its lower end there, and `side` tells carriage or crank
+//! positions apart: the sign of u · ∂c/∂q is −side.
 
 pub mod crank;
 pub mod slider;
@@ -132,53 +133,54 @@ impl Leg {
         }
     }
 
-    /// ∂c/∂q at the native joint value `q`; zero for a leg whose base anchor stands still.
+    /// u · ∂c/∂q + ∂d/∂q at the native joint value `q`: speed of the platform anchor along
+    /// `u`, the unit vector from moving base anchor to platform anchor, per joint rate.
     #[inline]
-    pub fn motion(&self, q: f64) -> Vector3<f64> {
+    pub fn gain(&self, q: f64, u: &Vector3<f64>) -> f64 {
         match self {
-            Leg::Strut => Vector3::zeros(),
-            Leg::Slider(slider) => slider.motion(),
-            Leg::Crank(crank) => crank.motion(q),
+            Leg::Strut => strut::GAIN,
+            Leg::Slider(slider) => slider.gain(u),
+            Leg::Crank(crank) => crank.gain(q, u),
         }
     }
 
-    /// Joint rate per speed of the platform anchor along u, for `along` = u · ∂c/∂q:
-    /// 1 / (u · ∂c/∂q + ∂d/∂q).
+    /// How far a leg is from its dead point: its `gain`, positive on its side, as a share of
+    /// the largest one; for a rod −side · cos of the angle between u and the motion of the
+    /// lower end. `None` for a leg without dead point.
     #[inline]
-    pub fn rate(&self, along: f64) -> f64 {
-        match self {
-            Leg::Strut => strut::RATE,
-            Leg::Slider(_) | Leg::Crank(_) => 1.0 / along,
-        }
-    }
-
-    /// How far a rod is on its side: −side · cos of the angle between u and the motion of
-    /// the lower end, for `along` = u · ∂c/∂q; `None` for a leg that has no sides.
-    #[inline]
-    pub fn margin(&self, along: f64) -> Option<f64> {
+    pub fn margin(&self, gain: f64) -> Option<f64> {
         match self {
             Leg::Strut => None,
-            Leg::Slider(slider) => Some(-slider.side * along),
-            Leg::Crank(crank) => Some(crank.margin(along)),
+            Leg::Slider(slider) => Some(slider.margin(gain)),
+            Leg::Crank(crank) => Some(crank.margin(gain)),
         }
     }
 
-    /// How the moving base anchor's path bends over a joint step `dq`.
+    /// How the leg bends over any joint step of size `dq`.
     #[inline]
     pub fn bend(&self, dq: f64) -> Bend {
         match self {
-            Leg::Strut | Leg::Slider(_) => Bend { turn: 0.0, second: 0.0 },
+            Leg::Strut | Leg::Slider(_) => Bend::NONE,
             Leg::Crank(crank) => crank.bend(dq),
         }
     }
 }
 
-/// Bend of an anchor's path over a step that is run through in unit time.
+/// Bend of a leg over a step that is run through in unit time: upper bounds for every
+/// moment of it. Forward's proof rests on them.
 pub(crate) struct Bend {
-    /// Angle by which the direction of motion turns, radians.
+    /// Largest change of [`Leg::margin`] while u stands still: the angle by which the
+    /// direction of ∂c/∂q turns, radians, or the change of ∂d/∂q.
     pub turn: f64,
-    /// Largest second derivative, a length.
-    pub second: f64,
+    /// |c''|: second derivative of the moving base anchor's place, a length.
+    pub anchor: f64,
+    /// |d''|: second derivative of the length that the joint sets.
+    pub length: f64,
+}
+
+impl Bend {
+    /// Of a leg whose c and d are linear in q.
+    const NONE: Self = Self { turn: 0.0, anchor: 0.0, length: 0.0 };
 }
 
 /// Checked rod length.

@@ -36,7 +36,7 @@ pub struct SliderGeometry {
 pub(crate) struct Slider {
     guide: Vector3<f64>,
     rod: f64,
-    pub side: f64,
+    side: f64,
 }
 
 impl Slider {
@@ -70,7 +70,12 @@ impl Slider {
     }
 
     #[inline]
-    pub fn motion(&self) -> Vector3<f64> {
-        self.guide
+    pub fn gain(&self, u: &Vector3<f64>) -> f64 {
+        u.dot(&self.guide)
+    }
+
+    #[inline]
+    pub fn margin(&self, gain: f64) -> f64 {
+        -self.side * gain
     }
 }

@@ -20,8 +20,8 @@ pub struct StrutGeometry {
     pub lead: f64,
 }
 
-/// Joint rate per speed of the platform anchor along the strut.
-pub(super) const RATE: f64 = 1.0;
+/// Speed of the platform anchor along the strut per joint rate.
+pub(super) const GAIN: f64 = 1.0;
 
 #[inline]
 pub(super) fn joint(length: f64) -> f64 {
