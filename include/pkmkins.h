@@ -27,6 +27,8 @@ enum pkmkins_cause {
   PKMKINS_TILT_NEAR_RIGHT_ANGLE = -16,
   // the result would not be finite.
   PKMKINS_RESULT_NOT_FINITE = -17,
+  // at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose.
+  PKMKINS_TOOL_OUT_OF_REACH = -18,
   // the rod of the leg does not reach the platform anchor: the length shown is missing.
   PKMKINS_OUT_OF_REACH = -19,
   // the joint value is NaN or infinite.
@@ -97,6 +99,8 @@ enum pkmkins_cause {
   PKMKINS_IDENTITY_IMPOSSIBLE = -75,
   // all joints are 0, as they are before homing, and close no platform.
   PKMKINS_NOT_HOMED = -74,
+  // the machine moved while the tool offset was being changed at a tilt.
+  PKMKINS_TOOL_CHANGE_DISTURBED = -76,
   // the pose asks for X, which this machine holds at 0.
   PKMKINS_HELD_X = -80,
   // the pose asks for Y, which this machine holds at 0.

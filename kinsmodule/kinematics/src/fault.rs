@@ -100,13 +100,15 @@ causes! {
     StrutAlongAxis = -13, "the strut points along, or nearly along, the fixed axis of one of its cardan joints, where nut rotation is undefined",
         "tilt less, or check BASE_N and PLATFORM_N";
     ToolChangedTilted = -14, "the tool offset changed while the platform is tilted, which would make the joints jump",
-        "level the platform (A, B, C = 0), then change the tool length";
+        "level the platform first, or add pkmkins.monitor and limits of all joints";
     ToolNotFinite = -15, "a tool or spindle offset is NaN or infinite",
         "check the tool table and the nets to the tool-offset pins";
     TiltNearRightAngle = -16, "B is near 90 degrees, where A and C are not distinct",
         "stay away from B = 90 degrees";
     ResultNotFinite = -17, "the result would not be finite",
         "look at the pose and the geometry";
+    ToolOutOfReach = -18, "at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose",
+        "level the platform or retract, then change the tool length";
     OutOfReach = -19, "the rod of the leg does not reach the platform anchor: the length shown is missing",
         "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
     // Joints and seed that forward was given.
@@ -181,6 +183,8 @@ causes! {
         "stay with kinematics type 0";
     NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
         "home the machine";
+    ToolChangeDisturbed = -76, "the machine moved while the tool offset was being changed at a tilt",
+        "net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
     // Coordinates that no joint moves.
     HeldX = -80, "the pose asks for X, which this machine holds at 0",
         "leave X out of the program, and its work offset at 0";

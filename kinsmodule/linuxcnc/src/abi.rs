@@ -348,10 +348,10 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
 ///
 /// # Safety
 /// To be called by HAL, from that thread.
-unsafe extern "C" fn monitor(_argument: *mut c_void, _period: c_long) {
+unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
     // SAFETY: the caller vouches for the thread.
     if let Some(module) = unsafe { module() } {
-        module.monitor();
+        module.monitor(period as f64 * 1e-9);
     }
 }
 

@@ -2,8 +2,9 @@
 //! `pkmkins.so`: the crate `kinematics` behind LinuxCNC's kinematics interface.
 //!
 //! Rooms: [`abi`] is what LinuxCNC calls, [`hal`] what this module calls, [`load`] the
-//! load parameters, [`pins`] the HAL pins, [`module`] the state between calls. All
-//! unsafe code of the project is here; each block names who guarantees what it needs.
+//! load parameters, [`pins`] the HAL pins, [`module`] the state between calls, [`tool`] how
+//! the tool offset follows its request. All unsafe code of the project is here; each block
+//! names who guarantees what it needs.
 //!
 //! LinuxCNC calls `rtapi_app_main` and `rtapi_app_exit` with no servo thread running,
 //! and everything else from that one thread.
@@ -14,6 +15,7 @@ mod hal;
 mod load;
 mod module;
 mod pins;
+mod tool;
 
 /// The core has no panic path; if one were ever reached, stopping the control is
 /// safer than going on with an unknown state.

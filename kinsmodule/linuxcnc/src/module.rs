@@ -4,13 +4,10 @@
 
 use crate::hal::print_error;
 use crate::pins::{Given, Pins};
+use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
     Cause, Fault, Jacobian, Joints, Layout, Load, MAX_JOINTS, Machine, Pose, Solution, Vector3,
 };
-
-/// A tool change may move no joint by more than this share of the machine's size:
-/// less than what following errors of a level platform make of it.
-const NOTICEABLE: f64 = 1e-5;
 
 /// Cycles without a fault after which the same fault is told again.
 const QUIET_CYCLES: u32 = 1000;
@@ -34,7 +31,8 @@ struct Caller {
     /// Address of the pose that LinuxCNC keeps for this kind of call.
     address: usize,
     pose: Pose,
-    /// The kinematics were switched: the seed LinuxCNC holds is not a pose.
+    /// The seed LinuxCNC holds is not a pose (the kinematics were switched), or the pose
+    /// of another tool.
     seed_is_stale: bool,
 }
 
@@ -43,6 +41,17 @@ struct Caller {
 pub enum Kind {
     Machine,
     Identity,
+}
+
+/// Kinematics calls of one cycle.
+#[derive(Clone, Copy, Default)]
+struct Calls {
+    /// The pose that inverse was asked for last: in world mode the commanded one, because
+    /// LinuxCNC asks for end points of queued moves before.
+    asked: Option<Pose>,
+    /// Calls of forward. A second one without an inverse is for the commanded joints:
+    /// LinuxCNC does so in joint mode and as it leaves it, to go on from that pose.
+    forward: u32,
 }
 
 /// What the monitor has told the operator.
@@ -66,8 +75,9 @@ pub struct Module {
     reset_was: bool,
     /// Once `.apply` was used, no call freezes by itself.
     apply_used: bool,
-    /// Tool offset in effect.
-    tool: Vector3<f64>,
+    tool: Tool,
+    /// What LinuxCNC has called since the monitor ran last.
+    calls: Calls,
     callers: [Option<Caller>; CALLERS],
     /// The kinematics were switched back to the machine: a caller not yet known holds
     /// joint values as its seed.
@@ -89,7 +99,8 @@ impl Module {
             apply_was: false,
             reset_was: false,
             apply_used: false,
-            tool: Vector3::zeros(),
+            tool: Tool::new(),
+            calls: Calls::default(),
             callers: [None; CALLERS],
             switched_back: false,
             last_pose: None,
@@ -108,9 +119,10 @@ impl Module {
 
     /// Joints of a pose.
     ///
-    /// Changes nothing but the fault record, so that LinuxCNC may ask for end points of
-    /// queued moves at any time; the first call of all freezes the geometry.
+    /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
+    /// points of queued moves at any time; the first call of all freezes the geometry.
     pub fn inverse(&mut self, pose: &Pose) -> Result<Joints, Fault> {
+        self.calls.asked = Some(*pose);
         let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
             let tool = self.tool_in_effect()?;
             self.frozen()?.machine.inverse(pose, &tool)
@@ -232,12 +244,13 @@ impl Module {
         Ok(joints)
     }
 
-    /// The servo-thread function beside the kinematics calls: watches `.apply`, shows
-    /// what only people read, and tells the operator about faults.
-    pub fn monitor(&mut self) {
+    /// The servo-thread function beside the kinematics calls: watches `.apply`, moves the
+    /// tool offset, shows what only people read, and tells the operator about faults.
+    pub fn monitor(&mut self, seconds: f64) {
         self.report.monitored = true;
         self.watch_apply();
         self.watch_reset();
+        self.advance_tool(seconds);
         self.watch_geometry();
         self.show_assembly();
         self.report.tell_pending();
@@ -288,10 +301,10 @@ impl Module {
         self.pins.geometry_changed.set(false);
         let tool = self.pins.tool(given.spindle_offset);
         if tool.iter().all(|v| v.is_finite()) {
-            self.tool = tool;
+            self.tool.take(tool);
         }
         self.frozen = Some(Frozen { machine, given });
-        self.pins.show_tool(&self.tool);
+        self.pins.show_tool(&self.tool.offset());
         self.callers = [None; CALLERS];
         self.switched_back = false;
         self.last_pose = None;
@@ -318,37 +331,104 @@ impl Module {
 
     /// The tool offset to compute with.
     ///
-    /// A request takes effect where it moves no joint: with the machine off, before any
-    /// pose is known, or while the platform is level. Otherwise the joints would jump.
-    /// A HAL file that does not connect `.machine-on` never tells that the machine is off.
+    /// A request takes effect at once with the machine off and before any pose is known.
+    /// Otherwise the monitor brings it into effect, without which that happens where it
+    /// moves no joint: while the platform is level.
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
-        let frozen = self.frozen()?;
+        let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
         if !request.iter().all(|v| v.is_finite()) {
             return Err(Cause::ToolNotFinite.into());
         }
-        let told = self.machine_was_on || self.report.monitored;
-        if request == self.tool || (told && !self.pins.machine_on()) {
+        if request == tool || self.is_off() {
             return Ok(request);
         }
         let Some(pose) = self.last_pose else {
             return Ok(request);
         };
-        let change = request - self.tool;
-        let jump = (pose.rotation() * change - change).norm();
+        if self.report.monitored {
+            return self.tool.refusal(&request).map_or(Ok(tool), Err);
+        }
+        let jump = shift(&pose, &(request - tool)).norm();
         if jump <= NOTICEABLE * frozen.machine.size() {
             return Ok(request);
         }
         Err(Fault::with_value(Cause::ToolChangedTilted, jump))
     }
 
+    /// Whether the machine is off, as far as this can be known: a HAL file that does not
+    /// connect `.machine-on` never tells.
+    fn is_off(&self) -> bool {
+        (self.machine_was_on || self.report.monitored) && !self.pins.machine_on()
+    }
+
+    /// Brings the tool offset nearer to the one requested, and shows how far it is.
+    fn advance_tool(&mut self, seconds: f64) {
+        let Calls { asked, .. } = core::mem::take(&mut self.calls);
+        if let Ok(tool) = self.tool_in_effect() {
+            self.retool(tool);
+        }
+        let of_this_cycle = self.tool.offset();
+        if let Err(fault) = self.tool_advanced(asked, seconds) {
+            self.record(&fault);
+        }
+        let shown = if self.tool.is_busy() { of_this_cycle } else { self.tool.offset() };
+        self.pins.show_tool(&shown);
+        self.pins.tool_busy.set(self.tool.is_busy());
+        self.pins.feed_inhibit.set(self.inhibits_feed());
+    }
+
+    fn tool_advanced(&mut self, commanded: Option<Pose>, seconds: f64) -> Result<(), Fault> {
+        let Some(Frozen { machine, given }) = &self.frozen else {
+            return Ok(());
+        };
+        let request = self.pins.tool(given.spindle_offset);
+        if self.tool.is_at(&request) {
+            return Ok(());
+        }
+        let (limits, solver) = (self.pins.limits(&self.load), self.pins.solver());
+        self.tool.advance(&Cycle { machine, limits, solver, request, commanded, seconds })
+    }
+
+    /// Whether no motion may begin or go on.
+    fn inhibits_feed(&self) -> bool {
+        self.tool.is_busy()
+    }
+
+    /// Takes a tool offset. The joints stay, so that the poses move.
+    fn retool(&mut self, tool: Vector3<f64>) {
+        let change = tool - self.tool.offset();
+        if change == Vector3::zeros() {
+            return;
+        }
+        self.tool.take(tool);
+        if let Some(pose) = &mut self.last_pose {
+            pose.position -= shift(pose, &change);
+        }
+        for Caller { pose, seed_is_stale, .. } in self.callers.iter_mut().flatten() {
+            pose.position -= shift(pose, &change);
+            *seed_is_stale = true;
+        }
+    }
+
+    /// Takes the tool offset that forward has to go by.
+    fn retool_for_forward(&mut self) -> Result<(), Fault> {
+        self.calls.forward = self.calls.forward.saturating_add(1);
+        let request = self.pins.tool(self.frozen()?.given.spindle_offset);
+        let of_command = self.calls.forward > 1 && self.calls.asked.is_none();
+        if self.report.monitored && of_command && request.iter().all(|v| v.is_finite()) {
+            self.retool(request);
+        } else if let Ok(tool) = self.tool_in_effect() {
+            // A refused tool change must not blind the display: the old offset still holds.
+            self.retool(tool);
+        }
+        Ok(())
+    }
+
     fn solved(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Solution, Fault> {
-        let seed = self.seed_for(seed, address)?;
-        // A refused tool change must not blind the display: the old offset still holds.
-        let tool = self.tool_in_effect().unwrap_or(self.tool);
-        let solution = self.frozen()?.machine.forward(joints, &seed, &tool, &self.pins.solver())?;
-        self.tool = tool;
-        Ok(solution)
+        self.retool_for_forward()?;
+        let (seed, tool) = (self.seed_for(seed, address)?, self.tool.offset());
+        self.frozen()?.machine.forward(joints, &seed, &tool, &self.pins.solver())
     }
 
     /// The pose to start from: LinuxCNC's, unless that is none.
@@ -382,14 +462,14 @@ impl Module {
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
         pins.show_pose(solution.pose.to_degrees());
-        pins.show_tool(&self.tool);
+        pins.show_tool(&self.tool.offset());
         pins.show_corrections(&self.load, &solution.corrections);
     }
 
     fn show_assembly(&self) {
         let sign = self.last_pose.and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;
-            machine.assembly(&pose, &self.tool).ok()
+            machine.assembly(&pose, &self.tool.offset()).ok()
         });
         self.pins.assembly.set(sign.unwrap_or(0));
     }

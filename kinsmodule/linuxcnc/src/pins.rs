@@ -5,6 +5,7 @@
 //! file for genhexkins works after replacing the name.
 
 use crate::hal::{Component, Direction, HalError, Pin};
+use crate::tool::JointLimits;
 use core::fmt;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
@@ -78,6 +79,8 @@ pub struct Pins {
     tool_offset_x: Pin<f64>,
     tool_offset_y: Pin<f64>,
     tool_offset_eff: Vector,
+    pub tool_busy: Pin<bool>,
+    pub feed_inhibit: Pin<bool>,
     convergence_criterion: Pin<f64>,
     limit_iterations: Pin<u32>,
     residual_limit: Pin<f64>,
@@ -225,10 +228,25 @@ impl LegPins {
 impl JointPins {
     fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
-        make.one(&mut self.min_limit, In, format_args!("pkmkins.min-limit.{n}"), -1e99)?;
-        make.one(&mut self.max_limit, In, format_args!("pkmkins.max-limit.{n}"), 1e99)?;
-        make.one(&mut self.max_velocity, In, format_args!("pkmkins.max-velocity.{n}"), 1e99)?;
-        make.one(&mut self.max_acceleration, In, format_args!("pkmkins.max-acceleration.{n}"), 1e99)
+        let absent = JointLimits::ABSENT;
+        for (pin, name, value) in [
+            (&mut self.min_limit, "min-limit", absent.least),
+            (&mut self.max_limit, "max-limit", absent.most),
+            (&mut self.max_velocity, "max-velocity", absent.velocity),
+            (&mut self.max_acceleration, "max-acceleration", absent.acceleration),
+        ] {
+            make.one(pin, In, format_args!("pkmkins.{name}.{n}"), value)?;
+        }
+        Ok(())
+    }
+
+    fn limits(&self) -> JointLimits {
+        JointLimits {
+            least: self.min_limit.get(),
+            most: self.max_limit.get(),
+            velocity: self.max_velocity.get(),
+            acceleration: self.max_acceleration.get(),
+        }
     }
 }
 
@@ -273,6 +291,8 @@ impl Pins {
         use Direction::Out;
         let (eff, pose, gui) = (&mut self.tool_offset_eff, &mut self.pose, &mut self.skgui);
         make.letters(eff, Out, format_args!("pkmkins.tool-offset-eff-"), [0.0; 3])?;
+        make.one(&mut self.tool_busy, Out, format_args!("pkmkins.tool-busy"), false)?;
+        make.one(&mut self.feed_inhibit, Out, format_args!("pkmkins.feed-inhibit"), false)?;
         make.letters(pose, Out, format_args!("pkmkins."), [0.0; 6])?;
         make.letters(gui, Out, format_args!("skgui."), [0.0; 6])?;
         make.one(&mut self.last_iterations, Out, format_args!("pkmkins.last-iterations"), 0)?;
@@ -316,6 +336,16 @@ impl Pins {
             self.tool_offset_y.get(),
             spindle_offset + self.tool_offset.get(),
         )
+    }
+
+    /// Limits of the joints, live; those beyond the last joint are none.
+    pub fn limits(&self, load: &Load) -> [JointLimits; MAX_JOINTS] {
+        let mut limits = [JointLimits::ABSENT; MAX_JOINTS];
+        let joints = self.joints.iter().take(load.layout.joints());
+        for (to, joint) in limits.iter_mut().zip(joints) {
+            *to = joint.limits();
+        }
+        limits
     }
 
     /// Solver settings, live.

@@ -156,8 +156,15 @@ impl Module {
     /// # Panics
     /// If the module exports no such function.
     pub fn monitor(&self) {
+        self.monitor_in_cycle_of(PERIOD);
+    }
+
+    /// As [`Module::monitor`], in a servo thread of another period (nanoseconds).
+    /// # Panics
+    /// If the module exports no such function.
+    pub fn monitor_in_cycle_of(&self, period: i64) {
         let name = format!("{}.monitor", self.prefix);
-        assert!(self.world.run(&name, PERIOD), "no function {name}");
+        assert!(self.world.run(&name, period), "no function {name}");
     }
 
     /// A rising edge of `.apply`, seen by the monitor.

@@ -90,3 +90,8 @@ pub const SETTLED_RESIDUAL_REL: f64 = 2e-11;
 /// Step beside a least-squares pose, millimetres and degrees: it must be above the error
 /// of the pose, 1e-9, by so much that the misfit's square sees it in double precision.
 pub const LEAST_SQUARES_STEP: f64 = 1e-4;
+
+/// Second differences of joints over the square of a cycle, relative to a limit: each joint
+/// rounds by some 2e-13 of 1000 mm, which 250 us turn into 1e-5 mm/s², a few millionths of the
+/// least limit drawn, and four joint values take part in it.
+pub const LIMIT_ROUNDING: f64 = 1e-4;

@@ -261,7 +261,8 @@ fn a_table_joint_that_is_not_finite_is_refused_by_its_number() {
     }
 }
 
-/// A tool change moves no joint of a level machine, table or not, and is refused at a tilt.
+/// A tool change moves no joint of a level machine, table or not, and is refused at a tilt
+/// where the joints have no limits to go by.
 #[test]
 fn tool_offsets_act_on_a_table_machine_as_on_any() {
     let level: Pose = [20.0, 30.0, 300.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -272,16 +273,19 @@ fn tool_offsets_act_on_a_table_machine_as_on_any() {
         let at = |pose: &Pose, module: &Module| {
             let joints = module.inverse(pose).expect("a pose of the workspace");
             module.forward(&joints, pose).expect("its own joints");
+            module.monitor();
             joints
         };
         let before = at(&level, &module);
         module.set(pin, 25.0);
+        module.monitor();
         let after = at(&level, &module);
         for (one, other) in before.iter().zip(after) {
             assert!((one - other).abs() <= SAME_JOINT_MM, "{pin}: {one} {other}");
         }
         let with_tool = at(&tilted, &module);
         module.set(pin, 0.0);
+        at(&tilted, &module);
         let refused = module.inverse(&tilted);
         assert_eq!(refused, Err(Cause::ToolChangedTilted.code()), "{pin}");
         module.set(pin, 25.0);

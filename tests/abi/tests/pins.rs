@@ -18,6 +18,8 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("tool-offset-eff-x", Float, Out, 0.0),
     ("tool-offset-eff-y", Float, Out, 0.0),
     ("tool-offset-eff-z", Float, Out, 0.0),
+    ("tool-busy", Bit, Out, 0.0),
+    ("feed-inhibit", Bit, Out, 0.0),
     ("centre.x", Float, In, 0.0),
     ("centre.y", Float, In, 0.0),
     ("centre.z", Float, In, 0.0),

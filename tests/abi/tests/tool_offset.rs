@@ -53,13 +53,14 @@ fn taken_level_it_is_in_force_when_the_platform_tilts() {
 }
 
 #[test]
-fn changed_while_tilted_and_on_inverse_is_refused_and_says_why() {
+fn changed_while_tilted_without_limits_to_go_by_it_is_refused_and_says_why() {
     for pin in TOOLS {
         let module = paper_004().module();
         at(&module, &TILTED);
         on(&module);
         let before = module.inverse(&TILTED).expect("tilted");
         module.set(pin, 80.0);
+        at(&module, &TILTED);
         let mut joints = [7.0; 16];
         let code = module.inverse_into(&TILTED, &mut joints);
         assert_eq!(code, Cause::ToolChangedTilted.code(), "{pin}");
