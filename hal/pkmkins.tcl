@@ -369,6 +369,7 @@ proc pkmkins::read_ini {} {
     }
     for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n] }
     lappend pins {*}[home_pins]
+    check_feed_inhibit
     if {[llength $errors]} { stop }
     set pins [resolve_leads $pins $kinds]
     check_pins $pins
@@ -399,16 +400,34 @@ proc pkmkins::set_pins {pins} {
     foreach {pin text} $pins { hal setp pkmkins.$pin $text }
 }
 
+# The signal a pin is on, or the one given.
+proc pkmkins::signal_of {pin signal} {
+    regexp {(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} [string trim [hal show pin $pin]] -> signal
+    return $signal
+}
+
+# A signal has one writer: where something else inhibits feed, the HAL file that knows it has to join
+# both, because without its inhibition the module does not change a tool while tilted.
+proc pkmkins::check_feed_inhibit {} {
+    set taken [signal_of motion.feed-inhibit ""]
+    if {$taken ne "" && [signal_of pkmkins.feed-inhibit ""] eq ""} {
+        complain HAL HALFILE "= LIB:pkmkins.tcl: motion.feed-inhibit is on signal $taken already: expected an or2 of its writer and pkmkins.feed-inhibit, in a HALFILE before this one"
+    }
+}
+
 # Adds a pin to the signal its writer is already on, or to a new one.
 proc pkmkins::connect {signal source target} {
-    regexp {=[=>]>?\s+(\S+)\s*$} [string trim [hal show pin $source]] -> signal
-    hal net $signal $source $target
+    hal net [signal_of $source $signal] $source $target
 }
+
 
 proc pkmkins::wire {} {
     connect pkmkins:machine-on motion.motion-enabled pkmkins.machine-on
     foreach {axis pin} {x tool-offset-x y tool-offset-y z tool-offset} {
         connect pkmkins:tool-offset-$axis motion.tooloffset.$axis pkmkins.$pin
+    }
+    if {[signal_of pkmkins.feed-inhibit ""] eq ""} {
+        hal net pkmkins:feed-inhibit pkmkins.feed-inhibit motion.feed-inhibit
     }
     hal addf pkmkins.monitor servo-thread
 }

@@ -10,6 +10,7 @@ and accelerations against the limits.
 
 import argparse
 import json
+import math
 import re
 import subprocess
 import sys
@@ -227,6 +228,65 @@ def tool_offset_of_nan_moves_no_joint(out):
     scenario(HEXAPOD, "tool_pin_nan", out)
 
 
+# -------------------------------------------------------------------- tool changes while tilted
+
+def tilt_program(count, centre, letters, step):
+    """`count` tilts on a spiral up to `step` * sqrt(count) degrees, all about `centre`; at each
+    another tool offset, and the next move follows at once."""
+    changes = ["G43 H1", "G43.1 X8 Y-6 Z55", "G49", "G43 H2", "G43.1 X-10 Y4 Z20"]
+    place = " ".join(f"{letter}{value}" for letter, value in zip("XYZ", centre))
+    lines = ["G21 G17 G40 G49 G80 G90 G94 G64", f"G1 F4000 {place}"]
+    for n in range(1, count + 1):
+        # Archimedes' spiral: equal steps between neighbours, in every direction.
+        tilt, azimuth = step * math.sqrt(n), 2 * math.sqrt(math.pi * n)
+        angles = [tilt * math.cos(azimuth), tilt * math.sin(azimuth), tilt * math.sin(2 * azimuth) / 3]
+        words = " ".join(f"{letter}{angle:.3f}" for letter, angle in zip(letters, angles))
+        lines += [f"G1 F4000 {place} {words}", changes[n % len(changes)]]
+    level = " ".join(f"{letter}0" for letter in letters)
+    return "\n".join([*lines, f"G1 {place} {level}", "G49", "M2"]) + "\n"
+
+
+def tilted_tool_changes(config, count, centre, letters, step, out):
+    text = tilt_program(count, centre, letters, step)
+    result = check(run_live.run(config.relative_to(REPOSITORY), "tool-changes.ngc", out, 180, text,
+                                "tool_changes", changes=count, spindle=0.0))
+    assert result["speed_share"] <= 1 and result["acceleration_share"] <= 1, result
+    return (f"{count} tilts, longest change {result['longest_change_s']} s, at most "
+            f"{result['speed_share']} of the speed and {result['acceleration_share']} of the "
+            f"acceleration limits of joints; in one cycle it would be {result['speed_share_at_once']}")
+
+
+for folder, arguments in {
+    HEXAPOD: (50, (10, -15, 200), "ABC", 2.5),
+    REPOSITORY / "configs/lab-hexapod": (5, (5, -5, 600), "ABC", 2),
+    PYRAMID: (5, (20, -10, 230), "AB", 4),
+}.items():
+    name = f"tools_change_while_tilted_{slug(folder.name)}"
+    add_test(name, partial(tilted_tool_changes, folder, *arguments))
+    RECORDING.add(name)
+
+
+TILT = "G1 F4000 X10 Y-15 Z200 A12 B-8"
+
+
+@test
+def tool_out_of_reach_at_a_tilt_is_refused(out):
+    result = scenario(HEXAPOD, "tool_out_of_reach", out, tilt=TILT, tool="G43.1 Z5000", code=-18,
+                      after="G1 F4000 X0 Y0 Z200 A0 B0")
+    return result["reason"]
+
+
+@test
+def move_past_the_inhibited_feed_is_stopped(out):
+    result = scenario(HEXAPOD, "uninhibited_feed", out, tilt=TILT, code=-76)
+    return result["reason"]
+
+
+@test
+def machine_off_in_a_tool_change_moves_no_joint(out):
+    scenario(HEXAPOD, "off_in_a_tool_change", out, tilt=TILT, tool="G43 H2")
+
+
 @test
 def drive_that_cannot_follow_stops_the_machine(out):
     scenario(HEXAPOD, "weak_drive", out)
@@ -257,6 +317,20 @@ def module_loaded_unlike_the_ini_stops_the_start(out):
     with Session(PYRAMID, edits=[edit]) as session:
         (session.copy / "own.hal").write_text("loadrt pkmkins legs=slider:4 coordinates=ZAB\n")
         refused_start(session, out, ["KINEMATICS", "table=XY", "min-limit.4"])
+
+
+@test
+def feed_inhibited_by_something_else_stops_the_start(out):
+    files = ["LIB:pkmkins_sim.tcl", "own.hal", "LIB:pkmkins.tcl"]
+    edit = {"section": "HAL", "key": "HALFILE", "lines": [f"HALFILE = {file}" for file in files]}
+    with Session(HEXAPOD, edits=[edit]) as session:
+        own = session.copy / "own.hal"
+        own.write_text("net door motion.feed-inhibit\n")
+        refused_start(session, out, ["motion.feed-inhibit is on signal door", "or2"])
+        own.write_text("loadrt or2\naddf or2.0 servo-thread\nnet door or2.0.in0\n"
+                       "net module pkmkins.feed-inhibit or2.0.in1\n"
+                       "net inhibit or2.0.out motion.feed-inhibit\n")
+        check(session.run("moves", out, 30, blocks=[]))
 
 
 def refused_load(out, parameters, words):

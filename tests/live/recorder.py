@@ -97,12 +97,14 @@ class Recorder:
                 return [row[names.index(name)] for row in rows]
         raise KeyError(name)
 
-    def write(self, path):
-        """Python writes a float with the digits that give the same bits back."""
+    def write(self, path, count):
+        """The first `count` columns. Python writes a float with the digits that give the same bits
+        back."""
         with open(path, "w") as trace:
-            trace.write(",".join(["t_s"] + [name for name, _, _ in self.columns]) + "\n")
+            trace.write(",".join(["t_s"] + [name for name, _, _ in self.columns[:count]]) + "\n")
             for cycle, parts in enumerate(zip(*self.rows)):
-                values = [cycle * self.period] + [value for part in parts for value in part]
+                row = [value for part in parts for value in part][:count]
+                values = [cycle * self.period] + row
                 trace.write(",".join(map(repr, values)) + "\n")
 
 

@@ -30,13 +30,16 @@ def moves_in(session, program):
     return sum(any(motion + "(" in line for motion in MOTIONS) for line in done.stdout.splitlines())
 
 
-def run(config, program, out, seconds):
-    """Result of one program; also written to out/result.json."""
+def run(config, program, out, seconds, text=None, scenario="program", **arguments):
+    """Result of one program, of the shipped one or of `text`; also written to out/result.json."""
     with Session(REPOSITORY / config) as session:
         path = session.copy / "programs" / program
+        if text is not None:
+            path.write_text(text)
         lines = len(path.read_text().splitlines())
         moves = moves_in(session, path)
-        result = session.run("program", out, seconds, path=str(path), lines=lines, seconds=seconds)
+        result = session.run(scenario, out, seconds, path=str(path), lines=lines, seconds=seconds,
+                             **arguments)
     result = {"config": session.config.name, "program": program, "lines": lines, "moves": moves,
               **result}
     (out / "result.json").write_text(json.dumps(result, indent=1) + "\n")

@@ -5,12 +5,13 @@ Each function gets the Machine, a folder for its files and its arguments; it ret
 into result.json and raises Failure or AssertionError where the machine did not do as it must.
 """
 
+import re
 import statistics
 import time
 
 import linuxcnc
 
-from machine import Failure, Machine, Progress, halcmd
+from machine import AXES, Failure, Machine, Progress, halcmd
 from recorder import Recorder, program_columns
 
 SERVO_PERIOD_NS = 1_000_000
@@ -21,7 +22,13 @@ AT_REST = 1e-6
 
 def program(machine: Machine, out, path, lines, seconds):
     """Homes the machine and runs a program, recording every servo cycle."""
-    recorder = Recorder(machine.component, program_columns(machine.layout), SERVO_PERIOD_NS)
+    return recorded_program(machine, out, path, lines, seconds)[0]
+
+
+def recorded_program(machine, out, path, lines, seconds, more_columns=()):
+    """What was found, and the recorder with `more_columns` beside those of the trace."""
+    columns = program_columns(machine.layout)
+    recorder = Recorder(machine.component, [*columns, *more_columns], SERVO_PERIOD_NS)
     machine.turn_on()
     recorder.start()
     machine.home()
@@ -33,13 +40,58 @@ def program(machine: Machine, out, path, lines, seconds):
     machine.run_program(path, Progress(out / "progress", lines), seconds)
     duration = time.monotonic() - begin
     recorder.stop()
-    recorder.write(out / "trace.csv")
+    recorder.write(out / "trace.csv", len(columns))
     found = {"samples": recorder.samples(), "overruns": recorder.overruns(),
              "seconds": round(duration, 3), **timing(machine), **module_state(machine)}
     expect_quiet(machine)
     if found["samples"] < duration / (SERVO_PERIOD_NS * 1e-9) * 0.9:
         raise Failure(f"only {found['samples']} servo cycles in {duration:.1f} s")
-    return found
+    return found, recorder
+
+
+TOOL_COLUMNS = [("busy", "pkmkins.tool-busy", "bit"),
+                *((f"request_{l}", f"motion.tooloffset.{l}", "float") for l in "xyz")]
+
+
+def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
+    """A program that changes tools at tilts and goes on at once: while the offset in effect is
+    not the one requested nothing but the change moves the machine."""
+    found, recorder = recorded_program(machine, out, path, lines, seconds, TOOL_COLUMNS)
+    pose = list(zip(*(recorder.column(letter) for letter in AXES)))
+    tool = list(zip(*(recorder.column(f"tool_{l}") for l in "xyz")))
+    request = list(zip(*(recorder.column(f"request_{l}") for l in "xyz")))
+    busy = [False, *recorder.column("busy")]
+    for cycle, (wanted, shown) in enumerate(zip(request, tool)):
+        expected = (wanted[0], wanted[1], spindle + wanted[2])
+        assert busy[cycle + 1] or shown == expected, f"cycle {cycle}: {shown} holds, not {expected}"
+        # The cycle that changes the request still belongs to the motion before it.
+        assert not busy[cycle] or pose[cycle] == pose[cycle - 1], f"cycle {cycle}: motion in a change"
+    starts = sum(after and not before for before, after in zip(busy, busy[1:]))
+    assert starts == changes, f"{starts} tool changes at a tilt, expected {changes}"
+    return {**found, "tool_changes": starts, **use_of_limits(machine, recorder, busy)}
+
+
+def use_of_limits(machine, recorder, busy):
+    """The longest tool change, the largest shares of the joints' limits in tool changes, and what share
+    of the speed limits all of a change in one cycle would be."""
+    dt = SERVO_PERIOD_NS * 1e-9
+    flags = "".join("x" if flag else " " for flag in busy)
+    runs = [match.span() for match in re.finditer("x+", flags)]
+    speed = acceleration = at_once = 0.0
+    for n in machine.layout.joints:
+        way = recorder.column(f"j{n}")
+        most_speed = machine.get(f"pkmkins.max-velocity.{n}")
+        most_acceleration = machine.get(f"pkmkins.max-acceleration.{n}")
+        for begin, end in runs:
+            part = way[begin - 1:end - 1]  # busy is one cycle longer than way, at its front
+            first = [b - a for a, b in zip(part, part[1:])]
+            second = [b - a for a, b in zip(first, first[1:])]
+            speed = max([speed, *(abs(v) / dt / most_speed for v in first)])
+            acceleration = max([acceleration, *(abs(v) / dt ** 2 / most_acceleration for v in second)])
+            at_once = max(at_once, abs(part[-1] - part[0]) / dt / most_speed)
+    return {"longest_change_s": round(max(end - begin for begin, end in runs) * dt, 3),
+            "speed_share": round(speed, 3), "acceleration_share": round(acceleration, 3),
+            "speed_share_at_once": round(at_once, 1)}
 
 
 def module_state(machine):
@@ -328,6 +380,63 @@ def tool_pin_nan(machine: Machine, out):
     assert machine.get("pkmkins.fault") < 0, "no fault with a tool offset of NaN"
     assert machine.error_texts(), "no reason shown to the operator"
     return {"moved": moved, "messages_seen": machine.error_texts(), "on": machine.is_on()}
+
+
+def tool_out_of_reach(machine: Machine, out, tilt, tool, code, after):
+    """A tool offset that takes a joint beyond its limits at a tilt: told, no joint moves; the machine
+    goes off, which takes the offset without motion."""
+    machine.start()
+    machine.mdi(tilt)
+    machine.pause(0.2)
+    watch = JointWatch(machine)
+    machine.command.mdi(tool)
+    machine.wait(lambda: not machine.is_on(), 5, "machine off")
+    machine.pause(0.3)
+    moved = watch.stop()
+    assert moved < 1e-9, f"a joint moved by {moved}"
+    assert not machine.get("pkmkins.tool-busy"), "tool-busy after a refusal"
+    reason = reason_of(machine, code)
+    machine.turn_on()
+    machine.set_mode(linuxcnc.MODE_MDI)
+    for block in ("G49", after):
+        machine.mdi(block)
+    assert abs(machine.get("pkmkins.tool-offset-eff-z")) == 0, "G49 with the machine level is not taken"
+    return {"reason": reason}
+
+
+def uninhibited_feed(machine: Machine, out, tilt, code):
+    """M49 makes LinuxCNC ignore feed-inhibit: the move after a tool change is stopped instead."""
+    machine.start()
+    machine.mdi(tilt)
+    machine.mdi("M49")
+    machine.command.mdi("G43 H1")
+    machine.command.mdi("G1 F600 X-20")
+    machine.wait(lambda: not machine.is_on(), 5, "machine off")
+    return {"reason": reason_of(machine, code)}
+
+
+def off_in_a_tool_change(machine: Machine, out, tilt, tool):
+    """Machine off while the offset is on its way: it is taken, and nothing moves when it is on."""
+    machine.start()
+    machine.mdi(tilt)
+    machine.set("pkmkins.max-velocity.0", 1)  # so slow that there is time
+    machine.command.mdi(tool)
+    machine.wait(lambda: machine.get("pkmkins.tool-busy"), 5, "tool-busy")
+    machine.pause(0.5)
+    assert machine.get("pkmkins.feed-inhibit") and machine.get("motion.feed-inhibit")
+    machine.turn_off()
+    machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 5, "not busy with the machine off")
+    wanted = machine.get("motion.tooloffset.z")
+    assert machine.get("pkmkins.tool-offset-eff-z") == wanted != 0, "the offset is not taken"
+    machine.pause(0.3)
+    watch = JointWatch(machine)
+    machine.turn_on()
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.pause(0.3)
+    moved = watch.stop()
+    assert moved < AT_REST, f"a joint moved by {moved}"
+    goes_on(machine, "G1 F3000 X0 Y0")
+    return {"moved": moved}
 
 
 def weak_drive(machine: Machine, out):
