@@ -17,7 +17,9 @@
 //! joint path to the target stays inside (Newton-Kantorovich). Steps turn the platform
 //! by Cayley's formula instead of exp: a smaller turn by at most |ω|³/12, which the
 //! margin between 0.4 and 1/2 covers. With more legs than coordinates J⁻¹ is the
-//! pseudo-inverse.
+//! pseudo-inverse: what is proved is the one pose that all legs fit. Joints that contradict
+//! each other by |F| have a least-squares pose instead, which may lie about L d ‖J⁻¹‖ |F|
+//! beside it (d = distance from the centre of the ball); the residual limit bounds |F|.
 //!
 //! **Moving base anchors** (carriages, cranks) turn the rows while the joints move. Their
 //! mean displacement is taken along by the platform, which changes no leg; what is left
