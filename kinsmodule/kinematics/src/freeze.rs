@@ -105,8 +105,8 @@ impl Frozen<'_> {
     }
 
     fn size(&self) -> f64 {
-        self.geometry.legs().iter().fold(0.0, |size: f64, leg| {
-            size.max(Vector3::from(leg.base).norm()).max(Vector3::from(leg.platform).norm())
+        self.geometry.legs().iter().fold(0.0, |size, leg| {
+            leg.lengths().into_iter().fold(size, |size: f64, length| size.max(length))
         })
     }
 

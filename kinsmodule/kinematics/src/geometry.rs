@@ -4,6 +4,7 @@
 use crate::layout::{Layout, Letters, MAX_LEGS};
 use crate::leg::{LegKind, StrutGeometry};
 use crate::load::LoadError;
+use nalgebra::Vector3;
 
 /// One leg as given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +42,17 @@ impl LegGeometry {
         let mut all = finite(&self.base) && finite(&self.platform);
         self.kind.for_each_value(|values| all = all && finite(values));
         all
+    }
+
+    /// Distances of the anchors from the origins of their frames, rod and arm; 0 for what
+    /// the leg does not have. Guides may cross in the origin, where all anchors then are.
+    pub(crate) fn lengths(&self) -> [f64; 4] {
+        let (rod, arm) = match self.kind {
+            LegKind::Strut(_) => (0.0, 0.0),
+            LegKind::Slider(slider) => (slider.rod, 0.0),
+            LegKind::Crank(crank) => (crank.rod, Vector3::from(crank.arm).norm()),
+        };
+        [Vector3::from(self.base).norm(), Vector3::from(self.platform).norm(), rod, arm]
     }
 }
 

@@ -72,8 +72,8 @@ impl Machine {
         each!(self, m => &m.layout)
     }
 
-    /// Largest distance of an anchor from the origin of its frame: what relative
-    /// tolerances refer to. Machine units.
+    /// Largest length of the geometry (distance of an anchor from the origin of its frame,
+    /// rod, arm): what relative tolerances refer to. Machine units.
     pub fn size(&self) -> f64 {
         each!(self, m => m.size)
     }
@@ -224,7 +224,7 @@ pub(crate) struct Mechanism<const N: usize> {
     /// Joint = native value + correction − offset.
     pub offset: [f64; N],
     pub nut: Option<Nut<N>>,
-    /// Largest anchor distance from its frame's origin.
+    /// Largest length of the geometry, see [`Machine::size`].
     pub size: f64,
     /// Root mean square distance of the platform anchors from their centroid.
     pub radius: f64,

@@ -3,13 +3,15 @@
 
 mod common;
 
-use common::machines::{declared, four_rod_lathe, linear_delta, pyramid, six_rod_lathe};
+use common::machines::{
+    declared, four_rod_lathe, geometry, linear_delta, pyramid, six_rod_lathe, slider,
+};
 use common::random::{Draw, RECIPES, Recipe, draw};
 use common::reference::rod;
 use common::tolerances::GOLDEN_JOINT;
-use common::{Case, NO_TOOL, cases, rng};
-use kinematics::leg::SliderGeometry;
-use kinematics::{LegGeometry, LegKind, Pose, Vector3};
+use common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
+use kinematics::leg::{CrankGeometry, SliderGeometry};
+use kinematics::{LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
 /// A few roundings of lengths of the machine's size.
 const LENGTH: f64 = 1e-13;
@@ -170,5 +172,34 @@ fn carriages_of_the_pyramid_stand_where_paper_000_says() {
         let table = [pose.position.x + 150.0 * sin_b, pose.position.y];
         assert!((joints[4] - table[0]).abs() < GOLDEN_JOINT);
         assert!((joints[5] - table[1]).abs() < GOLDEN_JOINT);
+    }
+}
+
+/// Guides along X, Y, Z that cross in the origin, and rods that end in one point: the only
+/// lengths of the machine are its rods. So with a single crank.
+#[test]
+fn a_machine_may_have_all_its_anchors_in_the_origin() {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let orthoglide = axes.map(|guide| slider([0.0; 3], [0.0; 3], guide, 300.0, -1));
+    let crank = CrankGeometry { axis: axes[1], arm: [400.0, 0.0, 0.0], rod: 300.0, side: 1 };
+    let crank = LegGeometry { base: [0.0; 3], platform: [0.0; 3], kind: LegKind::Crank(crank) };
+    let at = |v: [f64; 3]| Pose::from_degrees([v[0], v[1], v[2], 0.0, 0.0, 0.0]);
+    for (legs, coordinates, size, home, other) in [
+        (&orthoglide[..], "XYZ", 300.0, [0.0; 3], [20.0, 30.0, -40.0]),
+        (&[crank], "Z", 400.0, [0.0, 0.0, -450.0], [0.0, 0.0, -500.0]),
+    ] {
+        let home = at(home);
+        let given = geometry(legs, coordinates, "", Some(home.to_degrees()));
+        let machine = Machine::freeze(&given, &NO_OFFSET).unwrap();
+        assert_eq!(machine.size(), size);
+        let joints = machine.inverse(&at(other), &NO_TOOL).unwrap();
+        for (leg, joint) in legs.iter().zip(joints) {
+            let span = Vector3::from(other) - rod(leg, joint).anchor;
+            assert!((span.norm() - 300.0).abs() < LENGTH * size, "{joints:?}");
+        }
+        let found = machine.forward(&joints, &home, &NO_TOOL, &Solver::default()).unwrap();
+        let apart = found.pose.distance(&at(other), machine.radius());
+        // What README promises of forward(inverse(pose)).
+        assert!(apart <= 1e-10 * size, "{found:?}");
     }
 }

@@ -230,10 +230,17 @@ impl Parallel {
         module.set("spindle-offset", self.spindle_offset);
     }
 
-    /// Largest distance of an anchor from its body's origin.
+    /// Largest length: of an anchor from its body's origin, a rod or an arm.
     pub fn size(&self) -> f64 {
-        let anchors = self.legs.iter().flat_map(|leg| [leg.base, leg.platform]);
-        anchors.map(norm).fold(0.0, f64::max)
+        let lengths = self.legs.iter().flat_map(|leg| {
+            let [rod, arm] = match leg.kind {
+                Kind::Strut { .. } => [0.0; 2],
+                Kind::Slider { rod, .. } => [rod, 0.0],
+                Kind::Crank { arm, rod, .. } => [rod, norm(arm)],
+            };
+            [norm(leg.base), norm(leg.platform), rod, arm]
+        });
+        lengths.fold(0.0, f64::max)
     }
 
     /// Root mean square radius of the platform anchors about their centroid.
