@@ -5,7 +5,7 @@ use crate::fault::{Cause, Fault};
 use crate::inverse::Posed;
 use crate::lanes::Lanes3;
 use crate::layout::MAX_LEGS;
-use crate::machine::{Jacobian, Mechanism};
+use crate::machine::{Chart, Jacobian, Mechanism};
 use crate::pose::{Pose, Trigonometry};
 use nalgebra::Vector3;
 
@@ -71,7 +71,8 @@ impl<const N: usize> Mechanism<N> {
 
     pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
         let (of_twist, trig) = self.twist_rows(pose, tool)?;
-        if !(trig.cb.abs() >= MIN_COS_B) {
+        // Where A or C is held there is nothing to tell apart.
+        if self.chart == Chart::Group && !(trig.cb.abs() >= MIN_COS_B) {
             return Err(Fault::with_value(Cause::TiltNearRightAngle, trig.cb));
         }
         let per_degree = trig.rate_map() * (core::f64::consts::PI / 180.0);

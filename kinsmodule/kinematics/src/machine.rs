@@ -165,7 +165,8 @@ impl Machine {
     /// Units: joint units per machine unit and per **degree**.
     ///
     /// # Errors
-    /// As [`Machine::inverse`]; [`Cause::TiltNearRightAngle`] where cos B < 1e-6.
+    /// As [`Machine::inverse`]; [`Cause::TiltNearRightAngle`] where A, B and C are active
+    /// and cos B < 1e-6.
     pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
         each!(self, m => m.pose_jacobian(pose, tool))
     }
