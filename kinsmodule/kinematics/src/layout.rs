@@ -2,6 +2,7 @@
 //! Numbers and letters of a machine: which joints there are, and which coordinates of
 //! the pose they move.
 
+use crate::fault::{Cause, Fault};
 use crate::load::LoadError;
 
 /// Most legs of a machine.
@@ -15,6 +16,9 @@ pub type Joints = [f64; MAX_JOINTS];
 
 /// One number for each leg; 0 beyond the last leg.
 pub type PerLeg = [f64; MAX_LEGS];
+
+/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
+const HELD_TOLERANCE: f64 = 1e-9;
 
 /// A coordinate of the pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +56,20 @@ impl Letter {
     /// Whether it is an angle.
     pub const fn is_angle(self) -> bool {
         self.index() >= 3
+    }
+
+    /// Refuses a value of this letter, held at 0 on a machine of `size`, that is more than
+    /// rounding.
+    ///
+    /// # Errors
+    /// The cause of the letter, [`Cause::HeldX`] to [`Cause::HeldC`].
+    #[inline]
+    pub fn check_held(self, value: f64, size: f64) -> Result<(), Fault> {
+        let unit = if self.is_angle() { 1.0 } else { size };
+        if value.abs() <= HELD_TOLERANCE * unit {
+            return Ok(());
+        }
+        Err(Fault::with_value(Cause::held(self), value))
     }
 }
 

@@ -20,9 +20,6 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 /// Shortest leg that still has a direction, as a share of the size.
 const MIN_LENGTH: f64 = 1e-6;
 
-/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
-const HELD_TOLERANCE: f64 = 1e-9;
-
 /// Rows of joints by columns of a twist or pose; rows beyond the last joint are 0.
 pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
 
@@ -293,9 +290,8 @@ impl<const N: usize> Mechanism<N> {
                 continue;
             }
             let k = letter.index();
-            let most = if letter.is_angle() { HELD_TOLERANCE } else { HELD_TOLERANCE * self.size };
-            if strict && !(given[k].abs() <= most) {
-                return Err(Fault::with_value(Cause::held(letter), given[k]));
+            if strict {
+                letter.check_held(given[k], self.size)?;
             }
             if letter.is_angle() {
                 held.angles[k - 3] = 0.0;

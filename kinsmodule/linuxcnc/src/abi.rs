@@ -176,12 +176,12 @@ pub unsafe extern "C" fn kinematicsForward(
         return Cause::NullPointer.code();
     };
     let joints = &joints;
-    let given = world.degrees();
     let result = match module.kind() {
-        Kind::Identity => module.identity_forward(joints, given),
+        Kind::Identity => module.identity_forward(joints),
         Kind::Machine => {
             let address = &raw const *world as usize;
-            module.forward(joints, &Pose::from_degrees(given), address).map(|p| p.to_degrees())
+            let seed = Pose::from_degrees(world.degrees());
+            module.forward(joints, &seed, address).map(|p| p.to_degrees())
         }
     };
     match result {
@@ -287,7 +287,7 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     };
     let joints = &joints;
     let pose = match module.kind() {
-        Kind::Identity => module.identity_pose(joints, [0.0; 6]).map(Pose::from_degrees),
+        Kind::Identity => module.identity_pose(joints).map(Pose::from_degrees),
         Kind::Machine => module.pose_of(joints),
     };
     let Ok(pose) = pose else { return -1 };

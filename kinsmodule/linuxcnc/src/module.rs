@@ -6,7 +6,8 @@ use crate::hal::print_error;
 use crate::pins::{Given, Pins};
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
-    Cause, Fault, Jacobian, Joints, Layout, Load, MAX_JOINTS, Machine, Pose, Solution, Vector3,
+    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
+    Vector3,
 };
 
 /// Cycles without a fault after which the same fault is told again.
@@ -195,20 +196,17 @@ impl Module {
     }
 
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
-    pub fn identity_forward(
-        &mut self,
-        joints: &Joints,
-        world: [f64; 6],
-    ) -> Result<[f64; 6], Fault> {
-        let result = self.identity_pose(joints, world);
+    pub fn identity_forward(&mut self, joints: &Joints) -> Result<[f64; 6], Fault> {
+        let result = self.identity_pose(joints);
         self.pins.fwd_kins_fail.set(result.is_err());
         let pose = self.recorded(result)?;
         self.pins.show_pose(pose);
         Ok(pose)
     }
 
-    /// `world` with each joint at its letter's place.
-    pub fn identity_pose(&self, joints: &Joints, mut world: [f64; 6]) -> Result<[f64; 6], Fault> {
+    /// Each joint at its letter's place, 0 at those that no joint moves.
+    pub fn identity_pose(&self, joints: &Joints) -> Result<[f64; 6], Fault> {
+        let mut world = [0.0; 6];
         if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
             return Err(Fault::of_leg(Cause::JointNotFinite, i, joints[i]));
         }
@@ -236,12 +234,26 @@ impl Module {
         if !pose.iter().all(|v| v.is_finite()) {
             return self.recorded(Err(Cause::PoseNotFinite.into()));
         }
+        let held = self.refuse_held(pose);
+        self.recorded(held)?;
         let mut joints = [0.0; MAX_JOINTS];
         let letters = self.layout().joint_letters().into_iter().flatten();
         for (joint, letter) in joints.iter_mut().zip(letters) {
             *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
         }
         Ok(joints)
+    }
+
+    /// Refuses a value for a letter that no joint moves: nothing would bring it back to 0.
+    fn refuse_held(&self, pose: &[f64; 6]) -> Result<(), Fault> {
+        // Before a geometry is known rounding is that of one machine unit.
+        let size = self.frozen.as_ref().map_or(1.0, |frozen| frozen.machine.size());
+        for (letter, value) in Letter::ALL.into_iter().zip(pose) {
+            if self.layout().is_held(letter) {
+                letter.check_held(*value, size)?;
+            }
+        }
+        Ok(())
     }
 
     /// The servo-thread function beside the kinematics calls: watches `.apply`, moves the

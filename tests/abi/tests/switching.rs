@@ -10,6 +10,8 @@ use abi_tests::tolerances::{SAME_COMPONENT, WRONG_REL};
 use kinematics::Cause;
 
 const POSE: Pose = [10.0, -20.0, 260.0, 3.0, -4.0, 2.0, 0.0, 0.0, 0.0];
+const HELD: [Cause; 6] =
+    [Cause::HeldX, Cause::HeldY, Cause::HeldZ, Cause::HeldA, Cause::HeldB, Cause::HeldC];
 const LETTERS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
 
 fn types(module: &Module) -> [bool; 3] {
@@ -194,8 +196,8 @@ fn without_the_monitor_a_refused_identity_is_told_at_once() {
     assert_eq!(module.messages().len(), 1, "{:?}", module.messages());
 }
 
-/// Joint j is the j-th letter of `coordinates`, then come the letters of `table`; what no
-/// joint has keeps its value in forward, and counts for nothing in inverse.
+/// Joint j is the j-th letter of `coordinates`, then come the letters of `table`; forward
+/// gives 0 for what no joint has, and inverse refuses anything else there.
 #[test]
 fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
     let mut three = pyramid();
@@ -213,17 +215,21 @@ fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
             .chain(machine.table.chars())
             .map(|letter| LETTERS.iter().position(|l| l.starts_with(letter)).expect("a letter"))
             .collect();
+        let held: Vec<usize> = (0..6).filter(|c| !letters.contains(c)).collect();
+        assert_refuses_held(&module, &held);
+        let mut pose = POSE;
+        for letter in &held {
+            pose[*letter] = 0.0;
+        }
         let mut joints = [7.0; 16];
-        assert_eq!(module.inverse_into(&POSE, &mut joints), 0);
+        assert_eq!(module.inverse_into(&pose, &mut joints), 0);
         for (joint, letter) in letters.iter().enumerate() {
             assert_eq!(joints[joint], POSE[*letter], "{} joint {joint}", machine.coordinates);
         }
         assert!(joints[letters.len()..].iter().all(|guard| *guard == 7.0));
         let mut seed = [11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0];
-        let mut expected = seed;
-        for letter in &letters {
-            expected[*letter] = POSE[*letter];
-        }
+        let mut expected = pose;
+        expected[6..].copy_from_slice(&seed[6..]);
         assert_eq!(module.forward_into(&joints, &mut seed), 0);
         assert_eq!(seed, expected, "{}", machine.coordinates);
         let jacobian = module.jacobian(&joints, &POSE).expect("identity knows no limit");
@@ -232,6 +238,21 @@ fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
                 let is_letter = letters.get(joint) == Some(&column);
                 assert_eq!(*value, f64::from(u8::from(is_letter)), "[{joint}][{column}]");
             }
+        }
+    }
+}
+
+/// Each held letter by its own code, and rounding of work offsets passes.
+fn assert_refuses_held(module: &Module, held: &[usize]) {
+    for letter in held {
+        for (value, refuse) in [(1.0, true), (-1e-3, true), (1e-12, false), (-0.0, false)] {
+            let mut pose = [0.0; 9];
+            pose[*letter] = value;
+            let mut joints = [7.0; 16];
+            let code = module.inverse_into(&pose, &mut joints);
+            let expected = if refuse { HELD[*letter].code() } else { 0 };
+            assert_eq!(code, expected, "{} {value}", LETTERS[*letter]);
+            assert!(!refuse || joints == [7.0; 16]);
         }
     }
 }
