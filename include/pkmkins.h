@@ -29,7 +29,9 @@ enum pkmkins_cause {
   PKMKINS_RESULT_NOT_FINITE = -17,
   // at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose.
   PKMKINS_TOOL_OUT_OF_REACH = -18,
-  // the rod of the leg does not reach the platform anchor: the length shown is missing.
+  // a tool or spindle offset is beyond a million times the machine's size.
+  PKMKINS_TOOL_TOO_LONG = -86,
+  // the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative).
   PKMKINS_OUT_OF_REACH = -19,
   // the joint value is NaN or infinite.
   PKMKINS_JOINT_NOT_FINITE = -20,
@@ -37,6 +39,10 @@ enum pkmkins_cause {
   PKMKINS_JOINT_NOT_POSITIVE = -21,
   // the pose to start from is NaN or infinite, and no earlier pose is known.
   PKMKINS_SEED_MISSING = -22,
+  // the joint value is beyond 1e6 degrees.
+  PKMKINS_JOINT_ANGLE_TOO_LARGE = -23,
+  // the leg does not reach the pose to start from: its rod lacks the length shown (too long where negative).
+  PKMKINS_SEED_OUT_OF_REACH = -24,
   // the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown).
   PKMKINS_DEAD_POINT = -26,
   // the legs do not hold the platform at this pose (singular Jacobian).
@@ -87,6 +93,14 @@ enum pkmkins_cause {
   PKMKINS_ARM_ZERO = -61,
   // the centre holds a value that is NaN or infinite.
   PKMKINS_CENTRE_NOT_FINITE = -62,
+  // the length shown, of the leg's anchors, rod, arm or lead, is beyond 1e30.
+  PKMKINS_LENGTH_TOO_LARGE = -63,
+  // the joint offset of the leg is beyond a million times the machine's size, or 1e6 degrees of a crank.
+  PKMKINS_OFFSET_TOO_LARGE = -64,
+  // the centre is farther away than a million times the machine's size.
+  PKMKINS_CENTRE_TOO_FAR = -65,
+  // the reference pose asks for a coordinate that this machine holds at 0.
+  PKMKINS_HOME_HELD = -66,
   // no valid geometry is frozen.
   PKMKINS_NO_GEOMETRY = -70,
   // a new geometry was offered while the machine is on; the last one stays.

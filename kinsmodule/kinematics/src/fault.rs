@@ -43,14 +43,26 @@ impl core::fmt::Display for Fault {
             write!(f, "leg {leg}: ")?;
         }
         write!(f, "{}", self.cause.text())?;
-        if self.value != 0.0 {
-            write!(f, " (value {})", self.value)?;
+        // The number of a leg may be 0; elsewhere 0 says nothing.
+        if self.value != 0.0 || self.cause == Cause::LegsCoincide {
+            write!(f, " (value {})", Shown(self.value))?;
         }
         write!(f, "; {} [code {}]", self.cause.remedy(), self.cause.code())
     }
 }
 
 impl core::error::Error for Fault {}
+
+/// A number in few characters: 1e300 written out would push the way out and the code off the
+/// end of what LinuxCNC shows.
+struct Shown(f64);
+
+impl core::fmt::Display for Shown {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let plain = self.0 == 0.0 || (1e-5..1e15).contains(&self.0.abs());
+        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+    }
+}
 
 macro_rules! causes {
     ($($(#[$doc:meta])* $name:ident = $code:literal, $text:literal, $remedy:literal;)*) => {
@@ -109,7 +121,9 @@ causes! {
         "look at the pose and the geometry";
     ToolOutOfReach = -18, "at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose",
         "level the platform or retract, then change the tool length";
-    OutOfReach = -19, "the rod of the leg does not reach the platform anchor: the length shown is missing",
+    ToolTooLong = -86, "a tool or spindle offset is beyond a million times the machine's size",
+        "check the tool table and the nets to the tool-offset pins";
+    OutOfReach = -19, "the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)",
         "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
     // Joints and seed that forward was given.
     JointNotFinite = -20, "the joint value is NaN or infinite",
@@ -118,6 +132,10 @@ causes! {
         "home the joint, or check its OFFSET and feedback scale";
     SeedMissing = -22, "the pose to start from is NaN or infinite, and no earlier pose is known",
         "home the machine";
+    JointAngleTooLarge = -23, "the joint value is beyond 1e6 degrees",
+        "home the joint, or check its OFFSET and feedback scale";
+    SeedOutOfReach = -24, "the leg does not reach the pose to start from: its rod lacks the length shown (too long where negative)",
+        "home the machine; if it is homed, check [TRAJ]HOME";
     DeadPoint = -26, "the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown)",
         "keep away from the end of this rod's range: beyond it SIDE would be the other one";
     // The forward solver.
@@ -170,6 +188,14 @@ causes! {
         "give AXIS as a direction and ARM across it";
     CentreNotFinite = -62, "the centre holds a value that is NaN or infinite",
         "correct CENTRE";
+    LengthTooLarge = -63, "the length shown, of the leg's anchors, rod, arm or lead, is beyond 1e30",
+        "correct the values of this leg";
+    OffsetTooLarge = -64, "the joint offset of the leg is beyond a million times the machine's size, or 1e6 degrees of a crank",
+        "correct OFFSET";
+    CentreTooFar = -65, "the centre is farther away than a million times the machine's size",
+        "correct CENTRE";
+    HomeHeld = -66, "the reference pose asks for a coordinate that this machine holds at 0",
+        "set the letters of HOME that no joint moves to 0";
     // The module around the kinematics.
     NoGeometry = -70, "no valid geometry is frozen",
         "correct the geometry and raise pkmkins.apply with the machine off";
@@ -229,11 +255,20 @@ mod tests {
     }
 
     #[test]
+    fn a_leg_of_number_0_is_shown_and_a_value_of_0_that_says_nothing_is_not() {
+        let text = |cause| format!("{}", Fault::of_leg(cause, 1, 0.0));
+        assert!(text(Cause::LegsCoincide).contains("(value 0)"));
+        assert!(!text(Cause::GeometryNotFinite).contains("value 0"));
+    }
+
+    #[test]
     fn a_message_is_shown_whole() {
         // LinuxCNC cuts what an operator sees at 254 characters; "pkmkins: " goes before it.
         for cause in CAUSES {
-            let text = format!("pkmkins: {}", Fault::of_leg(*cause, 7, -0.123_456_789_012_345_68));
-            assert!(text.chars().count() <= 254, "{cause:?}: {} characters", text.len());
+            for value in [-0.123_456_789_012_345_68, -1e300, 1e-300, f64::MAX, f64::NEG_INFINITY] {
+                let text = format!("pkmkins: {}", Fault::of_leg(*cause, 7, value));
+                assert!(text.chars().count() <= 254, "{text}: {} characters", text.len());
+            }
         }
     }
 }

@@ -299,9 +299,7 @@ impl<const N: usize> Mechanism<N> {
             return Err(Cause::SeedMissing.into());
         }
         seed.check()?;
-        if !(tool.x.is_finite() && tool.y.is_finite() && tool.z.is_finite()) {
-            return Err(Cause::ToolNotFinite.into());
-        }
+        self.check_tool(tool)?;
         let target = self.target(&self.lanes_of(joints))?;
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
@@ -321,9 +319,11 @@ impl<const N: usize> Mechanism<N> {
         };
         let mut end = End { place: start, at: Measured::ZERO };
         let certificate = match solver.method {
-            Method::Certified => self.search(&target, start, &mut effort, &mut end)?,
-            Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end)?,
+            Method::Certified => self.search(&target, start, &mut effort, &mut end),
+            Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end),
         };
+        let certificate =
+            certificate.map_err(|fault| self.explained(fault, &target, &start, solver))?;
         let residual = self.off(&target, &end.at);
         if redundant && !(residual <= self.residual_limit(solver)) {
             let leg = self.contradicting(&target, &start);
@@ -341,6 +341,22 @@ impl<const N: usize> Mechanism<N> {
             corrections: self.per_leg(&corrections),
             certificate,
         })
+    }
+
+    /// The reason behind a refusal of the search.
+    #[cold]
+    fn explained(&self, fault: Fault, target: &Target<N>, start: &Place, solver: &Solver) -> Fault {
+        let redundant = self.layout.is_redundant();
+        match fault.cause {
+            // Only the seed's own joints are asked for.
+            Cause::OutOfReach => Fault { cause: Cause::SeedOutOfReach, ..fault },
+            // Least squares converge the worse the more the legs contradict each other.
+            Cause::NotConverged if redundant && fault.value > self.residual_limit(solver) => {
+                let leg = self.contradicting(target, start);
+                Fault { cause: Cause::JointsInconsistent, leg, value: fault.value }
+            }
+            _ => fault,
+        }
     }
 
     fn criterion(&self, solver: &Solver) -> f64 {

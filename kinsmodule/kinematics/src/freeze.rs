@@ -7,8 +7,9 @@ use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
 use crate::layout::{Letter, PerLeg};
+use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
-use crate::machine::{Chart, Mechanism, Place};
+use crate::machine::{Chart, FARTHEST, Mechanism, Place};
 use crate::nut::Nut;
 use crate::pose::Pose;
 use crate::qr::Qr;
@@ -17,6 +18,9 @@ use nalgebra::Vector3;
 
 /// Anchors nearer than this share of the size count as one point.
 const SAME_POINT: f64 = 1e-9;
+
+/// Largest number for a length: products of ten of them are still within f64's range.
+const LONGEST: f64 = 1e30;
 
 /// What a machine is frozen from.
 pub(crate) struct Frozen<'a> {
@@ -33,10 +37,7 @@ impl Frozen<'_> {
         let leg = |i: usize| self.geometry.lane(i);
         let base = Lanes3::from_fn(|i| Vector3::from(leg(i).base));
         let centroid = self.centroid();
-        let size = self.size();
-        if !size.is_finite() {
-            return Err(Fault::with_value(Cause::GeometryNotFinite, size));
-        }
+        let size = self.size()?;
         self.refuse_coincident(size)?;
         let active = core::array::from_fn(|k| {
             layout.coordinates().as_slice().iter().any(|letter| letter.index() == k)
@@ -72,6 +73,7 @@ impl Frozen<'_> {
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
             mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
+        self.refuse_far(size)?;
         mechanism.bound_anchors(angles);
         if let Some(home) = self.geometry.home {
             mechanism.settle_at(home)?;
@@ -104,10 +106,36 @@ impl Frozen<'_> {
         centroid
     }
 
-    fn size(&self) -> f64 {
-        self.geometry.legs().iter().fold(0.0, |size, leg| {
-            leg.lengths().into_iter().fold(size, |size: f64, length| size.max(length))
-        })
+    /// Largest length of all legs; refuses lengths that cannot be computed with.
+    fn size(&self) -> Result<f64, Fault> {
+        let mut size = 0.0_f64;
+        for (i, leg) in self.geometry.legs().iter().enumerate() {
+            let longest = leg.lengths().into_iter().fold(0.0, f64::max);
+            let lead = match leg.kind {
+                LegKind::Strut(strut) => strut.lead.abs(),
+                _ => 0.0,
+            };
+            if !(longest.max(lead) <= LONGEST) {
+                return Err(Fault::of_leg(Cause::LengthTooLarge, i, longest.max(lead)));
+            }
+            size = size.max(longest);
+        }
+        Ok(size)
+    }
+
+    /// Refuses what is so far away that joints would lose their digits without a word.
+    fn refuse_far(&self, size: f64) -> Result<(), Fault> {
+        for (i, (leg, offset)) in self.geometry.legs().iter().zip(self.offset).enumerate() {
+            let most = if leg.kind.is_angular() { MAX_ANGLE_DEG } else { FARTHEST * size };
+            if !(offset.abs() <= most) {
+                return Err(Fault::of_leg(Cause::OffsetTooLarge, i, *offset));
+            }
+        }
+        let away = Vector3::from(self.geometry.centre).amax();
+        if !(away <= FARTHEST * size) {
+            return Err(Fault::with_value(Cause::CentreTooFar, away));
+        }
+        Ok(())
     }
 
     /// Root mean square distance of the platform anchors from their centroid.
@@ -191,7 +219,9 @@ impl<const N: usize> Mechanism<N> {
     fn settle_at(&mut self, home: [f64; 6]) -> Result<(), Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
-        let pose = self.held(&pose, true)?;
+        let pose = self
+            .held(&pose, true)
+            .map_err(|fault| Fault::with_value(Cause::HomeHeld, fault.value))?;
         let rotation = pose.rotation();
         let point = self.point(&pose.position, &rotation, &Vector3::zeros());
         let place = Place { centre: self.of_legs(point), rotation, angles: pose.angles };

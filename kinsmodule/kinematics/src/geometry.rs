@@ -44,14 +44,10 @@ impl LegGeometry {
         all
     }
 
-    /// Distances of the anchors from the origins of their frames, rod and arm; 0 for what
-    /// the leg does not have. Guides may cross in the origin, where all anchors then are.
+    /// Lengths that count for the size: of the anchors from the origins of their frames, of
+    /// rod and arm. Guides may cross in the origin, where all anchors then are.
     pub(crate) fn lengths(&self) -> [f64; 4] {
-        let (rod, arm) = match self.kind {
-            LegKind::Strut(_) => (0.0, 0.0),
-            LegKind::Slider(slider) => (slider.rod, 0.0),
-            LegKind::Crank(crank) => (crank.rod, Vector3::from(crank.arm).norm()),
-        };
+        let [rod, arm] = self.kind.lengths();
         [Vector3::from(self.base).norm(), Vector3::from(self.platform).norm(), rod, arm]
     }
 }

@@ -78,9 +78,7 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     fn stand(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Stand, Fault> {
         pose.check()?;
-        if !(tool.x.is_finite() && tool.y.is_finite() && tool.z.is_finite()) {
-            return Err(Cause::ToolNotFinite.into());
-        }
+        self.check_tool(tool)?;
         if self.holds {
             return Ok(self.standing(&self.held(pose, true)?, tool));
         }

@@ -17,6 +17,11 @@ use crate::nut::{Nut, Twist};
 use crate::pose::Pose;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+/// Largest tool offset, joint offset and distance of the centre in sizes of the machine: with
+/// more the rounding of f64 would take from joints and poses what the solver promises,
+/// 1e6 · 2⁻⁵³ = 1e-10 of the size.
+pub(crate) const FARTHEST: f64 = 1e6;
+
 /// Shortest leg that still has a direction, as a share of the size.
 const MIN_LENGTH: f64 = 1e-6;
 
@@ -93,6 +98,14 @@ impl Machine {
     #[inline]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         each!(self, m => m.inverse(pose, tool))
+    }
+
+    /// Whether a tool vector may be computed with.
+    ///
+    /// # Errors
+    /// [`Cause::ToolNotFinite`], [`Cause::ToolTooLong`].
+    pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
+        each!(self, m => m.check_tool(tool))
     }
 
     /// Pose of the joint values that is connected with `seed`.
@@ -300,6 +313,20 @@ impl<const N: usize> Mechanism<N> {
             }
         }
         Ok(held)
+    }
+
+    /// Refuses a tool vector that no pose may be computed with.
+    #[inline]
+    pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
+        let most = FARTHEST * self.size;
+        if tool.x.abs() <= most && tool.y.abs() <= most && tool.z.abs() <= most {
+            return Ok(());
+        }
+        let largest = tool.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        match tool.iter().all(|v| v.is_finite()) {
+            true => Err(Fault::with_value(Cause::ToolTooLong, largest)),
+            false => Err(Cause::ToolNotFinite.into()),
+        }
     }
 
     /// The reference point in base, legs and table together, for a pose with rotation `r`:

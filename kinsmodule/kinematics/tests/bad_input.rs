@@ -379,7 +379,8 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
 fn a_home_that_asks_for_a_held_coordinate_is_refused() {
     let mut tilted = linear_delta().geometry;
     tilted.home.as_mut().unwrap()[3] = 1.0;
-    assert_eq!(refused(&tilted).cause, Cause::HeldA);
+    let fault = refused(&tilted);
+    assert_eq!((fault.cause, fault.value), (Cause::HomeHeld, 1.0));
 }
 
 #[test]
@@ -389,5 +390,81 @@ fn a_crank_angle_beyond_any_turn_is_refused() {
     joints[1] = 1.1e6;
     let fault = case.machine.forward(&joints, &case.home, &NO_TOOL, &Solver::default());
     let fault = fault.unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::AngleTooLarge, Some(1)));
+    assert_eq!((fault.cause, fault.leg), (Cause::JointAngleTooLarge, Some(1)));
+}
+
+/// Whether a machine is refused as too long in leg 1 after a change of that leg.
+fn is_too_long(given: &Geometry, change: impl Fn(&mut LegGeometry)) -> bool {
+    let changed = changed_legs(given, |i, leg| {
+        if i == 1 {
+            change(leg);
+        }
+    });
+    let fault = Machine::freeze(&changed, &NO_OFFSET);
+    fault.is_err_and(|fault| (fault.cause, fault.leg) == (Cause::LengthTooLarge, Some(1)))
+}
+
+#[test]
+fn lengths_that_cannot_be_computed_with_are_refused_with_their_leg() {
+    let (linear, rotary, struts) =
+        (linear_delta().geometry, rotary_delta().geometry, paper_004(10.0));
+    for (long, refuse) in [(1e30, false), (1.1e30, true), (1e160, true), (f64::MAX, true)] {
+        for found in [
+            is_too_long(&linear, |leg| slider_of(leg).rod = long),
+            is_too_long(&rotary, |leg| crank_of(leg).rod = long),
+            is_too_long(&rotary, |leg| crank_of(leg).arm = [long, 0.0, 0.0]),
+            is_too_long(&struts, |leg| leg.base = [0.0, 0.0, -long]),
+            is_too_long(&struts, |leg| leg.platform = [long, 0.0, 0.0]),
+        ] {
+            assert_eq!(found, refuse, "{long}");
+        }
+    }
+    let fault = refused(&with_strut(3, |strut| strut.lead = -1e31));
+    assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LengthTooLarge, Some(3), 1e31));
+}
+
+#[test]
+fn offsets_and_centres_beyond_a_million_machines_are_refused() {
+    for case in [linear_delta(), rotary_delta()] {
+        let size = case.machine.size();
+        let most = if case.name == "rotary-delta" { 1e6 } else { 1e6 * size };
+        let frozen = |offset: f64| {
+            let mut offsets = NO_OFFSET;
+            offsets[2] = offset;
+            Machine::freeze(&case.geometry, &offsets)
+        };
+        for sign in [1.0, -1.0] {
+            assert!(frozen(sign * most).is_ok(), "{}", case.name);
+            let fault = frozen(1.001 * sign * most).unwrap_err();
+            assert_eq!((fault.cause, fault.leg), (Cause::OffsetTooLarge, Some(2)), "{fault}");
+        }
+        let mut far = case.geometry;
+        far.centre[1] = -1e6 * size;
+        assert!(Machine::freeze(&far, &NO_OFFSET).is_ok(), "{}", case.name);
+        far.centre[1] = -1.001e6 * size;
+        assert_eq!(refused(&far).cause, Cause::CentreTooFar, "{}", case.name);
+    }
+}
+
+#[test]
+fn a_tool_longer_than_a_million_machines_is_refused() {
+    let case = four_rod_lathe();
+    let joints = case.joints(&case.home);
+    let most = 1e6 * case.machine.size();
+    for k in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut tool = Vector3::zeros();
+            tool[k] = sign * most;
+            assert!(case.machine.inverse(&case.home, &tool).is_ok());
+            tool[k] = 1.001 * sign * most;
+            let solver = Solver::default();
+            for fault in [
+                case.machine.inverse(&case.home, &tool).unwrap_err(),
+                case.machine.pose_jacobian(&case.home, &tool).unwrap_err(),
+                case.machine.forward(&joints, &case.home, &tool, &solver).unwrap_err(),
+            ] {
+                assert_eq!((fault.cause, fault.value), (Cause::ToolTooLong, tool[k].abs()));
+            }
+        }
+    }
 }

@@ -4,10 +4,11 @@
 
 mod common;
 
-use common::machines::{declared, linear_delta, rotary_delta};
+use common::machines::{declared, geometry, linear_delta, rotary_delta};
 use common::reference::rod;
-use common::{Case, NO_TOOL, direction, rng};
-use kinematics::{Cause, Fault, LegKind, Pose, Solver, Vector3};
+use common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
+use kinematics::leg::CrankGeometry;
+use kinematics::{Cause, Fault, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
 /// The rod's cosine below which the core refuses.
 const LEAST: f64 = 0.05;
@@ -143,6 +144,33 @@ fn a_seed_beyond_reach_is_refused_with_its_leg() {
         let far = moved(&case.home, &Vector3::x(), 20.0 * case.machine.size());
         let solver = Solver::default();
         let fault = case.machine.forward(&joints, &far, &NO_TOOL, &solver).unwrap_err();
-        assert_eq!((fault.cause, fault.leg.is_some()), (Cause::OutOfReach, true), "{fault}");
+        assert_eq!((fault.cause, fault.leg.is_some()), (Cause::SeedOutOfReach, true), "{fault}");
+        assert!(fault.value > 0.0, "{fault}");
+    }
+}
+
+/// An arm of 100 and a rod of 300 reach from 200 to 400; 30 beside the arm's plane a little
+/// less far.
+#[test]
+fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
+    for beside in [0.0, 30.0] {
+        let crank = CrankGeometry {
+            axis: [0.0, 1.0, 0.0],
+            arm: [100.0, -beside, 0.0],
+            rod: 300.0,
+            side: 1,
+        };
+        let leg = LegGeometry { base: [0.0; 3], platform: [0.0; 3], kind: LegKind::Crank(crank) };
+        let home = Some([0.0, 0.0, -300.0, 0.0, 0.0, 0.0]);
+        let machine = Machine::freeze(&geometry(&[leg], "Z", "", home), &NO_OFFSET).unwrap();
+        for (z, nearest) in [(-405.0, 305.0), (-1000.0, 900.0), (-150.0, 250.0), (-10.0, 110.0)] {
+            let pose = Pose::from_degrees([0.0, 0.0, z, 0.0, 0.0, 0.0]);
+            let fault = machine.inverse(&pose, &NO_TOOL).unwrap_err();
+            assert_eq!((fault.cause, fault.leg), (Cause::OutOfReach, Some(0)));
+            let end = if nearest > 300.0 { nearest } else { -z + 100.0 };
+            let lacks = end.hypot(beside) - 300.0;
+            // A few roundings of lengths of some hundred.
+            assert!((fault.value - lacks).abs() < 1e-12 * 300.0, "{z}: {fault} {lacks}");
+        }
     }
 }

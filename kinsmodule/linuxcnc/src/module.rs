@@ -312,7 +312,7 @@ impl Module {
         self.pins.geometry_hash.set(given.geometry.hash());
         self.pins.geometry_changed.set(false);
         let tool = self.pins.tool(given.spindle_offset);
-        if tool.iter().all(|v| v.is_finite()) {
+        if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
         }
         self.frozen = Some(Frozen { machine, given });
@@ -349,9 +349,7 @@ impl Module {
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
-        if !request.iter().all(|v| v.is_finite()) {
-            return Err(Cause::ToolNotFinite.into());
-        }
+        frozen.machine.check_tool(&request)?;
         if request == tool || self.is_off() {
             return Ok(request);
         }
@@ -426,9 +424,11 @@ impl Module {
     /// Takes the tool offset that forward has to go by.
     fn retool_for_forward(&mut self) -> Result<(), Fault> {
         self.calls.forward = self.calls.forward.saturating_add(1);
-        let request = self.pins.tool(self.frozen()?.given.spindle_offset);
+        let frozen = self.frozen()?;
+        let request = self.pins.tool(frozen.given.spindle_offset);
+        let usable = frozen.machine.check_tool(&request).is_ok();
         let of_command = self.calls.forward > 1 && self.calls.asked.is_none();
-        if self.report.monitored && of_command && request.iter().all(|v| v.is_finite()) {
+        if self.report.monitored && of_command && usable {
             self.retool(request);
         } else if let Ok(tool) = self.tool_in_effect() {
             // A refused tool change must not blind the display: the old offset still holds.
@@ -547,10 +547,16 @@ impl Report {
 
 /// Whether a refusal may come from joints and seed alone, as before homing.
 fn is_of_joints(cause: Cause) -> bool {
-    use Cause::{CriterionInvalid, LimitIterationsInvalid, ResidualLimitInvalid, ToolNotFinite};
+    use Cause::{
+        CriterionInvalid, LimitIterationsInvalid, ResidualLimitInvalid, ToolNotFinite, ToolTooLong,
+    };
     !matches!(
         cause,
-        CriterionInvalid | LimitIterationsInvalid | ResidualLimitInvalid | ToolNotFinite
+        CriterionInvalid
+            | LimitIterationsInvalid
+            | ResidualLimitInvalid
+            | ToolNotFinite
+            | ToolTooLong
     )
 }
 

@@ -9,8 +9,8 @@ use crate::tool::JointLimits;
 use core::fmt;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Cause, Fault, Geometry, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method,
-    PerLeg, Solver, Vector3,
+    Fault, Geometry, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method, PerLeg,
+    Solver, Vector3,
 };
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -116,10 +116,9 @@ pub struct Given {
 impl Given {
     /// The machine, or why it is refused.
     pub fn checked(&self) -> Result<Machine, Fault> {
-        if !self.spindle_offset.is_finite() {
-            return Err(Cause::ToolNotFinite.into());
-        }
-        Machine::freeze(&self.geometry, &self.offset)
+        let machine = Machine::freeze(&self.geometry, &self.offset)?;
+        machine.check_tool(&Vector3::new(0.0, 0.0, self.spindle_offset))?;
+        Ok(machine)
     }
 }
 

@@ -188,8 +188,8 @@ impl Tool {
     /// Whether nothing is left to be done; a request that moves nothing is taken.
     fn is_settled(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> bool {
         let request = cycle.request;
-        // One that is not finite makes inverse fail, which is enough.
-        if request == self.offset || !request.iter().all(|v| v.is_finite()) {
+        // One that cannot be computed with makes inverse fail, which is enough.
+        if request == self.offset || cycle.machine.check_tool(&request).is_err() {
             return true;
         }
         let share = if cycle.unlimited().is_some() { NOTICEABLE } else { IMPERCEPTIBLE };

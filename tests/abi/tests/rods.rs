@@ -203,8 +203,13 @@ const BAD_SLIDERS: &[(&str, f64, Cause, i32)] = &[
     ("centre.z", f64::NAN, Cause::CentreNotFinite, -1),
     ("centre.x", f64::INFINITY, Cause::CentreNotFinite, -1),
     ("home.z", f64::NAN, Cause::HomeNotFinite, -1),
-    ("home.c", 5.0, Cause::HeldC, -1),
+    ("home.c", 5.0, Cause::HomeHeld, -1),
     ("spindle-offset", f64::NAN, Cause::ToolNotFinite, -1),
+    ("rod.2", 1e160, Cause::LengthTooLarge, 2),
+    ("base.1.x", 1e300, Cause::LengthTooLarge, 1),
+    ("offset.3", 1e17, Cause::OffsetTooLarge, 3),
+    ("centre.z", 1e9, Cause::CentreTooFar, -1),
+    ("spindle-offset", -1e12, Cause::ToolTooLong, -1),
 ];
 
 const BAD_CRANKS: &[(&str, f64, Cause, i32)] = &[
@@ -218,7 +223,9 @@ const BAD_CRANKS: &[(&str, f64, Cause, i32)] = &[
     ("arm.2.z", f64::INFINITY, Cause::GeometryNotFinite, 2),
     ("offset.0", f64::INFINITY, Cause::GeometryNotFinite, 0),
     ("centre.y", f64::NAN, Cause::CentreNotFinite, -1),
-    ("home.a", 1.0, Cause::HeldA, -1),
+    ("home.a", 1.0, Cause::HomeHeld, -1),
+    ("arm.1.x", 1e160, Cause::LengthTooLarge, 1),
+    ("offset.2", -1.1e6, Cause::OffsetTooLarge, 2),
 ];
 
 #[test]

@@ -148,3 +148,20 @@ fn an_offset_that_is_not_finite_is_refused_and_forgotten_when_mended() {
         }
     }
 }
+
+/// The display goes on with the tool in effect.
+#[test]
+fn a_tool_offset_beyond_any_machine_is_refused_by_inverse() {
+    for pin in TOOLS {
+        for value in [1e12, -1e300] {
+            let module = paper_004().module();
+            at(&module, &LEVEL);
+            let joints = module.inverse(&LEVEL).expect("level");
+            module.set(pin, value);
+            assert_eq!(module.inverse(&LEVEL), Err(Cause::ToolTooLong.code()), "{pin}");
+            assert!(module.forward(&joints, &LEVEL).is_ok(), "{pin}");
+            module.set(pin, 0.0);
+            assert_eq!(module.inverse(&LEVEL), Ok(joints), "{pin} set back");
+        }
+    }
+}

@@ -18,7 +18,7 @@
 
 use super::{Bend, Drive, LEAST_DRIVE, Refusal, direction, rod_length, side_sign};
 use crate::fault::Cause;
-use libm::{atan2, sincos, sqrt};
+use libm::{atan2, hypot, sincos, sqrt};
 use nalgebra::Vector3;
 
 const RADIANS: f64 = core::f64::consts::PI / 180.0;
@@ -27,7 +27,7 @@ const RADIANS: f64 = core::f64::consts::PI / 180.0;
 const LEAST_ARM: f64 = 1e-6;
 
 /// Largest joint value, in degrees: beyond it argument reduction becomes slow.
-const MAX_ANGLE_DEG: f64 = 1e6;
+pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 
 /// What belongs to a crank beside its two anchors; the base anchor is its hip, a point
 /// of the axis.
@@ -82,7 +82,7 @@ impl Crank {
         let t = (apart.norm_squared() + self.arm * self.arm - self.rod * self.rod) * 0.5;
         let squared = (reach - t) * (reach + t);
         if !(squared >= 0.0) {
-            return Err((Cause::OutOfReach, (t.abs() - reach) / self.arm));
+            return Err((Cause::OutOfReach, self.missing(&apart, reach / self.arm)));
         }
         let root = sqrt(squared);
         let drive = root / (self.arm * self.rod);
@@ -93,10 +93,22 @@ impl Crank {
         Ok(atan2(b * t + a * turned, a * t - b * turned) / RADIANS)
     }
 
+    /// What the rod lacks to an anchor at `apart` from the middle of the circle that the arm's
+    /// end runs on, `from_axis` away from the axis; negative where it is too long.
+    #[cold]
+    fn missing(&self, apart: &Vector3<f64>, from_axis: f64) -> f64 {
+        let above = self.axis.dot(apart);
+        let nearest = hypot(from_axis - self.arm, above);
+        if nearest > self.rod {
+            return nearest - self.rod;
+        }
+        hypot(from_axis + self.arm, above) - self.rod
+    }
+
     #[inline]
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
         if !(q.abs() <= MAX_ANGLE_DEG) {
-            return Err(Cause::AngleTooLarge);
+            return Err(Cause::JointAngleTooLarge);
         }
         let (s, c) = sincos(q * RADIANS);
         let displacement = self.axis * self.along + self.across[0] * c + self.across[1] * s;

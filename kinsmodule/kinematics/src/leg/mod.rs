@@ -62,6 +62,15 @@ impl LegKind {
         matches!(self, LegKind::Crank(_))
     }
 
+    /// Lengths of rod and arm, 0 for what the kind does not have.
+    pub(crate) fn lengths(&self) -> [f64; 2] {
+        match self {
+            LegKind::Strut(_) => [0.0; 2],
+            LegKind::Slider(s) => [s.rod, 0.0],
+            LegKind::Crank(c) => [c.rod, Vector3::from(c.arm).norm()],
+        }
+    }
+
     /// Every value that enters the hash, in its order, the kind's number first.
     pub(crate) fn for_each_value(&self, mut see: impl FnMut(&[f64])) {
         match self {
