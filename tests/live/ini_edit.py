@@ -26,10 +26,10 @@ def _edited_lines(lines, edit):
     first, end = _section(lines, edit["section"])
     if edit.get("remove"):
         return lines[:first] + lines[end:]
+    body = lines[first:end] or [f"[{edit['section']}]"]
     if "append" in edit:
-        head = [f"[{edit['section']}]"] if first == end else []
-        return lines[:end] + head + list(edit["append"]) + [""] + lines[end:]
-    return lines[:first] + _with_key(lines[first:end], edit["key"], edit["lines"]) + lines[end:]
+        return lines[:first] + body + list(edit["append"]) + [""] + lines[end:]
+    return lines[:first] + _with_key(body, edit["key"], edit["lines"]) + lines[end:]
 
 
 def _section(lines, section):
