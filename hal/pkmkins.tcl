@@ -157,10 +157,31 @@ proc pkmkins::parameter {name default} {
     return $default
 }
 
+# Whether every load parameter is given once, and with a value; complains if it is not. Of several
+# LinuxCNC takes the last one, and an empty one for none: neither is what the file says.
+proc pkmkins::check_parameters {} {
+    set text [lindex [values KINS KINEMATICS] 0]
+    set seen {}
+    foreach word [words $text] {
+        if {![regexp {^([^=]+)=(.*)$} $word -> name value]} { continue }
+        if {$name in $seen} {
+            complain KINS KINEMATICS "= \"$text\": expected $name= once"
+            return 0
+        }
+        if {$value eq "" && $name ne "table"} {
+            complain KINS KINEMATICS "= \"$text\": expected a value after $name="
+            return 0
+        }
+        lappend seen $name
+    }
+    return 1
+}
+
 # The kind of every leg, from legs=KIND:COUNT[,KIND:COUNT].
 proc pkmkins::leg_kinds {} {
     variable leg_keys
     if {![is_once KINS KINEMATICS "expected pkmkins and its load parameters"]} { return {} }
+    if {![check_parameters]} { return {} }
     set kinds {}
     foreach group [split [parameter legs strut:6] ,] {
         if {![regexp {^([a-z]+):0?([1-9][0-9]?)$} $group -> kind count] || ![dict exists $leg_keys $kind]} {
@@ -305,7 +326,18 @@ proc pkmkins::leg_pins {n kind} {
     return [section_pins $section $keys .$n]
 }
 
-proc pkmkins::joint_pins {n} {
+# A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
+proc pkmkins::check_turn {n} {
+    set words [words [lindex [values LEG_$n OFFSET] 0]]
+    set offset [expr {[llength $words] == 1 && [is_number [lindex $words 0]] ? [value [lindex $words 0]] : 0}]
+    foreach key {MIN_LIMIT MAX_LIMIT} {
+        set text [lindex [values JOINT_$n $key] 0]
+        if {abs([value [lindex [words $text] 0]] + $offset) < 180} { continue }
+        complain JOINT_$n $key "= \"$text\": expected more than [expr {-180 - $offset}] and less than [expr {180 - $offset}] degrees, where the arm of LEG_$n points opposite to ARM"
+    }
+}
+
+proc pkmkins::joint_pins {n kind} {
     variable joint_keys
     set pins {}
     foreach {key pin} $joint_keys {
@@ -316,6 +348,7 @@ proc pkmkins::joint_pins {n} {
     if {[value [dict get $pins min-limit.$n]] >= [value [dict get $pins max-limit.$n]]} {
         complain JOINT_$n MIN_LIMIT "= \"[dict get $pins min-limit.$n]\": expected less than MAX_LIMIT = [dict get $pins max-limit.$n]"
     }
+    if {$kind eq "crank"} { check_turn $n }
     foreach {key pin} {MAX_VELOCITY max-velocity MAX_ACCELERATION max-acceleration} {
         if {[value [dict get $pins $pin.$n]] <= 0} {
             complain JOINT_$n $key "= \"[dict get $pins $pin.$n]\": expected more than 0"
@@ -367,7 +400,7 @@ proc pkmkins::read_ini {} {
         lappend pins {*}[leg_pins $n $kind]
         incr n
     }
-    for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n] }
+    for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n [lindex $kinds $n]] }
     lappend pins {*}[home_pins]
     check_feed_inhibit
     if {[llength $errors]} { stop }

@@ -378,6 +378,14 @@ fn load(ini: &Ini) -> Result<Load, IniError> {
             .split_once('=')
             .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
         let (place, text) = place.ok_or_else(|| ini.refuse(entry, expected))?;
+        let name = PARAMETERS[place];
+        // Of several LinuxCNC takes the last one, and an empty one for none.
+        if given[place].is_some() {
+            return Err(ini.refuse(entry, &format!("expected {name}= once; {expected}")));
+        }
+        if text.is_empty() && name != "table" {
+            return Err(ini.refuse(entry, &format!("expected a value after {name}=; {expected}")));
+        }
         given[place] = Some(text.as_bytes());
     }
     let [legs, coordinates, table] = given;
@@ -565,6 +573,9 @@ fn joint(ini: &Ini, n: usize, load: &Load) -> Result<Joint, IniError> {
         return Err(ini.refuse(ini.require(&section, "MIN_LIMIT", &expected)?, &expected));
     }
     let (kind, name) = kind_and_name(n, load);
+    if kind == JointKind::Arm {
+        check_turn(ini, n, &section)?;
+    }
     Ok(Joint {
         kind,
         name,
@@ -574,6 +585,25 @@ fn joint(ini: &Ini, n: usize, load: &Load) -> Result<Joint, IniError> {
         max_acceleration: positive(ini, &section, "MAX_ACCELERATION", None)?,
         home: ini.number_or(&section, "HOME", 0.0)?,
     })
+}
+
+/// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
+fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
+    let offset = ini.number_or(&leg(n), "OFFSET", 0.0)?;
+    for key in ["MIN_LIMIT", "MAX_LIMIT"] {
+        let [limit] = ini.require_numbers::<1>(section, key)?;
+        if (limit + offset).abs() < 180.0 {
+            continue;
+        }
+        let expected = format!(
+            "expected more than {} and less than {} degrees, where the arm of LEG_{n} points \
+             opposite to ARM",
+            -180.0 - offset,
+            180.0 - offset
+        );
+        return Err(ini.refuse(ini.require(section, key, &expected)?, &expected));
+    }
+    Ok(())
 }
 
 fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
