@@ -34,13 +34,16 @@ fn judge(outcome: &mut Outcome, case: &Case, tracker: &Tracker, joints: &Joints,
         return;
     };
     let is_right = |pose: &Pose| case.apart(&found.pose, pose) <= WRONG;
-    if tracker.follow(seed, joints).as_ref().is_some_and(is_right)
-        || tracker.follow_closely(seed, joints).as_ref().is_some_and(is_right)
-    {
+    if tracker.follow(seed, joints).as_ref().is_some_and(is_right) {
         outcome.right += 1;
         return;
     }
-    let lost = tracker.follow_closely(seed, joints).is_none();
+    let closely = tracker.follow_closely(seed, joints);
+    if closely.as_ref().is_some_and(is_right) {
+        outcome.right += 1;
+        return;
+    }
+    let lost = closely.is_none();
     if case.geometry.layout().is_redundant() && lost && tracker.fits(&found.pose, joints) {
         outcome.fitting += 1;
         return;

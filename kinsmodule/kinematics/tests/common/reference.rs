@@ -20,6 +20,14 @@ const CLOSE_STEPS: usize = 20_000;
 /// Newton's steps at one point of the path: with the exact rows two are enough.
 const CORRECTIONS: usize = 40;
 
+/// Newton's step, relative to size, that ends the correction at the end of the path: ten
+/// roundings of the joints; what is left is at most a tenth of it.
+const EXACT: f64 = 1e-12;
+
+/// The same on the way: what a step of this length leaves is its square, and nothing
+/// builds up, as every place is corrected anew.
+const ON_THE_WAY: f64 = 1e-6;
+
 /// Steps after which the gradient of the nut correction, by differences, joins the rows of
 /// the first look; the closer one has it from the start.
 const PLAIN: usize = 15;
@@ -104,20 +112,25 @@ impl<'a> Tracker<'a> {
 
     /// Residuals and rows in (v, ω) about the centre; `None` where a rod is not on its side.
     fn equations(&self, joints: &Joints, state: &State) -> Option<([f64; 8], [Row; 8])> {
+        let (residuals, rows, on_side) = self.of_any_side(joints, state);
+        on_side.then_some((residuals, rows))
+    }
+
+    /// The same whatever the sides of the rods, and whether each is on its own.
+    fn of_any_side(&self, joints: &Joints, state: &State) -> ([f64; 8], [Row; 8], bool) {
         let (mut residuals, mut rows) = ([0.0; 8], [Row::zeros(); 8]);
+        let mut on_side = true;
         for (i, leg) in self.geometry.legs().iter().enumerate() {
             let rod = rod(leg, joints[i]);
             let lever = self.lever(leg, state);
             let span = state.centre + lever - rod.anchor;
             let n = span.normalize();
-            if rod.onwards != Vector3::zeros() && !(n.dot(&rod.onwards) > 0.0) {
-                return None;
-            }
+            on_side &= rod.onwards == Vector3::zeros() || n.dot(&rod.onwards) > 0.0;
             residuals[i] = span.norm() + self.correction(i, leg, state) - rod.length;
             let moment = lever.cross(&n);
             rows[i] = Row::new(n.x, n.y, n.z, moment.x, moment.y, moment.z);
         }
-        Some((residuals, rows))
+        (residuals, rows, on_side)
     }
 
     /// Rows in the coordinates of the solver: angles where not all of them are active.
@@ -152,7 +165,13 @@ impl<'a> Tracker<'a> {
 
     /// Newton's (Gauss-Newton's) method at one point of the path; the sign of det JᵀJ has
     /// no meaning, that of a square J has.
-    fn corrected(&self, joints: &Joints, mut state: State, plain: usize) -> Option<(State, f64)> {
+    fn corrected(
+        &self,
+        joints: &Joints,
+        mut state: State,
+        plain: usize,
+        enough: f64,
+    ) -> Option<(State, f64)> {
         for count in 0..CORRECTIONS {
             let (residuals, rows) = self.equations(joints, &state)?;
             let mut rows = self.charted(&rows, &state);
@@ -161,8 +180,7 @@ impl<'a> Tracker<'a> {
             }
             let (step, sign) = self.newton_step(&rows, &residuals)?;
             state = self.moved(&state, &step);
-            // Ten roundings of the joints; what is left is at most a tenth of the step.
-            if step.norm() <= 1e-12 * self.machine.size().max(self.machine.radius()) {
+            if step.norm() <= enough * self.machine.size().max(self.machine.radius()) {
                 return Some((state, sign));
             }
         }
@@ -231,7 +249,8 @@ impl<'a> Tracker<'a> {
             let at = std::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
             let guess = self.onwards(&last, &state);
             last = state;
-            let (next, sign) = self.corrected(&at, guess, plain)?;
+            let enough = if step == steps { EXACT } else { ON_THE_WAY };
+            let (next, sign) = self.corrected(&at, guess, plain, enough)?;
             // A Newton step that leaves the neighbourhood follows another path.
             let far = 50.0 * self.machine.radius() / steps as f64;
             let gone = (next.centre - guess.centre).norm()
