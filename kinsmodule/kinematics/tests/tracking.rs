@@ -4,69 +4,12 @@
 mod common;
 
 use common::machines::{declared, genhexkins_case, hexapods, wild, with_legs};
+use common::outcome::{Outcome, judged};
 use common::random::{RECIPES, coin, draw};
 use common::reference::Tracker;
-use common::tolerances::WRONG;
 use common::{Case, NO_OFFSET, NO_TOOL, cases, rng, uniform};
-use kinematics::{Cause, Joints, LegKind, Machine, Pose, Solver};
+use kinematics::{Cause, LegKind, Machine, Solver};
 use rand_pcg::Pcg64;
-
-/// What became of a batch of calls.
-#[derive(Debug, Default)]
-struct Outcome {
-    right: usize,
-    refused: usize,
-    wrong: usize,
-    /// Refused although the reference tracker reached the pose with a regular Jacobian.
-    missed: usize,
-    /// More legs than coordinates only: the least-squares path breaks off, but every leg
-    /// fits the pose. Between two poses the straight joint path is the joints of no pose;
-    /// what is followed there depends on how the legs are weighted, the end does not.
-    fitting: usize,
-}
-
-fn judge(outcome: &mut Outcome, case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) {
-    let Ok(found) = case.machine.forward(joints, seed, &NO_TOOL, &Solver::default()) else {
-        match tracker.follow(seed, joints) {
-            Some(_) => outcome.missed += 1,
-            None => outcome.refused += 1,
-        }
-        return;
-    };
-    let is_right = |pose: &Pose| case.apart(&found.pose, pose) <= WRONG;
-    if tracker.follow(seed, joints).as_ref().is_some_and(is_right) {
-        outcome.right += 1;
-        return;
-    }
-    let closely = tracker.follow_closely(seed, joints);
-    if closely.as_ref().is_some_and(is_right) {
-        outcome.right += 1;
-        return;
-    }
-    let lost = closely.is_none();
-    if case.geometry.layout().is_redundant() && lost && tracker.fits(&found.pose, joints) {
-        outcome.fitting += 1;
-        return;
-    }
-    let (found, seed) = (found.pose.to_degrees(), seed.to_degrees());
-    println!("{}: {found:?} from {seed:?} with {joints:?} is wrong", case.name);
-    outcome.wrong += 1;
-}
-
-#[test]
-fn from_home_every_pose_of_the_workspace_is_the_one_the_reference_tracker_reaches() {
-    for case in declared() {
-        let tracker = Tracker::new(&case.geometry);
-        let mut rng = rng(20);
-        let mut outcome = Outcome::default();
-        for _ in 0..cases(1000) {
-            let pose = (case.sample)(&mut rng);
-            judge(&mut outcome, &case, &tracker, &case.joints(&pose), &case.home);
-        }
-        println!("{}: {outcome:?}", case.name);
-        assert_eq!(outcome.right, cases(1000), "{}: {outcome:?}", case.name);
-    }
-}
 
 #[test]
 fn between_far_poses_a_result_is_right_or_refused() {
@@ -77,7 +20,7 @@ fn between_far_poses_a_result_is_right_or_refused() {
         let mut outcome = Outcome::default();
         for _ in 0..cases(1000) {
             let (seed, pose) = ((case.sample)(&mut rng), (case.sample)(&mut rng));
-            judge(&mut outcome, case, &tracker, &case.joints(&pose), &seed);
+            outcome += judged(case, &tracker, &case.joints(&pose), &seed);
         }
         println!("{}: {outcome:?}", case.name);
         assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", case.name);
@@ -98,7 +41,7 @@ fn a_pose_behind_a_singular_one_is_refused_and_never_replaced_by_another() {
             let pose = case.without_held(&sample(&mut rng));
             let Ok(joints) = case.machine.inverse(&pose, &NO_TOOL) else { continue };
             behind += usize::from(tracker.handedness(&pose, &joints) != at_home);
-            judge(&mut outcome, case, &tracker, &joints, &case.home);
+            outcome += judged(case, &tracker, &joints, &case.home);
         }
         println!("{}: {outcome:?}, {behind} behind a singular pose", case.name);
         assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", case.name);
@@ -107,31 +50,6 @@ fn a_pose_behind_a_singular_one_is_refused_and_never_replaced_by_another() {
             && case.geometry.legs().iter().all(|leg| matches!(leg.kind, LegKind::Strut(_)));
         assert!(behind > 0 || !six_struts, "{}: the test must reach beyond", case.name);
     }
-}
-
-#[test]
-fn random_machines_of_every_kind_never_give_another_pose() {
-    let mut rng = rng(23);
-    let mut refused = 0;
-    for recipe in RECIPES {
-        let mut outcome = Outcome::default();
-        for _ in 0..cases(60) {
-            let case = draw(&mut rng, recipe);
-            let (tracker, sample) = (Tracker::new(&case.geometry), wild(&case, 0.15, 40.0));
-            for k in 0..20 {
-                let far = case.without_held(&sample(&mut rng));
-                let near = (case.sample)(&mut rng);
-                let pose = if k % 2 == 0 { far } else { near };
-                let Ok(joints) = case.machine.inverse(&pose, &NO_TOOL) else { continue };
-                judge(&mut outcome, &case, &tracker, &joints, &case.home);
-            }
-        }
-        println!("{}: {outcome:?}", recipe.name);
-        assert_eq!(outcome.wrong, 0, "{}: {outcome:?}", recipe.name);
-        assert!(outcome.right > 0, "{}: {outcome:?}", recipe.name);
-        refused += outcome.refused;
-    }
-    assert!(refused > 0, "some poses must lie behind singular ones");
 }
 
 /// The same machine with the rods of some legs on their other side.
@@ -167,7 +85,7 @@ fn joints_of_the_other_side_of_a_dead_point_are_never_answered_by_a_pose_of_this
             for _ in 0..20 {
                 let pose = case.without_held(&sample(&mut rng));
                 let Ok(joints) = mirror.inverse(&pose, &NO_TOOL) else { continue };
-                judge(&mut outcome, &case, &tracker, &joints, &case.home);
+                outcome += judged(&case, &tracker, &joints, &case.home);
                 across += 1;
             }
         }
@@ -192,7 +110,7 @@ fn joints_drawn_at_random_are_answered_by_the_connected_pose_or_not_at_all() {
             for _ in 0..20 {
                 let spread = uniform(&mut rng, 5.0, 200.0);
                 let joints = home.map(|q| q + uniform(&mut rng, -spread, spread));
-                judge(&mut outcome, &case, &tracker, &joints, &case.home);
+                outcome += judged(&case, &tracker, &joints, &case.home);
             }
         }
         println!("{}: {outcome:?}", recipe.name);

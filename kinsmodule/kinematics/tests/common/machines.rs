@@ -164,9 +164,14 @@ pub fn hexapods() -> [Case; 2] {
 
 /// genhexkins' default geometry with ±20° in every angle.
 pub fn genhexkins_case() -> Case {
+    genhexkins_tilted("genhexkins default, ±20°", 20.0)
+}
+
+/// The same with more; from ±40° on singular poses lie between.
+pub fn genhexkins_tilted(name: &'static str, most: f64) -> Case {
     let sample =
-        within([-5.0, -5.0, 15.0, -20.0, -20.0, -20.0], [5.0, 5.0, 25.0, 20.0, 20.0, 20.0]);
-    Case::new("genhexkins default, ±20°", genhexkins_default(0.0), sample, INCH_STEP)
+        within([-5.0, -5.0, 15.0, -most, -most, -most], [5.0, 5.0, 25.0, most, most, most]);
+    Case::new(name, genhexkins_default(0.0), sample, INCH_STEP)
 }
 
 const ALONG_Z: [f64; 3] = [0.0, 0.0, 1.0];

@@ -3,8 +3,10 @@
 #![allow(dead_code)]
 
 pub mod machines;
+pub mod outcome;
 pub mod random;
 pub mod reference;
+pub mod solutions;
 pub mod tolerances;
 
 use kinematics::{Geometry, Joints, Letter, Machine, PerLeg, Pose, Vector3};

@@ -24,15 +24,19 @@ const CORRECTIONS: usize = 40;
 /// roundings of the joints; what is left is at most a tenth of it.
 const EXACT: f64 = 1e-12;
 
-/// The same on the way: what a step of this length leaves is its square, and nothing
-/// builds up, as every place is corrected anew.
-const ON_THE_WAY: f64 = 1e-6;
+/// The same on the way, relative to how far the platform moves from place to place: what
+/// such a step leaves is its square, and nothing builds up, as every place is corrected anew.
+const ON_THE_WAY: f64 = 1e-2;
+
+/// Residuals, relative to size, that are roundings: near a singular pose they keep Newton's
+/// step above any limit.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// Steps after which the gradient of the nut correction, by differences, joins the rows of
 /// the first look; the closer one has it from the start.
 const PLAIN: usize = 15;
 
-type Row = SVector<f64, 6>;
+pub type Row = SVector<f64, 6>;
 
 /// A leg as the equations see it at given joints.
 pub struct Rod {
@@ -44,10 +48,10 @@ pub struct Rod {
 
 /// Where the platform is: the centre as the legs see it, and the orientation.
 #[derive(Clone, Copy)]
-struct State {
-    centre: Vector3<f64>,
-    rotation: Matrix3<f64>,
-    angles: Vector3<f64>,
+pub struct State {
+    pub centre: Vector3<f64>,
+    pub rotation: Matrix3<f64>,
+    pub angles: Vector3<f64>,
 }
 
 /// A machine by its equations alone.
@@ -63,8 +67,7 @@ impl<'a> Tracker<'a> {
     pub fn new(geometry: &'a Geometry) -> Self {
         let machine = Machine::freeze(geometry, &NO_OFFSET).expect("a machine");
         let mut tracker = Self { geometry, machine, hands: [1.0; 8] };
-        let home = Pose::from_degrees(geometry.home.expect("a reference pose"));
-        let state = tracker.state(&home);
+        let state = tracker.home();
         for (i, leg) in geometry.legs().iter().enumerate() {
             if let Some((_, cosine)) = twist(leg, &state.rotation, &tracker.span(leg, &state)) {
                 tracker.hands[i] = cosine.signum();
@@ -73,11 +76,24 @@ impl<'a> Tracker<'a> {
         tracker
     }
 
-    fn is_active(&self, k: usize) -> bool {
+    /// Where the platform is at the reference pose.
+    pub fn home(&self) -> State {
+        self.state(&Pose::from_degrees(self.geometry.home.expect("a reference pose")))
+    }
+
+    pub fn size(&self) -> f64 {
+        self.machine.size()
+    }
+
+    pub fn radius(&self) -> f64 {
+        self.machine.radius()
+    }
+
+    pub fn is_active(&self, k: usize) -> bool {
         self.geometry.layout().coordinates().as_slice().iter().any(|l| l.index() == k)
     }
 
-    fn turns_freely(&self) -> bool {
+    pub fn turns_freely(&self) -> bool {
         (3..6).all(|k| self.is_active(k))
     }
 
@@ -117,7 +133,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// The same whatever the sides of the rods, and whether each is on its own.
-    fn of_any_side(&self, joints: &Joints, state: &State) -> ([f64; 8], [Row; 8], bool) {
+    pub fn of_any_side(&self, joints: &Joints, state: &State) -> ([f64; 8], [Row; 8], bool) {
         let (mut residuals, mut rows) = ([0.0; 8], [Row::zeros(); 8]);
         let mut on_side = true;
         for (i, leg) in self.geometry.legs().iter().enumerate() {
@@ -134,7 +150,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Rows in the coordinates of the solver: angles where not all of them are active.
-    fn charted(&self, rows: &[Row; 8], state: &State) -> [Row; 8] {
+    pub fn charted(&self, rows: &[Row; 8], state: &State) -> [Row; 8] {
         let map = match self.turns_freely() {
             true => Matrix3::identity(),
             false => axes_of(&state.angles),
@@ -151,7 +167,7 @@ impl<'a> Tracker<'a> {
         })
     }
 
-    fn moved(&self, state: &State, step: &Row) -> State {
+    pub fn moved(&self, state: &State, step: &Row) -> State {
         let centre = state.centre + Vector3::new(step[0], step[1], step[2]);
         let turn = Vector3::new(step[3], step[4], step[5]) / self.machine.radius();
         if self.turns_freely() {
@@ -180,7 +196,8 @@ impl<'a> Tracker<'a> {
             }
             let (step, sign) = self.newton_step(&rows, &residuals)?;
             state = self.moved(&state, &step);
-            if step.norm() <= enough * self.machine.size().max(self.machine.radius()) {
+            let rounded = residuals.iter().all(|r| r.abs() <= ROUNDING * self.size());
+            if step.norm() <= enough || rounded {
                 return Some((state, sign));
             }
         }
@@ -202,7 +219,7 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    fn newton_step(&self, rows: &[Row; 8], residuals: &[f64; 8]) -> Option<(Row, f64)> {
+    pub fn newton_step(&self, rows: &[Row; 8], residuals: &[f64; 8]) -> Option<(Row, f64)> {
         let layout = self.geometry.layout();
         // Coordinates that do not move get an equation of their own, x = 0.
         let mut a = SMatrix::<f64, 6, 6>::identity();
@@ -241,6 +258,7 @@ impl<'a> Tracker<'a> {
     fn follow_in(&self, steps: usize, seed: &Pose, joints: &Joints) -> Option<Pose> {
         let from = self.machine.inverse(seed, &NO_TOOL).ok()?;
         let plain = if steps == STEPS { PLAIN } else { 0 };
+        let exact = EXACT * self.size().max(self.radius());
         let mut seen = None;
         let mut state = self.state(seed);
         let mut last = state;
@@ -248,19 +266,22 @@ impl<'a> Tracker<'a> {
             let t = step as f64 / steps as f64;
             let at = std::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
             let guess = self.onwards(&last, &state);
-            last = state;
-            let enough = if step == steps { EXACT } else { ON_THE_WAY };
+            let on_the_way = if step == steps { 0.0 } else { ON_THE_WAY };
+            let enough = exact.max(on_the_way * self.apart(&state, &last));
             let (next, sign) = self.corrected(&at, guess, plain, enough)?;
             // A Newton step that leaves the neighbourhood follows another path.
             let far = 50.0 * self.machine.radius() / steps as f64;
-            let gone = (next.centre - guess.centre).norm()
-                + self.machine.radius() * (next.rotation - guess.rotation).norm();
-            if *seen.get_or_insert(sign) != sign || gone > far {
+            if *seen.get_or_insert(sign) != sign || self.apart(&next, &guess) > far {
                 return None;
             }
-            state = next;
+            (last, state) = (state, next);
         }
         Some(self.pose(&state, joints))
+    }
+
+    /// Distance of two places, a length.
+    fn apart(&self, one: &State, other: &State) -> f64 {
+        (one.centre - other.centre).norm() + self.radius() * (one.rotation - other.rotation).norm()
     }
 
     /// The next place if the last step is repeated.
@@ -268,8 +289,7 @@ impl<'a> Tracker<'a> {
         let centre = state.centre * 2.0 - last.centre;
         if self.turns_freely() {
             // By a rotation vector: products alone would lose orthogonality step by step.
-            let turn = state.rotation * last.rotation.transpose();
-            let turn = Rotation3::from_matrix_unchecked(turn).scaled_axis();
+            let turn = rotation_vector(&(state.rotation * last.rotation.transpose()));
             let rotation = Rotation3::new(turn).matrix() * state.rotation;
             return State { centre, rotation, angles: state.angles };
         }
@@ -278,7 +298,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// t = D − R centre, held coordinates 0.
-    fn pose(&self, state: &State, joints: &Joints) -> Pose {
+    pub fn pose(&self, state: &State, joints: &Joints) -> Pose {
         let layout = self.geometry.layout();
         let mut d = state.centre;
         for (i, letter) in layout.table().as_slice().iter().enumerate() {
@@ -315,6 +335,17 @@ impl<'a> Tracker<'a> {
         let (residuals, rows) = self.equations(joints, &state)?;
         let (_, sign) = self.newton_step(&self.charted(&rows, &state), &residuals)?;
         Some(sign > 0.0)
+    }
+}
+
+/// Axis times angle of a rotation by less than half a turn, exact for small ones too.
+fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
+    let difference = r - r.transpose();
+    let sine = Vector3::new(difference[(2, 1)], difference[(0, 2)], difference[(1, 0)]) / 2.0;
+    let length = sine.norm();
+    match length > 0.0 {
+        true => sine * (length.atan2((r.trace() - 1.0) / 2.0) / length),
+        false => sine,
     }
 }
 
