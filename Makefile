@@ -3,11 +3,11 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check bench setup module header install uninstall clean
+.PHONY: help demo test test-long check bench certify setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc python3 procps
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc g++ python3 procps valgrind
 
 # Where LinuxCNC looks for modules and for LIB: files.
 MODULES := /usr/lib/linuxcnc/modules
@@ -27,6 +27,7 @@ help:
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make check      formatting, lints, documentation, generated files"
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
+	@echo "make certify    how often forward is right, refuses and errs, as tables"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
 	@echo "make clean      removes target/ and build/"
@@ -57,6 +58,12 @@ check: setup
 
 bench: setup module
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench
+
+# With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
+certify: setup module
+	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test certified -- \
+	    --nocapture --test-threads=1
+	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
 
 setup:
 	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }

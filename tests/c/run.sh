@@ -75,3 +75,8 @@ $cc -std=gnu11 -Wall -Wextra -Werror -fvisibility=hidden -shared -fPIC -DRTAPI -
 compile "$root/include" "$work/watched" -fsanitize=address,undefined -fno-sanitize-recover=all
 ASAN_OPTIONS=detect_leaks=0 "$work/watched" "$work/stub_hal.so" "$module" >/dev/null
 echo "ok: the same under address and undefined-behaviour sanitizers"
+
+# And under valgrind, which watches the module itself too: no byte read that nobody wrote.
+valgrind --quiet --error-exitcode=1 --leak-check=no \
+    "$work/abi_check" "$work/stub_hal.so" "$module" >/dev/null
+echo "ok: the same under valgrind's memcheck"

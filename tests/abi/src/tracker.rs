@@ -44,6 +44,19 @@ pub fn connected_pose(
     Some(pose)
 }
 
+/// Whether det J has the sign at `pose` that it has at `seed`: if not, a singular pose lies
+/// between them on any path. `None` where inverse refuses one of them.
+///
+/// For machines as [`connected_pose`] takes them.
+pub fn same_handed(module: &Module, machine: &Parallel, pose: &Pose, seed: &Pose) -> Option<bool> {
+    let tracker = Tracker::new(module, machine);
+    let sign = |pose: &Pose| {
+        let joints = module.inverse(pose).ok()?;
+        Some(tracker.solved(&joints, pose, &[0.0; 6])?.1.signum())
+    };
+    Some(sign(pose)? == sign(seed)?)
+}
+
 struct Tracker<'a> {
     module: &'a Module,
     /// Places in the pose of the coordinates that the legs move.

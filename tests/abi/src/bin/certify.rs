@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How often forward is right, refuses and errs, beside genhexkins in one run, as Markdown.
+//!
+//! The right pose is the end of the path from the seed along the straight line of the
+//! joint values; where that meets a singular pose there is none, and forward must fail.
+
+use abi_tests::geometry::distance;
+use abi_tests::machines::{
+    Hexapod, PAPER_004_HOME, genhexkins_default, one_servo_step_from, paper_004, paper_004_pose,
+};
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::Parallel;
+use abi_tests::random::{Random, cases};
+use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
+use abi_tests::tracker::{connected_pose, same_handed};
+use std::thread;
+
+/// Poses of a row; with PKMKINS_CASES=10 as many as the long tier of the core's tests.
+const SERVO_STEPS: usize = 100_000;
+const FROM_HOME: usize = 2000;
+
+/// genhexkins gives up at an error sum above `max-error`, by default 500 lengths of any
+/// unit; this lets it go on to an answer.
+const NO_MAX_ERROR: f64 = 1e9;
+
+/// A hexapod with the poses it is asked for.
+struct Subject {
+    name: String,
+    machine: Hexapod,
+    home: Pose,
+    sample: Box<dyn Fn(&mut Random) -> Pose + Sync>,
+}
+
+/// Where forward starts.
+#[derive(Clone, Copy, PartialEq)]
+enum Seed {
+    ServoStep,
+    Home,
+}
+
+/// What became of a module's calls.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    calls: usize,
+    right: usize,
+    /// No answer, though there is a right pose.
+    missed: usize,
+    /// No answer, and there is none.
+    refused: usize,
+    wrong: usize,
+}
+
+/// Poses with the sign that det J has at home, and those behind a singular pose.
+#[derive(Clone, Copy, Default)]
+struct Row {
+    before: Count,
+    behind: Count,
+}
+
+fn subjects() -> Vec<Subject> {
+    let mut home = [0.0; 9];
+    home[2] = 20.0;
+    let default = Hexapod { home: Some(home), ..genhexkins_default(&Module::genhexkins()) };
+    let mut all = vec![Subject {
+        name: "paper 004, lead 10".to_string(),
+        machine: paper_004(),
+        home: PAPER_004_HOME,
+        sample: Box::new(paper_004_pose),
+    }];
+    all.extend([20.0, 40.0, 50.0].map(|most| Subject {
+        name: format!("genhexkins' defaults, ±{most}°"),
+        machine: default.clone(),
+        home,
+        sample: Box::new(move |random| genhexkins_pose(random, most)),
+    }));
+    all
+}
+
+/// A pose of genhexkins' default geometry (inches).
+fn genhexkins_pose(random: &mut Random, most: f64) -> Pose {
+    let (x, y, z) = (random.within(5.0), random.within(5.0), random.between(15.0, 25.0));
+    let [a, b, c] = [most; 3].map(|most| random.within(most));
+    [x, y, z, a, b, c, 0.0, 0.0, 0.0]
+}
+
+/// Both modules with one machine, and how their answers are judged.
+struct Judge {
+    machine: Parallel,
+    modules: [Module; 2],
+}
+
+impl Judge {
+    fn new(subject: &Subject) -> Self {
+        let machine = Parallel::from(subject.machine.clone());
+        let theirs = Module::genhexkins();
+        subject.machine.wire(&theirs);
+        theirs.set("max-error", NO_MAX_ERROR);
+        Self { modules: [machine.module(), theirs], machine }
+    }
+
+    fn is_same(&self, one: &Pose, other: &Pose) -> bool {
+        let allowed = (WRONG_REL * self.machine.size()).max(GENHEXKINS_SAME);
+        distance(one, other, self.machine.radius()) <= allowed
+    }
+
+    /// The right pose. One servo step from the seed that is the pose itself; it is followed
+    /// only where a module says otherwise.
+    fn right(&self, joints: &Joints, seed: &Pose) -> Option<Pose> {
+        connected_pose(&self.modules[0], &self.machine, joints, seed)
+    }
+
+    /// Counts one pose for both modules.
+    fn add(&self, rows: &mut [Row; 2], pose: &Pose, seed: &Pose, home: &Pose, start: Seed) {
+        let ours = &self.modules[0];
+        let joints = ours.inverse(pose).expect("struts of some length");
+        let found = [0, 1].map(|which| self.modules[which].forward(&joints, seed).ok());
+        let here = |found: &Option<Pose>| found.is_some_and(|found| self.is_same(&found, pose));
+        let right = match start == Seed::ServoStep && found.iter().all(here) {
+            true => Some(*pose),
+            false => self.right(&joints, seed),
+        };
+        let behind = same_handed(ours, &self.machine, pose, home) != Some(true);
+        for (row, found) in rows.iter_mut().zip(found) {
+            let count = if behind { &mut row.behind } else { &mut row.before };
+            count.calls += 1;
+            *match (found, right) {
+                (None, None) => &mut count.refused,
+                (None, Some(_)) => &mut count.missed,
+                (Some(found), Some(right)) if self.is_same(&found, &right) => &mut count.right,
+                (Some(_), _) => &mut count.wrong,
+            } += 1;
+        }
+    }
+}
+
+/// Counts of one thread's share of the poses.
+fn judged(subject: &Subject, start: Seed, count: usize, mut random: Random) -> [Row; 2] {
+    let judge = Judge::new(subject);
+    let mut rows = [Row::default(); 2];
+    for _ in 0..count {
+        let pose = (subject.sample)(&mut random);
+        let seed = match start {
+            Seed::ServoStep => one_servo_step_from(&pose, judge.machine.size(), &mut random),
+            Seed::Home => subject.home,
+        };
+        judge.add(&mut rows, &pose, &seed, &subject.home, start);
+    }
+    rows
+}
+
+fn sum(one: Count, other: Count) -> Count {
+    Count {
+        calls: one.calls + other.calls,
+        right: one.right + other.right,
+        missed: one.missed + other.missed,
+        refused: one.refused + other.refused,
+        wrong: one.wrong + other.wrong,
+    }
+}
+
+/// The same on all cores; the poses depend on their number.
+fn on_all_cores(subject: &Subject, start: Seed, count: usize) -> [Row; 2] {
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let mut rows = [Row::default(); 2];
+    thread::scope(|scope| {
+        let share = |k: usize| (count + k) / threads;
+        let workers: Vec<_> = (0..threads)
+            .map(|k| scope.spawn(move || judged(subject, start, share(k), Random::new(k as u64))))
+            .collect();
+        for worker in workers {
+            for (row, more) in rows.iter_mut().zip(worker.join().expect("no panic")) {
+                row.before = sum(row.before, more.before);
+                row.behind = sum(row.behind, more.behind);
+            }
+        }
+    });
+    rows
+}
+
+fn print(call: &str, subject: &Subject, module: &str, row: &Row) {
+    let (all, behind) = (sum(row.before, row.behind), row.behind);
+    println!(
+        "| {call} | {} | {module} | {} | {} | {} | {} | {} | {} | {} | {} |",
+        subject.name,
+        all.calls,
+        all.right,
+        all.missed,
+        all.refused,
+        all.wrong,
+        behind.calls,
+        behind.right,
+        behind.wrong,
+    );
+}
+
+fn main() {
+    println!(
+        "| forward | machine | module | poses | right | failed, a right pose exists \
+         | refused, none exists | wrong | behind a singular pose | right | wrong |"
+    );
+    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|");
+    let starts =
+        [("servo step", Seed::ServoStep, SERVO_STEPS), ("from home", Seed::Home, FROM_HOME)];
+    for (call, start, count) in starts {
+        for subject in subjects() {
+            eprintln!("{call}, {} ...", subject.name);
+            let rows = on_all_cores(&subject, start, cases(count));
+            print(call, &subject, "pkmkins", &rows[0]);
+            print(call, &subject, "genhexkins", &rows[1]);
+            assert_eq!(rows[0].before.wrong + rows[0].behind.wrong, 0, "another pose as success");
+        }
+    }
+}
