@@ -61,8 +61,16 @@ impl<const N: usize> Mechanism<N> {
         let n = placed.directions();
         let twist = self.twist(&n, &posed.stand.place.rotation)?;
         let rows = self.rows(&placed, &n, twist.as_ref());
+        let mut rates = [0.0; N];
+        for (i, rate) in rates.iter_mut().enumerate() {
+            *rate = 1.0 / self.legs[i].gain(joints[i] + self.offset[i], &n.get(i));
+            // So far away that a joint value swallows its leg.
+            if !rate.is_finite() {
+                return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
+            }
+        }
         Ok(core::array::from_fn(|i| {
-            let rate = 1.0 / self.legs[i].gain(joints[i] + self.offset[i], &n.get(i));
+            let rate = rates[i];
             let force = Vector3::new(rows[0][i], rows[1][i], rows[2][i]);
             let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]);
             Rates { force: force * rate, moment: moment * rate }

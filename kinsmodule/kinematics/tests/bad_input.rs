@@ -468,3 +468,11 @@ fn a_tool_longer_than_a_million_machines_is_refused() {
         }
     }
 }
+
+#[test]
+fn a_jacobian_where_a_joint_value_swallows_its_leg_is_refused_and_not_infinite() {
+    let case = linear_delta();
+    let far = Pose::from_degrees([0.0, 0.0, -1e70, 0.0, 0.0, 0.0]);
+    let fault = case.machine.inverse_jacobian(&far, &NO_TOOL).unwrap_err();
+    assert_eq!(fault.cause, Cause::DeadPoint, "{fault}");
+}

@@ -9,7 +9,7 @@
 
 use super::tolerances::WRONG;
 use super::{NO_OFFSET, NO_TOOL};
-use kinematics::{Geometry, Joints, LegGeometry, LegKind, Letter, Machine, Pose, Vector3};
+use kinematics::{Geometry, Joints, LegGeometry, LegKind, Letter, Machine, Pose, Solver, Vector3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 const STEPS: usize = 1000;
@@ -329,6 +329,24 @@ impl<'a> Tracker<'a> {
         self.equations(joints, &self.state(pose)).is_some_and(|(residuals, _)| fits(residuals))
     }
 
+    /// The same to what forward promises of any machine, however badly made: its limit of a
+    /// residual, and the roundings of what it is a difference of.
+    pub fn holds(&self, pose: &Pose, joints: &Joints) -> bool {
+        let limit = self.machine.largest_residual(&Solver::default());
+        let state = self.state(pose);
+        let (residuals, _, on_side) = self.of_any_side(joints, &state);
+        let scale = |i: usize| {
+            let leg = &self.geometry.legs()[i];
+            let rod = rod(leg, joints[i]);
+            let centre = Vector3::from(self.geometry.centre);
+            [rod.anchor.norm(), state.centre.norm(), centre.norm(), rod.length, joints[i].abs()]
+                .into_iter()
+                .fold(self.size(), f64::max)
+        };
+        let fits = |i: usize| residuals[i].abs() <= limit + 1e3 * f64::EPSILON * scale(i);
+        on_side && (0..self.geometry.legs().len()).all(fits)
+    }
+
     /// Sign of the square Jacobian's determinant over the active coordinates.
     pub fn handedness(&self, pose: &Pose, joints: &Joints) -> Option<bool> {
         let state = self.state(pose);
@@ -357,19 +375,25 @@ fn axes_of(angles: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[about_b * Vector3::x(), about_c * Vector3::y(), Vector3::z()])
 }
 
+/// Unit vector of a direction of any length, be it denormal.
+fn direction(given: [f64; 3]) -> Vector3<f64> {
+    let given = Vector3::from(given);
+    (given / given.amax()).normalize()
+}
+
 /// Anchor and length that a joint value sets.
 pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
     let g = Vector3::from(leg.base);
     match leg.kind {
         LegKind::Strut(_) => Rod { anchor: g, length: q, onwards: Vector3::zeros() },
         LegKind::Slider(s) => {
-            let e = Vector3::from(s.guide).normalize();
+            let e = direction(s.guide);
             Rod { anchor: g + e * q, length: s.rod, onwards: e * -f64::from(s.side) }
         }
         LegKind::Crank(c) => {
-            let k = Vector3::from(c.axis).normalize();
+            let k = direction(c.axis);
             let arm = Rotation3::new(k * q.to_radians()) * Vector3::from(c.arm);
-            let onwards = k.cross(&arm).normalize() * -f64::from(c.side);
+            let onwards = direction(k.cross(&arm).into()) * -f64::from(c.side);
             Rod { anchor: g + arm, length: c.rod, onwards }
         }
     }
@@ -382,7 +406,7 @@ fn twist(leg: &LegGeometry, rotation: &Matrix3<f64>, span: &Vector3<f64>) -> Opt
         return None;
     }
     let n = span.normalize();
-    let a = Vector3::from(strut.base_axis).normalize();
-    let b = (rotation * Vector3::from(strut.platform_axis)).normalize();
+    let a = direction(strut.base_axis);
+    let b = rotation * direction(strut.platform_axis);
     Some((n.dot(&a.cross(&b)), a.dot(&b) - a.dot(&n) * b.dot(&n)))
 }
