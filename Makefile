@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check bench certify setup module header install uninstall clean
+.PHONY: help demo test test-long check bench certify fuzz setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -28,6 +28,7 @@ help:
 	@echo "make check      formatting, lints, documentation, generated files"
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
 	@echo "make certify    how often forward is right, refuses and errs, as tables"
+	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
 	@echo "make clean      removes target/ and build/"
@@ -40,6 +41,7 @@ demo:
 
 test: check install
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
+	fuzz/run.sh
 	tests/ini/run.py
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-report
 	tests/live/live_test.py --judge target/host/pkm-report
@@ -64,6 +66,10 @@ certify: setup module
 	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test certified -- \
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
+
+MINUTES := 10
+fuzz: setup
+	fuzz/run.sh --minutes $(MINUTES)
 
 setup:
 	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }
