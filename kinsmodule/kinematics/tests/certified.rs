@@ -49,7 +49,7 @@ fn named() -> Vec<Case> {
 /// The next pose of a machine: of its workspace; of random machines every other one lies
 /// as far out as to meet singular poses and dead points.
 fn next(case: &Case, wide: bool, k: usize, rng: &mut Pcg64) -> Pose {
-    match wide && k % 2 == 0 {
+    match wide && k.is_multiple_of(2) {
         true => case.without_held(&wild(case, 0.15, 40.0)(rng)),
         false => (case.sample)(rng),
     }
