@@ -3,6 +3,11 @@
 //! the messages that reach the operator.
 
 use crate::layout::Letter;
+use crate::text::Text;
+
+/// Bytes of a message with the zero that ends it: LinuxCNC shows 254 characters, some of
+/// which may take two bytes.
+const SHOWN: usize = 320;
 
 /// A refusal: its cause, the leg concerned, and the number that helps to understand it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +34,27 @@ impl Fault {
     pub const fn of_leg(cause: Cause, leg: usize, value: f64) -> Self {
         Self { cause, leg: Some(leg as u8), value }
     }
+
+    /// Appends what is wrong and the way out to a message.
+    pub fn tell<const LENGTH: usize>(&self, text: &mut Text<LENGTH>) {
+        if let Some(leg) = self.leg {
+            text.push("leg ");
+            text.push(leg);
+            text.push(": ");
+        }
+        text.push(self.cause.text());
+        // The number of a leg may be 0; elsewhere 0 says nothing.
+        if self.value != 0.0 || self.cause == Cause::LegsCoincide {
+            text.push(" (value ");
+            text.push(self.value);
+            text.push(")");
+        }
+        text.push("; ");
+        text.push(self.cause.remedy());
+        text.push(" [code ");
+        text.push(self.cause.code());
+        text.push("]");
+    }
 }
 
 impl From<Cause> for Fault {
@@ -39,30 +65,13 @@ impl From<Cause> for Fault {
 
 impl core::fmt::Display for Fault {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        if let Some(leg) = self.leg {
-            write!(f, "leg {leg}: ")?;
-        }
-        write!(f, "{}", self.cause.text())?;
-        // The number of a leg may be 0; elsewhere 0 says nothing.
-        if self.value != 0.0 || self.cause == Cause::LegsCoincide {
-            write!(f, " (value {})", Shown(self.value))?;
-        }
-        write!(f, "; {} [code {}]", self.cause.remedy(), self.cause.code())
+        let mut text = Text::<SHOWN>::of(&[]);
+        self.tell(&mut text);
+        f.write_str(text.as_str())
     }
 }
 
 impl core::error::Error for Fault {}
-
-/// A number in few characters: 1e300 written out would push the way out and the code off the
-/// end of what LinuxCNC shows.
-struct Shown(f64);
-
-impl core::fmt::Display for Shown {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let plain = self.0 == 0.0 || (1e-5..1e15).contains(&self.0.abs());
-        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
-    }
-}
 
 macro_rules! causes {
     ($($(#[$doc:meta])* $name:ident = $code:literal, $text:literal, $remedy:literal;)*) => {
@@ -268,6 +277,7 @@ mod tests {
             for value in [-0.123_456_789_012_345_68, -1e300, 1e-300, f64::MAX, f64::NEG_INFINITY] {
                 let text = format!("pkmkins: {}", Fault::of_leg(*cause, 7, value));
                 assert!(text.chars().count() <= 254, "{text}: {} characters", text.len());
+                assert!(text.ends_with(&format!("[code {}]", cause.code())), "{text}");
             }
         }
     }

@@ -29,6 +29,7 @@ mod machine;
 mod nut;
 mod pose;
 mod qr;
+mod text;
 
 pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
@@ -39,3 +40,4 @@ pub use load::{Load, LoadError};
 pub use machine::{Jacobian, Machine, Segment};
 pub use nalgebra::{Matrix3, Vector3};
 pub use pose::Pose;
+pub use text::{Part, Text};

@@ -10,7 +10,7 @@ use crate::module::{Kind, Module};
 use crate::pins::Pins;
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
-use kinematics::{Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_JOINTS, Pose};
+use kinematics::{Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_JOINTS, Pose, text};
 
 /// LinuxCNC's kinds of kinematics.
 #[cfg(not(kinematics_h))]
@@ -370,7 +370,7 @@ pub extern "C" fn rtapi_app_main() -> c_int {
     match start(load) {
         Ok(()) => 0,
         Err(HalError(code)) => {
-            print_error(format_args!("pkmkins: LinuxCNC refused a HAL call (code {code})"));
+            print_error(&text!["pkmkins: LinuxCNC refused a HAL call (code ", code, ")"]);
             code
         }
     }
@@ -424,12 +424,15 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
 }
 
 fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 3]) {
-    let shown = parameters.map(|text| text.and_then(|t| t.to_str().ok()).unwrap_or(""));
-    print_error(format_args!(
-        "pkmkins: refused legs={} coordinates={} table={}: {}",
-        shown[0],
-        shown[1],
-        shown[2],
-        error.text()
-    ));
+    let [legs, coordinates, table] = parameters.map(|text| text.map_or(&[][..], CStr::to_bytes));
+    print_error(&text![
+        "pkmkins: refused legs=",
+        legs,
+        " coordinates=",
+        coordinates,
+        " table=",
+        table,
+        ": ",
+        error.text(),
+    ]);
 }

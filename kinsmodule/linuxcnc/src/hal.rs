@@ -3,7 +3,7 @@
 
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_char, c_int, c_long, c_void};
-use core::fmt::{self, Write};
+use kinematics::Text;
 
 /// HAL_NAME_LEN of LinuxCNC 2.9, without the closing zero.
 const NAME_LENGTH: usize = 47;
@@ -68,42 +68,16 @@ fn checked(code: c_int) -> Result<c_int, HalError> {
     if code < 0 { Err(HalError(code)) } else { Ok(code) }
 }
 
-/// Text that ends with a zero, cut if it is too long.
-struct Text<const LENGTH: usize> {
-    bytes: [u8; LENGTH],
-    used: usize,
-}
+/// A pin's name.
+pub type Name = Text<{ NAME_LENGTH + 1 }>;
 
-impl<const LENGTH: usize> Text<LENGTH> {
-    fn new(args: fmt::Arguments<'_>) -> Self {
-        let mut text = Self { bytes: [0; LENGTH], used: 0 };
-        // Writing into a buffer that cuts never fails.
-        let _ = text.write_fmt(args);
-        text
-    }
-
-    fn as_ptr(&self) -> *const c_char {
-        self.bytes.as_ptr().cast()
-    }
-}
-
-impl<const LENGTH: usize> Write for Text<LENGTH> {
-    fn write_str(&mut self, s: &str) -> fmt::Result {
-        for byte in s.bytes() {
-            if let Some(place) = self.bytes[..LENGTH - 1].get_mut(self.used) {
-                *place = byte;
-                self.used += 1;
-            }
-        }
-        Ok(())
-    }
-}
+/// What the operator is told.
+pub type Message = Text<MESSAGE_LENGTH>;
 
 /// Shows an error to the operator: LinuxCNC forwards it to the user interface.
-pub fn print_error(args: fmt::Arguments<'_>) {
-    let text = Text::<MESSAGE_LENGTH>::new(args);
+pub fn print_error(message: &Message) {
     // SAFETY: both strings end with a zero, and "%s" takes one string.
-    unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), text.as_ptr()) }
+    unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), message.as_bytes_with_zero()) }
 }
 
 /// The component while it is being built.
@@ -200,13 +174,17 @@ impl<T: PinValue> Pin<T> {
         &self,
         component: Component,
         direction: Direction,
-        name: fmt::Arguments<'_>,
+        name: &Name,
         value: T,
     ) -> Result<(), HalError> {
-        let name = Text::<{ NAME_LENGTH + 1 }>::new(name);
         // SAFETY: the name ends with a zero; the caller vouches for the memory.
         checked(unsafe {
-            T::create(name.as_ptr(), direction as c_int, self.0.get(), component.0)
+            T::create(
+                name.as_bytes_with_zero().as_ptr().cast(),
+                direction as c_int,
+                self.0.get(),
+                component.0,
+            )
         })?;
         self.set(value);
         Ok(())

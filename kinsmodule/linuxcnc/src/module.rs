@@ -7,7 +7,7 @@ use crate::pins::{Given, Pins};
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
     Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
-    Vector3,
+    Vector3, text,
 };
 
 /// Cycles without a fault after which the same fault is told again.
@@ -540,7 +540,9 @@ impl Report {
         }
         if let Some(free) = self.told.iter_mut().find(|t| t.is_none()) {
             *free = news;
-            print_error(format_args!("pkmkins: {fault}"));
+            let mut message = text!["pkmkins: "];
+            fault.tell(&mut message);
+            print_error(&message);
         }
     }
 }

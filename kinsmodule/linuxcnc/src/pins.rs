@@ -4,13 +4,12 @@
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
 //! file for genhexkins works after replacing the name.
 
-use crate::hal::{Component, Direction, HalError, Pin};
+use crate::hal::{Component, Direction, HalError, Name, Pin};
 use crate::tool::JointLimits;
-use core::fmt;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
     Fault, Geometry, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method, PerLeg,
-    Solver, Vector3,
+    Solver, Vector3, text,
 };
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -130,22 +129,24 @@ impl Maker {
         &self,
         pin: &mut Pin<T>,
         direction: Direction,
-        name: fmt::Arguments<'_>,
+        name: Name,
         value: T,
     ) -> Result<(), HalError> {
         // SAFETY: only `Pins::create` uses a maker, on pins in HAL memory.
-        unsafe { pin.create(self.0, direction, name, value) }
+        unsafe { pin.create(self.0, direction, &name, value) }
     }
 
     fn letters<const M: usize>(
         &self,
         pins: &mut [Pin<f64>; M],
         direction: Direction,
-        stem: fmt::Arguments<'_>,
+        stem: Name,
         values: [f64; M],
     ) -> Result<(), HalError> {
         for ((pin, letter), value) in pins.iter_mut().zip(LETTERS).zip(values) {
-            self.one(pin, direction, format_args!("{stem}{letter}"), value)?;
+            let mut name = stem;
+            name.push(letter);
+            self.one(pin, direction, name, value)?;
         }
         Ok(())
     }
@@ -157,18 +158,18 @@ impl LegPins {
         // genhexkins' machine where it has such a leg, so that its HAL files work.
         let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
         let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
-        make.letters(&mut self.base, In, format_args!("pkmkins.base.{n}."), base)?;
-        make.letters(&mut self.platform, In, format_args!("pkmkins.platform.{n}."), platform)?;
-        make.one(&mut self.offset, In, format_args!("pkmkins.offset.{n}"), 0.0)?;
+        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
+        make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
+        make.one(&mut self.offset, In, text!["pkmkins.offset.", n], 0.0)?;
         match kind {
             Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
             Kind::Slider => {
-                make.letters(&mut self.guide, In, format_args!("pkmkins.guide.{n}."), [0.0; 3])?;
+                make.letters(&mut self.guide, In, text!["pkmkins.guide.", n, "."], [0.0; 3])?;
                 self.create_rod(make, n)
             }
             Kind::Crank => {
-                make.letters(&mut self.axis, In, format_args!("pkmkins.axis.{n}."), [0.0; 3])?;
-                make.letters(&mut self.arm, In, format_args!("pkmkins.arm.{n}."), [0.0; 3])?;
+                make.letters(&mut self.axis, In, text!["pkmkins.axis.", n, "."], [0.0; 3])?;
+                make.letters(&mut self.arm, In, text!["pkmkins.arm.", n, "."], [0.0; 3])?;
                 self.create_rod(make, n)
             }
         }
@@ -182,17 +183,17 @@ impl LegPins {
         platform: [f64; 3],
     ) -> Result<(), HalError> {
         use Direction::{In, Out};
-        make.letters(&mut self.base_axis, In, format_args!("pkmkins.base-n.{n}."), base)?;
+        make.letters(&mut self.base_axis, In, text!["pkmkins.base-n.", n, "."], base)?;
         let axis = &mut self.platform_axis;
-        make.letters(axis, In, format_args!("pkmkins.platform-n.{n}."), platform)?;
-        make.one(&mut self.lead, In, format_args!("pkmkins.lead.{n}"), 0.0)?;
-        make.one(&mut self.correction, Out, format_args!("pkmkins.correction.{n}"), 0.0)
+        make.letters(axis, In, text!["pkmkins.platform-n.", n, "."], platform)?;
+        make.one(&mut self.lead, In, text!["pkmkins.lead.", n], 0.0)?;
+        make.one(&mut self.correction, Out, text!["pkmkins.correction.", n], 0.0)
     }
 
     fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
-        make.one(&mut self.rod, In, format_args!("pkmkins.rod.{n}"), 0.0)?;
-        make.one(&mut self.side, In, format_args!("pkmkins.side.{n}"), 0)
+        make.one(&mut self.rod, In, text!["pkmkins.rod.", n], 0.0)?;
+        make.one(&mut self.side, In, text!["pkmkins.side.", n], 0)
     }
 
     /// The leg as the pins give it now; `common_lead` is that of all struts.
@@ -234,7 +235,7 @@ impl JointPins {
             (&mut self.max_velocity, "max-velocity", absent.velocity),
             (&mut self.max_acceleration, "max-acceleration", absent.acceleration),
         ] {
-            make.one(pin, In, format_args!("pkmkins.{name}.{n}"), value)?;
+            make.one(pin, In, text!["pkmkins.", name, ".", n], value)?;
         }
         Ok(())
     }
@@ -265,49 +266,49 @@ impl Pins {
 
     fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::In;
-        make.one(&mut self.screw_lead, In, format_args!("pkmkins.screw-lead"), 0.0)?;
-        make.letters(&mut self.home, In, format_args!("pkmkins.home."), [f64::NAN; 6])?;
-        make.letters(&mut self.centre, In, format_args!("pkmkins.centre."), [0.0; 3])?;
-        make.one(&mut self.spindle_offset, In, format_args!("pkmkins.spindle-offset"), 0.0)?;
-        make.one(&mut self.tool_offset, In, format_args!("pkmkins.tool-offset"), 0.0)?;
-        make.one(&mut self.tool_offset_x, In, format_args!("pkmkins.tool-offset-x"), 0.0)?;
-        make.one(&mut self.tool_offset_y, In, format_args!("pkmkins.tool-offset-y"), 0.0)?;
+        make.one(&mut self.screw_lead, In, text!["pkmkins.screw-lead"], 0.0)?;
+        make.letters(&mut self.home, In, text!["pkmkins.home."], [f64::NAN; 6])?;
+        make.letters(&mut self.centre, In, text!["pkmkins.centre."], [0.0; 3])?;
+        make.one(&mut self.spindle_offset, In, text!["pkmkins.spindle-offset"], 0.0)?;
+        make.one(&mut self.tool_offset, In, text!["pkmkins.tool-offset"], 0.0)?;
+        make.one(&mut self.tool_offset_x, In, text!["pkmkins.tool-offset-x"], 0.0)?;
+        make.one(&mut self.tool_offset_y, In, text!["pkmkins.tool-offset-y"], 0.0)?;
         make.one(
             &mut self.convergence_criterion,
             In,
-            format_args!("pkmkins.convergence-criterion"),
+            text!["pkmkins.convergence-criterion"],
             1e-9,
         )?;
-        make.one(&mut self.limit_iterations, In, format_args!("pkmkins.limit-iterations"), 120)?;
-        make.one(&mut self.residual_limit, In, format_args!("pkmkins.residual-limit"), 0.0)?;
-        make.one(&mut self.max_error, In, format_args!("pkmkins.max-error"), 500.0)?;
-        make.one(&mut self.machine_on, In, format_args!("pkmkins.machine-on"), false)?;
-        make.one(&mut self.apply, In, format_args!("pkmkins.apply"), false)?;
-        make.one(&mut self.fault_reset, In, format_args!("pkmkins.fault-reset"), false)
+        make.one(&mut self.limit_iterations, In, text!["pkmkins.limit-iterations"], 120)?;
+        make.one(&mut self.residual_limit, In, text!["pkmkins.residual-limit"], 0.0)?;
+        make.one(&mut self.max_error, In, text!["pkmkins.max-error"], 500.0)?;
+        make.one(&mut self.machine_on, In, text!["pkmkins.machine-on"], false)?;
+        make.one(&mut self.apply, In, text!["pkmkins.apply"], false)?;
+        make.one(&mut self.fault_reset, In, text!["pkmkins.fault-reset"], false)
     }
 
     fn create_outputs(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::Out;
         let (eff, pose, gui) = (&mut self.tool_offset_eff, &mut self.pose, &mut self.skgui);
-        make.letters(eff, Out, format_args!("pkmkins.tool-offset-eff-"), [0.0; 3])?;
-        make.one(&mut self.tool_busy, Out, format_args!("pkmkins.tool-busy"), false)?;
-        make.one(&mut self.feed_inhibit, Out, format_args!("pkmkins.feed-inhibit"), false)?;
-        make.letters(pose, Out, format_args!("pkmkins."), [0.0; 6])?;
-        make.letters(gui, Out, format_args!("skgui."), [0.0; 6])?;
-        make.one(&mut self.last_iterations, Out, format_args!("pkmkins.last-iterations"), 0)?;
-        make.one(&mut self.max_iterations, Out, format_args!("pkmkins.max-iterations"), 0)?;
-        make.one(&mut self.fwd_kins_fail, Out, format_args!("pkmkins.fwd-kins-fail"), false)?;
-        make.one(&mut self.residual, Out, format_args!("pkmkins.residual"), 0.0)?;
-        make.one(&mut self.assembly, Out, format_args!("pkmkins.assembly"), 0)?;
+        make.letters(eff, Out, text!["pkmkins.tool-offset-eff-"], [0.0; 3])?;
+        make.one(&mut self.tool_busy, Out, text!["pkmkins.tool-busy"], false)?;
+        make.one(&mut self.feed_inhibit, Out, text!["pkmkins.feed-inhibit"], false)?;
+        make.letters(pose, Out, text!["pkmkins."], [0.0; 6])?;
+        make.letters(gui, Out, text!["skgui."], [0.0; 6])?;
+        make.one(&mut self.last_iterations, Out, text!["pkmkins.last-iterations"], 0)?;
+        make.one(&mut self.max_iterations, Out, text!["pkmkins.max-iterations"], 0)?;
+        make.one(&mut self.fwd_kins_fail, Out, text!["pkmkins.fwd-kins-fail"], false)?;
+        make.one(&mut self.residual, Out, text!["pkmkins.residual"], 0.0)?;
+        make.one(&mut self.assembly, Out, text!["pkmkins.assembly"], 0)?;
         for (n, pin) in self.is_type.iter_mut().enumerate() {
-            make.one(pin, Out, format_args!("kinstype.is-{n}"), n == 0)?;
+            make.one(pin, Out, text!["kinstype.is-", n], n == 0)?;
         }
-        make.one(&mut self.geometry_ok, Out, format_args!("pkmkins.geometry-ok"), false)?;
-        make.one(&mut self.geometry_hash, Out, format_args!("pkmkins.geometry-hash"), 0)?;
-        make.one(&mut self.geometry_changed, Out, format_args!("pkmkins.geometry-changed"), false)?;
-        make.one(&mut self.fault, Out, format_args!("pkmkins.fault"), 0)?;
-        make.one(&mut self.fault_leg, Out, format_args!("pkmkins.fault-leg"), -1)?;
-        make.one(&mut self.fault_count, Out, format_args!("pkmkins.fault-count"), 0)
+        make.one(&mut self.geometry_ok, Out, text!["pkmkins.geometry-ok"], false)?;
+        make.one(&mut self.geometry_hash, Out, text!["pkmkins.geometry-hash"], 0)?;
+        make.one(&mut self.geometry_changed, Out, text!["pkmkins.geometry-changed"], false)?;
+        make.one(&mut self.fault, Out, text!["pkmkins.fault"], 0)?;
+        make.one(&mut self.fault_leg, Out, text!["pkmkins.fault-leg"], -1)?;
+        make.one(&mut self.fault_count, Out, text!["pkmkins.fault-count"], 0)
     }
 
     /// What enters the joint values as the pins give it now, the tool aside.
