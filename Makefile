@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check bench certify fuzz setup module header install uninstall clean
+.PHONY: help demo test test-long check prove counts counts-write bench certify fuzz setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -25,6 +25,8 @@ help:
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
+	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
+	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
 	@echo "make check      formatting, lints, documentation, generated files"
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
 	@echo "make certify    how often forward is right, refuses and errs, as tables"
@@ -39,7 +41,7 @@ demo:
 	@$(MAKE) --no-print-directory install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
-test: check install
+test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	fuzz/run.sh
 	tests/ini/run.py
@@ -57,6 +59,16 @@ check: setup
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md
+
+prove: setup module
+	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin prove
+
+# Under valgrind; `counts-write` makes what is found now the bounds, with a margin.
+counts: setup module
+	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin counts
+
+counts-write: setup module
+	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin counts write
 
 bench: setup module
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench

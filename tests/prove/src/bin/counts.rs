@@ -1,0 +1,393 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `counts`: instructions of the module's calls as a table, beside their bounds in
+//! counts.toml; exit 1 if one is exceeded. `counts write` writes that file anew.
+//!
+//! `counts measure FILE` is what runs under valgrind.
+//!
+//! Forward is cut off after `limit-iterations` solves, at most 288. Its calls are counted cut
+//! off after 1, 2, 3 … solves: that gives what one more solve costs at most (with the sub-step
+//! around it), and the most that all the rest costs. 288 times the one and once the other is
+//! more than any call can take.
+
+use abi_tests::module::Module;
+use abi_tests::subjects::Subject;
+use kinematics::MAX_ITERATIONS;
+use prove::callgrind::{counted, run};
+use prove::cases::{Aim, Call, Case, all, machines, unmonitored};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Bounds are what was found when they were written, and this much more: another release of
+/// the compiler, and what the search did not find.
+const MARGIN: f64 = 1.25;
+
+const HEAD: &str = "\
+# SPDX-License-Identifier: GPL-2.0-or-later
+#
+# Written by `make counts-write`: the instructions that were counted, times 1.25. `make counts`
+# fails above them. `worst` of forward is 288 solves at their dearest.
+";
+
+/// A row of counts.toml.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Bound {
+    machine: String,
+    call: String,
+    typical: u64,
+    worst: u64,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Bounds {
+    bound: Vec<Bound>,
+}
+
+/// What was counted of one function on one machine.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    /// Median.
+    typical: u64,
+    /// Largest.
+    worst: u64,
+    /// Of forward.
+    solving: Option<Solving>,
+    /// Calls of forward that take more than the bound for their number of solves.
+    dearer: Vec<String>,
+}
+
+/// What bounds forward.
+#[derive(Clone, Debug, Default)]
+struct Solving {
+    /// Most solves that any case needs.
+    most: u32,
+    /// Most that one more solve costs.
+    each: u64,
+    /// Most that everything else costs.
+    rest: u64,
+}
+
+impl Solving {
+    fn bound(&self) -> u64 {
+        self.of(MAX_ITERATIONS)
+    }
+
+    fn of(&self, solves: u32) -> u64 {
+        self.rest + self.each * u64::from(solves)
+    }
+}
+
+impl Found {
+    /// What no call exceeds.
+    fn bound(&self) -> u64 {
+        self.solving.as_ref().map_or(self.worst, Solving::bound)
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let result = match arguments[..] {
+        ["measure", file] => measure(Path::new(file)).map(|()| ExitCode::SUCCESS),
+        [] => count().and_then(|found| judge(&found)),
+        ["write"] => count().and_then(|found| write(&found)),
+        _ => Err("usage: counts [write]".into()),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("counts: {error}");
+        ExitCode::from(2)
+    })
+}
+
+type Table = BTreeMap<(usize, Call), Found>;
+
+fn count() -> Result<(Vec<Subject>, Table), String> {
+    let machines = machines();
+    let cases = all(&machines);
+    let scratch = Scratch::new()?;
+    let list = scratch.0.join("cases");
+    let lines: Vec<String> = cases.iter().map(Case::to_line).collect();
+    std::fs::write(&list, lines.join("\n")).map_err(|e| e.to_string())?;
+    let list = list.to_str().ok_or("the temporary folder has no plain name")?;
+    let counts = run(&["measure", list], &scratch.0)?;
+    if counts.len() != cases.len() || counts.contains(&0) {
+        return Err(format!("valgrind counted {} of {} calls", counts.len(), cases.len()));
+    }
+    let counted: Vec<(Case, u64)> = cases.into_iter().zip(counts).collect();
+    Ok((machines, table(&counted)))
+}
+
+/// A folder of its own, which goes at the end.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Result<Scratch, String> {
+        let path = std::env::temp_dir().join(format!("pkmkins-counts-{}", std::process::id()));
+        std::fs::create_dir(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Scratch(path))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Runs the calls of a list, under valgrind.
+fn measure(list: &Path) -> Result<(), String> {
+    let machines = machines();
+    let mut modules = BTreeMap::new();
+    let text = std::fs::read_to_string(list).map_err(|e| e.to_string())?;
+    for (n, line) in text.lines().enumerate() {
+        let case = Case::from_line(line).ok_or_else(|| format!("line {n} is no case"))?;
+        let subject = &machines[case.machine];
+        let is_monitored = case.aim == Aim::Typical;
+        let module = modules.entry((case.machine, is_monitored)).or_insert_with(|| {
+            if is_monitored { subject.machine.module() } else { unmonitored(subject) }
+        });
+        make(&case, subject, module);
+    }
+    Ok(())
+}
+
+/// One call, counted.
+fn make(case: &Case, subject: &Subject, module: &Module) {
+    match case.call {
+        Call::Inverse => {
+            let mut joints = [0.0; 16];
+            counted(|| module.inverse_into(&case.pose, &mut joints));
+        }
+        Call::Forward => {
+            module.set("limit-iterations", f64::from(case.limit));
+            let mut world = case.pose;
+            counted(|| module.forward_into(&case.joints, &mut world));
+        }
+        Call::Jacobian => counted(|| module.jacobian(&case.joints, &case.pose)),
+        Call::Monitor if case.aim == Aim::Typical => counted(|| module.monitor()),
+        Call::Monitor => busy_monitor(case, subject),
+        Call::Freezing => {
+            let module = subject.machine.loaded();
+            subject.machine.wire(&module);
+            let mut joints = [0.0; 16];
+            counted(|| module.inverse_into(&case.pose, &mut joints));
+        }
+    }
+}
+
+/// The monitor with everything to do at once: a geometry to freeze, a fault to tell.
+fn busy_monitor(case: &Case, subject: &Subject) {
+    let module = subject.machine.module();
+    module.set("apply", 0.0);
+    module.monitor();
+    let joints = module.inverse(&subject.home()).expect("home");
+    let _ = module.forward(&joints, &subject.home());
+    let _ = module.inverse(&case.pose);
+    let _ = module.inverse(&[f64::NAN; 9]);
+    module.set("apply", 1.0);
+    counted(|| module.monitor());
+}
+
+fn table(counted: &[(Case, u64)]) -> Table {
+    let mut table = Table::new();
+    for (case, _) in counted {
+        table.entry((case.machine, case.call)).or_default();
+    }
+    for ((machine, call), found) in &mut table {
+        let mine: Vec<&(Case, u64)> =
+            counted.iter().filter(|(c, _)| c.machine == *machine && c.call == *call).collect();
+        found.typical = median(&mine);
+        found.worst = mine.iter().map(|(_, count)| *count).max().unwrap_or(0);
+        if *call == Call::Forward {
+            let solving = solving(&mine);
+            found.dearer = dearer(&mine, &solving);
+            found.solving = Some(solving);
+        }
+    }
+    table
+}
+
+/// Forward calls, searched for to be hard, that take more than their solves explain.
+fn dearer(cases: &[&(Case, u64)], solving: &Solving) -> Vec<String> {
+    cases
+        .iter()
+        .filter(|(case, count)| case.aim == Aim::Worst && *count > solving.of(case.solves))
+        .map(|(case, count)| format!("{} solves took {count} instructions", case.solves))
+        .collect()
+}
+
+fn median(cases: &[&(Case, u64)]) -> u64 {
+    let typical = cases.iter().filter(|(case, _)| case.aim == Aim::Typical);
+    let mut counts: Vec<u64> = typical.map(|(_, count)| *count).collect();
+    counts.sort_unstable();
+    counts.get(counts.len() / 2).copied().unwrap_or(0)
+}
+
+/// Reads off the rows of cut calls what a solve costs, and what the rest does.
+fn solving(cases: &[&(Case, u64)]) -> Solving {
+    let mut rows: BTreeMap<usize, BTreeMap<u32, u64>> = BTreeMap::new();
+    for (case, count) in cases {
+        if let Aim::Row(row) = case.aim {
+            rows.entry(row).or_default().insert(case.limit, *count);
+        }
+    }
+    let (mut each, mut first, mut last) = (0, 0, 0);
+    for row in rows.values() {
+        first = first.max(row.values().next().copied().unwrap_or(0));
+        // The last solve goes on to the end of the call.
+        let end = row.keys().next_back().copied().unwrap_or(0);
+        for (limit, count) in row {
+            let Some(next) = row.get(&(limit + 1)) else { continue };
+            let step = next.saturating_sub(*count);
+            let largest = if limit + 1 == end { &mut last } else { &mut each };
+            *largest = step.max(*largest);
+        }
+    }
+    let most = cases.iter().map(|(case, _)| case.solves).max().unwrap_or(0);
+    Solving { most, each, rest: first + last }
+}
+
+fn name(call: Call) -> &'static str {
+    match call {
+        Call::Inverse => "inverse",
+        Call::Forward => "forward",
+        Call::Jacobian => "Jacobian",
+        Call::Monitor => "monitor",
+        Call::Freezing => "inverse that freezes",
+    }
+}
+
+fn path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("counts.toml")
+}
+
+fn write((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> {
+    let wide = |count: u64| (count as f64 * MARGIN).ceil() as u64;
+    let bound = table
+        .iter()
+        .map(|((machine, call), found)| Bound {
+            machine: machines[*machine].name.into(),
+            call: name(*call).into(),
+            typical: wide(found.typical),
+            worst: wide(found.bound()),
+        })
+        .collect();
+    let text = toml::to_string(&Bounds { bound }).map_err(|e| e.to_string())?;
+    std::fs::write(path(), format!("{HEAD}\n{text}")).map_err(|e| e.to_string())?;
+    show(machines, table);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn show(machines: &[Subject], table: &Table) {
+    println!("| machine | call | typical | worst found | solves | each | rest | cannot exceed |");
+    println!("|---|---|--:|--:|--:|--:|--:|--:|");
+    for ((machine, call), found) in table {
+        let solving = found
+            .solving
+            .as_ref()
+            .map_or("– | – | –".into(), |s| format!("{} | {} | {}", s.most, s.each, s.rest));
+        let typical = if found.typical == 0 { "–".into() } else { found.typical.to_string() };
+        println!(
+            "| {} | {} | {typical} | {} | {solving} | {} |",
+            machines[*machine].name,
+            name(*call),
+            found.worst,
+            found.solving.as_ref().map_or("–".into(), |s| s.bound().to_string()),
+        );
+    }
+}
+
+fn judge((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> {
+    show(machines, table);
+    let text = std::fs::read_to_string(path()).map_err(|e| e.to_string())?;
+    let bounds: Bounds = toml::from_str(&text).map_err(|e| format!("counts.toml: {e}"))?;
+    let names: Vec<&str> = machines.iter().map(|machine| machine.name).collect();
+    let complaints = complaints(&names, table, &bounds.bound);
+    for complaint in &complaints {
+        println!("counts: {complaint}");
+    }
+    println!("\ncounts: {} rows, {} failed", table.len(), complaints.len());
+    Ok(ExitCode::from(u8::from(!complaints.is_empty())))
+}
+
+/// What is above its bound, or has none.
+fn complaints(machines: &[&str], table: &Table, bounds: &[Bound]) -> Vec<String> {
+    let mut complaints = Vec::new();
+    for ((machine, call), found) in table {
+        let (machine, call) = (machines[*machine], name(*call));
+        complaints.extend(found.dearer.iter().map(|case| {
+            format!("{call}, {machine}: a call of {case}: more than its solves explain")
+        }));
+        let Some(bound) = bounds.iter().find(|b| b.machine == machine && b.call == call) else {
+            complaints.push(format!("{call}, {machine}: no bound; run `make counts-write`"));
+            continue;
+        };
+        let pairs =
+            [("typically", found.typical, bound.typical), ("at worst", found.bound(), bound.worst)];
+        for (when, count, most) in pairs.into_iter().filter(|(_, count, most)| count > most) {
+            complaints.push(format!(
+                "{call}, {machine}: {when} {count} instructions where {most} are allowed: make it \
+                 cheaper, or run `make counts-write` and say why"
+            ));
+        }
+    }
+    complaints
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(aim: Aim, limit: u32, solves: u32) -> Case {
+        let (pose, joints) = ([0.0; 9], [0.0; 16]);
+        Case { machine: 0, call: Call::Forward, aim, pose, joints, limit, solves }
+    }
+
+    /// Six solves: 100 before the first, 10 to 14 each, and 50 after the last.
+    fn row() -> Vec<(Case, u64)> {
+        let counts = [(1, 110), (3, 134), (4, 148), (5, 158), (6, 218)];
+        counts.map(|(limit, count)| (case(Aim::Row(0), limit, 6), count)).to_vec()
+    }
+
+    #[test]
+    fn the_bound_is_the_dearest_solve_at_every_solve_and_the_rest_once() {
+        let row = row();
+        let solving = solving(&row.iter().collect::<Vec<_>>());
+        assert_eq!((solving.most, solving.each, solving.rest), (6, 14, 110 + 60));
+        assert_eq!(solving.bound(), 170 + 288 * 14);
+    }
+
+    fn of(cases: &[(Case, u64)]) -> Table {
+        table(cases)
+    }
+
+    fn bound(typical: u64, worst: u64) -> Vec<Bound> {
+        vec![Bound { machine: "m".into(), call: "forward".into(), typical, worst }]
+    }
+
+    #[test]
+    fn what_exceeds_its_bound_is_told() {
+        let mut cases = row();
+        cases.push((case(Aim::Typical, 288, 0), 90));
+        let table = of(&cases);
+        let complaints = |bounds: &[Bound]| complaints(&["m"], &table, bounds);
+        assert_eq!(complaints(&bound(90, 4202)), Vec::<String>::new());
+        for (bounds, word) in
+            [(bound(89, 4202), "typically"), (bound(90, 4201), "at worst"), (vec![], "no bound")]
+        {
+            let told = complaints(&bounds);
+            assert!(told.len() == 1 && told[0].contains(word), "{told:?}");
+        }
+    }
+
+    #[test]
+    fn a_call_that_its_solves_do_not_explain_is_told() {
+        let mut cases = row();
+        cases.push((case(Aim::Worst, 288, 2), 170 + 2 * 14 + 1));
+        let told = complaints(&["m"], &of(&cases), &bound(0, 10_000));
+        assert!(told.len() == 1 && told[0].contains("solves explain"), "{told:?}");
+    }
+}

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The calls that are counted: what a servo step asks for, and what was searched for to be
+//! hard. The search runs at full speed and counts solves; valgrind then counts instructions.
+
+use abi_tests::machines::{one_servo_step_from, paper_004};
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::random::Random;
+use abi_tests::subjects::{Subject, subjects};
+use kinematics::{Cause, MAX_ITERATIONS};
+use std::collections::BTreeSet;
+
+/// A function of the module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Call {
+    /// `kinematicsInverse`.
+    Inverse,
+    /// `kinematicsForward`.
+    Forward,
+    /// `kinematicsJacobian`.
+    Jacobian,
+    /// `pkmkins.monitor`.
+    Monitor,
+    /// `kinematicsInverse` as the call that freezes the geometry.
+    Freezing,
+}
+
+/// What a call is counted for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aim {
+    /// The usual count.
+    Typical,
+    /// The largest count.
+    Worst,
+    /// One of a row of forward calls that are cut off after 1, 2, 3 … solves; the row's number.
+    Row(usize),
+}
+
+/// One call.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Index of the machine.
+    pub machine: usize,
+    /// The function.
+    pub call: Call,
+    /// What for.
+    pub aim: Aim,
+    /// Pose to ask for, or seed.
+    pub pose: Pose,
+    /// Joints of forward.
+    pub joints: Joints,
+    /// Most solves allowed to forward.
+    pub limit: u32,
+    /// Solves that forward needs, allowed or not.
+    pub solves: u32,
+}
+
+/// Poses a function is asked for in the usual case.
+const TYPICAL: usize = 31;
+
+/// Wild poses a machine, and pairs of poses with nothing in common.
+const WILD: usize = 80;
+
+/// Hard forward calls that are counted, and others; of each kind the ones that are cut off,
+/// and after how many solves, chosen at random.
+const HARD: usize = 40;
+const ROWS: usize = 6;
+const CUTS: usize = 12;
+
+/// Halvings between a pose that forward finds and one that it does not: the last two are
+/// next to each other, with a singular pose between.
+const HALVINGS: usize = 40;
+
+/// Every kind of leg, with and without a lead, least squares, and eight legs.
+pub fn machines() -> Vec<Subject> {
+    let mut struts = subjects();
+    let plain = abi_tests::machines::Hexapod { lead: 0.0, ..paper_004() };
+    struts[1].name = "hexapod of paper 004, lead 0";
+    struts[1].machine = plain.into();
+    struts.retain(|s| !matches!(s.name, "laboratory hexapod" | "four-rod lathe" | "tripod"));
+    struts.retain(|s| !matches!(s.name, "pyramid with a tool" | "linear delta"));
+    struts
+}
+
+/// A machine as it is searched: frozen by its first call, no monitor beside it.
+pub fn unmonitored(subject: &Subject) -> Module {
+    let module = subject.machine.loaded();
+    subject.machine.wire(&module);
+    module.inverse(&subject.home()).expect("home");
+    module
+}
+
+/// All calls of all machines; the same every time.
+pub fn all(machines: &[Subject]) -> Vec<Case> {
+    machines.iter().enumerate().flat_map(|(i, subject)| Search::new(i, subject).cases()).collect()
+}
+
+struct Search<'a> {
+    machine: usize,
+    subject: &'a Subject,
+    module: Module,
+    random: Random,
+}
+
+impl<'a> Search<'a> {
+    fn new(machine: usize, subject: &'a Subject) -> Self {
+        let module = unmonitored(subject);
+        Self { machine, subject, module, random: Random::new(91) }
+    }
+
+    fn cases(mut self) -> Vec<Case> {
+        let mut cases = vec![self.case(Call::Freezing, Aim::Worst, self.subject.home())];
+        for _ in 0..TYPICAL {
+            let pose = (self.subject.sample)(&mut self.random);
+            cases.push(self.case(Call::Inverse, Aim::Typical, pose));
+            cases.push(self.case(Call::Jacobian, Aim::Typical, pose));
+            cases.push(self.case(Call::Monitor, Aim::Typical, pose));
+            cases.push(self.servo_step(pose));
+        }
+        let wild = self.wild();
+        for pose in &wild {
+            cases.push(self.case(Call::Inverse, Aim::Worst, *pose));
+            cases.push(self.case(Call::Jacobian, Aim::Worst, *pose));
+        }
+        for pose in wild.iter().take(10) {
+            cases.push(self.case(Call::Monitor, Aim::Worst, *pose));
+        }
+        cases.extend(self.hard(&wild));
+        cases
+    }
+
+    fn case(&self, call: Call, aim: Aim, pose: Pose) -> Case {
+        let (machine, limit) = (self.machine, MAX_ITERATIONS);
+        Case { machine, call, aim, pose, joints: [0.0; 16], limit, solves: 0 }
+    }
+
+    /// Forward one servo step away.
+    fn servo_step(&mut self, pose: Pose) -> Case {
+        let near = one_servo_step_from(&pose, self.subject.machine.size(), &mut self.random);
+        let mut seed = pose;
+        for (i, value) in seed.iter_mut().enumerate().take(6) {
+            if self.subject.machine.moves(i) {
+                *value = near[i];
+            }
+        }
+        let joints = self.module.inverse(&pose).expect("a pose of the workspace");
+        Case { joints, ..self.case(Call::Forward, Aim::Typical, seed) }
+    }
+
+    /// Poses that nobody should ask for.
+    fn wild(&mut self) -> Vec<Pose> {
+        let mut wild = vec![[f64::NAN; 9], [f64::INFINITY; 9], [0.0; 9]];
+        let size = self.subject.machine.size();
+        for _ in 0..WILD {
+            let mut pose = (self.subject.sample)(&mut self.random);
+            for i in (0..6).filter(|i| self.subject.machine.moves(*i)) {
+                pose[i] += self.random.within(if i < 3 { 0.5 * size } else { 60.0 });
+            }
+            wild.push(pose);
+        }
+        for i in (0..6).filter(|i| self.subject.machine.moves(*i)) {
+            for value in self.odd(i, size) {
+                let mut pose = self.subject.home();
+                pose[i] = value;
+                wild.push(pose);
+            }
+        }
+        wild
+    }
+
+    /// Values of a coordinate at which library functions take another way.
+    fn odd(&mut self, coordinate: usize, size: f64) -> Vec<f64> {
+        let small = [f64::NAN, f64::NEG_INFINITY, 5e-324, 1e-310, -0.0, 1e-30];
+        let large: Vec<f64> = match coordinate {
+            0..3 => vec![3.0 * size, -100.0 * size, 1e15 * size, 1e300],
+            // Near whole quarter turns the argument cancels, far from 0 it is reduced in parts.
+            _ => vec![
+                89.999_999,
+                90.0,
+                -90.000_000_1,
+                180.0,
+                270.0,
+                360.0,
+                720.000_000_000_1,
+                -3_600.0,
+                99_999.5,
+                359_999.999,
+                999_990.0,
+                999_999.999_9,
+                1.1e6,
+            ],
+        };
+        small.into_iter().chain(large).collect()
+    }
+
+    /// Forward calls that need many solves, and those that fail in every way.
+    fn hard(&mut self, wild: &[Pose]) -> Vec<Case> {
+        let mut cases = Vec::new();
+        let home = self.subject.home();
+        for pose in wild {
+            cases.extend(self.edge(&home, pose));
+            let (from, to) = ((self.subject.sample)(&mut self.random), *pose);
+            cases.extend(self.edge(&from, &to));
+            cases.extend(self.noisy(&from, &home));
+        }
+        cases.sort_by_key(|case| std::cmp::Reverse(case.solves));
+        let apart = cases.len() / HARD;
+        let others: Vec<Case> = cases.iter().skip(HARD).step_by(apart).cloned().collect();
+        cases.truncate(HARD);
+        let cut: Vec<Case> =
+            cases.iter().take(ROWS).chain(others.iter().take(ROWS)).cloned().collect();
+        for (n, case) in cut.iter().enumerate() {
+            cases.extend(self.row(case, n));
+        }
+        cases.extend(others);
+        cases.extend(self.broken());
+        cases
+    }
+
+    /// A call cut off after one solve, after all but the last, and at random pairs of
+    /// successive solves between.
+    fn row(&mut self, case: &Case, number: usize) -> Vec<Case> {
+        let mut limits = BTreeSet::from([1, case.solves.max(2) - 1, case.solves]);
+        for _ in 0..CUTS {
+            let limit = self.random.between(1.0, f64::from(case.solves)) as u32;
+            limits.extend([limit, (limit + 1).min(case.solves)]);
+        }
+        let cut = |limit| Case { aim: Aim::Row(number), limit, ..case.clone() };
+        limits.into_iter().map(cut).collect()
+    }
+
+    /// Forward from one pose to the joints of another.
+    fn forward(&self, joints: Joints, seed: Pose) -> Case {
+        let case = Case { joints, ..self.case(Call::Forward, Aim::Worst, seed) };
+        Case { solves: self.solves(&case), ..case }
+    }
+
+    /// On the way from one pose to another: the last that forward finds, and the first that
+    /// it does not.
+    fn edge(&self, from: &Pose, to: &Pose) -> Vec<Case> {
+        let between = |t: f64| -> Pose { std::array::from_fn(|i| from[i] + t * (to[i] - from[i])) };
+        let joints = |t: f64| self.module.inverse(&between(t)).ok();
+        let finds = |t: f64| joints(t).is_some_and(|q| self.module.forward(&q, from).is_ok());
+        let (mut low, mut high) = (0.0, 1.0);
+        if finds(high) {
+            return joints(high).map(|q| self.forward(q, *from)).into_iter().collect();
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if finds(middle) { low = middle } else { high = middle }
+        }
+        [low, high].into_iter().filter_map(joints).map(|q| self.forward(q, *from)).collect()
+    }
+
+    /// Joints that no pose has, or that contradict each other.
+    fn noisy(&mut self, pose: &Pose, seed: &Pose) -> Option<Case> {
+        let mut joints = self.module.inverse(pose).ok()?;
+        let share = self.random.between(0.0, 0.1);
+        for (i, joint) in joints.iter_mut().enumerate().take(self.subject.machine.joints()) {
+            *joint *= 1.0 + share * if i % 2 == 0 { 1.0 } else { -1.0 };
+        }
+        Some(self.forward(joints, *seed))
+    }
+
+    /// NaN, infinity and denormals in a joint or in the seed.
+    fn broken(&self) -> Vec<Case> {
+        let home = self.subject.home();
+        let joints = self.module.inverse(&home).expect("home");
+        let mut cases = vec![self.forward(joints, [f64::NAN; 9]), self.forward([0.0; 16], home)];
+        for value in [f64::NAN, f64::INFINITY, 5e-324, 1e300] {
+            for joint in 0..self.subject.machine.joints() {
+                let mut joints = joints;
+                joints[joint] = value;
+                cases.push(self.forward(joints, home));
+            }
+        }
+        cases
+    }
+
+    /// Fewest solves with which a forward call ends otherwise than for want of solves.
+    fn solves(&self, case: &Case) -> u32 {
+        let (mut low, mut high) = (0, MAX_ITERATIONS);
+        while high - low > 1 {
+            let middle = (low + high) / 2;
+            self.module.set("limit-iterations", f64::from(middle));
+            let code = self.module.forward(&case.joints, &case.pose);
+            match code == Err(Cause::TooManyIterations.code()) {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        self.module.set("limit-iterations", f64::from(MAX_ITERATIONS));
+        high
+    }
+}
+
+const CALLS: [Call; 5] =
+    [Call::Inverse, Call::Forward, Call::Jacobian, Call::Monitor, Call::Freezing];
+
+impl Case {
+    /// For the program that is measured: what it needs, as one line.
+    pub fn to_line(&self) -> String {
+        let mut line = format!("{} {} {} ", self.machine, self.call as usize, self.limit);
+        line.push_str(if self.aim == Aim::Typical { "monitored" } else { "alone" });
+        for value in self.pose.iter().chain(&self.joints) {
+            line.push_str(&format!(" {:x}", value.to_bits()));
+        }
+        line
+    }
+
+    /// Reads a line; the aim is told apart by whether a monitor runs, no more.
+    pub fn from_line(line: &str) -> Option<Case> {
+        let mut words = line.split_whitespace();
+        let machine = words.next()?.parse().ok()?;
+        let call = *CALLS.get(words.next()?.parse::<usize>().ok()?)?;
+        let limit = words.next()?.parse().ok()?;
+        let aim = if words.next()? == "monitored" { Aim::Typical } else { Aim::Worst };
+        let bits = |word: &str| u64::from_str_radix(word, 16).ok().map(f64::from_bits);
+        let values: Vec<f64> = words.map(bits).collect::<Option<_>>()?;
+        let (pose, joints) = values.split_at_checked(9)?;
+        let (pose, joints) = (pose.try_into().ok()?, joints.try_into().ok()?);
+        Some(Case { machine, call, aim, pose, joints, limit, solves: 0 })
+    }
+}

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the module promises: a table that people read and extend.
+
+use serde::Deserialize;
+
+/// When a function runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum When {
+    /// While no servo thread runs.
+    Load,
+    /// In the servo thread.
+    Run,
+}
+
+/// A function that others call.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Its symbol, as `nm -C` shows it.
+    pub name: String,
+    /// When it runs.
+    pub when: When,
+    /// Bound of its stack in bytes.
+    pub stack: u64,
+    /// Whether it is found by name; otherwise its address is handed over.
+    #[serde(default = "yes")]
+    pub exported: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A symbol of another library.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Import {
+    /// Its name.
+    pub name: String,
+    /// `run`: may be called in the servo thread.
+    pub when: When,
+    /// Why it is needed, and why it does no harm.
+    pub reason: String,
+}
+
+/// Everything that is promised.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contract {
+    /// Functions that others call.
+    pub entry: Vec<Entry>,
+    /// Exported data.
+    pub data: Vec<String>,
+    /// Symbols of other libraries.
+    pub import: Vec<Import>,
+}
+
+impl Contract {
+    /// Reads the table.
+    /// # Errors
+    /// The place of the mistake in words.
+    pub fn parse(text: &str) -> Result<Contract, String> {
+        toml::from_str(text).map_err(|error| error.to_string())
+    }
+}
