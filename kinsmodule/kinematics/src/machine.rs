@@ -485,7 +485,7 @@ impl<const N: usize> Mechanism<N> {
                 *value *= inverse;
             }
         }
-        if self.chart == Chart::Group && self.count() == N {
+        if self.active == [true; 6] && self.count() == N {
             return;
         }
         for (column, active) in columns.iter_mut().zip(self.active) {
