@@ -31,7 +31,10 @@ fn a_tool_changes_no_joint_of_a_level_platform_and_moves_the_tip_of_a_tilted_one
 #[test]
 fn a_long_tool_keeps_the_servo_step_certified() {
     for case in declared() {
-        let tool = Vector3::new(0.0, 0.0, 0.22) * case.machine.size();
+        // 300 mm on the hexapod of paper 004, 100 mm on the lathe of four rods.
+        let farthest = |most: f64, anchor: [f64; 3]| most.max(Vector3::from(anchor).norm());
+        let anchors = case.geometry.legs().iter().flat_map(|leg| [leg.base, leg.platform]);
+        let tool = Vector3::new(0.0, 0.0, 0.22) * anchors.fold(0.0, farthest);
         let mut rng = rng(7);
         let mut reached = 0;
         for _ in 0..cases(2000) {
