@@ -49,6 +49,10 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     return found, recorder
 
 
+# Degrees: rounding leaves 1e-14 of a level platform, and at this tilt a tool 100 long moves the joints
+# by 2e-6 of a millimetre.
+LEVEL = 1e-6
+
 TOOL_COLUMNS = [("busy", "pkmkins.tool-busy", "bit"),
                 *((f"request_{l}", f"motion.tooloffset.{l}", "float") for l in "xyz")]
 
@@ -67,8 +71,12 @@ def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
         # The cycle that changes the request still belongs to the motion before it.
         assert not busy[cycle] or pose[cycle] == pose[cycle - 1], f"cycle {cycle}: motion in a change"
     requested = [cycle for cycle in range(1, len(request))
-                 if request[cycle] != request[cycle - 1] and any(pose[cycle][3:])]
-    assert len(requested) == changes, f"{len(requested)} changes at a tilt, expected {changes}"
+                 if request[cycle] != request[cycle - 1]
+                and max(abs(angle) for angle in pose[cycle][3:]) > LEVEL]
+    # LinuxCNC's task at times takes the way back to level for done before it is: the last change,
+    # meant for the level platform, then comes at a tilt as well.
+    assert len(requested) in (changes, changes + 1), \
+        f"{len(requested)} changes at a tilt, expected {changes}"
     unanswered = [cycle for cycle in requested if not busy[cycle + 1]]
     assert not unanswered, f"in cycles {unanswered} a change at a tilt did not inhibit feed"
     return {**found, "tool_changes": changes, **use_of_limits(machine, recorder, busy)}
@@ -201,10 +209,15 @@ def refused_switch(machine: Machine, out, start, code, after):
 
 
 def reason_of(machine, code):
-    """The message that tells the operator this code."""
-    texts = [text for text in machine.error_texts() if f"[code {code}]" in text]
+    """The message that first tells the operator this code."""
+    return reasons_of(machine, code)[0]
+
+
+def reasons_of(machine, code):
+    """All messages that tell the operator this code."""
+    texts = [text.strip() for text in machine.error_texts() if f"[code {code}]" in text]
     assert texts, f"code {code} is not told to the operator; messages: {machine.messages}"
-    return texts[0].strip()
+    return texts
 
 
 def goes_on(machine, block):
@@ -282,8 +295,11 @@ def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, afte
     assert machine.get("pkmkins.fwd-kins-fail"), "forward still succeeds"
     told = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
     assert told == (code, joint), f"fault and fault-leg are {told}, expected {(code, joint)}"
-    reason = reason_of(machine, code)
-    assert f"leg {joint}:" in reason, f"leg {joint} is not named: {reason}"
+    # At the limit none may stand out yet: a joint that creeps away takes the last pose along.
+    named = [text for text in reasons_of(machine, code) if text.startswith("pkmkins: leg ")]
+    assert named, f"leg {joint} is not named: {machine.messages}"
+    reason, others = named[0], [text for text in named if f"leg {joint}:" not in text]
+    assert not others, f"another leg than {joint} is named: {others}"
     machine.jog_joint(joint, -distance, speed)
     assert not machine.get("pkmkins.fwd-kins-fail"), "forward still fails after jogging back"
     machine.world_mode()
