@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check prove counts counts-write bench certify fuzz setup module header install uninstall clean
+.PHONY: help demo test test-long check prove counts counts-write bench certify fuzz soak mutants setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -31,6 +31,8 @@ help:
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
 	@echo "make certify    how often forward is right, refuses and errs, as tables"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
+	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
+	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
 	@echo "make clean      removes target/ and build/"
@@ -45,8 +47,9 @@ test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	fuzz/run.sh
 	tests/ini/run.py
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-report
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/live_test.py --judge target/host/pkm-report
+	tests/live/soak.py --minutes 1
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips.
 test-long: install
@@ -82,6 +85,17 @@ certify: setup module
 MINUTES := 10
 fuzz: setup
 	fuzz/run.sh --minutes $(MINUTES)
+
+soak: install
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
+	tests/live/soak.py --minutes $(MINUTES) --out build/soak
+
+# Debug builds are incremental: a mutant takes some twenty seconds instead of minutes.
+MUTANTS := target/tools/bin/cargo-mutants
+PART := 0/1
+mutants: setup
+	@[ -x $(MUTANTS) ] || $(CARGO) install --quiet --locked --root target/tools cargo-mutants@27.1.0
+	PKMKINS_CASES=0.1 $(MUTANTS) mutants --shard $(PART) --sharding round-robin --output build
 
 setup:
 	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }

@@ -22,10 +22,11 @@ MARK = "PKMKINS_UNPRIVILEGED"
 SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are built for
 
 
-def rerun_unprivileged(script, arguments, timeout, out=None):
+def rerun_unprivileged(script, arguments, timeout, out=None, given=()):
     """Runs `script` (path inside the repository) as a normal user and returns its exit code.
 
-    What the script writes into its folder `out` is copied to the folder `out` names.
+    The script finds the files `given` in its folder `given`. What it writes into its folder `out` is
+    copied to the folder `out` names.
     """
     folder = Path(tempfile.mkdtemp(prefix="pkmkins-live-"))
     try:
@@ -33,6 +34,9 @@ def rerun_unprivileged(script, arguments, timeout, out=None):
             shutil.copytree(REPOSITORY / part, folder / part,
                             ignore=shutil.ignore_patterns("__pycache__"))
         (folder / "out").mkdir()
+        (folder / "given").mkdir()
+        for file in given:
+            shutil.copy(file, folder / "given")
         code = _run_as_user(folder, script, arguments, timeout)
         if out is not None:
             shutil.copytree(folder / "out", out, dirs_exist_ok=True)

@@ -9,6 +9,7 @@ pub mod machine;
 pub mod mobility;
 pub mod path;
 pub mod plots;
+pub mod random_program;
 pub mod replay;
 pub mod report;
 pub mod trace;
