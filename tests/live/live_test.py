@@ -214,6 +214,17 @@ def geometry_is_refused_while_the_machine_is_on(out):
 
 
 @test
+def geometry_is_refused_during_a_move(out):
+    scenario(HEXAPOD, "refused_geometry_in_a_move", out)
+
+
+@test
+def feedback_that_jumps_stops_the_machine(out):
+    for jump in (5, 200):
+        scenario(HEXAPOD, "feedback_jump", out, joint=1, jump=jump, after="G1 F3000 X0 Y10")
+
+
+@test
 def geometry_is_taken_while_the_machine_is_off(out):
     scenario(HEXAPOD, "new_geometry", out)
 

@@ -350,6 +350,69 @@ def refused_geometry(machine: Machine, out):
     return {"moved": moved, "messages_seen": machine.error_texts()}
 
 
+def refused_geometry_in_a_move(machine: Machine, out):
+    """The same while the machine moves: it runs on as if nothing had been, no joint jumps."""
+    machine.start()
+    machine.mdi("G1 F3000 X-60 Y5 Z260 A5 B-5")
+    old = machine.get("pkmkins.base.2.x")
+    columns = [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    recorder.start()
+    machine.command.mdi("G1 F1200 X60")
+    machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
+    for value in (repr(old + 5), "nan", repr(old)):
+        count = machine.get("pkmkins.fault-count")
+        apply(machine, "pkmkins.base.2.x", value)
+        assert machine.get("pkmkins.fault-count") > count, f"apply of {value} in a move was not refused"
+    assert not machine.stat.inpos, "the move was over before the last apply"
+    machine.wait(machine.is_idle, 30, "end of the move")
+    recorder.stop()
+    assert_close(machine.pose(), [60, 5, 260, 5, -5, 0], AT_REST, "end of the move")
+    share = largest_acceleration_share(machine, recorder)
+    assert share <= 1, f"a joint needed {share} of its acceleration"
+    return {"acceleration_share": share}
+
+
+def largest_acceleration_share(machine, recorder):
+    """Of all joints and cycles, as a share of the joint's limit."""
+    largest = 0.0
+    for n in machine.layout.joints:
+        way = recorder.column(f"j{n}")
+        most = machine.get(f"pkmkins.max-acceleration.{n}") * (SERVO_PERIOD_NS * 1e-9) ** 2
+        largest = max([largest, *(abs(a - 2 * b + c) / most for a, b, c in zip(way, way[1:], way[2:]))])
+    return round(largest, 3)
+
+
+def feedback_jump(machine: Machine, out, joint, jump, after):
+    """The encoder of one joint jumps in a move: the machine goes off, no drive runs away; with the
+    encoder right again it goes on from where it is."""
+    machine.start()
+    machine.command.mode(linuxcnc.MODE_MDI)
+    machine.command.wait_complete()
+    machine.command.mdi("G1 F600 X30")
+    machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
+    pin = f"joint.{joint}.motor-pos-fb"
+    signal = f"J{joint}:motor-pos-fb"
+    watch = JointWatch(machine)
+    halcmd("unlinkp", pin)
+    machine.set(pin, machine.get(pin) + jump)
+    machine.wait(lambda: not machine.is_on(), 5, "machine off")
+    machine.pause(0.5)
+    moved = max(max(way) - min(way) for way in (watch.way(n) for n in watch.joints if n != joint))
+    watch.recorder.stop()
+    # At this feed a strut moves 10 mm/s at most, and a drive brakes within a millimetre.
+    assert moved < 10, f"a drive ran {moved} on after the jump of joint {joint}"
+    texts = machine.error_texts()
+    assert any("following error" in text for text in texts), texts
+    halcmd("net", signal, pin)
+    machine.pause(0.2)
+    machine.turn_on()
+    machine.world_mode()
+    assert not machine.get("pkmkins.fwd-kins-fail"), "forward still fails with the encoder right again"
+    goes_on(machine, after)
+    return {"moved": moved, "messages_seen": texts}
+
+
 def new_geometry(machine: Machine, out):
     """With the machine off a good geometry is taken and a bad one refused; the old stays."""
     machine.start()
