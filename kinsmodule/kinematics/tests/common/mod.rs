@@ -84,12 +84,13 @@ pub fn rng(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)
 }
 
-/// Number of cases: `base` in CI, multiplied by PKMKINS_CASES in the long tier.
+/// Number of cases: `base` in CI, multiplied by PKMKINS_CASES: more than 1 in the long tier, less
+/// where the tests run many times.
 pub fn cases(base: usize) -> usize {
-    let factor = std::env::var("PKMKINS_CASES")
-        .ok()
-        .map_or(1, |v| v.parse().expect("PKMKINS_CASES: a whole number"));
-    base * factor
+    let factor: f64 = std::env::var("PKMKINS_CASES")
+        .map_or(1.0, |v| v.parse().expect("PKMKINS_CASES: a positive number"));
+    assert!(factor > 0.0, "PKMKINS_CASES: a positive number, not {factor}");
+    ((base as f64 * factor) as usize).max(1)
 }
 
 pub fn uniform(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
