@@ -20,7 +20,6 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-import ini_edit  # noqa: E402
 import run_live  # noqa: E402
 from session import Session  # noqa: E402
 from unprivileged import (REPOSITORY, clear_hal, is_unprivileged, only_one,  # noqa: E402
@@ -68,15 +67,6 @@ def no_program(config, out):
     raise AssertionError(f"configs/{config.name} holds no programs/*.ngc")
 
 
-def quiet_start(config, out):
-    """Nothing to tell, and the pose that forward finds from HOME of the joints is [TRAJ]HOME."""
-    text = (config / f"{config.name}.ini").read_text()
-    home = [float(word) for word in ini_edit.value(text, "TRAJ", "HOME").split()[:6]]
-    joints = range(int(ini_edit.value(text, "KINS", "JOINTS")))
-    joint_home = [float(ini_edit.value(text, f"JOINT_{n}", "HOME")) for n in joints]
-    scenario(config, "quiet_start", out, home=home + [0.0] * (6 - len(home)), joint_home=joint_home)
-
-
 def slug(text):
     return re.sub(r"\W+", "_", text)
 
@@ -84,7 +74,6 @@ def slug(text):
 def add_machine(config):
     """Every folder of configs/ is started, and each of its programs is run."""
     name = slug(config.name)
-    add_test(f"starts_quietly_{name}", partial(quiet_start, config))
     programs = sorted((config / "programs").glob("*.ngc"))
     if not programs:
         add_test(f"program_{name}", partial(no_program, config))

@@ -46,6 +46,8 @@ class Layout(NamedTuple):
     joints: range
     struts: list  # numbers of the legs that are struts
     letters: str  # that the kinematics move, in the order of the identity kinematics
+    home: list  # [TRAJ]HOME, a pose
+    joint_home: list  # HOME of every joint
 
     @classmethod
     def of_running(cls):
@@ -54,7 +56,10 @@ class Layout(NamedTuple):
         given = dict(word.split("=", 1) for word in words if "=" in word)
         groups = [group.split(":") for group in given.get("legs", "strut:6").split(",")]
         kinds = [kind for kind, count in groups for _ in range(int(count))]
-        return cls(joints=range(int(ini.find("KINS", "JOINTS"))),
+        joints = range(int(ini.find("KINS", "JOINTS")))
+        home = [float(word) for word in ini.find("TRAJ", "HOME").split()[:len(AXES)]]
+        return cls(joints=joints, home=home + [0.0] * (len(AXES) - len(home)),
+                   joint_home=[float(ini.find(f"JOINT_{n}", "HOME")) for n in joints],
                    struts=[n for n, kind in enumerate(kinds) if kind == "strut"],
                    letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
 

@@ -35,6 +35,7 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     machine.component["phase"] = 1
     machine.pause(0.2)
     machine.world_mode()
+    expect_home(machine)
     machine.component["phase"] = 2
     begin = time.monotonic()
     machine.run_program(path, Progress(out / "progress", lines), seconds)
@@ -131,14 +132,13 @@ def expect_quiet(machine):
     assert not machine.get("pkmkins.geometry-changed"), "geometry-changed is true"
 
 
-def quiet_start(machine: Machine, out, home, joint_home):
-    """Start, machine on, homing, world mode: nothing to tell the operator, pose and joints at home."""
-    machine.start()
-    machine.pause(0.5)
+def expect_home(machine):
+    """After homing: nothing to tell the operator, and the pose that forward finds is [TRAJ]HOME."""
+    machine.pause(0.2)
     expect_quiet(machine)
-    assert_close(machine.pose(), home, AT_REST, "pose after homing and [TRAJ]HOME")
-    assert_close(machine.commanded_joints(), joint_home, AT_REST, "joints after homing and their HOME")
-    return module_state(machine)
+    assert_close(machine.pose(), machine.layout.home, AT_REST, "pose after homing and [TRAJ]HOME")
+    assert_close(machine.commanded_joints(), machine.layout.joint_home, AT_REST,
+                 "joints after homing and their HOME")
 
 
 def moves(machine: Machine, out, blocks):
