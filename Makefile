@@ -57,6 +57,7 @@ test-long: install
 
 check: setup
 	$(CARGO) fmt --all --check
+	cd fuzz && $(CARGO) fmt --check
 	$(CARGO) clippy $(LOCKED) --profile host --all-targets -- -D warnings
 	$(CARGO) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
@@ -84,6 +85,7 @@ certify: setup module
 
 MINUTES := 10
 fuzz: setup
+	cd fuzz && $(CARGO) clippy $(LOCKED) --release --all-targets -- -D warnings
 	fuzz/run.sh --minutes $(MINUTES)
 
 soak: install
