@@ -79,7 +79,7 @@ bench: setup module
 
 # With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
 certify: setup module
-	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test certified -- \
+	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test core certified:: -- \
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
 

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Bad input: each is refused with its own cause, naming the leg where there is one.
 
-mod common;
-
-use common::machines::{
+use crate::common::machines::{
     changed_legs, declared, four_rod_lathe, geometry, hexapod, hexapods, linear_delta, paper_004,
     rotary_delta, slider,
 };
-use common::{NO_OFFSET, NO_TOOL};
+use crate::common::{NO_OFFSET, NO_TOOL};
 use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
     Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, Pose, Solver, Vector3,

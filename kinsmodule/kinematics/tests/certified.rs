@@ -4,15 +4,13 @@
 //!
 //! `make certify` prints the tables.
 
-mod common;
-
-use common::machines::{declared, genhexkins_tilted, wild};
-use common::outcome::{Outcome, judged};
-use common::random::{RECIPES, Recipe, coin, draw};
-use common::reference::Tracker;
-use common::solutions::{all_solutions, is_same};
-use common::tolerances::WRONG;
-use common::{Case, NO_TOOL, cases, rng};
+use crate::common::machines::{declared, genhexkins_tilted, wild};
+use crate::common::outcome::{Outcome, judged};
+use crate::common::random::{RECIPES, Recipe, coin, draw};
+use crate::common::reference::Tracker;
+use crate::common::solutions::{all_solutions, is_same};
+use crate::common::tolerances::WRONG;
+use crate::common::{Case, NO_TOOL, cases, rng};
 use kinematics::{Joints, Pose, Solver};
 use rand_pcg::Pcg64;
 use std::cell::Cell;

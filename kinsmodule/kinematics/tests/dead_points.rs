@@ -2,11 +2,9 @@
 //! Where a rod stands square to the motion of its lower end, or does not reach: refused
 //! with the leg's number, by inverse and by forward.
 
-mod common;
-
-use common::machines::{declared, geometry, linear_delta, rotary_delta};
-use common::reference::rod;
-use common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
+use crate::common::machines::{declared, geometry, linear_delta, rotary_delta};
+use crate::common::reference::rod;
+use crate::common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
 use kinematics::leg::CrankGeometry;
 use kinematics::{Cause, Fault, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 

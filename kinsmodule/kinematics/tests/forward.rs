@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Forward kinematics against inverse, over the declared workspace of every machine.
 
-mod common;
-
-use common::machines::declared;
-use common::tolerances::{ROUND_TRIP, SERVO_REACH, SUB_STEPS_FROM_HOME, WRONG};
-use common::{Case, NO_TOOL, cases, rng};
+use crate::common::machines::declared;
+use crate::common::tolerances::{ROUND_TRIP, SERVO_REACH, SUB_STEPS_FROM_HOME, WRONG};
+use crate::common::{Case, NO_TOOL, cases, rng};
 use kinematics::{Certificate, Method, Pose, Solution, Solver};
 
 /// What was seen of one machine.

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Coordinates that the legs do not move: held at 0, or moved by a table.
 
-mod common;
-
-use common::machines::{declared, four_rod_lathe, pyramid};
-use common::tolerances::{GOLDEN_JOINT, ROUND_TRIP};
-use common::{Case, NO_TOOL, cases, rng};
+use crate::common::machines::{declared, four_rod_lathe, pyramid};
+use crate::common::tolerances::{GOLDEN_JOINT, ROUND_TRIP};
+use crate::common::{Case, NO_TOOL, cases, rng};
 use kinematics::{Cause, Letter, Pose, Solver, Vector3};
 
 const CODES: [Cause; 6] =

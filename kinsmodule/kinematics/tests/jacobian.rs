@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Jacobians against central differences of inverse.
 
-mod common;
-
-use common::machines::{changed_legs, declared, hexapods, letters, paper_004, strut};
-use common::random::{RECIPES, draw};
-use common::tolerances::CENTRAL_DIFFERENCE;
-use common::{Case, NO_OFFSET, cases, rng, uniform};
+use crate::common::machines::{changed_legs, declared, hexapods, letters, paper_004, strut};
+use crate::common::random::{RECIPES, draw};
+use crate::common::tolerances::CENTRAL_DIFFERENCE;
+use crate::common::{Case, NO_OFFSET, cases, rng, uniform};
 use kinematics::leg::StrutGeometry;
 use kinematics::{Geometry, Jacobian, LegGeometry, LegKind, Letter, Machine, Pose, Vector3};
 use nalgebra::Rotation3;
@@ -173,7 +171,7 @@ fn both_jacobians_match_central_differences_on_random_machines_of_every_kind() {
 
 #[test]
 fn table_rows_and_columns_are_those_of_a_slide_under_the_work() {
-    let case = common::machines::pyramid();
+    let case = crate::common::machines::pyramid();
     let mut rng = rng(41);
     for _ in 0..200 {
         let pose = (case.sample)(&mut rng);

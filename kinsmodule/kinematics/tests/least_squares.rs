@@ -2,11 +2,9 @@
 //! More legs than coordinates: forward by least squares, and joints that contradict
 //! each other.
 
-mod common;
-
-use common::machines::{eight_struts, pyramid};
-use common::tolerances::ROUND_TRIP;
-use common::{NO_TOOL, cases, rng, uniform};
+use crate::common::machines::{eight_struts, pyramid};
+use crate::common::tolerances::ROUND_TRIP;
+use crate::common::{NO_TOOL, cases, rng, uniform};
 use kinematics::{Cause, Method, Solver};
 
 #[test]

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The equations of the legs against formulas that share nothing with them.
 
-mod common;
-
-use common::machines::{
+use crate::common::machines::{
     declared, four_rod_lathe, geometry, linear_delta, pyramid, six_rod_lathe, slider,
 };
-use common::random::{Draw, RECIPES, Recipe, draw};
-use common::reference::rod;
-use common::tolerances::GOLDEN_JOINT;
-use common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
+use crate::common::random::{Draw, RECIPES, Recipe, draw};
+use crate::common::reference::rod;
+use crate::common::tolerances::GOLDEN_JOINT;
+use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::{CrankGeometry, SliderGeometry};
 use kinematics::{LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 

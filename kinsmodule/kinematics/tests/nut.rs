@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The nut-rotation correction: sign, continuity, and the published arcsin.
 
-mod common;
-
-use common::machines::{changed_legs, hexapod, hexapods, paper_004};
-use common::tolerances::GOLDEN_JOINT;
-use common::{NO_OFFSET, NO_TOOL, rng};
+use crate::common::machines::{changed_legs, hexapod, hexapods, paper_004};
+use crate::common::tolerances::GOLDEN_JOINT;
+use crate::common::{NO_OFFSET, NO_TOOL, rng};
 use kinematics::leg::StrutGeometry;
 use kinematics::{Cause, Geometry, LegKind, Machine, Pose, Vector3};
 

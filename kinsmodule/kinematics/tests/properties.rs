@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Properties that hold for any machine: tool offset, joint offsets, units, hash.
 
-mod common;
-
-use common::machines::{changed_legs, declared, hexapods, letters, paper_004, with_legs};
-use common::random::{RECIPES, draw};
-use common::tolerances::{EXACT, GOLDEN_JOINT, ROUND_TRIP};
-use common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
+use crate::common::machines::{changed_legs, declared, hexapods, letters, paper_004, with_legs};
+use crate::common::random::{RECIPES, draw};
+use crate::common::tolerances::{EXACT, GOLDEN_JOINT, ROUND_TRIP};
+use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::StrutGeometry;
 use kinematics::{Geometry, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Certified tracking against the reference tracker: never another pose as success.
 
-mod common;
-
-use common::machines::{declared, genhexkins_case, hexapods, wild, with_legs};
-use common::outcome::{Outcome, judged};
-use common::random::{RECIPES, coin, draw};
-use common::reference::Tracker;
-use common::{Case, NO_OFFSET, NO_TOOL, cases, rng, uniform};
+use crate::common::machines::{declared, genhexkins_case, hexapods, wild, with_legs};
+use crate::common::outcome::{Outcome, judged};
+use crate::common::random::{RECIPES, coin, draw};
+use crate::common::reference::Tracker;
+use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng, uniform};
 use kinematics::{Cause, LegKind, Machine, Solver};
 use rand_pcg::Pcg64;
 

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! All tests of the core from outside in one program: linking it once instead of once a file takes
+//! a fifth of the time.
+
+mod bad_input;
+mod certified;
+mod common;
+mod dead_points;
+mod forward;
+mod held;
+mod jacobian;
+mod least_squares;
+mod legs;
+mod nut;
+mod properties;
+mod tracking;
