@@ -115,6 +115,18 @@ enum pkmkins_cause {
   PKMKINS_NOT_HOMED = -74,
   // the machine moved while the tool offset was being changed at a tilt.
   PKMKINS_TOOL_CHANGE_DISTURBED = -76,
+  // the joint comes to the end of its range (joint value shown).
+  PKMKINS_JOINT_LIMIT_AHEAD = -90,
+  // the leg comes to the end of its base joint's cone (degrees shown).
+  PKMKINS_BASE_CONE_AHEAD = -91,
+  // the leg comes to the end of its platform joint's cone (degrees shown).
+  PKMKINS_PLATFORM_CONE_AHEAD = -92,
+  // the motion leads to where the legs hardly hold the platform (conditioning shown).
+  PKMKINS_HOLD_AHEAD = -93,
+  // this leg comes too near to another (distance shown).
+  PKMKINS_LEGS_NEAR = -94,
+  // the joint would have to be faster than its limit (shown).
+  PKMKINS_JOINT_TOO_FAST = -95,
   // the pose asks for X, which this machine holds at 0.
   PKMKINS_HELD_X = -80,
   // the pose asks for Y, which this machine holds at 0.

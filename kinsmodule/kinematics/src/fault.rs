@@ -220,6 +220,19 @@ causes! {
         "home the machine";
     ToolChangeDisturbed = -76, "the machine moved while the tool offset was being changed at a tilt",
         "net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
+    // What lies ahead of the motion, as the monitor sees it.
+    JointLimitAhead = -90, "the joint comes to the end of its range (joint value shown)",
+        "stop, and lead the program through another pose";
+    BaseConeAhead = -91, "the leg comes to the end of its base joint's cone (degrees shown)",
+        "stop, and lead the program through another pose";
+    PlatformConeAhead = -92, "the leg comes to the end of its platform joint's cone (degrees shown)",
+        "stop, and lead the program through another pose";
+    HoldAhead = -93, "the motion leads to where the legs hardly hold the platform (conditioning shown)",
+        "if the feed is stopped: abort the program, move away, and lead it through another pose";
+    LegsNear = -94, "this leg comes too near to another (distance shown)",
+        "stop, and lead the program through another pose";
+    JointTooFast = -95, "the joint would have to be faster than its limit (shown)",
+        "if the feed is stopped: abort the program, and lead it through another pose";
     // Coordinates that no joint moves.
     HeldX = -80, "the pose asks for X, which this machine holds at 0",
         "leave X out of the program, and its work offset at 0";

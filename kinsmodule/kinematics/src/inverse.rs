@@ -29,13 +29,22 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let stand = self.stand(pose, tool)?;
-        let legs = self.joints_at(&stand.place)?;
+        self.all_joints(&self.joints_at(&stand.place)?, &stand.point)
+    }
+
+    /// Joint values of legs and table.
+    #[inline(always)]
+    pub(crate) fn all_joints(
+        &self,
+        legs: &[f64; N],
+        point: &Vector3<f64>,
+    ) -> Result<Joints, Fault> {
         let mut joints = [0.0; MAX_JOINTS];
-        for (joint, leg) in joints.iter_mut().zip(&legs) {
+        for (joint, leg) in joints.iter_mut().zip(legs) {
             *joint = *leg;
         }
         if self.count() < N || self.layout.joints() > N {
-            self.complete(&mut joints, &stand.point);
+            self.complete(&mut joints, point);
         }
         // A sum of zeros, unless one of the joints is not finite.
         if joints.iter().map(|joint| joint * 0.0).sum::<f64>() == 0.0 {
@@ -63,6 +72,11 @@ impl<const N: usize> Mechanism<N> {
     pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; MAX_LEGS], Fault> {
         let posed = self.posed(pose, tool)?;
         let anchors = self.moved_anchors(&self.joints_of(&posed)?)?;
+        Ok(self.segments_of(&posed, &anchors))
+    }
+
+    /// The legs of a pose between their moved base anchors and the platform.
+    pub(crate) fn segments_of(&self, posed: &Posed<N>, anchors: &Lanes3<N>) -> [Segment; MAX_LEGS] {
         let mut segments =
             [Segment { base: Vector3::zeros(), platform: Vector3::zeros() }; MAX_LEGS];
         for (i, segment) in segments.iter_mut().enumerate().take(self.count()) {
@@ -71,7 +85,7 @@ impl<const N: usize> Mechanism<N> {
                 platform: posed.stand.place.centre + posed.placed.arms.get(i),
             };
         }
-        Ok(segments)
+        segments
     }
 
     /// Where a pose puts the platform; refuses what cannot be one.

@@ -2,10 +2,10 @@
 //! Inverse Jacobians: joint rates per twist, and per pose coordinate.
 
 use crate::fault::{Cause, Fault};
-use crate::inverse::Posed;
+use crate::inverse::{Posed, Stand};
 use crate::lanes::Lanes3;
-use crate::layout::MAX_LEGS;
-use crate::machine::{Chart, Jacobian, Mechanism};
+use crate::layout::{MAX_JOINTS, MAX_LEGS};
+use crate::machine::{Chart, Jacobian, Mechanism, Moving};
 use crate::pose::{Pose, Trigonometry};
 use nalgebra::Vector3;
 
@@ -32,7 +32,8 @@ impl<const N: usize> Mechanism<N> {
         tool: &Vector3<f64>,
     ) -> Result<(Jacobian, Trigonometry), Fault> {
         let posed = self.posed(pose, tool)?;
-        let legs = self.leg_rates(&posed)?;
+        let joints = self.joints_of(&posed)?;
+        let legs = self.leg_rates(&posed, &joints, &self.moved_anchors(&joints)?)?;
         // A twist about the control point moves the reference point by v + ω × lever.
         let lever = posed.stand.place.rotation * (tool + self.reference);
         let mut jacobian = Jacobian::zeros();
@@ -55,9 +56,14 @@ impl<const N: usize> Mechanism<N> {
         Ok((jacobian, posed.stand.trig))
     }
 
-    fn leg_rates(&self, posed: &Posed<N>) -> Result<[Rates; N], Fault> {
-        let joints = self.joints_of(posed)?;
-        let placed = self.placed(&self.moved_anchors(&joints)?, &posed.stand.place);
+    /// Rates of the legs' joints, at their values and with their base anchors there.
+    fn leg_rates(
+        &self,
+        posed: &Posed<N>,
+        joints: &[f64; N],
+        anchors: &Lanes3<N>,
+    ) -> Result<[Rates; N], Fault> {
+        let placed = self.placed(anchors, &posed.stand.place);
         let n = placed.directions();
         let twist = self.twist(&n, &posed.stand.place.rotation)?;
         let rows = self.rows(&placed, &n, twist.as_ref());
@@ -90,12 +96,42 @@ impl<const N: usize> Mechanism<N> {
         Ok(jacobian)
     }
 
+    /// Joints, their rates and the legs, while the pose changes at `rate` (degrees).
+    pub fn moving(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        rate: &[f64; 6],
+    ) -> Result<Moving, Fault> {
+        let posed = self.posed(pose, tool)?;
+        let joints = self.joints_of(&posed)?;
+        let anchors = self.moved_anchors(&joints)?;
+        let legs = self.leg_rates(&posed, &joints, &anchors)?;
+        let Posed { stand: Stand { trig, place, point }, .. } = &posed;
+        let [vx, vy, vz, a, b, c] = *rate;
+        let omega = trig.rate_map() * (Vector3::new(a, b, c) * (core::f64::consts::PI / 180.0));
+        let lever = place.rotation * (tool + self.reference);
+        let speed = Vector3::new(vx, vy, vz) + omega.cross(&lever);
+        let mut rates = [0.0; MAX_JOINTS];
+        let of_legs = self.of_legs(speed);
+        for (rate, leg) in rates.iter_mut().zip(&legs).take(self.count()) {
+            *rate = leg.force.dot(&of_legs) + leg.moment.dot(&omega);
+        }
+        let table = rates.iter_mut().skip(self.count()).zip(self.layout.table().as_slice());
+        for (rate, letter) in table {
+            *rate = speed[letter.index().min(2)];
+        }
+        let segments = self.segments_of(&posed, &anchors);
+        Ok(Moving { joints: self.all_joints(&joints, point)?, rates, segments })
+    }
+
     pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
         if self.layout.is_redundant() {
             return Ok(0);
         }
         let posed = self.posed(pose, tool)?;
-        let legs = self.leg_rates(&posed)?;
+        let joints = self.joints_of(&posed)?;
+        let legs = self.leg_rates(&posed, &joints, &self.moved_anchors(&joints)?)?;
         let force = Lanes3::from_fn(|i| legs[i].force);
         let moment = Lanes3::from_fn(|i| legs[i].moment);
         let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];

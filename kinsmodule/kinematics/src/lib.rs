@@ -14,6 +14,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod ahead;
 mod certificate;
 mod fault;
 mod forward;
@@ -30,14 +31,17 @@ mod nut;
 mod pose;
 mod qr;
 mod text;
+mod watch;
 
+pub use ahead::{Limits, Motion, Outlook, Planner};
 pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};
 pub use layout::{Joints, Layout, Letter, Letters, MAX_JOINTS, MAX_LEGS, PerLeg};
 pub use leg::LegKind;
 pub use load::{Load, LoadError};
-pub use machine::{Jacobian, Machine, Segment};
+pub use machine::{Jacobian, Machine, Moving, Segment};
 pub use nalgebra::{Matrix3, Vector3};
 pub use pose::Pose;
 pub use text::{Part, Text};
+pub use watch::{Cones, Nearest, Watch};

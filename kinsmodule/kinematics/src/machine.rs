@@ -181,6 +181,32 @@ impl Machine {
         each!(self, m => m.pose_jacobian(pose, tool))
     }
 
+    /// Joint values, joint rates and legs, while the pose changes at `rate` per second: X, Y, Z
+    /// in machine units, A, B, C in **degrees**.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn moving(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        rate: &[f64; 6],
+    ) -> Result<Moving, Fault> {
+        each!(self, m => m.moving(pose, tool, rate))
+    }
+
+    /// Smallest singular value of the legs' constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]` over the active
+    /// coordinates: the speed of the platform anchors along their legs, at least, for a unit
+    /// motion (v, r ω) about the solver's reference point, r = [`Machine::radius`]. No
+    /// dimension; 0 where the legs do not hold the platform. For one or two active angles the
+    /// columns are those of the angles. Fixed number of operations.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn conditioning(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<f64, Fault> {
+        each!(self, m => m.conditioning(pose, tool))
+    }
+
     /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not
     /// square): tells apart ways of assembling the machine, but not all of them.
     /// Information, not a guard.
@@ -190,6 +216,17 @@ impl Machine {
     pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
         each!(self, m => m.assembly(pose, tool))
     }
+}
+
+/// A machine at a pose that changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moving {
+    /// Joint values.
+    pub joints: Joints,
+    /// Joint units per second.
+    pub rates: Joints,
+    /// As [`Machine::segments`].
+    pub segments: [Segment; 8],
 }
 
 /// One leg at a pose, in base, machine units.

@@ -57,6 +57,7 @@ unsafe extern "C" {
         reentrant: c_int,
         component: c_int,
     ) -> c_int;
+    fn rtapi_get_clocks() -> core::ffi::c_longlong;
     fn rtapi_print_msg(level: c_int, format: *const c_char, ...);
 }
 
@@ -78,6 +79,12 @@ pub type Message = Text<MESSAGE_LENGTH>;
 pub fn print_error(message: &Message) {
     // SAFETY: both strings end with a zero, and "%s" takes one string.
     unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), message.as_bytes_with_zero()) }
+}
+
+/// Processor clocks so far, as LinuxCNC counts the times of its functions.
+pub fn clocks() -> i64 {
+    // SAFETY: takes nothing and reads a counter.
+    unsafe { rtapi_get_clocks() }
 }
 
 /// The component while it is being built.

@@ -2,7 +2,8 @@
 //! What the module remembers between calls, and the rules that go with it: when a
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
-use crate::hal::print_error;
+use crate::guard::{Guard, Scene};
+use crate::hal::{clocks, print_error};
 use crate::pins::{Given, Pins};
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
@@ -88,6 +89,7 @@ pub struct Module {
     /// Whether `.machine-on` was ever true: only then does false mean that it is off.
     machine_was_on: bool,
     report: Report,
+    guard: Guard,
 }
 
 impl Module {
@@ -107,6 +109,7 @@ impl Module {
             last_pose: None,
             machine_was_on: false,
             report: Report { monitored: false, pending: None, told: [None; MOST_TOLD], quiet: 0 },
+            guard: Guard::new(),
         }
     }
 
@@ -123,16 +126,33 @@ impl Module {
     /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the first call of all freezes the geometry.
     pub fn inverse(&mut self, pose: &Pose) -> Result<Joints, Fault> {
+        let begin = self.clocks();
         self.calls.asked = Some(*pose);
         let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
             let tool = self.tool_in_effect()?;
             self.frozen()?.machine.inverse(pose, &tool)
         });
-        self.recorded(result)
+        if let Err(fault) = &result {
+            self.record(fault);
+        }
+        self.guard.saw_inverse(pose, self.clocks().wrapping_sub(begin));
+        result
     }
 
     /// Pose of the joints; `address` tells the kind of call, `seed` may hold NaN.
     pub fn forward(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+        let begin = self.clocks();
+        let result = self.pose_at(joints, seed, address);
+        self.guard.saw_forward(self.clocks().wrapping_sub(begin));
+        result
+    }
+
+    /// The processor's clock, for what the monitor shows of it; 0 where none runs.
+    fn clocks(&self) -> i64 {
+        if self.report.monitored { clocks() } else { 0 }
+    }
+
+    fn pose_at(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
@@ -257,7 +277,8 @@ impl Module {
     }
 
     /// The servo-thread function beside the kinematics calls: watches `.apply`, moves the
-    /// tool offset, shows what only people read, and tells the operator about faults.
+    /// tool offset, shows what only people read, guards the motion, and tells the operator
+    /// about faults.
     pub fn monitor(&mut self, seconds: f64) {
         self.report.monitored = true;
         self.watch_apply();
@@ -265,7 +286,26 @@ impl Module {
         self.advance_tool(seconds);
         self.watch_geometry();
         self.show_assembly();
+        if let Some(fault) = self.guarded(seconds) {
+            self.record(&fault);
+        }
+        self.pins.feed_inhibit.set(self.inhibits_feed());
         self.report.tell_pending();
+    }
+
+    /// A cycle of the guard, `period` seconds long.
+    fn guarded(&mut self, period: f64) -> Option<Fault> {
+        let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
+            self.guard.idle(self.pins, period);
+            return None;
+        };
+        self.guard.run(&Scene {
+            pins: self.pins,
+            machine: &frozen.machine,
+            tool: &self.tool.offset(),
+            pose: self.last_pose,
+            period,
+        })
     }
 
     /// Reads the pins that ask for something, and freezes what has to be frozen before a
@@ -315,6 +355,7 @@ impl Module {
         if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
         }
+        self.guard.freeze(&machine, &given.geometry);
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
         self.callers = [None; CALLERS];
@@ -385,7 +426,6 @@ impl Module {
         let shown = if self.tool.is_busy() { of_this_cycle } else { self.tool.offset() };
         self.pins.show_tool(&shown);
         self.pins.tool_busy.set(self.tool.is_busy());
-        self.pins.feed_inhibit.set(self.inhibits_feed());
     }
 
     fn tool_advanced(&mut self, commanded: Option<Pose>, seconds: f64) -> Result<(), Fault> {
@@ -402,7 +442,7 @@ impl Module {
 
     /// Whether no motion may begin or go on.
     fn inhibits_feed(&self) -> bool {
-        self.tool.is_busy()
+        self.tool.is_busy() || self.guard.inhibits_feed()
     }
 
     /// Takes a tool offset. The joints stay, so that the poses move.

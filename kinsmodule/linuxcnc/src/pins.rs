@@ -4,12 +4,13 @@
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
 //! file for genhexkins works after replacing the name.
 
+use crate::guard::GuardPins;
 use crate::hal::{Component, Direction, HalError, Name, Pin};
 use crate::tool::JointLimits;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Fault, Geometry, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method, PerLeg,
-    Solver, Vector3, text,
+    Fault, Geometry, Joints, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method,
+    PerLeg, Solver, Vector3, text,
 };
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -101,6 +102,7 @@ pub struct Pins {
     fault_leg: Pin<i32>,
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
+    pub guard: GuardPins,
 }
 
 /// What is frozen at `.apply`.
@@ -122,10 +124,10 @@ impl Given {
 }
 
 /// Makes pins of one component.
-struct Maker(Component);
+pub struct Maker(Component);
 
 impl Maker {
-    fn one<T: crate::hal::PinValue>(
+    pub fn one<T: crate::hal::PinValue>(
         &self,
         pin: &mut Pin<T>,
         direction: Direction,
@@ -261,7 +263,8 @@ impl Pins {
             joint.create(&make, n)?;
         }
         self.create_inputs(&make)?;
-        self.create_outputs(&make)
+        self.create_outputs(&make)?;
+        self.guard.create(&make, &load.layout)
     }
 
     fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {
@@ -356,6 +359,18 @@ impl Pins {
             residual_limit: self.residual_limit.get(),
             method: Method::Certified,
         }
+    }
+
+    /// Smallest and largest values and largest speeds of the first `count` joints.
+    pub fn joint_limits(&self, count: usize) -> [Joints; 3] {
+        let mut limits = [[0.0; MAX_JOINTS]; 3];
+        for (i, joint) in self.joints.iter().enumerate().take(count) {
+            let pins = [&joint.min_limit, &joint.max_limit, &joint.max_velocity];
+            for (limit, pin) in limits.iter_mut().filter_map(|l| l.get_mut(i)).zip(pins) {
+                *limit = pin.get();
+            }
+        }
+        limits
     }
 
     pub fn machine_on(&self) -> bool {

@@ -41,7 +41,31 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("fault-reset", Bit, In, 0.0),
     ("residual", Float, Out, 0.0),
     ("assembly", S32, Out, 0.0),
+    ("conditioning", Float, Out, 0.0),
+    ("conditioning-limit", Float, In, 0.05),
+    ("rod-distance", Float, Out, 1e99),
+    ("rod-pair-a", S32, Out, -1.0),
+    ("rod-pair-b", S32, Out, -1.0),
+    ("rod-clearance", Float, In, 0.0),
+    ("inverse-time", S32, Out, 0.0),
+    ("forward-time", S32, Out, 0.0),
+    ("feed-scale", Float, Out, 1.0),
+    ("feed-floor", Float, In, 0.02),
+    ("limit-soon", Bit, Out, 0.0),
+    ("limit-leg", S32, Out, -1.0),
+    ("limit-reason", S32, Out, 0.0),
+    ("max-override", Float, In, 1.0),
+    ("linear-acceleration", Float, In, 1e99),
+    ("angular-acceleration", Float, In, 1e99),
+    ("requested-vel", Float, In, 0.0),
+    ("current-vel", Float, In, 0.0),
+    ("distance-to-go", Float, In, 1e99),
 ];
+
+/// Pins of every leg for the guard over the motion, and of every joint.
+const WATCHED_LEG: &[(&str, PinDir)] =
+    &[("base-angle", Out), ("platform-angle", Out), ("base-cone", In), ("platform-cone", In)];
+const WATCHED_JOINT: &[&str] = &["margin", "speed-ratio"];
 
 /// Pins of a leg of each kind: vectors, numbers (float in), and the rest.
 const STRUT: OfKind = OfKind {
@@ -94,10 +118,16 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
         for (name, kind, dir) in leg.others {
             add(format!("pkmkins.{name}.{n}"), *kind, *dir);
         }
+        for (name, dir) in WATCHED_LEG {
+            add(format!("pkmkins.{name}.{n}"), Float, *dir);
+        }
     }
     for n in 0..joints {
         for (limit, _) in LIMITS {
             add(format!("pkmkins.{limit}.{n}"), Float, In);
+        }
+        for name in WATCHED_JOINT {
+            add(format!("pkmkins.{name}.{n}"), Float, Out);
         }
     }
     for axis in ["x", "y", "z", "a", "b", "c"] {

@@ -18,8 +18,12 @@ pub enum Call {
     Forward,
     /// `kinematicsJacobian`.
     Jacobian,
-    /// `pkmkins.monitor`.
+    /// `pkmkins.monitor` while the machine moves and everything is guarded.
     Monitor,
+    /// `pkmkins.monitor` in a cycle of a tool change at a tilt.
+    ToolChange,
+    /// `pkmkins.monitor` as the call that freezes the geometry.
+    Applying,
     /// `kinematicsInverse` as the call that freezes the geometry.
     Freezing,
 }
@@ -46,9 +50,10 @@ pub struct Case {
     pub aim: Aim,
     /// Pose to ask for, or seed.
     pub pose: Pose,
-    /// Joints of forward.
+    /// Joints of forward; how far the monitor's machine goes in a cycle, its new tool offset.
     pub joints: Joints,
-    /// Most solves allowed to forward.
+    /// Most solves allowed to forward; per cent of hold that the monitor's machine has to
+    /// keep, or the number of the cycle since its tool offset was asked for.
     pub limit: u32,
     /// Solves that forward needs, allowed or not.
     pub solves: u32,
@@ -65,6 +70,17 @@ const WILD: usize = 80;
 const HARD: usize = 40;
 const ROWS: usize = 6;
 const CUTS: usize = 12;
+
+/// Cycles of a tool change: five at rest, the survey of 65 places, four a cycle, and some of
+/// the way itself. Changes in the usual case, and at wild poses.
+const CHANGE: u32 = 26;
+const CHANGES: usize = 3;
+const WILD_CHANGES: usize = 20;
+
+/// Per cent of hold (conditioning) that machines have to keep, unless told otherwise, and more
+/// than any has: these stop, and say why.
+const USUAL_HOLD: u32 = 5;
+const EVERY_HOLD: u32 = 300;
 
 /// Halvings between a pose that forward finds and one that it does not: the last two are
 /// next to each other, with a singular pose between.
@@ -113,8 +129,12 @@ impl<'a> Search<'a> {
             let pose = (self.subject.sample)(&mut self.random);
             cases.push(self.case(Call::Inverse, Aim::Typical, pose));
             cases.push(self.case(Call::Jacobian, Aim::Typical, pose));
-            cases.push(self.case(Call::Monitor, Aim::Typical, pose));
+            cases.push(self.motion(Aim::Typical, pose, 1.0, USUAL_HOLD));
             cases.push(self.servo_step(pose));
+        }
+        for _ in 0..CHANGES {
+            let pose = (self.subject.sample)(&mut self.random);
+            cases.extend(self.change(Aim::Typical, pose));
         }
         let wild = self.wild();
         for pose in &wild {
@@ -122,7 +142,14 @@ impl<'a> Search<'a> {
             cases.push(self.case(Call::Jacobian, Aim::Worst, *pose));
         }
         for pose in wild.iter().take(10) {
-            cases.push(self.case(Call::Monitor, Aim::Worst, *pose));
+            cases.push(self.case(Call::Applying, Aim::Worst, *pose));
+        }
+        for (n, pose) in wild.iter().enumerate() {
+            let far = [1e-3, 1.0, 1e2][n % 3];
+            cases.push(self.motion(Aim::Worst, *pose, far, [USUAL_HOLD, EVERY_HOLD][n % 2]));
+        }
+        for pose in wild.iter().take(WILD_CHANGES) {
+            cases.extend(self.change(Aim::Worst, *pose));
         }
         cases.extend(self.hard(&wild));
         cases
@@ -144,6 +171,27 @@ impl<'a> Search<'a> {
         }
         let joints = self.module.inverse(&pose).expect("a pose of the workspace");
         Case { joints, ..self.case(Call::Forward, Aim::Typical, seed) }
+    }
+
+    /// A motion at a pose, by `far` servo steps in a cycle.
+    fn motion(&mut self, aim: Aim, pose: Pose, far: f64, limit: u32) -> Case {
+        let near = one_servo_step_from(&pose, self.subject.machine.size(), &mut self.random);
+        let mut case = Case { limit, ..self.case(Call::Monitor, aim, pose) };
+        for (i, step) in case.joints.iter_mut().enumerate().take(6) {
+            if self.subject.machine.moves(i) {
+                *step = far * (near[i] - pose[i]);
+            }
+        }
+        case
+    }
+
+    /// All cycles of a tool change at a pose, by up to a fifteenth of the machine's size.
+    fn change(&mut self, aim: Aim, pose: Pose) -> Vec<Case> {
+        let mut case = self.case(Call::ToolChange, aim, pose);
+        for value in case.joints.iter_mut().take(3) {
+            *value = self.random.within(self.subject.machine.size() / 15.0);
+        }
+        (0..CHANGE).map(|limit| Case { limit, ..case.clone() }).collect()
     }
 
     /// Poses that nobody should ask for.
@@ -293,8 +341,15 @@ impl<'a> Search<'a> {
     }
 }
 
-const CALLS: [Call; 5] =
-    [Call::Inverse, Call::Forward, Call::Jacobian, Call::Monitor, Call::Freezing];
+const CALLS: [Call; 7] = [
+    Call::Inverse,
+    Call::Forward,
+    Call::Jacobian,
+    Call::Monitor,
+    Call::ToolChange,
+    Call::Applying,
+    Call::Freezing,
+];
 
 impl Case {
     /// For the program that is measured: what it needs, as one line.

@@ -15,4 +15,5 @@ pub mod cases;
 pub mod checks;
 pub mod contract;
 pub mod graph;
+pub mod monitored;
 pub mod walk;

@@ -14,6 +14,7 @@ use abi_tests::subjects::Subject;
 use kinematics::MAX_ITERATIONS;
 use prove::callgrind::{counted, run};
 use prove::cases::{Aim, Call, Case, all, machines, unmonitored};
+use prove::monitored::{change_tool, make_busy, move_on};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,11 @@ use std::process::ExitCode;
 /// Bounds are what was found when they were written, and this much more: another release of
 /// the compiler, and what the search did not find.
 const MARGIN: f64 = 1.25;
+
+/// Places that the survey of a tool change visits in a cycle, and solves that forward may take
+/// for each: as in the module's `tool.rs`.
+const PLACES_PER_CYCLE: u64 = 4;
+const SOLVES_PER_PLACE: u32 = 24;
 
 const HEAD: &str = "\
 # SPDX-License-Identifier: GPL-2.0-or-later
@@ -55,6 +61,8 @@ struct Found {
     worst: u64,
     /// Of forward.
     solving: Option<Solving>,
+    /// Of the tool change: what its calls of forward cannot exceed.
+    survey: Option<u64>,
     /// Calls of forward that take more than the bound for their number of solves.
     dearer: Vec<String>,
 }
@@ -83,7 +91,11 @@ impl Solving {
 impl Found {
     /// What no call exceeds.
     fn bound(&self) -> u64 {
-        self.solving.as_ref().map_or(self.worst, Solving::bound)
+        match (&self.solving, self.survey) {
+            (Some(solving), _) => solving.bound(),
+            (None, Some(survey)) => self.worst + survey,
+            (None, None) => self.worst,
+        }
     }
 }
 
@@ -145,13 +157,35 @@ fn measure(list: &Path) -> Result<(), String> {
     for (n, line) in text.lines().enumerate() {
         let case = Case::from_line(line).ok_or_else(|| format!("line {n} is no case"))?;
         let subject = &machines[case.machine];
-        let is_monitored = case.aim == Aim::Typical;
-        let module = modules.entry((case.machine, is_monitored)).or_insert_with(|| {
-            if is_monitored { subject.machine.module() } else { unmonitored(subject) }
-        });
+        let module =
+            modules.entry((case.machine, Beside::of(&case))).or_insert_with_key(|(_, beside)| {
+                match beside {
+                    Beside::Nothing => unmonitored(subject),
+                    Beside::Monitor | Beside::ToolChange => subject.machine.module(),
+                }
+            });
         make(&case, subject, module);
     }
     Ok(())
+}
+
+/// What a module has run beside its calls: one of each is kept for every machine.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Beside {
+    Nothing,
+    Monitor,
+    ToolChange,
+}
+
+impl Beside {
+    fn of(case: &Case) -> Self {
+        match case.call {
+            Call::ToolChange => Self::ToolChange,
+            Call::Monitor => Self::Monitor,
+            _ if case.aim == Aim::Typical => Self::Monitor,
+            _ => Self::Nothing,
+        }
+    }
 }
 
 /// One call, counted.
@@ -167,8 +201,18 @@ fn make(case: &Case, subject: &Subject, module: &Module) {
             counted(|| module.forward_into(&case.joints, &mut world));
         }
         Call::Jacobian => counted(|| module.jacobian(&case.joints, &case.pose)),
-        Call::Monitor if case.aim == Aim::Typical => counted(|| module.monitor()),
-        Call::Monitor => busy_monitor(case, subject),
+        Call::Monitor => {
+            move_on(case, subject, module);
+            counted(|| module.monitor());
+        }
+        Call::ToolChange => {
+            change_tool(case, subject, module);
+            counted(|| module.monitor());
+        }
+        Call::Applying => {
+            let module = make_busy(case, subject);
+            counted(|| module.monitor());
+        }
         Call::Freezing => {
             let module = subject.machine.loaded();
             subject.machine.wire(&module);
@@ -176,19 +220,6 @@ fn make(case: &Case, subject: &Subject, module: &Module) {
             counted(|| module.inverse_into(&case.pose, &mut joints));
         }
     }
-}
-
-/// The monitor with everything to do at once: a geometry to freeze, a fault to tell.
-fn busy_monitor(case: &Case, subject: &Subject) {
-    let module = subject.machine.module();
-    module.set("apply", 0.0);
-    module.monitor();
-    let joints = module.inverse(&subject.home()).expect("home");
-    let _ = module.forward(&joints, &subject.home());
-    let _ = module.inverse(&case.pose);
-    let _ = module.inverse(&[f64::NAN; 9]);
-    module.set("apply", 1.0);
-    counted(|| module.monitor());
 }
 
 fn table(counted: &[(Case, u64)]) -> Table {
@@ -207,7 +238,23 @@ fn table(counted: &[(Case, u64)]) -> Table {
             found.solving = Some(solving);
         }
     }
+    bound_surveys(&mut table);
     table
+}
+
+/// The survey of a tool change calls forward: whatever of that is among the worst found, the most
+/// it could be comes on top.
+fn bound_surveys(table: &mut Table) {
+    let most: Vec<(usize, u64)> = table
+        .iter()
+        .filter_map(|((machine, _), found)| Some((*machine, found.solving.as_ref()?)))
+        .map(|(machine, solving)| (machine, PLACES_PER_CYCLE * solving.of(SOLVES_PER_PLACE)))
+        .collect();
+    for (machine, most) in most {
+        if let Some(found) = table.get_mut(&(machine, Call::ToolChange)) {
+            found.survey = Some(most);
+        }
+    }
 }
 
 /// Forward calls, searched for to be hard, that take more than their solves explain.
@@ -256,6 +303,8 @@ fn name(call: Call) -> &'static str {
         Call::Forward => "forward",
         Call::Jacobian => "Jacobian",
         Call::Monitor => "monitor",
+        Call::ToolChange => "monitor, tool change",
+        Call::Applying => "monitor that freezes",
         Call::Freezing => "inverse that freezes",
     }
 }
@@ -295,7 +344,7 @@ fn show(machines: &[Subject], table: &Table) {
             machines[*machine].name,
             name(*call),
             found.worst,
-            found.solving.as_ref().map_or("–".into(), |s| s.bound().to_string()),
+            if found.bound() == found.worst { "–".into() } else { found.bound().to_string() },
         );
     }
 }
@@ -366,6 +415,15 @@ mod tests {
 
     fn bound(typical: u64, worst: u64) -> Vec<Bound> {
         vec![Bound { machine: "m".into(), call: "forward".into(), typical, worst }]
+    }
+
+    #[test]
+    fn a_tool_change_is_bounded_by_the_forward_calls_of_its_survey() {
+        let mut cases = row();
+        let change = Case { call: Call::ToolChange, ..case(Aim::Worst, 3, 0) };
+        cases.push((change, 700));
+        let of_one_place = 170 + 24 * 14;
+        assert_eq!(of(&cases)[&(0, Call::ToolChange)].bound(), 700 + 4 * of_one_place);
     }
 
     #[test]

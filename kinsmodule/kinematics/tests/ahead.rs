@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The look ahead along a motion: which speed it allows, and that no input makes it careless.
+
+mod common;
+
+use common::machines::declared;
+use common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
+use common::{Case, NO_TOOL, cases, direction, rng, uniform};
+use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose, Watch};
+use rand_pcg::Pcg64;
+
+const PERIOD: f64 = 1e-3;
+
+/// Share of the planner's acceleration that the core counts on, as the manual says.
+const COUNTED_ON: f64 = 0.43;
+
+/// A machine in straight motion. Units of the machine, degrees and seconds.
+struct Drive<'a> {
+    case: &'a Case,
+    pose: [f64; 6],
+    rate: [f64; 6],
+    limits: Limits,
+    planner: Planner,
+}
+
+impl<'a> Drive<'a> {
+    /// Speeds and limits of a usual machine, so that joints now limit it and now do not.
+    fn random(case: &'a Case, rng: &mut Pcg64) -> Self {
+        let size = case.machine.size();
+        let pose = (case.sample)(rng);
+        let (go, turn) = (direction(rng) * 0.4 * size, direction(rng) * 30.0);
+        let there = Pose::from_degrees(std::array::from_fn(|k| {
+            pose.to_degrees()[k] + if k < 3 { go[k] } else { turn[k - 3] }
+        }));
+        let there = case.without_held(&there).to_degrees();
+        let pose = pose.to_degrees();
+        Self {
+            case,
+            pose,
+            rate: std::array::from_fn(|k| there[k] - pose[k]),
+            limits: Limits {
+                min: [-1e99; MAX_JOINTS],
+                max: [1e99; MAX_JOINTS],
+                speed: std::array::from_fn(|_| uniform(rng, 0.1, 1.0) * size),
+                base_cone: [0.0; MAX_LEGS],
+                platform_cone: [0.0; MAX_LEGS],
+                conditioning: 0.0,
+                clearance: 0.0,
+            },
+            planner: Planner {
+                linear: uniform(rng, 0.5, 5.0) * size,
+                angular: uniform(rng, 50.0, 500.0),
+                requested: uniform(rng, 0.5, 2.0),
+                latency: 0.0,
+            },
+        }
+    }
+
+    fn at(&self, time: f64) -> Pose {
+        Pose::from_degrees(std::array::from_fn(|k| self.pose[k] + self.rate[k] * time))
+    }
+
+    fn motion(&self) -> Option<Motion> {
+        let poses = [self.at(-2.0 * PERIOD), self.at(-PERIOD), self.at(0.0)];
+        Motion::of(&self.case.machine, poses.each_ref(), PERIOD, self.planner.linear)
+    }
+
+    fn outlook(&self) -> Outlook {
+        let watch = Watch::new(&self.case.machine, &self.case.geometry);
+        let motion = self.motion().expect("it moves");
+        watch.ahead(&self.case.machine, &NO_TOOL, &self.limits, &motion, &self.planner)
+    }
+
+    /// Deceleration of the speed as a multiple of the present one, per second.
+    fn braking(&self) -> f64 {
+        let norm = |part: &[f64]| part.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let fastest = self.rate[3..].iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let linear = self.planner.linear / norm(&self.rate[..3]);
+        COUNTED_ON * linear.min(self.planner.angular / fastest)
+    }
+
+    /// Largest multiple of the present speed at which no joint is too fast after a time, by
+    /// differences of inverse; 0 where there are no joints.
+    fn fastest(&self, time: f64) -> f64 {
+        let step = 1e-5;
+        let inverse = |time| self.case.machine.inverse(&self.at(time), &NO_TOOL).ok();
+        let Some((before, after)) = inverse(time - step).zip(inverse(time + step)) else {
+            return 0.0;
+        };
+        let rates = before.iter().zip(&after).map(|(a, b)| (b - a).abs() / (2.0 * step));
+        rates
+            .zip(&self.limits.speed)
+            .map(|(rate, limit)| limit / rate)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Largest multiple of the present speed from which all of the way ahead can be braked
+    /// for, seen at so many places that nothing is missed, and where it is decided as a share of
+    /// the way that braking takes.
+    fn least(&self) -> (f64, f64) {
+        let braking = self.braking();
+        let horizon = 1.0 / (2.0 * braking);
+        let speeds = (0..=400).map(|k| {
+            let share = f64::from(k) / 400.0;
+            let time = horizon * share;
+            ((self.fastest(time).powi(2) + 2.0 * braking * time).sqrt(), share)
+        });
+        speeds.min_by(|one, other| one.0.total_cmp(&other.0)).expect("places")
+    }
+
+    /// Whether there are joints all the way.
+    fn stays_within_reach(&self) -> bool {
+        let horizon = 0.6 / self.braking();
+        (0..=40).all(|k| self.fastest(horizon * f64::from(k) / 40.0) > 0.0)
+    }
+}
+
+fn each_drive(count: usize, seed: u64, mut check: impl FnMut(&Drive<'_>, &mut Pcg64)) {
+    for case in declared() {
+        let mut rng = rng(seed);
+        for _ in 0..cases(count) {
+            let drive = Drive::random(&case, &mut rng);
+            check(&drive, &mut rng);
+        }
+    }
+}
+
+#[test]
+fn the_speed_allowed_can_be_braked_for_all_that_lies_ahead_and_is_no_slower_than_needed() {
+    let (mut here, mut ahead, mut boldest, mut shyest) = (0, 0, 0.0_f64, f64::INFINITY);
+    each_drive(300, 71, |drive, rng| {
+        // One joint alone is limited, so that it often gets there only on the way.
+        let one = uniform(rng, 0.0, drive.case.machine.layout().joints() as f64) as usize;
+        let speed =
+            std::array::from_fn(|i| if i == one { drive.limits.speed[i] / 3.0 } else { 1e99 });
+        let limits = Limits { speed, ..drive.limits };
+        let drive = Drive { limits, planner: drive.planner, ..*drive };
+        let (needed, share) = drive.least();
+        // A way that is braked for within its own length says nothing about faster ones.
+        if needed < 1.0 && drive.stays_within_reach() {
+            let found = drive.outlook().allowed;
+            *if share > 0.0 { &mut ahead } else { &mut here } += 1;
+            boldest = boldest.max(found / needed);
+            shyest = shyest.min(found / needed);
+        }
+    });
+    println!("{here} limited at once, {ahead} ahead: {shyest} to {boldest} of what just suffices");
+    assert!(here > 1000 && ahead > 20, "{here} and {ahead} motions were limited");
+    assert!(boldest <= SPEED_BETWEEN_PLACES, "{boldest} of the speed that can be braked");
+    assert!(shyest >= SPEED_SHARE, "only {shyest} of the speed that can be braked");
+}
+
+#[test]
+fn a_wider_margin_never_slows_the_machine() {
+    each_drive(60, 72, |drive, rng| {
+        let found = drive.outlook().allowed;
+        let mut wider = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+        match uniform(rng, 0.0, 3.0) as usize {
+            0 => wider.limits.speed = drive.limits.speed.map(|v| v * uniform(rng, 1.0, 2.0)),
+            1 => wider.limits.speed[0] *= 2.0,
+            _ => wider.limits.conditioning = 0.0,
+        }
+        let of_wider = wider.outlook().allowed;
+        assert!(of_wider >= found, "{}: {found}, with more margin {of_wider}", drive.case.name);
+        let mut narrower = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+        narrower.limits.conditioning = uniform(rng, 0.0, 1.0);
+        let of_narrower = narrower.outlook().allowed;
+        assert!(of_narrower <= found, "{}: {found}, with less {of_narrower}", drive.case.name);
+    });
+}
+
+#[test]
+fn what_takes_longer_to_act_or_brakes_worse_never_makes_it_faster() {
+    each_drive(60, 73, |drive, rng| {
+        let found = drive.outlook().allowed;
+        let mut later = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+        // The places looked at lie elsewhere then: what is between them may differ.
+        later.planner.latency = uniform(rng, 0.0, 0.01);
+        assert!(later.outlook().allowed <= found * SPEED_BETWEEN_PLACES / SPEED_SHARE);
+        let mut weaker = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+        weaker.planner.linear *= 0.5;
+        weaker.planner.angular *= 0.5;
+        assert!(weaker.outlook().allowed <= found * SPEED_BETWEEN_PLACES / SPEED_SHARE);
+    });
+}
+
+/// NaN, infinities, denormals and nonsense in every number that the look ahead is given.
+#[test]
+fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
+    let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5e-324, -1.0, 0.0, 1e308];
+    each_drive(1, 74, |drive, _| {
+        for value in odd {
+            for field in 0..9 {
+                let mut spoilt = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+                match field {
+                    0 => spoilt.limits.speed = [value; MAX_JOINTS],
+                    1 => spoilt.planner.linear = value,
+                    2 => spoilt.planner.angular = value,
+                    3 => spoilt.planner.latency = value,
+                    4 => spoilt.planner.requested = value,
+                    5 => spoilt.limits.conditioning = value,
+                    6 => spoilt.limits.max = [value; MAX_JOINTS],
+                    7 => spoilt.limits.base_cone = [value; MAX_LEGS],
+                    _ => spoilt.limits.clearance = value,
+                }
+                let found = spoilt.outlook();
+                assert!(found.allowed >= 0.0, "field {field} = {value}: {found:?}");
+                let turns = drive.rate[3..].iter().any(|rate| *rate != 0.0);
+                let travels = drive.rate[..3].iter().any(|rate| *rate != 0.0);
+                let needed = [true, travels, turns, true].get(field) == Some(&true);
+                let nothing = value.is_nan() && needed;
+                assert!(!nothing || found.allowed == 0.0, "field {field}: {found:?}");
+                let told = value.is_nan() && (field == 6 || field == 7);
+                assert!(!told || found.soon.is_some(), "field {field}: {found:?}");
+            }
+        }
+        for k in (0..6).filter(|k| drive.rate[*k] != 0.0) {
+            for value in [f64::NAN, f64::INFINITY] {
+                let mut spoilt = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
+                spoilt.pose[k] = value;
+                assert!(spoilt.motion().is_none(), "a direction from a pose of {value}");
+            }
+        }
+    });
+}
+
+#[test]
+fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
+    let case = &declared()[0];
+    let still = |c: f64, rate: f64| {
+        let mut drive = Drive::random(case, &mut rng(75));
+        drive.pose = [0.0, 0.0, 250.0, 0.0, 0.0, c];
+        drive.rate = [0.0, 0.0, 0.0, 0.0, 0.0, rate];
+        drive.limits.speed = [1e99; MAX_JOINTS];
+        // So quick to brake that the place itself decides.
+        drive.planner = Planner { linear: 1e9, angular: 1e9, requested: 1.0, latency: 0.0 };
+        drive
+    };
+    let hold = case.machine.conditioning(&still(30.0, 1.0).at(0.0), &NO_TOOL).expect("a pose");
+    let allowed = |share: f64, rate: f64| {
+        let mut drive = still(30.0, rate);
+        drive.limits.conditioning = hold / share;
+        drive.outlook()
+    };
+    for share in [0.5, 1.0, 1.25, 1.5, 1.9] {
+        let found = allowed(share, 10.0);
+        let expected = (share - 1.0).max(0.0);
+        // The way ahead, some 1e-8 degrees, changes the hold by as little.
+        assert!((found.allowed - expected).abs() < 1e-6, "{share}: {found:?}");
+        let why = found.because.expect("something limits").0.cause;
+        assert_eq!(why, Cause::HoldAhead);
+        assert!(allowed(share, -10.0).allowed > 1e90, "slowed on the way out");
+    }
+    assert!(allowed(2.1, 10.0).allowed > 1e90);
+}
+
+#[test]
+fn a_motion_is_none_at_rest_and_without_a_period() {
+    let case = &declared()[0];
+    let pose = case.home;
+    let of = |poses: [&Pose; 3], period: f64| Motion::of(&case.machine, poses, period, 1e3);
+    assert_eq!(of([&pose; 3], PERIOD), None);
+    let mut near = pose;
+    near.position.x += 1e-9;
+    assert_eq!(of([&pose, &pose, &near], PERIOD), None);
+    near.position.x += 1e-3;
+    assert!(of([&pose, &pose, &near], PERIOD).is_some());
+    assert_eq!(of([&pose, &pose, &near], f64::NAN), None);
+}
+
+#[test]
+fn joints_rates_and_legs_of_a_motion_are_those_of_the_poses_themselves() {
+    each_drive(20, 76, |drive, _| {
+        let (machine, pose) = (&drive.case.machine, drive.at(0.0));
+        let moving = machine.moving(&pose, &NO_TOOL, &drive.rate).expect("a pose");
+        assert_eq!(moving.joints, machine.inverse(&pose, &NO_TOOL).expect("a pose"));
+        assert_eq!(moving.segments, machine.segments(&pose, &NO_TOOL).expect("a pose"));
+        let step = 1e-6;
+        let joints = |time| machine.inverse(&drive.at(time), &NO_TOOL).expect("a pose");
+        let (before, after) = (joints(-step), joints(step));
+        for (i, rate) in moving.rates.iter().enumerate() {
+            let expected = (after[i] - before[i]) / (2.0 * step);
+            // The speeds are some hundred units a second, and steps of time 1e-6.
+            let most = CENTRAL_DIFFERENCE * (1.0 + expected.abs()) * 100.0;
+            assert!((rate - expected).abs() < most, "{}: {rate} {expected}", drive.case.name);
+        }
+    });
+}

@@ -1,0 +1,404 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The part of the monitor that guards the motion: what it shows about the pose, and the
+//! feed that it allows.
+//!
+//! The calculation is [`kinematics::Watch`]; here are its pins, and what is remembered from
+//! cycle to cycle.
+
+use crate::hal::{Direction, HalError, Pin};
+use crate::pins::{Maker, Pins};
+use kinematics::{
+    Fault, Geometry, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
+    Segment, Vector3, Watch, text,
+};
+
+/// Floor of the feed where the pin holds no share.
+const FLOOR: f64 = 0.02;
+
+/// Conditioning at which a machine has to stand, unless the pin says otherwise: some motion
+/// then moves no anchor along its leg by more than a twentieth of its own way. The shipped
+/// machines stay above four times that.
+const HOLD: f64 = 0.05;
+
+/// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
+const RISE: f64 = 10.0;
+
+/// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and
+/// shows in the one after that where that leads.
+const LATENCY: f64 = 3.0;
+
+/// Shown where no two legs can come near to each other.
+const FAR: f64 = 1e99;
+
+/// Pins of one joint.
+#[repr(C)]
+struct OfJoint {
+    margin: Pin<f64>,
+    speed_ratio: Pin<f64>,
+}
+
+/// Pins of one leg.
+#[repr(C)]
+struct OfLeg {
+    base_angle: Pin<f64>,
+    platform_angle: Pin<f64>,
+    base_cone: Pin<f64>,
+    platform_cone: Pin<f64>,
+}
+
+/// What the guard shows.
+#[repr(C)]
+struct Shown {
+    conditioning: Pin<f64>,
+    rod_distance: Pin<f64>,
+    rod_pair: [Pin<i32>; 2],
+    inverse_time: Pin<i32>,
+    forward_time: Pin<i32>,
+    feed_scale: Pin<f64>,
+    limit_soon: Pin<bool>,
+    limit_leg: Pin<i32>,
+    limit_reason: Pin<i32>,
+}
+
+/// What the guard is given.
+#[repr(C)]
+struct Asked {
+    conditioning_limit: Pin<f64>,
+    rod_clearance: Pin<f64>,
+    feed_floor: Pin<f64>,
+    max_override: Pin<f64>,
+    linear_acceleration: Pin<f64>,
+    angular_acceleration: Pin<f64>,
+    requested_vel: Pin<f64>,
+    current_vel: Pin<f64>,
+    distance_to_go: Pin<f64>,
+}
+
+/// Pins of the guard; part of [`Pins`], in HAL memory.
+#[repr(C)]
+pub struct GuardPins {
+    joints: [OfJoint; MAX_JOINTS],
+    legs: [OfLeg; MAX_LEGS],
+    shown: Shown,
+    asked: Asked,
+}
+
+impl GuardPins {
+    pub fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
+        for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
+            joint.create(make, n)?;
+        }
+        for (n, leg) in self.legs.iter_mut().enumerate().take(layout.legs()) {
+            leg.create(make, n)?;
+        }
+        self.shown.create(make)?;
+        self.asked.create(make)
+    }
+
+    fn limits(&self, pins: &Pins, layout: &Layout) -> Limits {
+        let [min, max, speed] = pins.joint_limits(layout.joints());
+        let mut limits = Limits {
+            min,
+            max,
+            speed,
+            base_cone: [0.0; MAX_LEGS],
+            platform_cone: [0.0; MAX_LEGS],
+            conditioning: self.asked.conditioning_limit.get(),
+            clearance: self.asked.rod_clearance.get(),
+        };
+        let cones = limits.base_cone.iter_mut().zip(&mut limits.platform_cone);
+        for ((base, platform), leg) in cones.zip(&self.legs).take(layout.legs()) {
+            *base = leg.base_cone.get();
+            *platform = leg.platform_cone.get();
+        }
+        limits
+    }
+
+    /// Smallest feed scale, in (0, 1].
+    fn floor(&self) -> f64 {
+        let floor = self.asked.feed_floor.get();
+        if floor > 0.0 && floor <= 1.0 { floor } else { FLOOR }
+    }
+}
+
+impl OfJoint {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::Out;
+        make.one(&mut self.margin, Out, text!["pkmkins.margin.", n], 0.0)?;
+        make.one(&mut self.speed_ratio, Out, text!["pkmkins.speed-ratio.", n], 0.0)
+    }
+}
+
+impl OfLeg {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
+        make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
+        make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
+        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)
+    }
+}
+
+impl Shown {
+    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::Out;
+        make.one(&mut self.conditioning, Out, text!["pkmkins.conditioning"], 0.0)?;
+        make.one(&mut self.rod_distance, Out, text!["pkmkins.rod-distance"], FAR)?;
+        for (pin, letter) in self.rod_pair.iter_mut().zip(["a", "b"]) {
+            make.one(pin, Out, text!["pkmkins.rod-pair-", letter], -1)?;
+        }
+        make.one(&mut self.inverse_time, Out, text!["pkmkins.inverse-time"], 0)?;
+        make.one(&mut self.forward_time, Out, text!["pkmkins.forward-time"], 0)?;
+        make.one(&mut self.feed_scale, Out, text!["pkmkins.feed-scale"], 1.0)?;
+        make.one(&mut self.limit_soon, Out, text!["pkmkins.limit-soon"], false)?;
+        make.one(&mut self.limit_leg, Out, text!["pkmkins.limit-leg"], -1)?;
+        make.one(&mut self.limit_reason, Out, text!["pkmkins.limit-reason"], 0)
+    }
+
+    fn limit(&self, soon: Option<Fault>) {
+        self.limit_soon.set(soon.is_some());
+        self.limit_leg.set(soon.and_then(|fault| fault.leg).map_or(-1, i32::from));
+        self.limit_reason.set(soon.map_or(0, |fault| fault.cause.code()));
+    }
+}
+
+impl Asked {
+    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::In;
+        let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
+            make.one(pin, In, text!["pkmkins.", name], value)
+        };
+        one(&mut self.conditioning_limit, "conditioning-limit", HOLD)?;
+        one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
+        one(&mut self.feed_floor, "feed-floor", FLOOR)?;
+        one(&mut self.max_override, "max-override", 1.0)?;
+        one(&mut self.linear_acceleration, "linear-acceleration", FAR)?;
+        one(&mut self.angular_acceleration, "angular-acceleration", FAR)?;
+        one(&mut self.requested_vel, "requested-vel", 0.0)?;
+        one(&mut self.current_vel, "current-vel", 0.0)?;
+        one(&mut self.distance_to_go, "distance-to-go", FAR)
+    }
+}
+
+/// What the guard looks at in a cycle.
+pub struct Scene<'a> {
+    pub pins: &'a Pins,
+    pub machine: &'a Machine,
+    /// Tool offset in effect.
+    pub tool: &'a Vector3<f64>,
+    /// Last good pose that forward found.
+    pub pose: Option<Pose>,
+    /// Servo period, seconds.
+    pub period: f64,
+}
+
+/// What the guard remembers.
+pub struct Guard {
+    watch: Option<Watch>,
+    /// The pose commanded in this cycle.
+    commanded: Option<Pose>,
+    /// Whether forward was called and inverse not yet: the motion controller calls them in
+    /// this order, and inverse for the end points of queued moves before or after both.
+    expects_inverse: bool,
+    /// Commanded poses of the two cycles before, older first.
+    before: [Option<Pose>; 2],
+    /// `.current-vel` of the cycle before.
+    speed_before: f64,
+    scale: f64,
+    /// Why the feed is inhibited, until no move is left to be made.
+    inhibited: Option<Fault>,
+    inverse_clocks: i64,
+    forward_clocks: i64,
+}
+
+impl Guard {
+    pub const fn new() -> Self {
+        Self {
+            watch: None,
+            commanded: None,
+            expects_inverse: false,
+            before: [None; 2],
+            speed_before: 0.0,
+            scale: 1.0,
+            inhibited: None,
+            inverse_clocks: 0,
+            forward_clocks: 0,
+        }
+    }
+
+    /// Takes over a newly frozen machine.
+    pub fn freeze(&mut self, machine: &Machine, geometry: &Geometry) {
+        self.watch = Some(Watch::new(machine, geometry));
+        self.forget();
+    }
+
+    pub fn saw_forward(&mut self, clocks: i64) {
+        self.expects_inverse = true;
+        self.forward_clocks = clocks;
+    }
+
+    pub fn saw_inverse(&mut self, pose: &Pose, clocks: i64) {
+        if self.expects_inverse {
+            self.commanded = Some(*pose);
+            self.inverse_clocks = clocks;
+        }
+        self.expects_inverse = false;
+    }
+
+    /// Without the machine's kinematics in force there is nothing to guard.
+    pub fn idle(&mut self, pins: &Pins, period: f64) {
+        self.forget();
+        self.inhibited = None;
+        pins.guard.shown.limit(None);
+        self.answer(&pins.guard, 1.0, period);
+    }
+
+    /// One cycle. A fault is why the feed was inhibited just now.
+    pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
+        let pins = &scene.pins.guard;
+        let commanded = self.commanded.take();
+        self.expects_inverse = false;
+        if let (Some(watch), Some(pose)) = (&self.watch, scene.pose) {
+            let _ = show_pose(watch, scene, &pose);
+        }
+        pins.shown.inverse_time.set(shown_clocks(self.inverse_clocks));
+        pins.shown.forward_time.set(shown_clocks(self.forward_clocks));
+        // What the planner went in this cycle is the mean of the speeds at its ends.
+        let speed = pins.asked.current_vel.get();
+        let mean = (speed + self.speed_before) / 2.0;
+        let (soon, view) = self.looked(scene, commanded, mean);
+        self.before = [self.before[1], commanded];
+        self.speed_before = speed;
+        let told = self.inhibited.is_some();
+        self.allow(scene, view, mean);
+        pins.shown.limit(self.inhibited.or(soon));
+        self.inhibited.filter(|_| !told)
+    }
+
+    /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves.
+    fn looked(
+        &self,
+        scene: &Scene<'_>,
+        commanded: Option<Pose>,
+        speed: f64,
+    ) -> (Option<Fault>, Option<Outlook>) {
+        let Some(watch) = &self.watch else { return (None, None) };
+        let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
+        let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
+        let Some(motion) = self.motion(scene, commanded) else {
+            return (watch.here(scene.machine, scene.tool, &limits, &pose), None);
+        };
+        let asked = &scene.pins.guard.asked;
+        let planner = Planner {
+            linear: asked.linear_acceleration.get(),
+            angular: asked.angular_acceleration.get(),
+            requested: requested(asked) / speed,
+            latency: LATENCY * scene.period,
+        };
+        let view = watch.ahead(scene.machine, scene.tool, &limits, &motion, &planner);
+        (view.soon, Some(view))
+    }
+
+    fn motion(&self, scene: &Scene<'_>, commanded: Option<Pose>) -> Option<Motion> {
+        let [Some(first), Some(second)] = self.before else { return None };
+        let poses = [&first, &second, &commanded?];
+        let linear = scene.pins.guard.asked.linear_acceleration.get();
+        Motion::of(scene.machine, poses, scene.period, linear)
+    }
+
+    /// Turns the outlook into a feed scale, or inhibits the feed.
+    ///
+    /// Slower than half the floor the machine is about to stop or has just begun: nothing to
+    /// scale, and no speed that ratios could be made of.
+    fn allow(&mut self, scene: &Scene<'_>, view: Option<Outlook>, speed: f64) {
+        let pins = &scene.pins.guard;
+        let requested = requested(&pins.asked);
+        let moves = !(speed < 0.5 * pins.floor() * requested);
+        let mut wanted = 1.0;
+        if requested == 0.0 {
+            // No move is left to be made: aborted, or at its end.
+            self.inhibited = None;
+        } else if let Some(view) = view.filter(|_| moves) {
+            wanted = view.allowed * speed / requested;
+            let to_go = pins.asked.distance_to_go.get();
+            let within = |time: f64| !(time * speed > to_go);
+            let why = view.because.filter(|(_, time)| wanted < pins.floor() && within(*time));
+            self.inhibited = self.inhibited.or(why.map(|(fault, _)| fault));
+        }
+        self.answer(pins, wanted, scene.period);
+    }
+
+    /// Writes a feed scale within [floor, 1] that falls at once and rises slowly.
+    fn answer(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
+        let floor = pins.floor();
+        let risen = self.scale + RISE * period;
+        let allowed = if self.inhibited.is_some() || !(wanted >= floor) { floor } else { wanted };
+        self.scale = allowed.min(risen).max(floor).min(1.0);
+        pins.shown.feed_scale.set(self.scale);
+    }
+
+    /// Whether nothing may move until the program is aborted.
+    pub fn inhibits_feed(&self) -> bool {
+        self.inhibited.is_some()
+    }
+
+    fn forget(&mut self) {
+        self.commanded = None;
+        self.before = [None; 2];
+    }
+}
+
+/// Speed that the program may ask for at most: the feed override comes on top of it.
+fn requested(asked: &Asked) -> f64 {
+    asked.requested_vel.get() * asked.max_override.get().max(1.0)
+}
+
+fn shown_clocks(clocks: i64) -> i32 {
+    i32::try_from(clocks).unwrap_or(i32::MAX)
+}
+
+/// What people read about a pose.
+fn show_pose(watch: &Watch, scene: &Scene<'_>, pose: &Pose) -> Result<(), Fault> {
+    let (pins, machine) = (&scene.pins.guard, scene.machine);
+    show_joints(pins, scene, pose)?;
+    let legs = machine.segments(pose, scene.tool)?;
+    show_legs(pins, watch, machine.layout(), pose, &legs);
+    pins.shown.conditioning.set(machine.conditioning(pose, scene.tool)?);
+    Ok(())
+}
+
+fn show_joints(pins: &GuardPins, scene: &Scene<'_>, pose: &Pose) -> Result<(), Fault> {
+    let count = scene.machine.layout().joints();
+    let joints = scene.machine.inverse(pose, scene.tool)?;
+    let rows = scene.machine.inverse_jacobian(pose, scene.tool)?;
+    let [min, max, _] = scene.pins.joint_limits(count);
+    let ranges = joints.iter().zip(min.iter().zip(&max));
+    for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
+        pins.margin.set((joint - min).min(max - joint));
+    }
+    for (pins, row) in pins.joints.iter().zip(rows.row_iter()).take(count) {
+        pins.speed_ratio.set(row.fixed_columns::<3>(0).norm());
+    }
+    Ok(())
+}
+
+fn show_legs(
+    pins: &GuardPins,
+    watch: &Watch,
+    layout: &Layout,
+    pose: &Pose,
+    legs: &[Segment; MAX_LEGS],
+) {
+    let cones = watch.cones(&pose.rotation(), legs);
+    let angles = cones.base.iter().zip(&cones.platform);
+    for (pins, (base, platform)) in pins.legs.iter().zip(angles).take(layout.legs()) {
+        pins.base_angle.set(*base);
+        pins.platform_angle.set(*platform);
+    }
+    if let Some(nearest) = watch.nearest(legs) {
+        pins.shown.rod_distance.set(nearest.distance);
+        for (pin, leg) in pins.shown.rod_pair.iter().zip(nearest.pair) {
+            pin.set(leg as i32);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What goes before a counted run of `pkmkins.monitor`: a machine in motion with everything
+//! to guard, a geometry to freeze, a tool that changes at a tilt.
+
+use crate::cases::Case;
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::subjects::Subject;
+
+/// Seconds of a servo cycle.
+const PERIOD: f64 = 1e-3;
+
+/// A motion of three cycles up to the case's pose, by the case's step in each. Every limit is
+/// set and none of those that would spare the rest is met, so that all of them are compared.
+pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
+    stand_still(module);
+    set_limits(subject, module);
+    let speed = case.joints.iter().take(3).map(|step| step * step).sum::<f64>().sqrt() / PERIOD;
+    for pin in ["requested-vel", "current-vel"] {
+        module.set(pin, speed);
+    }
+    // `limit` is a share in per cent here: of the hold that the legs would have to keep.
+    module.set("conditioning-limit", f64::from(case.limit) / 100.0);
+    for back in [2.0, 1.0, 0.0] {
+        let mut pose = case.pose;
+        for (value, step) in pose.iter_mut().zip(&case.joints).take(6) {
+            *value -= back * step;
+        }
+        // A little off the straight line, so that the way ahead is a circle.
+        pose[2] += 1e-3 * back * back * case.joints[0];
+        servo_cycle(module, &pose);
+        if back > 0.0 {
+            module.monitor();
+        }
+    }
+}
+
+/// Ends a motion and what was told about it.
+fn stand_still(module: &Module) {
+    module.set("requested-vel", 0.0);
+    for reset in [1.0, 0.0] {
+        module.set("fault-reset", reset);
+        module.monitor();
+    }
+}
+
+fn set_limits(subject: &Subject, module: &Module) {
+    let size = subject.machine.size();
+    module.set("linear-acceleration", size);
+    module.set("angular-acceleration", 100.0);
+    module.set("rod-clearance", 1e-12 * size);
+    for n in 0..subject.machine.legs.len() {
+        module.set(&format!("base-cone.{n}"), 180.0);
+        module.set(&format!("platform-cone.{n}"), 180.0);
+    }
+    for n in 0..subject.machine.joints() {
+        module.set(&format!("max-velocity.{n}"), size);
+        module.set(&format!("max-acceleration.{n}"), 6.0 * size);
+    }
+}
+
+/// The kinematics calls of a cycle; any may be refused.
+fn servo_cycle(module: &Module, pose: &Pose) {
+    if let Ok(joints) = module.inverse(pose) {
+        let _ = module.forward(&joints, pose);
+    }
+    let _ = module.inverse(pose);
+}
+
+/// One cycle of a change of the tool at the case's pose; in the first it is asked for.
+pub fn change_tool(case: &Case, subject: &Subject, module: &Module) {
+    if case.limit == 0 {
+        begin_change(case, subject, module);
+    }
+    servo_cycle(module, &case.pose);
+}
+
+fn begin_change(case: &Case, subject: &Subject, module: &Module) {
+    let offset = |joints: &Joints| {
+        for (pin, value) in ["tool-offset-x", "tool-offset-y", "tool-offset"].iter().zip(joints) {
+            module.set(pin, *value);
+        }
+    };
+    // Taken at once with the machine off.
+    module.set("machine-on", 0.0);
+    offset(&[0.0; 16]);
+    stand_still(module);
+    set_limits(subject, module);
+    module.set("machine-on", 1.0);
+    for _ in 0..2 {
+        servo_cycle(module, &case.pose);
+        module.monitor();
+    }
+    offset(&case.joints);
+}
+
+/// A geometry to freeze and a fault to tell.
+pub fn make_busy(case: &Case, subject: &Subject) -> Module {
+    let module = subject.machine.module();
+    module.set("apply", 0.0);
+    module.monitor();
+    let joints = module.inverse(&subject.home()).expect("home");
+    let _ = module.forward(&joints, &subject.home());
+    let _ = module.inverse(&case.pose);
+    let _ = module.inverse(&[f64::NAN; 9]);
+    module.set("apply", 1.0);
+    module
+}
