@@ -7,7 +7,8 @@
 #     HALFILE = LIB:pkmkins.tcl
 #
 # Reads [PKM], [LEG_N], the limits of [JOINT_N], HOME and COORDINATES of [TRAJ], and [KINS]; sets
-# the pins of the module, connects it to the motion controller and asks for the geometry to be
+# the pins of the module, connects it to the motion controller (tool offsets, and the feed that the
+# module allows: motion.adaptive-feed, motion.feed-inhibit) and asks for the geometry to be
 # frozen (.apply). Everything is checked before the first pin is set: a file with an error stops
 # LinuxCNC's start and leaves the module as it was. All errors are listed, not only the first one.
 # What the load parameters in [KINS]KINEMATICS may be is the module's affair: it has refused bad
@@ -20,8 +21,7 @@ namespace eval pkmkins {
     variable number {[+-]?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?}
 
     # Keys of [PKM] and of [LEG_N] by kind of leg: how many numbers, needed or not ("cardan" keys
-    # where the leg has a screw lead), pin they are written to (three numbers: .x .y .z; "" = only
-    # host tools use them).
+    # where the leg has a screw lead), pin they are written to (three numbers: .x .y .z).
     variable machine_keys {
         SCREW_LEAD            {1 optional screw-lead}
         SPINDLE_OFFSET        {1 optional spindle-offset}
@@ -30,6 +30,9 @@ namespace eval pkmkins {
         MAX_ERROR             {1 optional max-error}
         CENTRE                {3 optional centre}
         RESIDUAL_LIMIT        {1 optional residual-limit}
+        CONDITIONING_LIMIT    {1 optional conditioning-limit}
+        ROD_CLEARANCE         {1 optional rod-clearance}
+        FEED_FLOOR            {1 optional feed-floor}
     }
     variable leg_keys {
         strut {
@@ -39,8 +42,8 @@ namespace eval pkmkins {
             PLATFORM_N    {3 cardan   platform-n}
             LEAD          {1 optional lead}
             OFFSET        {1 optional offset}
-            BASE_CONE     {1 optional ""}
-            PLATFORM_CONE {1 optional ""}
+            BASE_CONE     {1 optional base-cone}
+            PLATFORM_CONE {1 optional platform-cone}
         }
         slider {
             BASE          {3 needed   base}
@@ -49,8 +52,8 @@ namespace eval pkmkins {
             ROD           {1 needed   rod}
             SIDE          {1 needed   side}
             OFFSET        {1 optional offset}
-            BASE_CONE     {1 optional ""}
-            PLATFORM_CONE {1 optional ""}
+            BASE_CONE     {1 optional base-cone}
+            PLATFORM_CONE {1 optional platform-cone}
         }
         crank {
             BASE          {3 needed   base}
@@ -60,8 +63,8 @@ namespace eval pkmkins {
             ROD           {1 needed   rod}
             SIDE          {1 needed   side}
             OFFSET        {1 optional offset}
-            BASE_CONE     {1 optional ""}
-            PLATFORM_CONE {1 optional ""}
+            BASE_CONE     {1 optional base-cone}
+            PLATFORM_CONE {1 optional platform-cone}
         }
     }
     variable joint_keys {
@@ -262,7 +265,7 @@ proc pkmkins::section_pins {section keys index} {
         lassign $form count need pin
         if {![is_wanted $section $key $need]} { continue }
         set words [numbers $section $key $count $count]
-        if {![llength $words] || $pin eq ""} { continue }
+        if {![llength $words]} { continue }
         if {$count == 1} {
             lappend pins $pin$index [lindex $words 0]
         } else {
@@ -304,7 +307,8 @@ proc pkmkins::machine_pins {kinds} {
     variable most_iterations
     check_keys PKM [dict keys $machine_keys]
     require_lead $kinds
-    foreach key {CONVERGENCE_CRITERION RESIDUAL_LIMIT} { check_range PKM $key 0 Inf }
+    foreach key {CONVERGENCE_CRITERION RESIDUAL_LIMIT ROD_CLEARANCE} { check_range PKM $key 0 Inf }
+    foreach key {CONDITIONING_LIMIT FEED_FLOOR} { check_range PKM $key 0 1 }
     set pins [section_pins PKM $machine_keys ""]
     if {![dict exists $pins limit-iterations]} { return [dict set pins limit-iterations $most_iterations] }
     set text [dict get $pins limit-iterations]
@@ -374,6 +378,34 @@ proc pkmkins::home_pins {} {
     return $pins
 }
 
+# Smallest number that these keys give (a list of section and key, in turn), "" for none.
+# LinuxCNC reads these keys and complains of them itself.
+proc pkmkins::smallest {keys} {
+    set smallest ""
+    foreach {section key} $keys {
+        set word [lindex [words [lindex [values $section $key] 0]] 0]
+        if {![is_number $word] || [value $word] <= 0} { continue }
+        if {$smallest eq "" || [value $word] < [value $smallest]} { set smallest $word }
+    }
+    return $smallest
+}
+
+# What the planner may do, for the watch over the motion.
+proc pkmkins::planner_pins {} {
+    set pins {}
+    foreach {word letters} {linear {X Y Z} angular {A B C}} {
+        set keys [list TRAJ MAX_[string toupper $word]_ACCELERATION]
+        foreach letter [moved_letters] {
+            if {$letter in $letters} { lappend keys AXIS_$letter MAX_ACCELERATION }
+        }
+        set most [smallest $keys]
+        if {$most ne ""} { lappend pins $word-acceleration $most }
+    }
+    set override [smallest {DISPLAY MAX_FEED_OVERRIDE}]
+    if {$override ne ""} { lappend pins max-override $override }
+    return $pins
+}
+
 # A pin lead.N of 0 means "as screw-lead", a key LEAD = 0 means none: where any leg has a LEAD of its
 # own, every strut is given the one that acts on it.
 proc pkmkins::resolve_leads {pins kinds} {
@@ -401,7 +433,7 @@ proc pkmkins::read_ini {} {
         incr n
     }
     for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n [lindex $kinds $n]] }
-    lappend pins {*}[home_pins]
+    lappend pins {*}[home_pins] {*}[planner_pins]
     check_feed_inhibit
     if {[llength $errors]} { stop }
     set pins [resolve_leads $pins $kinds]
@@ -453,6 +485,19 @@ proc pkmkins::connect {signal source target} {
     hal net [signal_of $source $signal] $source $target
 }
 
+# Without the feed that the guard allows the machine still runs, so that an adaptive feed of somebody
+# else's is left alone.
+proc pkmkins::wire_guard {} {
+    foreach name {requested-vel current-vel distance-to-go} {
+        connect pkmkins:$name motion.$name pkmkins.$name
+    }
+    set taken [signal_of motion.adaptive-feed ""]
+    if {$taken eq ""} {
+        hal net pkmkins:feed-scale pkmkins.feed-scale motion.adaptive-feed
+    } elseif {$taken ne [signal_of pkmkins.feed-scale ""]} {
+        puts stderr "pkmkins: motion.adaptive-feed is on signal $taken: pkmkins.feed-scale does not act on it"
+    }
+}
 
 proc pkmkins::wire {} {
     connect pkmkins:machine-on motion.motion-enabled pkmkins.machine-on
@@ -462,6 +507,7 @@ proc pkmkins::wire {} {
     if {[signal_of pkmkins.feed-inhibit ""] eq ""} {
         hal net pkmkins:feed-inhibit pkmkins.feed-inhibit motion.feed-inhibit
     }
+    wire_guard
     hal addf pkmkins.monitor servo-thread
 }
 

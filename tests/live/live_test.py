@@ -292,6 +292,67 @@ def drive_that_cannot_follow_stops_the_machine(out):
     scenario(HEXAPOD, "weak_drive", out)
 
 
+# -------------------------------------------------------------------- watch over the motion
+
+LINEAR_DELTA = REPOSITORY / "configs/linear-delta"
+# Straight lines and arcs that run into each other without a bend, near the edge of the plate, where
+# some carriages are nearly twice as fast as the nozzle.
+ROUND_THE_PLATE = ["G90 G94 G64 P0.01", "F12000"] + 2 * [
+    "G1 X40", "G3 X78 Y-40 J38", "G1 Y40", "G3 X40 Y78 I-38", "G1 X-40", "G3 X-78 Y40 J-38",
+    "G1 Y-40", "G3 X-40 Y-78 I38"] + ["M2"]
+FEED, SLOW_DRIVES = 200, 120  # mm/s; shipped are 100 and 300, enough for every place and direction
+
+
+def fast_delta(out, name, first, more_edits=(), **arguments):
+    """The round on the linear delta with faster axes on slower drives."""
+    edits = [{"section": f"AXIS_{letter}", "key": "MAX_VELOCITY",
+              "lines": [f"MAX_VELOCITY = {FEED}"]} for letter in "XYZ"]
+    edits += [{"section": section, "key": "MAX_LINEAR_VELOCITY",
+               "lines": [f"MAX_LINEAR_VELOCITY = {FEED}"]} for section in ("TRAJ", "DISPLAY")]
+    edits += [{"section": f"JOINT_{n}", "key": "MAX_VELOCITY",
+               "lines": [f"MAX_VELOCITY = {SLOW_DRIVES}"]} for n in range(3)]
+    lines = [first, *ROUND_THE_PLATE]
+    with Session(LINEAR_DELTA, edits=[*edits, *more_edits]) as session:
+        path = session.copy / "programs/round.ngc"
+        path.write_text("\n".join(lines) + "\n")
+        return check(session.run(name, out, 60, start="G1 F3000 X-40 Y-78 Z20", path=str(path),
+                                 lines=len(lines), **arguments))
+
+
+@test
+def guard_off_joints_too_fast_end_in_a_following_error(out):
+    return fast_delta(out, "unguarded", "M52 P0")["reason"]
+
+
+def guarded_round(out, **arguments):
+    found = fast_delta(out, "guarded", "M52 P1", limits=[SLOW_DRIVES] * 3, feed=FEED,
+                       acceleration=1000, **arguments)
+    lost = found["seconds"] / found["least"] - 1
+    # Two per cent are kept of the speed limits. LinuxCNC is slower in arcs than the joints need,
+    # and before an arc the guard sees the straight line go on to where joints are faster.
+    assert lost < 0.15, f"{100 * lost:.1f} % of time lost: {found}"
+    return (f"{found['seconds']:.3f} s, {100 * lost:.1f} % more than the least possible, joints to "
+            f"{found['fastest']:.4f} of their limits, feed scale down to {found['slowest_scale']:.3f}, "
+            f"{found['turns']} turns of the feed scale, monitor {100 * found['monitor_share']:.1f} % "
+            "of a cycle")
+
+
+@test
+def guard_on_the_same_program_runs_to_its_end(out):
+    return guarded_round(out)
+
+
+@test
+def guard_on_the_same_program_runs_to_its_end_in_cycles_of_250_us(out):
+    edit = {"section": "EMCMOT", "key": "SERVO_PERIOD", "lines": ["SERVO_PERIOD = 250000"]}
+    return guarded_round(out, more_edits=[edit], period_ns=250_000)
+
+
+@test
+def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
+    return scenario(HEXAPOD, "stopped_by_guard", out, 120, far="G1 F800 C25", code=-93)["reason"]
+
+
 # -------------------------------------------------------------------- starts that are refused
 
 def refused_start(session, out, names):

@@ -11,6 +11,7 @@ import time
 
 import linuxcnc
 
+import guard
 from machine import AXES, Failure, Machine, Progress, halcmd
 from recorder import Recorder, program_columns
 
@@ -519,6 +520,95 @@ def off_in_a_tool_change(machine: Machine, out, tilt, tool):
     assert moved < AT_REST, f"a joint moved by {moved}"
     goes_on(machine, "G1 F3000 X0 Y0")
     return {"moved": moved}
+
+
+def watched_program(machine, out, start, path, lines, seconds, period_ns):
+    """Runs a program from a start and returns what the watch over its motion was about, cycle by
+    cycle."""
+    columns = [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints]
+    columns += [(letter, f"axis.{letter}.pos-cmd", "float") for letter in "xyz"]
+    columns += [("scale", "pkmkins.feed-scale", "float"), ("soon", "pkmkins.limit-soon", "bit"),
+                ("reason", "pkmkins.limit-reason", "s32"), ("clocks", "pkmkins.monitor.time", "s32"),
+                ("period", "motion.servo.last-period", "u32")]
+    machine.start()
+    machine.mdi(start)
+    recorder = Recorder(machine.component, columns, period_ns)
+    begin = time.monotonic()
+    recorder.start()
+    machine.run_program(path, Progress(out / "progress", lines), seconds)
+    recorder.stop()
+    cycles = (time.monotonic() - begin) / (period_ns * 1e-9)
+    assert recorder.samples() > 0.9 * cycles, f"{recorder.samples()} cycles where {cycles:.0f} were due"
+    recorder.write(out / "guard.csv", len(columns))
+    return recorder
+
+
+def unguarded(machine: Machine, out, start, path, lines):
+    """The program stops with a following error."""
+    machine.start()
+    machine.mdi(start)
+    machine.set_mode(linuxcnc.MODE_AUTO)
+    machine.command.program_open(path)
+    machine.command.auto(linuxcnc.AUTO_RUN, 0)
+    machine.wait(lambda: not machine.is_on(), 30, "machine off by a following error")
+    machine.pause(0.1)
+    told = [text for text in machine.error_texts() if "following error" in text]
+    assert told, f"no following error: {machine.messages}"
+    return {"reason": told[0].strip()}
+
+
+def guarded(machine: Machine, out, start, path, lines, limits, feed, acceleration,
+            period_ns=SERVO_PERIOD_NS):
+    """The program runs to its end, no joint faster than its limit in any cycle, little time lost."""
+    recorder = watched_program(machine, out, start, path, lines, 60, period_ns)
+    expect_quiet(machine)
+    assert machine.stat.adaptive_feed_enabled, "M52 P1 is not in force"
+    joints = list(zip(*(recorder.column(f"j{n}") for n in machine.layout.joints)))
+    places = list(zip(*(recorder.column(letter) for letter in "xyz")))
+    period = period_ns * 1e-9
+    shares = [speed / limit for speed, limit in zip(guard.joint_speeds(joints, period), limits)]
+    kept = guard.moving(places)
+    scales = recorder.column("scale")
+    found = {"seconds": (kept[-1] - kept[0]) * period,
+             "least": guard.least_seconds(places, joints, limits, feed, acceleration),
+             "fastest": max(shares), "slowest_scale": min(scales), "turns": guard.turns(scales),
+             "soon": any(recorder.column("soon")),
+             "monitor_share": statistics.median(recorder.column("clocks"))
+             / statistics.median(recorder.column("period"))}
+    assert max(shares) <= 1, f"a joint ran at {max(shares):.4f} of its limit: {found}"
+    assert found["soon"], "limit-soon was never on"
+    assert min(scales) < 1 and max(scales) == 1, f"the feed was not scaled: {found}"
+    return found
+
+
+def stopped_by_guard(machine: Machine, out, far, code):
+    """Where the legs lose their hold the feed is inhibited, with a message, and the machine stands
+    instead of creeping on. Aborted, it goes back as if nothing had been."""
+    machine.start()
+    machine.mdi("M52 P1")
+    begin = machine.get("pkmkins.conditioning")
+    machine.mdi(far)
+    limit = (begin + machine.get("pkmkins.conditioning")) / 2
+    machine.mdi("G0 X0 Y0 A0 B0 C0")
+    machine.set("pkmkins.conditioning-limit", limit)
+    machine.command.mdi(far)
+    machine.wait(lambda: machine.get("pkmkins.feed-inhibit"), 60, "feed-inhibit")
+    machine.wait(lambda: machine.get("motion.current-vel") == 0, 5, "standstill")
+    hold, watch = machine.get("pkmkins.conditioning"), JointWatch(machine)
+    machine.pause(1)
+    moved = watch.stop()
+    assert moved < AT_REST, f"a joint crept on by {moved}"
+    assert machine.is_on() and machine.get("pkmkins.feed-inhibit") and not machine.is_idle()
+    # The feed is stopped where the share of it that is allowed is the floor, and that is by how much
+    # the hold exceeds its limit there; the feed override that is reckoned with comes on top.
+    most = 1 + machine.get("pkmkins.feed-floor") * machine.get("pkmkins.max-override")
+    assert limit < hold < limit * most * 1.001, f"stands at {hold}, limit {limit}"
+    reasons = reasons_of(machine, code)
+    assert len(reasons) == 1, f"told more than once: {reasons}"
+    machine.command.abort()
+    machine.wait(lambda: not machine.get("pkmkins.feed-inhibit"), 2, "feed free again")
+    goes_on(machine, "G0 C0")
+    return {"reason": reasons[0], "hold": hold, "limit": limit}
 
 
 def weak_drive(machine: Machine, out):

@@ -30,6 +30,9 @@ const MACHINE_KEYS: &[&str] = &[
     "MAX_ERROR",
     "CENTRE",
     "RESIDUAL_LIMIT",
+    "CONDITIONING_LIMIT",
+    "ROD_CLEARANCE",
+    "FEED_FLOOR",
 ];
 
 /// Keys of every kind of leg.
@@ -237,6 +240,7 @@ impl MachineConfig {
         for key in ["MAX_ERROR", "SCREW_LEAD"] {
             ini.numbers::<1>("PKM", key)?;
         }
+        check_guard(ini)?;
         let home = home(ini)?;
         let geometry = geometry(ini, &load, home)?;
         let machine = Machine::freeze(&geometry, &offsets(ini, legs)?)
@@ -562,6 +566,18 @@ fn residual_limit(ini: &Ini) -> Result<f64, IniError> {
         None => Ok(0.0),
         Some(_) => positive(ini, "PKM", "RESIDUAL_LIMIT", None),
     }
+}
+
+/// Keys that only the module's watch over the motion uses.
+fn check_guard(ini: &Ini) -> Result<(), IniError> {
+    positive(ini, "PKM", "ROD_CLEARANCE", Some(1.0))?;
+    for key in ["CONDITIONING_LIMIT", "FEED_FLOOR"] {
+        if positive(ini, "PKM", key, Some(1.0))? > 1.0 {
+            let expected = "expected more than 0 and at most 1";
+            return Err(ini.refuse(ini.require("PKM", key, expected)?, expected));
+        }
+    }
+    Ok(())
 }
 
 fn joint(ini: &Ini, n: usize, load: &Load) -> Result<Joint, IniError> {
