@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The look ahead along a motion: which speed it allows, and that no input makes it careless.
 
-mod common;
-
-use common::machines::declared;
-use common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
-use common::{Case, NO_TOOL, cases, direction, rng, uniform};
+use crate::common::machines::declared;
+use crate::common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
+use crate::common::{Case, NO_TOOL, cases, direction, rng, uniform};
 use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose, Watch};
 use rand_pcg::Pcg64;
 

@@ -2,6 +2,7 @@
 //! All tests of the core from outside in one program: linking it once instead of once a file takes
 //! a fifth of the time.
 
+mod ahead;
 mod bad_input;
 mod certified;
 mod common;
