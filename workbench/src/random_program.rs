@@ -36,7 +36,7 @@ pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result
         pose: config.home,
         tool: Vector3::zeros(),
         time: 0.0,
-        text: format!("(random moves, seed {seed})\nG21 G17 G40 G49 G80 G90 G94 G64\n"),
+        text: format!("(random moves, seed {seed})\nG21 G17 G40 G49 G80 G90 G94 G64\nM52 P1\n"),
     };
     if config.units_per_mm != 1.0 {
         walk.text = walk.text.replace("G21", "G20");
