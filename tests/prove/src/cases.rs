@@ -243,19 +243,23 @@ impl<'a> Search<'a> {
     /// Forward calls that need many solves, and those that fail in every way.
     fn hard(&mut self, wild: &[Pose]) -> Vec<Case> {
         let mut cases = Vec::new();
+        let mut noisy = Vec::new();
         let home = self.subject.home();
         for pose in wild {
             cases.extend(self.edge(&home, pose));
             let (from, to) = ((self.subject.sample)(&mut self.random), *pose);
             cases.extend(self.edge(&from, &to));
-            cases.extend(self.noisy(&from, &home));
+            noisy.extend(self.noisy(&from, &home));
         }
+        // Legs that contradict each other are searched for the wrong one at the end.
+        let contradicting: Vec<Case> = noisy.iter().take(ROWS).cloned().collect();
+        cases.extend(noisy);
         cases.sort_by_key(|case| std::cmp::Reverse(case.solves));
         let apart = cases.len() / HARD;
         let others: Vec<Case> = cases.iter().skip(HARD).step_by(apart).cloned().collect();
         cases.truncate(HARD);
-        let cut: Vec<Case> =
-            cases.iter().take(ROWS).chain(others.iter().take(ROWS)).cloned().collect();
+        let hardest = cases.iter().take(ROWS).chain(others.iter().take(ROWS)).cloned();
+        let cut: Vec<Case> = hardest.chain(contradicting).collect();
         for (n, case) in cut.iter().enumerate() {
             cases.extend(self.row(case, n));
         }
