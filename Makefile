@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check prove counts counts-write bench certify fuzz soak mutants setup module header install uninstall clean
+.PHONY: help demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -30,6 +30,7 @@ help:
 	@echo "make check      formatting, lints, documentation, generated files"
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
 	@echo "make certify    how often forward is right, refuses and errs, as tables"
+	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
@@ -82,6 +83,11 @@ certify: setup module
 	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test core certified:: -- \
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
+
+# Two minutes at most; `make test` proves all but the hexapod's.
+boxes:
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-boxes
+	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm-boxes "$$ini" || exit 1; done
 
 MINUTES := 10
 fuzz: setup

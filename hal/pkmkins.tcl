@@ -6,7 +6,7 @@
 #     [HAL]
 #     HALFILE = LIB:pkmkins.tcl
 #
-# Reads [PKM], [LEG_N], the limits of [JOINT_N], HOME and COORDINATES of [TRAJ], and [KINS]; sets
+# Reads [PKM], [LEG_N], [BOX_K], the limits of [JOINT_N], HOME and COORDINATES of [TRAJ], and [KINS]; sets
 # the pins of the module, connects it to the motion controller (tool offsets, and the feed that the
 # module allows: motion.adaptive-feed, motion.feed-inhibit) and asks for the geometry to be
 # frozen (.apply). Everything is checked before the first pin is set: a file with an error stops
@@ -72,6 +72,15 @@ namespace eval pkmkins {
         MAX_VELOCITY max-velocity  MAX_ACCELERATION max-acceleration
     }
     variable most_iterations 288
+    # Keys of [BOX_K], in the same form, beside a row of numbers for each letter that the legs move.
+    variable box_keys {
+        LOW         {6 low}
+        HIGH        {6 high}
+        STEPS       {1 steps}
+        GEOMETRY    {1 geometry}
+        WEIGHT      {6 ""}
+        CONTRACTION {1 ""}
+    }
 }
 
 proc pkmkins::complain {section key text} {
@@ -200,9 +209,13 @@ proc pkmkins::table_letters {} {
     return [split [string toupper [parameter table ""]] ""]
 }
 
+proc pkmkins::leg_letters {} {
+    return [split [string toupper [parameter coordinates XYZABC]] ""]
+}
+
 # Pose letters that the machine moves: those of the platform and those of the table.
 proc pkmkins::moved_letters {} {
-    return [concat [split [string toupper [parameter coordinates XYZABC]] ""] [table_letters]]
+    return [concat [leg_letters] [table_letters]]
 }
 
 proc pkmkins::check_joints {joints} {
@@ -361,6 +374,51 @@ proc pkmkins::joint_pins {n kind} {
     return $pins
 }
 
+# Number of boxes, from boxes=COUNT; the module has refused what is no such number.
+proc pkmkins::boxes {} {
+    scan [parameter boxes 0] %d count
+    return [expr {[info exists count] ? $count : 0}]
+}
+
+proc pkmkins::check_boxes_present {} {
+    foreach name [lsort [info globals BOX_*]] {
+        if {![regexp {^BOX_(0|[1-9][0-9]*)$} $name -> k] || $k >= [boxes]} {
+            complain $name "" "is one too many: \[KINS\]KINEMATICS has boxes=[boxes]"
+        }
+    }
+}
+
+# Pins of the box K, over which `pkm-boxes` has proved the kinematics to be one-to-one.
+proc pkmkins::box_pins {k legs} {
+    variable box_keys
+    set section BOX_$k
+    set known [dict keys $box_keys]
+    foreach letter [leg_letters] { lappend known ROW_$letter }
+    check_keys $section $known
+    set pins {}
+    dict for {key form} $box_keys {
+        lassign $form count pin
+        set words [numbers $section $key $count $count]
+        if {![llength $words] || $pin eq ""} { continue }
+        if {$count == 6} {
+            foreach letter {x y z a b c} word $words { lappend pins box.$k.$pin.$letter $word }
+            continue
+        }
+        if {![regexp {^[0-9]+$} $words]} {
+            complain $section $key "= \"$words\": expected a whole number without sign"
+        }
+        lappend pins box.$k.$pin $words
+    }
+    foreach letter [leg_letters] {
+        set n 0
+        foreach word [numbers $section ROW_$letter $legs $legs] {
+            lappend pins box.$k.matrix.[string tolower $letter].$n $word
+            incr n
+        }
+    }
+    return $pins
+}
+
 # Reference pose. LinuxCNC 2.9 takes the angles of HOME as 0 whatever the file says, so that
 # a tilted HOME would be another pose there than the one the geometry was measured at.
 proc pkmkins::home_pins {} {
@@ -435,6 +493,8 @@ proc pkmkins::read_ini {} {
     for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n [lindex $kinds $n]] }
     lappend pins {*}[home_pins] {*}[planner_pins]
     check_feed_inhibit
+    check_boxes_present
+    for {set k 0} {$k < [boxes]} {incr k} { lappend pins {*}[box_pins $k [llength $kinds]] }
     if {[llength $errors]} { stop }
     set pins [resolve_leads $pins $kinds]
     check_pins $pins

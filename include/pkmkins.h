@@ -139,6 +139,16 @@ enum pkmkins_cause {
   PKMKINS_HELD_B = -84,
   // the pose asks for C, which this machine holds at 0.
   PKMKINS_HELD_C = -85,
+  // the pose of the joint values is being searched for.
+  PKMKINS_SEARCHING = -100,
+  // the joint values belong to no pose in the boxes of the workspace.
+  PKMKINS_OUTSIDE_BOXES = -101,
+  // two poses are legal for these joint values (their distance is shown): the joints alone cannot tell which.
+  PKMKINS_TWO_POSES = -102,
+  // a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0).
+  PKMKINS_BOX_INVALID = -103,
+  // a box of the workspace was proved for another geometry (its number is shown unless it is 0).
+  PKMKINS_BOX_OF_OTHER = -104,
 };
 
 

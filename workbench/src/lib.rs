@@ -2,11 +2,15 @@
 //! Host side of pkmkins: the machine as its INI file describes it, programs replayed
 //! through the kinematics, and traces of running machines judged and drawn.
 
+pub mod boxes;
 pub mod case;
+pub mod choose;
 pub mod ini;
 pub mod interpreter;
+pub mod jet;
 pub mod machine;
 pub mod mobility;
+pub mod one_to_one;
 pub mod path;
 pub mod plots;
 pub mod random_program;

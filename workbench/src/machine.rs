@@ -4,6 +4,7 @@
 //!
 //! The rules are those of hal/pkmkins.tcl; tests/ini/cases.toml holds both to one list.
 
+use crate::boxes::{self, BoxSection};
 use crate::ini::{Entry, Ini, IniError};
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
@@ -19,8 +20,9 @@ const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS
 /// of emccfg.h), machine units or degrees per second.
 const AXIS_VELOCITY: f64 = 1.0;
 
-/// Load parameters of the module, in the order that [`Load::parse`] takes them.
-const PARAMETERS: [&str; 3] = ["legs", "coordinates", "table"];
+/// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
+/// one is that of [`Load::with_boxes`].
+const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
 
 const MACHINE_KEYS: &[&str] = &[
     "SCREW_LEAD",
@@ -214,6 +216,8 @@ pub struct MachineConfig {
     pub period: f64,
     /// What the interpreter needs.
     pub program: Program,
+    /// `[BOX_K]`: boxes for the start without a seed.
+    pub boxes: Vec<BoxSection>,
 }
 
 impl MachineConfig {
@@ -245,6 +249,9 @@ impl MachineConfig {
         let geometry = geometry(ini, &load, home)?;
         let machine = Machine::freeze(&geometry, &offsets(ini, legs)?)
             .map_err(|fault| MachineError::Geometry(ini.file().into(), fault))?;
+        let boxes = boxes::read(ini, &load)?;
+        boxes::check(&boxes, &geometry)
+            .map_err(|fault| MachineError::Geometry(ini.file().into(), fault))?;
         let speed = |key| positive(ini, "TRAJ", key, Some(f64::INFINITY));
         Ok(Self {
             file: ini.file().into(),
@@ -262,6 +269,7 @@ impl MachineConfig {
             max_angular_velocity: speed("MAX_ANGULAR_VELOCITY")?,
             period: positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6))? * 1e-9,
             program: program(ini),
+            boxes,
         })
     }
 
@@ -369,14 +377,13 @@ fn each<T>(count: usize, value: impl Fn(usize) -> Result<T, IniError>) -> Result
 
 /// The load parameters in `[KINS]KINEMATICS`.
 fn load(ini: &Ini) -> Result<Load, IniError> {
-    let expected =
-        "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS]";
+    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]";
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    let mut given: [Option<&[u8]>; 3] = [None; 3];
+    let mut given: [Option<&[u8]>; 4] = [None; 4];
     for word in words {
         let place = word
             .split_once('=')
@@ -392,8 +399,9 @@ fn load(ini: &Ini) -> Result<Load, IniError> {
         }
         given[place] = Some(text.as_bytes());
     }
-    let [legs, coordinates, table] = given;
+    let [legs, coordinates, table, boxes] = given;
     Load::parse(legs, coordinates, table)
+        .and_then(|load| load.with_boxes(boxes))
         .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
 }
 

@@ -15,6 +15,7 @@
 #![forbid(unsafe_code)]
 
 mod ahead;
+mod boxes;
 mod certificate;
 mod fault;
 mod forward;
@@ -34,6 +35,10 @@ mod text;
 mod watch;
 
 pub use ahead::{Limits, Motion, Outlook, Planner};
+pub use boxes::{
+    BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
+    WorkspaceBox,
+};
 pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};

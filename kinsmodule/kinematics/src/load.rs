@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS`.
 
+use crate::boxes::MAX_BOXES;
 use crate::layout::{Layout, Letters, MAX_LEGS};
 use crate::leg::Kind;
 
@@ -10,6 +11,7 @@ pub struct Load {
     kinds: [Kind; MAX_LEGS],
     /// Numbers and letters.
     pub layout: Layout,
+    boxes: usize,
 }
 
 /// Why load parameters are refused.
@@ -29,6 +31,8 @@ pub enum LoadError {
     TableWrong,
     /// A letter in both `coordinates` and `table`.
     LetterTwice,
+    /// `boxes` is no number from 0 to [`MAX_BOXES`].
+    BoxesWrong,
 }
 
 impl LoadError {
@@ -51,6 +55,7 @@ impl LoadError {
             Self::LetterTwice => {
                 "a letter stands in coordinates= and in table=: either the platform moves it, or the table"
             }
+            Self::BoxesWrong => "boxes= must be a number from 0 to 8",
         }
     }
 }
@@ -72,7 +77,24 @@ impl Load {
             Some(text) => Letters::parse(text).ok_or(LoadError::CoordinatesWrong)?,
         };
         let table = Letters::parse(table.unwrap_or(b"")).ok_or(LoadError::TableWrong)?;
-        Ok(Self { kinds, layout: Layout::new(count, coordinates, table)? })
+        Ok(Self { kinds, layout: Layout::new(count, coordinates, table)?, boxes: 0 })
+    }
+
+    /// With as many boxes of the workspace as `text` says; `None` or empty = none.
+    ///
+    /// # Errors
+    /// [`LoadError::BoxesWrong`].
+    pub fn with_boxes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
+        let boxes = match given(text) {
+            None => 0,
+            Some(text) => number(text).filter(|n| *n <= MAX_BOXES).ok_or(LoadError::BoxesWrong)?,
+        };
+        Ok(Self { boxes, ..self })
+    }
+
+    /// Number of boxes for the start without a seed.
+    pub fn boxes(&self) -> usize {
+        self.boxes
     }
 
     /// Kind of every leg, in joint order.
@@ -142,6 +164,17 @@ mod tests {
         let hybrid = hybrid.unwrap();
         assert_eq!(hybrid.kinds(), [Kind::Strut, Kind::Slider, Kind::Slider, Kind::Crank]);
         assert_eq!(hybrid.layout.joints(), 6);
+    }
+
+    #[test]
+    fn boxes_are_counted_from_none_to_eight() {
+        let hexapod = legs("").unwrap();
+        for (text, boxes) in [(None, 0), (Some(&b""[..]), 0), (Some(b"1"), 1), (Some(b"8"), 8)] {
+            assert_eq!(hexapod.with_boxes(text).unwrap().boxes(), boxes);
+        }
+        for text in [&b"9"[..], b"-1", b"one", b"1.5"] {
+            assert_eq!(hexapod.with_boxes(Some(text)), Err(LoadError::BoxesWrong));
+        }
     }
 
     #[test]

@@ -358,9 +358,11 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
 /// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_main() -> c_int {
-    let parameters = [&load::LEGS, &load::COORDINATES, &load::TABLE].map(|p| p.text());
-    let [legs, coordinates, table] = parameters.map(|text| text.map(CStr::to_bytes));
-    let load = match Load::parse(legs, coordinates, table) {
+    let parameters =
+        [&load::LEGS, &load::COORDINATES, &load::TABLE, &load::BOXES].map(|p| p.text());
+    let [legs, coordinates, table, boxes] = parameters.map(|text| text.map(CStr::to_bytes));
+    let load = Load::parse(legs, coordinates, table).and_then(|load| load.with_boxes(boxes));
+    let load = match load {
         Ok(load) => load,
         Err(error) => {
             refuse_load(error, parameters);
@@ -423,8 +425,9 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
     component.ready()
 }
 
-fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 3]) {
-    let [legs, coordinates, table] = parameters.map(|text| text.map_or(&[][..], CStr::to_bytes));
+fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 4]) {
+    let [legs, coordinates, table, boxes] =
+        parameters.map(|text| text.map_or(&[][..], CStr::to_bytes));
     print_error(&text![
         "pkmkins: refused legs=",
         legs,
@@ -432,6 +435,8 @@ fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 3]) {
         coordinates,
         " table=",
         table,
+        " boxes=",
+        boxes,
         ": ",
         error.text(),
     ]);

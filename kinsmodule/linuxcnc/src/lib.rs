@@ -16,6 +16,7 @@ mod hal;
 mod load;
 mod module;
 mod pins;
+mod start;
 mod tool;
 
 unsafe extern "C" {

@@ -72,6 +72,15 @@ string_parameter!(
     c"serial axes under the workpiece, some of X Y Z"
 );
 
+string_parameter!(
+    boxes,
+    BOXES,
+    rtapi_info_address_boxes,
+    rtapi_info_type_boxes,
+    rtapi_info_description_boxes,
+    c"number of workspace boxes in which a start without a seed searches"
+);
+
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 static rtapi_info_license: Shared<*const c_char> = Shared(c"GPL".as_ptr());

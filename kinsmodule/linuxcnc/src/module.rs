@@ -5,6 +5,7 @@
 use crate::guard::{Guard, Scene};
 use crate::hal::{clocks, print_error};
 use crate::pins::{Given, Pins};
+use crate::start::Start;
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
     Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
@@ -88,6 +89,8 @@ pub struct Module {
     last_pose: Option<Pose>,
     /// Whether `.machine-on` was ever true: only then does false mean that it is off.
     machine_was_on: bool,
+    /// The start without a seed.
+    start: Start,
     report: Report,
     guard: Guard,
 }
@@ -108,6 +111,7 @@ impl Module {
             switched_back: false,
             last_pose: None,
             machine_was_on: false,
+            start: Start::new(),
             report: Report { monitored: false, pending: None, told: [None; MOST_TOLD], quiet: 0 },
             guard: Guard::new(),
         }
@@ -153,6 +157,7 @@ impl Module {
     }
 
     fn pose_at(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+        self.forget_before_homing();
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
@@ -161,6 +166,7 @@ impl Module {
             return Err(Cause::NotHomed.into());
         }
         self.pins.fwd_kins_fail.set(result.is_err());
+        self.show_start();
         if let Ok(solution) = &result {
             self.remember(address, solution.pose);
             self.show(solution);
@@ -169,7 +175,26 @@ impl Module {
             self.watch_geometry();
             self.show_assembly();
         }
+        if let Err(fault) = &result
+            && fault.cause == Cause::Searching
+        {
+            return Err(*fault);
+        }
         Ok(self.recorded(result)?.pose)
+    }
+
+    /// Drops what was known of the pose when joints had to be homed in between.
+    fn forget_before_homing(&mut self) {
+        if self.start.resumes() {
+            self.callers = [None; CALLERS];
+            self.last_pose = None;
+        }
+    }
+
+    fn show_start(&self) {
+        if self.start.has_boxes() {
+            self.pins.show_searching(self.start.is_searching());
+        }
     }
 
     /// Pose of the joints for the tool frame: no state changes, no fault is recorded.
@@ -217,6 +242,7 @@ impl Module {
 
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
     pub fn identity_forward(&mut self, joints: &Joints) -> Result<[f64; 6], Fault> {
+        self.start.resumes();
         let result = self.identity_pose(joints);
         self.pins.fwd_kins_fail.set(result.is_err());
         let pose = self.recorded(result)?;
@@ -281,6 +307,7 @@ impl Module {
     /// about faults.
     pub fn monitor(&mut self, seconds: f64) {
         self.report.monitored = true;
+        self.start.count_cycle();
         self.watch_apply();
         self.watch_reset();
         self.advance_tool(seconds);
@@ -346,10 +373,14 @@ impl Module {
     /// Takes the geometry of the pins, or leaves the last good one in force.
     fn freeze(&mut self) -> Result<(), Fault> {
         let given = self.pins.given(&self.load);
-        let checked = given.checked();
+        let hash = given.geometry.hash();
+        let checked = given.checked().and_then(|machine| {
+            self.start.freeze(self.pins, &self.load, hash)?;
+            Ok(machine)
+        });
         self.pins.geometry_ok.set(checked.is_ok());
         let machine = checked?;
-        self.pins.geometry_hash.set(given.geometry.hash());
+        self.pins.geometry_hash.set(hash);
         self.pins.geometry_changed.set(false);
         let tool = self.pins.tool(given.spindle_offset);
         if machine.check_tool(&tool).is_ok() {
@@ -479,8 +510,21 @@ impl Module {
 
     fn solved(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Solution, Fault> {
         self.retool_for_forward()?;
-        let (seed, tool) = (self.seed_for(seed, address)?, self.tool.offset());
+        let tool = self.tool.offset();
+        let seed = match self.searched(joints, &tool) {
+            Some(found) => found?,
+            None => self.seed_for(seed, address)?,
+        };
         self.frozen()?.machine.forward(joints, &seed, &tool, &self.pins.solver())
+    }
+
+    /// The pose to start from where none is known, if there are boxes to search it in.
+    fn searched(&mut self, joints: &Joints, tool: &Vector3<f64>) -> Option<Result<Pose, Fault>> {
+        if self.last_pose.is_some() || is_zero(joints) || !self.start.has_boxes() {
+            return None;
+        }
+        let machine = &self.frozen.as_ref()?.machine;
+        Some(self.start.seed(machine, joints, tool, &self.pins.solver()))
     }
 
     /// The pose to start from: LinuxCNC's, unless that is none.
@@ -489,6 +533,8 @@ impl Module {
         let stale = caller.map_or(self.switched_back, |c| c.seed_is_stale);
         let known = caller.map(|c| c.pose).or(self.last_pose);
         match known {
+            // With boxes, a caller not yet known hands over [TRAJ]HOME, not a pose it was told.
+            Some(pose) if caller.is_none() && self.start.has_boxes() => Ok(pose),
             Some(pose) if stale || !seed.is_finite() => Ok(pose),
             None if !seed.is_finite() => self.reference().ok_or(Cause::SeedMissing.into()),
             _ => Ok(*seed),

@@ -9,8 +9,8 @@ use crate::hal::{Component, Direction, HalError, Name, Pin};
 use crate::tool::JointLimits;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Fault, Geometry, Joints, LegGeometry, LegKind, Load, MAX_JOINTS, MAX_LEGS, Machine, Method,
-    PerLeg, Solver, Vector3, text,
+    Fault, Geometry, Joints, Layout, LegGeometry, LegKind, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS,
+    Machine, Method, PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -66,11 +66,24 @@ pub struct JointPins {
     max_acceleration: Pin<f64>,
 }
 
+/// Pins of one box of the workspace; those beyond `boxes=` are not made and never read.
+#[repr(C)]
+pub struct BoxPins {
+    low: Pose6,
+    high: Pose6,
+    /// Rows of the coordinates X … C, one pin a leg.
+    matrix: [[Pin<f64>; MAX_LEGS]; 6],
+    steps: Pin<u32>,
+    geometry: Pin<u32>,
+}
+
 /// All pins; stands in HAL memory.
 #[repr(C)]
 pub struct Pins {
     legs: [LegPins; MAX_LEGS],
     joints: [JointPins; MAX_JOINTS],
+    boxes: [BoxPins; MAX_BOXES],
+    searching: Pin<bool>,
     screw_lead: Pin<f64>,
     home: Pose6,
     centre: Vector,
@@ -252,6 +265,40 @@ impl JointPins {
     }
 }
 
+impl BoxPins {
+    fn create(&mut self, make: &Maker, k: usize, load: &Load) -> Result<(), HalError> {
+        use Direction::In;
+        make.letters(&mut self.low, In, text!["pkmkins.box.", k, ".low."], [0.0; 6])?;
+        make.letters(&mut self.high, In, text!["pkmkins.box.", k, ".high."], [0.0; 6])?;
+        for letter in load.layout.coordinates().as_slice() {
+            let row = letter.index().min(5);
+            for (n, pin) in self.matrix[row].iter_mut().enumerate().take(load.layout.legs()) {
+                let name = text!["pkmkins.box.", k, ".matrix.", LETTERS[row], ".", n];
+                make.one(pin, In, name, 0.0)?;
+            }
+        }
+        make.one(&mut self.steps, In, text!["pkmkins.box.", k, ".steps"], 0)?;
+        make.one(&mut self.geometry, In, text!["pkmkins.box.", k, ".geometry"], 0)
+    }
+
+    fn given(&self, layout: &Layout) -> WorkspaceBox {
+        let mut given = WorkspaceBox {
+            low: read(&self.low),
+            high: read(&self.high),
+            steps: self.steps.get(),
+            ..WorkspaceBox::EMPTY
+        };
+        for letter in layout.coordinates().as_slice() {
+            let row = letter.index().min(5);
+            let places = given.matrix[row].iter_mut().zip(&self.matrix[row]);
+            for (place, pin) in places.take(layout.legs()) {
+                *place = pin.get();
+            }
+        }
+        given
+    }
+}
+
 impl Pins {
     /// Makes all pins; `self` must stand in memory from [`Component::allocate`].
     pub fn create(&mut self, component: Component, load: &Load) -> Result<(), HalError> {
@@ -261,6 +308,13 @@ impl Pins {
         }
         for (n, joint) in self.joints.iter_mut().enumerate().take(load.layout.joints()) {
             joint.create(&make, n)?;
+        }
+        for (k, pins) in self.boxes.iter_mut().enumerate().take(load.boxes()) {
+            pins.create(&make, k, load)?;
+        }
+        if load.boxes() > 0 {
+            let searching = &mut self.searching;
+            make.one(searching, Direction::Out, text!["pkmkins.searching"], false)?;
         }
         self.create_inputs(&make)?;
         self.create_outputs(&make)?;
@@ -330,6 +384,12 @@ impl Pins {
             *value = leg.offset.get();
         }
         Given { geometry, offset, spindle_offset: self.spindle_offset.get() }
+    }
+
+    /// Box `k` of the workspace as the pins give it now, and the hash of its geometry.
+    pub fn workspace_box(&self, k: usize, layout: &Layout) -> (WorkspaceBox, u32) {
+        let pins = &self.boxes[k.min(MAX_BOXES - 1)];
+        (pins.given(layout), pins.geometry.get())
     }
 
     /// The tool vector o that is asked for, with the spindle offset in force.
@@ -412,6 +472,11 @@ impl Pins {
                 leg.correction.set(*value);
             }
         }
+    }
+
+    /// Only a module with boxes has the pin.
+    pub fn show_searching(&self, searching: bool) {
+        self.searching.set(searching);
     }
 
     pub fn show_tool(&self, tool: &Vector3<f64>) {

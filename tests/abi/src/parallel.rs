@@ -191,8 +191,16 @@ impl Parallel {
 
     /// A module loaded for this machine, nothing on its pins yet.
     pub fn loaded(&self) -> Module {
+        self.loaded_with_boxes(0)
+    }
+
+    /// The same with boxes for the start without a seed.
+    pub fn loaded_with_boxes(&self, boxes: usize) -> Module {
         let parameters = self.parameters();
-        Module::pkmkins(&parameters.each_ref().map(|(name, value)| (*name, value.as_str())))
+        let boxes = boxes.to_string();
+        let mut all = vec![("boxes", boxes.as_str())];
+        all.extend(parameters.iter().map(|(name, value)| (*name, value.as_str())));
+        Module::pkmkins(&all)
     }
 
     /// A module with this machine on its pins and applied.

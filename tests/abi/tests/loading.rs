@@ -30,6 +30,8 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("coordinates", "X YZ", "X YZ"),
     ("table", "XY", "table"),
     ("table", "Q", "table"),
+    ("boxes", "9", "boxes=9"),
+    ("boxes", "many", "boxes=many"),
 ];
 
 /// Parameters that do not fit together, and words the refusal has to contain: what was
@@ -172,7 +174,7 @@ fn the_module_is_of_type_both_and_switchable() {
 fn parameters_and_licence_are_described_for_rtapi_app() {
     let module = Module::pkmkins(&[]);
     assert_eq!(module.text("rtapi_info_license").as_deref(), Some("GPL"));
-    for parameter in ["legs", "coordinates", "table"] {
+    for parameter in ["legs", "coordinates", "table", "boxes"] {
         let kind = module.text(&format!("rtapi_info_type_{parameter}"));
         assert_eq!(kind.as_deref(), Some("s"), "{parameter}");
         let description = module.text(&format!("rtapi_info_description_{parameter}"));

@@ -39,10 +39,11 @@ fn request(number: u64, argument: u64) {
 }
 
 /// Counts what the module does in `call`; calls are numbered as they come.
-pub fn counted<T>(call: impl FnOnce() -> T) {
+pub fn counted<T>(call: impl FnOnce() -> T) -> T {
     request(MONITOR_COMMAND, c"status internal".as_ptr() as u64);
-    call();
+    let result = call();
     request(MONITOR_COMMAND, c"status internal".as_ptr() as u64);
+    result
 }
 
 /// Runs this program again under callgrind with these arguments; the counts of all calls.

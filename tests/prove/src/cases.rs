@@ -26,6 +26,8 @@ pub enum Call {
     Applying,
     /// `kinematicsInverse` as the call that freezes the geometry.
     Freezing,
+    /// `kinematicsForward` that searches a box with all steps it may make, to no end.
+    Searching,
 }
 
 /// What a call is counted for.
@@ -61,6 +63,9 @@ pub struct Case {
 
 /// Poses a function is asked for in the usual case.
 const TYPICAL: usize = 31;
+
+/// Searches a machine: their steps differ by little.
+const SEARCHES: usize = 4;
 
 /// Wild poses a machine, and pairs of poses with nothing in common.
 const WILD: usize = 80;
@@ -105,6 +110,30 @@ pub fn unmonitored(subject: &Subject) -> Module {
     module
 }
 
+/// A machine with a box about home whose steps are so short that they lead nowhere.
+pub fn searching(subject: &Subject) -> Module {
+    let machine = &subject.machine;
+    let hash = machine.module().get("geometry-hash");
+    let module = machine.loaded_with_boxes(1);
+    let home = subject.home();
+    for (i, letter) in ["x", "y", "z", "a", "b", "c"].into_iter().enumerate() {
+        if !module.has(&format!("box.0.matrix.{letter}.0")) {
+            continue;
+        }
+        let half = if i < 3 { 0.02 * machine.size() } else { 3.0 };
+        module.set(&format!("box.0.low.{letter}"), home[i] - half);
+        module.set(&format!("box.0.high.{letter}"), home[i] + half);
+        for n in 0..machine.legs.len() {
+            let sign = if (i + n) % 2 == 0 { 1.0 } else { -1.0 };
+            module.set(&format!("box.0.matrix.{letter}.{n}"), sign * 1e-6);
+        }
+    }
+    module.set("box.0.steps", 4096.0);
+    module.set("box.0.geometry", hash);
+    assert!(machine.apply(&module), "{:?}", module.messages());
+    module
+}
+
 /// All calls of all machines; the same every time.
 pub fn all(machines: &[Subject]) -> Vec<Case> {
     machines.iter().enumerate().flat_map(|(i, subject)| Search::new(i, subject).cases()).collect()
@@ -135,6 +164,12 @@ impl<'a> Search<'a> {
         for _ in 0..CHANGES {
             let pose = (self.subject.sample)(&mut self.random);
             cases.extend(self.change(Aim::Typical, pose));
+        }
+        let mut random = Random::new(92);
+        for _ in 0..SEARCHES {
+            let pose = (self.subject.sample)(&mut random);
+            let joints = self.module.inverse(&pose).expect("a pose of the workspace");
+            cases.push(Case { joints, ..self.case(Call::Searching, Aim::Worst, pose) });
         }
         let wild = self.wild();
         for pose in &wild {
@@ -345,7 +380,7 @@ impl<'a> Search<'a> {
     }
 }
 
-const CALLS: [Call; 7] = [
+const CALLS: [Call; 8] = [
     Call::Inverse,
     Call::Forward,
     Call::Jacobian,
@@ -353,6 +388,7 @@ const CALLS: [Call; 7] = [
     Call::ToolChange,
     Call::Applying,
     Call::Freezing,
+    Call::Searching,
 ];
 
 impl Case {

@@ -11,9 +11,9 @@
 
 use abi_tests::module::Module;
 use abi_tests::subjects::Subject;
-use kinematics::MAX_ITERATIONS;
+use kinematics::{Cause, MAX_ITERATIONS};
 use prove::callgrind::{counted, run};
-use prove::cases::{Aim, Call, Case, all, machines, unmonitored};
+use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
 use prove::monitored::{change_tool, make_busy, move_on};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -200,7 +200,9 @@ fn make(case: &Case, subject: &Subject, module: &Module) {
             let mut world = case.pose;
             counted(|| module.forward_into(&case.joints, &mut world));
         }
-        Call::Jacobian => counted(|| module.jacobian(&case.joints, &case.pose)),
+        Call::Jacobian => {
+            let _ = counted(|| module.jacobian(&case.joints, &case.pose));
+        }
         Call::Monitor => {
             move_on(case, subject, module);
             counted(|| module.monitor());
@@ -218,6 +220,11 @@ fn make(case: &Case, subject: &Subject, module: &Module) {
             subject.machine.wire(&module);
             let mut joints = [0.0; 16];
             counted(|| module.inverse_into(&case.pose, &mut joints));
+        }
+        Call::Searching => {
+            let (module, mut world) = (searching(subject), subject.home());
+            let code = counted(|| module.forward_into(&case.joints, &mut world));
+            assert_eq!(code, Cause::Searching.code(), "the search ends early");
         }
     }
 }
@@ -309,6 +316,7 @@ fn name(call: Call) -> &'static str {
         Call::ToolChange => "monitor, tool change",
         Call::Applying => "monitor that freezes",
         Call::Freezing => "inverse that freezes",
+        Call::Searching => "forward that searches",
     }
 }
 

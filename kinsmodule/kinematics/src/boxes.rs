@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Start without a seed: the pose of joint values by boxes of poses on which inverse
+//! kinematics are one-to-one.
+//!
+//! A [`WorkspaceBox`] B comes with a matrix M and the proof, made on the host, that in a
+//! scaled Euclidean norm ‖1 − M J(X)‖ ≤ c < 1 for every pose X of B, J = ∂q/∂X. Then for
+//! any joint values q
+//!
+//! ```text
+//! X ← P(X − M (inverse(X) − q)),   P: each coordinate clamped to B
+//! ```
+//!
+//! contracts by c (to clamp shortens no distance), so that it runs from everywhere to one
+//! pose X*. A pose in B with these joints does not move: it is X*, and there is no other
+//! one in B. If X* would still be moved outwards, B holds none. Either way B has answered
+//! after a number of steps that c gives beforehand (Banach).
+//!
+//! The boxes are asked one after the other, so many steps a call. All must have answered:
+//! two boxes may hold a pose each, and then the joints alone cannot tell.
+//!
+//! Poses of boxes are those without tool and spindle offset, which move no leg.
+
+use crate::fault::{Cause, Fault};
+use crate::forward::Solver;
+use crate::layout::{Joints, MAX_LEGS};
+use crate::machine::Machine;
+use crate::pose::Pose;
+use nalgebra::Vector3;
+
+/// Most boxes of a machine.
+pub const MAX_BOXES: usize = 8;
+
+/// Most steps that a box may need: c up to 0.995.
+pub const MAX_BOX_STEPS: u32 = 4096;
+
+/// Steps of one call of [`Machine::search`], in all boxes together: each costs one inverse,
+/// so that a call costs less than forward itself may. Most searches end within one call,
+/// which matters: LinuxCNC enters world mode right after homing, and asks for the pose then.
+pub const STEPS_PER_CALL: u32 = 384;
+
+/// Most linear solves for the exact pose in a box: Newton's method doubles the six digits
+/// that the steps leave.
+const REFINING: u32 = 12;
+
+/// How near to X* the steps of a box lead, as a share of its widths: what is left to the
+/// certified forward, and the slack at the faces of the box.
+pub const BOX_TOLERANCE: f64 = 1e-6;
+
+/// A step shorter than this share of the widths is the last one.
+pub const LAST_STEP: f64 = 1e-11;
+
+/// A box of poses on which inverse kinematics were proved to be one-to-one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorkspaceBox {
+    /// Lowest X … C of the control point without tool: machine units, degrees. Both ends
+    /// of coordinates that the legs do not move are 0.
+    pub low: [f64; 6],
+    /// Highest X … C.
+    pub high: [f64; 6],
+    /// M: pose coordinates (degrees) per joint unit, one row a coordinate.
+    pub matrix: [[f64; MAX_LEGS]; 6],
+    /// Steps after which the end is near enough from anywhere, 1 to [`MAX_BOX_STEPS`].
+    pub steps: u32,
+}
+
+impl WorkspaceBox {
+    /// A box that holds nothing.
+    pub const EMPTY: Self =
+        Self { low: [0.0; 6], high: [0.0; 6], matrix: [[0.0; MAX_LEGS]; 6], steps: 1 };
+
+    /// Whether its numbers can be computed with: what is proved about them, only the host
+    /// can tell.
+    pub fn is_valid(&self) -> bool {
+        let ends = self.low.iter().zip(&self.high);
+        ends.clone().all(|(low, high)| low <= high && low.is_finite() && high.is_finite())
+            && self.matrix.iter().flatten().all(|m| m.is_finite())
+            && (1..=MAX_BOX_STEPS).contains(&self.steps)
+    }
+
+    /// Its middle.
+    fn middle(&self) -> [f64; 6] {
+        core::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
+    }
+
+    /// Width of coordinate `k`.
+    fn width(&self, k: usize) -> f64 {
+        self.high[k] - self.low[k]
+    }
+
+    /// Whether the pose is in the box, give or take the tolerance.
+    pub fn holds(&self, pose: &Pose) -> bool {
+        let pose = pose.to_degrees();
+        (0..6).all(|k| {
+            let slack = 2.0 * BOX_TOLERANCE * self.width(k);
+            pose[k] >= self.low[k] - slack && pose[k] <= self.high[k] + slack
+        })
+    }
+}
+
+/// A search that may take several calls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Search {
+    joints: Joints,
+    /// Number of the box being asked.
+    index: usize,
+    /// Where the steps have led within it.
+    at: [f64; 6],
+    /// Steps taken within it.
+    steps: u32,
+    /// Pose without tool that a box has answered with.
+    found: Option<Pose>,
+}
+
+/// What [`Machine::search`] answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// Not yet done: call again.
+    Searching(Search),
+    /// The one pose in the boxes.
+    Found(Pose),
+}
+
+/// Where a box stands after some steps.
+enum Answer {
+    Open,
+    Absent,
+    Present(Pose),
+}
+
+impl Search {
+    /// For the pose of `joints`.
+    pub fn new(joints: &Joints, boxes: &[WorkspaceBox]) -> Self {
+        let at = boxes.first().map_or([0.0; 6], WorkspaceBox::middle);
+        Self { joints: *joints, index: 0, at, steps: 0, found: None }
+    }
+}
+
+impl Machine {
+    /// Goes on with a search, by at most [`STEPS_PER_CALL`] steps.
+    ///
+    /// The pose found is that of the control point with the tool vector `tool`. It is
+    /// exact, and proved to be the only one in the boxes, as far as these were proved for
+    /// this geometry.
+    ///
+    /// # Errors
+    /// [`Cause::OutsideBoxes`], [`Cause::TwoPoses`] or a joint that is not finite; also
+    /// what inverse or forward refuse within a box.
+    pub fn search(
+        &self,
+        mut search: Search,
+        boxes: &[WorkspaceBox],
+        tool: &Vector3<f64>,
+        solver: &Solver,
+    ) -> Result<Progress, Fault> {
+        if let Some((i, value)) = search.joints.iter().enumerate().find(|(_, v)| !v.is_finite()) {
+            return Err(Fault::of_leg(Cause::JointNotFinite, i, *value));
+        }
+        let mut allowed = STEPS_PER_CALL;
+        for asked in boxes.iter().skip(search.index).take(MAX_BOXES) {
+            match self.ask(asked, &mut search, &mut allowed, solver)? {
+                Answer::Open => return Ok(Progress::Searching(search)),
+                Answer::Absent => {}
+                Answer::Present(pose) => search.add(&pose, self)?,
+            }
+            search.go_on(boxes);
+        }
+        search.ended(tool)
+    }
+
+    /// Steps within one box, as many as are still allowed.
+    fn ask(
+        &self,
+        asked: &WorkspaceBox,
+        search: &mut Search,
+        allowed: &mut u32,
+        solver: &Solver,
+    ) -> Result<Answer, Fault> {
+        for _ in 0..STEPS_PER_CALL {
+            if *allowed == 0 {
+                break;
+            }
+            *allowed -= 1;
+            let step = self.box_step(asked, search)?;
+            let mut moved = false;
+            for k in 0..6 {
+                let before = search.at[k];
+                search.at[k] = (before + step[k]).clamp_to(asked.low[k], asked.high[k]);
+                moved |= (search.at[k] - before).abs() > LAST_STEP * asked.width(k);
+            }
+            search.steps += 1;
+            if moved && search.steps < asked.steps {
+                continue;
+            }
+            let still = (0..6).all(|k| step[k].abs() <= BOX_TOLERANCE * asked.width(k));
+            if !still {
+                return Ok(Answer::Absent);
+            }
+            return self.refined(asked, search, solver);
+        }
+        Ok(Answer::Open)
+    }
+
+    /// −M (inverse(X) − q).
+    fn box_step(&self, asked: &WorkspaceBox, search: &Search) -> Result<[f64; 6], Fault> {
+        let joints = self.inverse(&Pose::from_degrees(search.at), &Vector3::zeros())?;
+        let mut step = [0.0; 6];
+        for (step, row) in step.iter_mut().zip(&asked.matrix) {
+            let legs = joints.iter().zip(&search.joints).take(self.layout().legs());
+            for ((joint, wanted), m) in legs.zip(row) {
+                *step -= m * (joint - wanted);
+            }
+        }
+        Ok(step)
+    }
+
+    /// The exact pose where the steps have led to, if it is in the box.
+    fn refined(
+        &self,
+        asked: &WorkspaceBox,
+        search: &Search,
+        solver: &Solver,
+    ) -> Result<Answer, Fault> {
+        let near = Pose::from_degrees(search.at);
+        let solver = Solver { limit_iterations: solver.limit_iterations.min(REFINING), ..*solver };
+        let pose = self.forward(&search.joints, &near, &Vector3::zeros(), &solver)?.pose;
+        let mut of_legs = pose;
+        for letter in self.layout().table().as_slice() {
+            of_legs.position[letter.index().min(2)] = 0.0;
+        }
+        Ok(if asked.holds(&of_legs) { Answer::Present(pose) } else { Answer::Absent })
+    }
+}
+
+impl Search {
+    /// Keeps a pose, unless a neighbouring box had it already.
+    fn add(&mut self, pose: &Pose, machine: &Machine) -> Result<(), Fault> {
+        if let Some(first) = &self.found {
+            let apart = first.distance(pose, machine.radius());
+            if !(apart <= BOX_TOLERANCE * machine.size()) {
+                return Err(Fault::with_value(Cause::TwoPoses, apart));
+            }
+        }
+        self.found = Some(*pose);
+        Ok(())
+    }
+
+    /// To the next box.
+    fn go_on(&mut self, boxes: &[WorkspaceBox]) {
+        self.index += 1;
+        self.steps = 0;
+        self.at = boxes.get(self.index).map_or([0.0; 6], WorkspaceBox::middle);
+    }
+
+    fn ended(&self, tool: &Vector3<f64>) -> Result<Progress, Fault> {
+        let mut pose = self.found.ok_or(Fault::from(Cause::OutsideBoxes))?;
+        // The joints place t − o + R o, whatever the tool o.
+        pose.position += tool - pose.rotation() * tool;
+        Ok(Progress::Found(pose))
+    }
+}
+
+/// Clamping without the panic of `f64::clamp`.
+trait ClampTo {
+    fn clamp_to(self, low: f64, high: f64) -> f64;
+}
+
+impl ClampTo for f64 {
+    fn clamp_to(self, low: f64, high: f64) -> f64 {
+        self.max(low).min(high)
+    }
+}

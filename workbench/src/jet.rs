@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Bounds of third derivatives: Taylor coefficients with interval values.
+//!
+//! A [`Jet`] holds the coefficients of f(x + s e_k + t e_j) for s⁰ to s² and t⁰, t¹,
+//! each as an interval that holds it for every x of a box. The coefficient of s²t is
+//! ½ ∂_k ∂_k ∂_j f, also where j = k.
+//!
+//! Interval ends are rounded to nearest, not outwards; who proves with them keeps a
+//! margin above rounding.
+
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// Numbers from `low` to `high`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Interval {
+    /// One number.
+    pub const fn point(x: f64) -> Self {
+        Self { low: x, high: x }
+    }
+
+    /// Of two numbers in order.
+    pub const fn new(low: f64, high: f64) -> Self {
+        Self { low, high }
+    }
+
+    /// All numbers: nothing is known.
+    const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
+
+    /// Largest magnitude; infinite where it is not known.
+    pub fn magnitude(self) -> f64 {
+        let magnitude = self.low.abs().max(self.high.abs());
+        if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
+    }
+
+    fn middle(self) -> f64 {
+        0.5 * (self.low + self.high)
+    }
+
+    /// Products of equal numbers: never negative, unlike `self * self`.
+    fn squared(self) -> Self {
+        let (a, b) = (self.low * self.low, self.high * self.high);
+        let low = if self.low <= 0.0 && self.high >= 0.0 { 0.0 } else { a.min(b) };
+        Self::new(low, a.max(b))
+    }
+
+    /// 1 / self; everything where self may be 0.
+    fn inverse(self) -> Self {
+        if self.low > 0.0 || self.high < 0.0 {
+            Self::new(1.0 / self.high, 1.0 / self.low)
+        } else {
+            Self::ALL
+        }
+    }
+
+    fn sqrt(self) -> Self {
+        Self::new(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt())
+    }
+
+    /// Sines of angles (radians) no further apart than a half turn.
+    fn sin(self) -> Self {
+        let (a, b) = (self.low.sin(), self.high.sin());
+        // Extremes lie at odd quarter turns.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let first = ((self.low / quarter - 1.0) / 2.0).ceil() as i64;
+        let last = ((self.high / quarter - 1.0) / 2.0).floor() as i64;
+        let mut range = Self::new(a.min(b), a.max(b));
+        for n in first..=last.min(first + 1) {
+            if n % 2 == 0 {
+                range.high = 1.0;
+            } else {
+                range.low = -1.0;
+            }
+        }
+        range
+    }
+}
+
+impl Add for Interval {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        Self::new(self.low + o.low, self.high + o.high)
+    }
+}
+
+impl Neg for Interval {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self::new(-self.high, -self.low)
+    }
+}
+
+impl Sub for Interval {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        self + -o
+    }
+}
+
+impl Mul for Interval {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        let is_zero = |i: Self| i.low == 0.0 && i.high == 0.0;
+        if is_zero(self) || is_zero(o) {
+            return Self::point(0.0);
+        }
+        let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
+        if products.iter().any(|p| p.is_nan()) {
+            return Self::ALL;
+        }
+        let [a, b, c, d] = products;
+        Self::new(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
+    }
+}
+
+/// Taylor coefficients by powers of s (first index) and t (second one).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jet(pub [[Interval; 2]; 3]);
+
+impl Jet {
+    /// A constant.
+    pub const fn constant(x: f64) -> Self {
+        Self::of(Interval::point(x))
+    }
+
+    const fn of(x: Interval) -> Self {
+        let zero = Interval::point(0.0);
+        Self([[x, zero], [zero, zero], [zero, zero]])
+    }
+
+    /// A coordinate in `x`; whether it is the one that s moves, and that t moves.
+    pub fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
+        let mut jet = Self::of(x);
+        let one = Interval::point(1.0);
+        if along_s {
+            jet.0[1][0] = one;
+        }
+        if along_t {
+            jet.0[0][1] = one;
+        }
+        jet
+    }
+
+    /// ½ ∂_k ∂_k ∂_j f.
+    pub fn third(&self) -> Interval {
+        self.0[2][1]
+    }
+
+    /// ∂_j f.
+    pub fn slope(&self) -> Interval {
+        self.0[0][1]
+    }
+
+    /// The function of this value, given its derivatives of order 0 to 3 there.
+    fn composed(self, derivatives: [Interval; 4]) -> Self {
+        let mut step = self;
+        step.0[0][0] = Interval::point(0.0);
+        let square = step * step;
+        let cube = square * step;
+        let [value, first, second, third] = derivatives;
+        let mut out = step.scaled(first)
+            + square.scaled(second * Interval::point(0.5))
+            + cube.scaled(third * Interval::point(1.0 / 6.0));
+        out.0[0][0] = value;
+        out
+    }
+
+    fn scaled(self, factor: Interval) -> Self {
+        Self(self.0.map(|row| row.map(|x| x * factor)))
+    }
+
+    /// Square root; unbounded where the value may be 0 or less.
+    pub fn sqrt(self) -> Self {
+        let x = self.0[0][0];
+        if !(x.low > 0.0) {
+            return self.composed([Interval::ALL; 4]);
+        }
+        let (root, over) = (x.sqrt(), x.inverse());
+        let first = root.inverse() * Interval::point(0.5);
+        let second = first * over * Interval::point(-0.5);
+        let third = second * over * Interval::point(-1.5);
+        self.composed([root, first, second, third])
+    }
+
+    /// 1 / self; unbounded where the value may be 0.
+    pub fn inverse(self) -> Self {
+        let over = self.0[0][0].inverse();
+        let square = over.squared();
+        let second = square * over * Interval::point(2.0);
+        let third = square.squared() * Interval::point(-6.0);
+        self.composed([over, -square, second, third])
+    }
+
+    /// Its square.
+    pub fn squared(self) -> Self {
+        let mut out = self * self;
+        out.0[0][0] = self.0[0][0].squared();
+        out
+    }
+
+    /// Sine and cosine of an angle in radians.
+    pub fn sincos(self) -> (Self, Self) {
+        let x = self.0[0][0];
+        let s = x.sin();
+        let c = (x + Interval::point(std::f64::consts::FRAC_PI_2)).sin();
+        (self.composed([s, c, -s, -c]), self.composed([c, -s, -c, s]))
+    }
+
+    /// Angle of the direction (x, y), up to a constant; unbounded where the directions
+    /// fill more than a half plane.
+    pub fn angle(y: Self, x: Self) -> Self {
+        // Tangent of the angle from the middle direction: the constant left out is its angle.
+        let (a, b) = (x.0[0][0].middle(), y.0[0][0].middle());
+        let (a, b) = (Self::constant(a), Self::constant(b));
+        let along = x * a + y * b;
+        if !(along.0[0][0].low > 0.0) {
+            return x.composed([Interval::ALL; 4]);
+        }
+        let tangent = (y * a - x * b) * along.inverse();
+        let z = tangent.0[0][0];
+        let first = (z.squared() + Interval::point(1.0)).inverse();
+        let square = first.squared();
+        let second = z * square * Interval::point(-2.0);
+        let third = (z.squared() * Interval::point(6.0) - Interval::point(2.0)) * square * first;
+        let value = Interval::new(z.low.atan(), z.high.atan());
+        tangent.composed([value, first, second, third])
+    }
+}
+
+impl Add for Jet {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        let mut out = self;
+        for (row, other) in out.0.iter_mut().zip(o.0) {
+            for (x, y) in row.iter_mut().zip(other) {
+                *x = *x + y;
+            }
+        }
+        out
+    }
+}
+
+impl Neg for Jet {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(self.0.map(|row| row.map(|x| -x)))
+    }
+}
+
+impl Sub for Jet {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        self + -o
+    }
+}
+
+impl Mul for Jet {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        let mut out = Self::constant(0.0);
+        for s in 0..3 {
+            for t in 0..2 {
+                for i in 0..=s {
+                    for j in 0..=t {
+                        out.0[s][t] = out.0[s][t] + self.0[i][j] * o.0[s - i][t - j];
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A function of two numbers that uses everything a jet can do.
+    fn jets(x: Jet, y: Jet) -> Jet {
+        let (s, c) = (x * y).sincos();
+        (s + Jet::constant(2.0)).sqrt() * (c + Jet::constant(3.0)).inverse()
+            + Jet::angle(y + s, x.squared() + Jet::constant(1.0))
+    }
+
+    fn plain(x: f64, y: f64) -> f64 {
+        let (s, c) = (x * y).sin_cos();
+        (s + 2.0).sqrt() / (c + 3.0) + (y + s).atan2(x * x + 1.0)
+    }
+
+    #[test]
+    fn coefficients_are_those_of_differences_at_a_point_and_hold_them_over_a_box() {
+        // Third differences: rounding 1e-15/h³ and curvature h² balance at 1e-5.
+        const H: f64 = 2e-3;
+        let (x, y) = (0.4, -0.7);
+        let d = |p: f64, q: f64| plain(x + p * H, y + q * H);
+        let xxy = (d(1., 1.) - 2. * d(0., 1.) + d(-1., 1.) - d(1., -1.) + 2. * d(0., -1.)
+            - d(-1., -1.))
+            / (2.0 * H * H * H);
+        let xxx = (d(2., 0.) - 2. * d(1., 0.) + 2. * d(-1., 0.) - d(-2., 0.)) / (2.0 * H * H * H);
+        let at = |w: f64, j: usize| {
+            let i = |v: f64| Interval::new(v - w, v + w);
+            jets(Jet::variable(i(x), true, j == 0), Jet::variable(i(y), false, j == 1)).third()
+        };
+        for (j, expected) in [(0, xxx / 2.0), (1, xxy / 2.0)] {
+            let exact = at(0.0, j);
+            assert!((exact.middle() - expected).abs() < 1e-4, "{exact:?} {expected}");
+            let wide = at(0.05, j);
+            assert!(wide.low < expected && expected < wide.high, "{wide:?} {expected}");
+            assert!(wide.magnitude() < 10.0, "{wide:?}");
+        }
+    }
+
+    #[test]
+    fn a_sine_over_a_crest_reaches_one() {
+        assert_eq!(Interval::new(1.0, 2.0).sin().high, 1.0);
+        assert_eq!(Interval::new(-2.0, -1.0).sin().low, -1.0);
+        assert_eq!(Interval::new(4.0, 5.0).sin().low, -1.0);
+        assert!(Interval::new(0.1, 0.2).sin().high < 0.2);
+    }
+
+    #[test]
+    fn what_may_divide_by_zero_is_unbounded() {
+        let x = Jet::variable(Interval::new(-1.0, 1.0), true, true);
+        assert_eq!(x.inverse().third().magnitude(), f64::INFINITY);
+        assert_eq!(x.sqrt().third().magnitude(), f64::INFINITY);
+        assert_eq!(Jet::angle(x, x).third().magnitude(), f64::INFINITY);
+    }
+}
