@@ -136,6 +136,28 @@ def drop_in_for_genhexkins_switches_kinematics(out):
         check(session.run("sample_switch", out, 60, start="G1 F100 X1 Y-2 Z21 A3"))
 
 
+# -------------------------------------------------------------------- start without a seed
+
+def power_cycle(config, block, joint, after, out):
+    """The machine is switched off at `block` and homed there. Drives whose encoders keep the position."""
+    stood = scenario(config, "power_down_at", out / "before", block=block)
+    edits = []
+    for n, position in enumerate(stood["joints"]):
+        keys = {"SIM_START": position, "HOME_ABSOLUTE_ENCODER": 2, "HOME_OFFSET": 0,
+                "HOME_SEARCH_VEL": 0, "HOME_LATCH_VEL": 0}
+        edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
+                  for key, value in keys.items()]
+    scenario(config, "power_up_at", out, edits=edits, pose=stood["pose"], joint=joint, distance=-1,
+             speed=5, after=after)
+
+
+for folder, arguments in {
+    HEXAPOD: ("G1 F6000 X90 Y-70 Z180 A18 B-24 C20", 3, "G1 F6000 X0 Y0 Z250 A0 B0 C0"),
+    REPOSITORY / "configs/rotary-delta": ("G1 F600 X3 Y-2.5 Z-16", 1, "G1 F600 X0 Y0 Z-14"),
+}.items():
+    add_test(f"power_cycle_keeps_the_pose_{slug(folder.name)}", partial(power_cycle, folder, *arguments))
+
+
 # -------------------------------------------------------------------- ways out
 
 @test
@@ -215,7 +237,10 @@ def feedback_that_jumps_stops_the_machine(out):
 
 @test
 def geometry_is_taken_while_the_machine_is_off(out):
-    scenario(HEXAPOD, "new_geometry", out)
+    # Boxes hold for the geometry they were proved for.
+    edits = [{"section": "KINS", "key": "KINEMATICS", "lines": ["KINEMATICS = pkmkins legs=strut:6"]},
+             {"section": "BOX_0", "remove": True}]
+    scenario(HEXAPOD, "new_geometry", out, edits=edits)
 
 
 @test

@@ -323,6 +323,44 @@ def way_back(machine: Machine, out, joint, distance, speed):
     return {"pose": machine.pose()}
 
 
+def power_down_at(machine: Machine, out, block):
+    """Moves the machine somewhere and tells where it stands."""
+    machine.start()
+    machine.mdi(block)
+    machine.pause(0.3)
+    expect_quiet(machine)
+    return {"joints": machine.commanded_joints(), "pose": machine.pose()}
+
+
+def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
+    """Homed where it was switched off, the machine knows its pose without having moved; and again after
+    a joint was moved with the machine on, and after it was off."""
+    machine.turn_on()
+    watch = JointWatch(machine)
+    machine.home()
+    machine.wait(machine.is_world, 5, "world mode right after homing")
+    machine.pause(0.3)
+    moved = watch.stop()
+    assert moved < AT_REST, f"a joint moved by {moved}"
+    assert_close(machine.pose(), pose, AT_REST, "pose after homing and before the power went")
+    assert not machine.get("pkmkins.searching"), "searching is true at rest"
+    expect_quiet(machine)
+    machine.joint_mode()
+    machine.jog_joint(joint, distance, speed)
+    machine.pause(0.2)
+    machine.turn_off()
+    machine.pause(0.1)
+    machine.turn_on()
+    machine.joint_mode()
+    machine.jog_joint(joint, -distance, speed)
+    machine.pause(0.2)  # near its end LinuxCNC still takes the jog for going on
+    machine.world_mode()
+    assert_close(machine.pose(), pose, AT_REST, "pose after the jog and back")
+    expect_quiet(machine)
+    goes_on(machine, after)
+    return {"moved": moved, "pose": machine.pose()}
+
+
 def refused_geometry(machine: Machine, out):
     """New geometry on the pins while the machine is on: shown, refused, no joint moves."""
     machine.start()
