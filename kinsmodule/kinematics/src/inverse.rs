@@ -2,7 +2,7 @@
 //! Inverse kinematics: pose to joints.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::Lanes3;
+use crate::lanes::{Lanes3, are_finite, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::machine::{Mechanism, Place, Placed, Segment};
@@ -27,42 +27,70 @@ pub(crate) struct Posed<const N: usize> {
 
 impl<const N: usize> Mechanism<N> {
     #[inline(always)]
-    pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
+    pub fn inverse(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
         let stand = self.stand(pose, tool)?;
-        self.all_joints(&self.joints_at(&stand.place)?, &stand.point)
+        self.write_joints(&self.joints_at(&stand.place)?, &stand.point, joints)
     }
 
     /// Joint values of legs and table.
-    #[inline(always)]
     pub(crate) fn all_joints(
         &self,
         legs: &[f64; N],
         point: &Vector3<f64>,
     ) -> Result<Joints, Fault> {
         let mut joints = [0.0; MAX_JOINTS];
-        for (joint, leg) in joints.iter_mut().zip(legs) {
-            *joint = *leg;
-        }
-        if self.count() < N || self.layout.joints() > N {
-            self.complete(&mut joints, point);
-        }
-        // A sum of zeros, unless one of the joints is not finite.
-        if joints.iter().map(|joint| joint * 0.0).sum::<f64>() == 0.0 {
-            return Ok(joints);
-        }
-        let bad = joints.iter().position(|joint| !joint.is_finite()).unwrap_or(0);
-        Err(Fault::of_leg(Cause::ResultNotFinite, bad, joints[bad]))
+        self.write_joints(legs, point, &mut joints)?;
+        Ok(joints)
     }
 
-    /// Puts the table's joints behind those of the legs, where there were pad lanes.
-    fn complete(&self, joints: &mut Joints, point: &Vector3<f64>) {
-        for joint in joints.iter_mut().skip(self.count()) {
-            *joint = 0.0;
+    #[inline(always)]
+    fn write_joints(
+        &self,
+        legs: &[f64; N],
+        point: &Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
+        if !(are_finite(legs) && (point * 0.0).sum() == 0.0) {
+            return Err(self.not_finite(legs, point));
         }
+        match joints.first_chunk_mut::<N>() {
+            // A copy of known length is no call.
+            Some(all) if self.count() == N => *all = *legs,
+            _ => self.of_first_legs(legs, joints),
+        }
+        if self.layout.joints() > self.count() {
+            self.of_table(point, joints);
+        }
+        Ok(())
+    }
+
+    /// Writes the legs' joints where some lanes have none.
+    fn of_first_legs(&self, legs: &[f64; N], joints: &mut [f64]) {
+        for (joint, leg) in joints.iter_mut().zip(legs).take(self.count()) {
+            *joint = *leg;
+        }
+    }
+
+    /// Writes the table's joints behind those of the legs.
+    fn of_table(&self, point: &Vector3<f64>, joints: &mut [f64]) {
         let table = joints.iter_mut().skip(self.count()).zip(self.layout.table().as_slice());
         for (joint, letter) in table {
             *joint = point[letter.index().min(2)];
         }
+    }
+
+    #[cold]
+    fn not_finite(&self, legs: &[f64; N], point: &Vector3<f64>) -> Fault {
+        let mut joints = [0.0; MAX_JOINTS];
+        self.of_first_legs(legs, &mut joints);
+        self.of_table(point, &mut joints);
+        let bad = joints.iter().position(|joint| !joint.is_finite()).unwrap_or(0);
+        Fault::of_leg(Cause::ResultNotFinite, bad, joints[bad])
     }
 
     pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
@@ -159,8 +187,9 @@ impl<const N: usize> Mechanism<N> {
         if self.moving {
             self.native_joints(placed, &mut joints)?;
         }
-        for i in 0..N {
-            joints[i] = joints[i] + corrections[i] - self.offset[i];
+        for i in (0..N).step_by(2) {
+            let native = pair(&joints, i) + pair(corrections, i);
+            put(&mut joints, i, native - pair(&self.offset, i));
         }
         Ok(joints)
     }

@@ -33,8 +33,29 @@ pub(crate) fn cross(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Whether all lanes are: zeros then add up to zero.
+#[inline(always)]
+pub(crate) fn are_finite<const N: usize>(lanes: &[f64; N]) -> bool {
+    let mut sum = f64x2::ZERO;
+    for i in (0..N).step_by(2) {
+        sum += pair(lanes, i) * both(0.0);
+    }
+    sum.reduce_add() == 0.0
+}
+
+/// Whether all lanes are above a limit; NaN is not.
+#[inline(always)]
+pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
+    let mut above = pair(lanes, 0).simd_gt(both(limit));
+    for i in (2..N).step_by(2) {
+        above &= pair(lanes, i).simd_gt(both(limit));
+    }
+    above.all()
+}
+
 /// N vectors, component by component.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(16))]
 pub(crate) struct Lanes3<const N: usize> {
     pub x: [f64; N],
     pub y: [f64; N],

@@ -10,7 +10,7 @@ use crate::fault::{Cause, Fault};
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
-use crate::lanes::{Lanes3, both, cross, dot, pair, put};
+use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put};
 use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
@@ -97,7 +97,25 @@ impl Machine {
     /// A [`Fault`] of the pose group; nothing is returned in part.
     #[inline]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
-        each!(self, m => m.inverse(pose, tool))
+        let mut joints = [0.0; MAX_JOINTS];
+        self.inverse_into(pose, tool, &mut joints)?;
+        Ok(joints)
+    }
+
+    /// As [`Machine::inverse`], into the first of `joints`; those beyond the machine's, and
+    /// all after an error, are left alone. For those who count nanoseconds: a `Result` of
+    /// many values is copied about.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    #[inline]
+    pub fn inverse_into(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
+        each!(self, m => m.inverse(pose, tool, joints))
     }
 
     /// Whether a tool vector may be computed with.
@@ -430,11 +448,7 @@ impl<const N: usize> Mechanism<N> {
     /// Refuses legs without a direction.
     #[inline(always)]
     pub fn refuse_short_legs(&self, length: &[f64; N]) -> Result<(), Fault> {
-        let mut long = true;
-        for l in length {
-            long &= *l > MIN_LENGTH * self.size;
-        }
-        if long {
+        if are_above(length, MIN_LENGTH * self.size) {
             return Ok(());
         }
         for (i, l) in length.iter().enumerate() {

@@ -61,7 +61,19 @@ impl Pose {
     }
 
     /// Refuses what no call may compute with.
+    #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
+        let Self { position, angles } = self;
+        let most = MAX_ANGLE_DEG * RADIANS;
+        let small = (angles.x.abs() <= most) & (angles.y.abs() <= most) & (angles.z.abs() <= most);
+        if small & ((position * 0.0).sum() == 0.0) {
+            return Ok(());
+        }
+        self.refused()
+    }
+
+    #[cold]
+    fn refused(&self) -> Result<(), Fault> {
         if !self.is_finite() {
             return Err(Cause::PoseNotFinite.into());
         }

@@ -209,23 +209,17 @@ pub unsafe extern "C" fn kinematicsInverse(
     _fflags: *mut KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and joint array, from its servo thread.
-    let (world, joint, module) =
-        unsafe { (world.as_ref(), (!joint.is_null()).then_some(joint), module()) };
-    let (Some(world), Some(joint), Some(module)) = (world, joint, module) else {
+    let (world, module) = unsafe { (world.as_ref(), module()) };
+    let (Some(world), false, Some(module)) = (world, joint.is_null(), module) else {
         return Cause::NullPointer.code();
     };
+    // SAFETY: the array holds as many values as the machine has joints.
+    let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.layout().joints()) };
     let pose = world.degrees();
-    let result = match module.kind() {
-        Kind::Identity => module.identity_inverse(&pose),
-        Kind::Machine => module.inverse(&Pose::from_degrees(pose)),
-    };
-    if let Ok(joints) = result {
-        for (i, value) in joints.iter().enumerate().take(module.layout().joints()) {
-            // SAFETY: the array holds as many values as the machine has joints.
-            unsafe { joint.add(i).write(*value) };
-        }
-    }
-    code(result)
+    code(match module.kind() {
+        Kind::Identity => module.identity_inverse(&pose, joints),
+        Kind::Machine => module.inverse(&Pose::from_degrees(pose), joints),
+    })
 }
 
 /// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),

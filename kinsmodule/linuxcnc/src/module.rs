@@ -8,8 +8,7 @@ use crate::pins::{Given, Pins};
 use crate::start::Start;
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
-    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
-    Vector3, text,
+    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, Machine, Pose, Solution, Vector3, text,
 };
 
 /// Cycles without a fault after which the same fault is told again.
@@ -125,16 +124,16 @@ impl Module {
         &self.load.layout
     }
 
-    /// Joints of a pose.
+    /// Joints of a pose, written to `joints`; left alone after an error.
     ///
     /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the first call of all freezes the geometry.
-    pub fn inverse(&mut self, pose: &Pose) -> Result<Joints, Fault> {
+    pub fn inverse(&mut self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
         let begin = self.clocks();
         self.calls.asked = Some(*pose);
         let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
             let tool = self.tool_in_effect()?;
-            self.frozen()?.machine.inverse(pose, &tool)
+            self.frozen()?.machine.inverse_into(pose, &tool, joints)
         });
         if let Err(fault) = &result {
             self.record(fault);
@@ -276,18 +275,17 @@ impl Module {
     }
 
     /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
-    pub fn identity_inverse(&mut self, pose: &[f64; 6]) -> Result<Joints, Fault> {
+    pub fn identity_inverse(&mut self, pose: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
         if !pose.iter().all(|v| v.is_finite()) {
             return self.recorded(Err(Cause::PoseNotFinite.into()));
         }
         let held = self.refuse_held(pose);
         self.recorded(held)?;
-        let mut joints = [0.0; MAX_JOINTS];
         let letters = self.layout().joint_letters().into_iter().flatten();
         for (joint, letter) in joints.iter_mut().zip(letters) {
             *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
         }
-        Ok(joints)
+        Ok(())
     }
 
     /// Refuses a value for a letter that no joint moves: nothing would bring it back to 0.
@@ -418,11 +416,25 @@ impl Module {
     /// A request takes effect at once with the machine off and before any pose is known.
     /// Otherwise the monitor brings it into effect, without which that happens where it
     /// moves no joint: while the platform is level.
+    #[inline]
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
+        if request == tool {
+            return Ok(tool);
+        }
+        self.tool_instead_of(frozen, request)
+    }
+
+    /// The tool offset to compute with where it is not the one requested.
+    fn tool_instead_of(
+        &self,
+        frozen: &Frozen,
+        request: Vector3<f64>,
+    ) -> Result<Vector3<f64>, Fault> {
+        let tool = self.tool.offset();
         frozen.machine.check_tool(&request)?;
-        if request == tool || self.is_off() {
+        if self.is_off() {
             return Ok(request);
         }
         let Some(pose) = self.last_pose else {
