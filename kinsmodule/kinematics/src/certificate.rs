@@ -37,12 +37,14 @@
 //! moment of the step.
 
 use crate::fault::{Cause, Fault};
+use crate::lanes::{both, pair};
 use crate::leg::LEAST_DRIVE;
 use crate::machine::{Mechanism, Placed};
 use crate::nut::{Ball, Twist};
 use crate::qr::Qr;
 use libm::sqrt;
 use nalgebra::Vector3;
+use wide::f64x2;
 
 /// Largest h = L η that counts as certified: Newton-Kantorovich allows 1/2, the rest
 /// covers what a sub-step leaves unconverged.
@@ -79,16 +81,17 @@ pub(crate) fn flatness<const N: usize>(
     rho: f64,
     motion: Option<&Motion<N>>,
 ) -> Result<f64, Fault> {
-    let mut sum = 0.0;
-    for i in 0..machine.count() {
-        let k = curvature(machine, placed, twist, i, rho, motion)?;
+    let mut sum = f64x2::ZERO;
+    for i in (0..N).step_by(2) {
+        let k = curvature(machine, placed, twist, i, rho, motion)? * pair(&machine.present, i);
         sum += k * k;
     }
-    Ok(qr.inverse_norm() * sqrt(sum))
+    Ok(qr.inverse_norm() * sqrt(sum.reduce_add()))
 }
 
-/// k of leg `i`: bound of the second derivative of its residual within the ball.
-#[inline]
+/// k of legs `i` and `i + 1`: bound of the second derivative of their residuals within the
+/// ball.
+#[inline(always)]
 fn curvature<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -96,17 +99,23 @@ fn curvature<const N: usize>(
     i: usize,
     rho: f64,
     motion: Option<&Motion<N>>,
-) -> Result<f64, Fault> {
-    let (s1, s2) = (machine.s1[i], machine.s2[i]);
-    let shortest = placed.length[i] - s1 * rho - motion.map_or(0.0, |m| m.travel[i]);
-    if !(shortest > 0.0) {
-        return Err(Fault::of_leg(Cause::StrutTooShort, i, shortest));
+) -> Result<f64x2, Fault> {
+    let (s1, s2) = (pair(&machine.s1, i), pair(&machine.s2, i));
+    let mut shortest = pair(&placed.length, i) - s1 * both(rho);
+    if let Some(motion) = motion {
+        shortest -= pair(&motion.travel, i);
     }
-    let of_length = s1 * s1 / shortest + s2;
+    if !shortest.simd_gt(both(0.0)).all() {
+        let [one, other] = shortest.to_array();
+        let (leg, length) = if one > 0.0 { (i + 1, other) } else { (i, one) };
+        return Err(Fault::of_leg(Cause::StrutTooShort, leg, length));
+    }
+    let curved = both(1.0) / shortest;
+    let of_length = s1 * s1 * curved + s2;
     let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Ok(of_length) };
-    let ball = Ball { rho, radius: machine.radius, length: shortest, s1, s2 };
+    let ball = Ball { rho, radius: machine.radius, curved, s1, s2 };
     let Some(of_nut) = nut.curvature(twist, i, &ball) else {
-        return Err(Fault::of_leg(Cause::StrutAlongAxis, i, twist.room(i)));
+        return Err(twist.along_axis());
     };
     Ok(of_length + of_nut)
 }
@@ -347,7 +356,10 @@ pub(crate) mod tests {
                 let bent = |m| bending(m, &anchors, &place, &point, &direction);
                 let (Some(both), Some(length)) = (bent(&machine), bent(&bare)) else { continue };
                 for i in 0..6 {
-                    let bound = |m, twist| curvature(m, &placed, twist, i, rho, None);
+                    let bound = |m, twist| {
+                        let pair = curvature(m, &placed, twist, i & !1, rho, None)?;
+                        Ok::<_, Fault>(pair.to_array()[i % 2])
+                    };
                     let Ok(k) = bound(&machine, twist.as_ref()) else { continue };
                     let of_length = bound(&bare, None).unwrap();
                     largest[0] = largest[0].max(length[i].abs() / of_length);

@@ -8,15 +8,15 @@
 
 use crate::certificate::{CERTAIN_AT_ALL, CERTIFIED, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
-use crate::lanes::Lanes3;
-use crate::layout::{Joints, Letter, PerLeg};
+use crate::lanes::{Lanes3, are_above, are_finite, are_within, inner, pair, put};
+use crate::layout::{Joints, Letter, MAX_LEGS, PerLeg};
 use crate::leg::LEAST_DRIVE;
-use crate::machine::{Chart, Mechanism, Place, Placed};
+use crate::machine::{Chart, Displacement, Mechanism, Place, Placed};
 use crate::nut::Twist;
-use crate::pose::{Pose, Trigonometry, angles_near, cayley};
+use crate::pose::{Pose, Trigonometry, angles_near, cayley_change};
 use crate::qr::Qr;
 use libm::sqrt;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Most linear solves that `limit_iterations` may allow.
 pub const MAX_ITERATIONS: u32 = 288;
@@ -127,24 +127,25 @@ pub(crate) struct Target<const N: usize> {
     joints: [f64; N],
 }
 
+impl<const N: usize> Target<N> {
+    /// To be filled in by [`Mechanism::aim`].
+    #[inline(always)]
+    fn of(joints: [f64; N]) -> Self {
+        Self { anchors: Lanes3::ZERO, length: [0.0; N], joints }
+    }
+}
+
 /// Residuals at a place, with what the rows need.
 #[derive(Clone, Copy)]
 pub(crate) struct Measured<const N: usize> {
     pub placed: Placed<N>,
-    /// Unit vectors along the legs.
-    pub directions: Lanes3<N>,
     /// Means something on machines with a nut only.
     twist: Twist<N>,
     residual: [f64; N],
 }
 
 impl<const N: usize> Measured<N> {
-    const ZERO: Self = Self {
-        placed: Placed::ZERO,
-        directions: Lanes3::ZERO,
-        twist: Twist::ZERO,
-        residual: [0.0; N],
-    };
+    const ZERO: Self = Self { placed: Placed::ZERO, twist: Twist::ZERO, residual: [0.0; N] };
 }
 
 /// Where a search has come to.
@@ -153,47 +154,119 @@ struct End<const N: usize> {
     at: Measured<N>,
 }
 
+/// A factored place, about which the chart is laid.
+struct Stance<const N: usize> {
+    place: Place,
+    at: Measured<N>,
+    qr: Qr<N>,
+}
+
+impl<const N: usize> Stance<N> {
+    /// To be measured and factored.
+    #[inline(always)]
+    fn new(place: Place) -> Self {
+        Self { place, at: Measured::ZERO, qr: Qr::ZERO }
+    }
+}
+
 /// Broyden's updates of a factorisation by the steps made with it: what they save is a
 /// second factorisation.
 struct Secants {
     steps: [[f64; 6]; SECANTS],
-    squares: [f64; SECANTS],
+    /// Inverse squared lengths of the steps.
+    weights: [f64; SECANTS],
     count: usize,
 }
 
 impl Secants {
-    const NONE: Self = Self { steps: [[0.0; 6]; SECANTS], squares: [1.0; SECANTS], count: 0 };
+    const NONE: Self = Self { steps: [[0.0; 6]; SECANTS], weights: [0.0; SECANTS], count: 0 };
 
-    #[inline]
-    fn remember(&mut self, step: &[f64; 6]) {
-        let square = dot(step, step);
-        let mut places = self.steps.iter_mut().zip(&mut self.squares);
+    #[inline(always)]
+    fn remember(&mut self, step: &[f64; 6], square: f64) {
+        let mut places = self.steps.iter_mut().zip(&mut self.weights);
         if square > 0.0
-            && let Some((place, of_step)) = places.nth(self.count)
+            && let Some((place, weight)) = places.nth(self.count)
         {
-            (*place, *of_step) = (*step, square);
+            (*place, *weight) = (*step, 1.0 / square);
             self.count += 1;
         }
     }
 
     /// The updated step, from that of the old factorisation (Kelley's form of Broyden's
     /// method: only the steps are kept).
-    #[inline]
+    #[inline(always)]
     fn updated(&self, mut step: [f64; 6]) -> [f64; 6] {
-        let known = self.steps.iter().zip(&self.squares).take(self.count);
-        let next = self.steps.iter().skip(1).take(self.count.saturating_sub(1));
         let mut gain = 0.0;
-        for ((last, square), next) in known.zip(next.map(Some).chain([None])) {
-            gain = dot(last, &step) / square;
-            for (value, by) in step.iter_mut().zip(next.into_iter().flatten()) {
-                *value += gain * by;
+        for k in 0..SECANTS {
+            if k >= self.count {
+                break;
+            }
+            gain = inner(&self.steps[k], &step) * self.weights[k];
+            match self.steps.get(k + 1) {
+                Some(next) if k + 1 < self.count => step = along(&step, gain, next),
+                _ => {}
             }
         }
         // A larger gain is no update of a factorisation that still serves.
         if !(gain.abs() < 0.5) {
             return step;
         }
-        step.map(|value| value / (1.0 - gain))
+        let by = 1.0 / (1.0 - gain);
+        step.map(|value| value * by)
+    }
+}
+
+/// Steps within a ball.
+struct Walk {
+    /// Where they have led to in the chart at hand.
+    x: [f64; 6],
+    /// Covered in charts that were left.
+    covered: f64,
+    /// Length of the last step.
+    length: f64,
+    /// Its share of the step before.
+    contraction: f64,
+    corrections: u32,
+    /// Whether the factorisation at hand was made for the next step.
+    renewed: bool,
+    secants: Secants,
+}
+
+impl Walk {
+    #[inline(always)]
+    fn begun(first: &Step) -> Self {
+        let mut secants = Secants::NONE;
+        secants.remember(&first.step, first.length * first.length);
+        Self {
+            x: first.step,
+            covered: 0.0,
+            length: first.length,
+            contraction: 1.0,
+            corrections: 0,
+            renewed: false,
+            secants,
+        }
+    }
+
+    /// One more step, from that of the factorisation at hand.
+    #[inline(always)]
+    fn correct(&mut self, step: [f64; 6]) {
+        let step = self.secants.updated(step);
+        let square = inner(&step, &step);
+        self.secants.remember(&step, square);
+        let length = sqrt(square);
+        self.contraction = length / self.length;
+        self.length = length;
+        self.x = along(&self.x, 1.0, &step);
+        self.renewed = false;
+    }
+
+    /// Goes on in a chart about the place that it has led to.
+    fn renew(&mut self) {
+        self.covered += norm(&self.x);
+        self.x = [0.0; 6];
+        self.secants = Secants::NONE;
+        self.renewed = true;
     }
 }
 
@@ -222,8 +295,7 @@ struct Step {
 
 /// A factored place with its Newton step, which is certified.
 struct Ball<'a, const N: usize> {
-    place: &'a Place,
-    qr: &'a Qr<N>,
+    about: &'a Stance<N>,
     first: Step,
 }
 
@@ -252,9 +324,9 @@ struct Effort {
 
 impl Effort {
     /// Whether a pose error (a length) and the residuals that go with it are small enough.
-    #[inline]
+    #[inline(always)]
     fn is_converged<const N: usize>(&self, error: f64, residual: &[f64; N]) -> bool {
-        error <= self.tolerance && largest(residual) <= self.accepted
+        error <= self.tolerance && are_within(residual, self.accepted)
     }
 
     /// Counts one linear solve.
@@ -284,6 +356,21 @@ impl Solver {
     }
 }
 
+impl Solution {
+    /// To be written by [`crate::Machine::forward_into`].
+    pub const NONE: Self = Self {
+        pose: Pose {
+            position: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+            angles: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+        },
+        iterations: 0,
+        sub_steps: 0,
+        residual: f64::NAN,
+        corrections: [0.0; MAX_LEGS],
+        certificate: Certificate::None,
+    };
+}
+
 impl<const N: usize> Mechanism<N> {
     #[inline]
     pub fn forward(
@@ -292,7 +379,8 @@ impl<const N: usize> Mechanism<N> {
         seed: &Pose,
         tool: &Vector3<f64>,
         solver: &Solver,
-    ) -> Result<Solution, Fault> {
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
         solver.check()?;
         let seed = &if self.holds { self.held(seed, false)? } else { *seed };
         if !seed.is_finite() {
@@ -300,7 +388,9 @@ impl<const N: usize> Mechanism<N> {
         }
         seed.check()?;
         self.check_tool(tool)?;
-        let target = self.target(&self.lanes_of(joints))?;
+        self.refuse_table_not_finite(joints)?;
+        let mut target = Target::of(self.lanes_of(joints));
+        self.aim(&mut target)?;
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
@@ -333,14 +423,18 @@ impl<const N: usize> Mechanism<N> {
             Some(nut) => nut.corrections(&end.at.twist),
             None => [0.0; N],
         };
-        Ok(Solution {
-            pose: self.pose_at(&end.place, joints, tool, seed, &trig)?,
+        let pose = self.pose_at(&end.place, joints, tool, seed, &trig);
+        // What inverse would refuse must not become the next seed either.
+        pose.check()?;
+        *solution = Solution {
+            pose,
             iterations: effort.iterations,
             sub_steps: effort.sub_steps,
             residual,
             corrections: self.per_leg(&corrections),
             certificate,
-        })
+        };
+        Ok(())
     }
 
     /// The reason behind a refusal of the search.
@@ -397,14 +491,10 @@ impl<const N: usize> Mechanism<N> {
         tool: &Vector3<f64>,
         seed: &Pose,
         trig: &Trigonometry,
-    ) -> Result<Pose, Fault> {
+    ) -> Pose {
         let mut point = place.centre;
         for (i, letter) in self.layout.table().as_slice().iter().enumerate() {
-            let joint = self.count() + i;
-            let value = joints.get(joint).copied().unwrap_or(f64::NAN);
-            if !value.is_finite() {
-                return Err(Fault::of_leg(Cause::JointNotFinite, joint, value));
-            }
+            let value = joints.get(self.count() + i).copied().unwrap_or(f64::NAN);
             point[letter.index().min(2)] = value;
         }
         let r = &place.rotation;
@@ -420,26 +510,53 @@ impl<const N: usize> Mechanism<N> {
                 pose.position[letter.index().min(2)] = 0.0;
             }
         }
-        // What inverse would refuse must not become the next seed either.
-        pose.check()?;
-        Ok(pose)
+        pose
     }
 
-    /// Moving base anchors and target lengths of the joints: from here on no leg kind exists.
-    #[inline(always)]
-    pub(crate) fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
-        let mut target = Target { anchors: self.base, length: [0.0; N], joints: *joints };
-        for (i, joint) in joints.iter().enumerate() {
+    fn refuse_table_not_finite(&self, joints: &Joints) -> Result<(), Fault> {
+        let table = joints.iter().enumerate().take(self.layout.joints()).skip(self.count());
+        for (i, joint) in table {
             if !joint.is_finite() {
                 return Err(Fault::of_leg(Cause::JointNotFinite, i, *joint));
             }
+        }
+        Ok(())
+    }
+
+    /// Moving base anchors and target lengths of the joints: from here on no leg kind exists.
+    pub(crate) fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
+        let mut target = Target::of(*joints);
+        self.aim(&mut target)?;
+        Ok(target)
+    }
+
+    /// Fills a target in for its joints.
+    #[inline(always)]
+    fn aim(&self, target: &mut Target<N>) -> Result<(), Fault> {
+        target.anchors = self.base;
+        for i in (0..N).step_by(2) {
+            put(&mut target.length, i, pair(&target.joints, i) + pair(&self.offset, i));
+        }
+        if !self.moving && are_above(&target.length, 0.0) && are_finite(&target.length) {
+            return Ok(());
+        }
+        self.drive(target)
+    }
+
+    /// The same leg by leg, each as its kind has it; names the one that refuses.
+    fn drive(&self, target: &mut Target<N>) -> Result<(), Fault> {
+        for i in 0..N {
+            let joint = target.joints[i];
+            if !joint.is_finite() {
+                return Err(Fault::of_leg(Cause::JointNotFinite, i, joint));
+            }
             let drive = self.legs[i]
                 .drive(joint + self.offset[i])
-                .map_err(|cause| Fault::of_leg(cause, i, *joint))?;
+                .map_err(|cause| Fault::of_leg(cause, i, joint))?;
             target.anchors.set(i, self.base.get(i) + drive.displacement);
             target.length[i] = drive.length;
         }
-        Ok(target)
+        Ok(())
     }
 
     /// How the legs move between two targets; `None` where all are struts.
@@ -473,41 +590,49 @@ impl<const N: usize> Mechanism<N> {
         Place { centre: place.centre + shift, ..*place }
     }
 
-    /// A place moved by a step (v, r ω) of the chart.
+    /// What the point `x` = (v, r ω) of the chart about a place is away from it.
     #[inline(always)]
-    fn moved(&self, place: &Place, step: &[f64; 6]) -> Place {
-        let centre = place.centre + Vector3::new(step[0], step[1], step[2]);
-        let turn = Vector3::new(step[3], step[4], step[5]) / self.radius;
-        match self.chart {
-            Chart::Group => {
-                Place { centre, rotation: cayley(&turn) * place.rotation, angles: place.angles }
-            }
+    fn displacement(&self, place: &Place, x: &[f64; 6]) -> Displacement {
+        let change = match self.chart {
+            Chart::Group => cayley_change(&self.turn(x)),
             Chart::Angles => {
-                let angles = place.angles + turn;
-                let rotation = Pose { position: centre, angles }.rotation();
-                Place { centre, rotation, angles }
+                let rotation = self.turned(place, x).rotation();
+                rotation * place.rotation.transpose() - Matrix3::identity()
             }
-            Chart::Level => Place { centre, ..*place },
-        }
+            Chart::Level => Matrix3::zeros(),
+        };
+        Displacement { shift: Vector3::new(x[0], x[1], x[2]), change }
     }
 
-    /// Residual of every leg, length + correction − target length, in the place of those
-    /// of a place nearby.
+    /// Turn of a point of the chart, in radians.
     #[inline(always)]
-    fn measure_on(
-        &self,
-        target: &Target<N>,
-        place: &Place,
-        at: &mut Measured<N>,
-    ) -> Result<(), Fault> {
-        self.span(target, place, at);
-        if let Some(nut) = &self.nut {
-            nut.twist_on(&at.directions, &place.rotation, &mut at.twist);
-        }
-        self.compare(target, at)
+    fn turn(&self, x: &[f64; 6]) -> Vector3<f64> {
+        Vector3::new(x[3], x[4], x[5]) * (1.0 / self.radius)
     }
 
-    /// The same without a place nearby.
+    /// Pose of the reference point at a point of the chart of angles.
+    fn turned(&self, place: &Place, x: &[f64; 6]) -> Pose {
+        Pose { position: place.centre, angles: place.angles + self.turn(x) }
+    }
+
+    /// The place at a point of the chart about another one.
+    #[inline(always)]
+    fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
+        let Displacement { shift, change } = self.displacement(place, x);
+        let centre = place.centre + shift;
+        match self.chart {
+            Chart::Angles => {
+                let pose = self.turned(place, x);
+                Place { centre, rotation: pose.rotation(), angles: pose.angles }
+            }
+            Chart::Group | Chart::Level => {
+                let rotation = place.rotation + change * place.rotation;
+                Place { centre, rotation, angles: place.angles }
+            }
+        }
+    }
+
+    /// Residual of every leg, length + correction − target length.
     #[inline(always)]
     fn measure(
         &self,
@@ -515,36 +640,43 @@ impl<const N: usize> Mechanism<N> {
         place: &Place,
         at: &mut Measured<N>,
     ) -> Result<(), Fault> {
-        self.span(target, place, at);
+        self.place(&target.anchors, place, &mut at.placed);
         if let Some(nut) = &self.nut {
-            at.twist = nut.twist(&at.directions, &place.rotation);
+            at.twist = nut.twist(&at.placed.directions(), &place.rotation);
         }
         self.compare(target, at)
     }
 
+    /// The same at a point of the chart about a place: less work than from scratch.
     #[inline(always)]
-    fn span(&self, target: &Target<N>, place: &Place, at: &mut Measured<N>) {
-        self.place(&target.anchors, place, &mut at.placed);
-        at.placed.direct(&mut at.directions);
-        at.residual = at.placed.length;
+    fn measure_from(
+        &self,
+        about: &Stance<N>,
+        x: &[f64; 6],
+        target: &Target<N>,
+        at: &mut Measured<N>,
+    ) -> Result<(), Fault> {
+        let by = self.displacement(&about.place, x);
+        about.at.placed.moved(&by, &mut at.placed);
+        if let Some(nut) = &self.nut {
+            nut.twist_from(&about.at.twist, &at.placed.directions(), &by.change, &mut at.twist);
+        }
+        self.compare(target, at)
     }
 
-    /// Completes the residuals, and refuses legs that have none.
+    /// Residuals of lengths and twists; refuses legs that have none.
     #[inline(always)]
     fn compare(&self, target: &Target<N>, at: &mut Measured<N>) -> Result<(), Fault> {
         self.refuse_short_legs(&at.placed.length)?;
+        let mut corrections = [0.0; N];
         if let Some(nut) = &self.nut {
             nut.refuse_along_axis(&at.twist)?;
-            let corrections = nut.corrections(&at.twist);
-            for i in 0..N {
-                at.residual[i] += corrections[i];
-            }
+            corrections = nut.corrections(&at.twist);
         }
-        for i in 0..N {
-            at.residual[i] -= target.length[i];
-        }
-        for value in at.residual.iter_mut().skip(self.count()) {
-            *value = 0.0;
+        for i in (0..N).step_by(2) {
+            let length = pair(&at.placed.length, i) + pair(&corrections, i);
+            let off = length - pair(&target.length, i);
+            put(&mut at.residual, i, off * pair(&self.present, i));
         }
         Ok(())
     }
@@ -563,22 +695,23 @@ impl<const N: usize> Mechanism<N> {
 
     /// Rows of the residuals in the chart, column by column.
     #[inline(always)]
-    fn columns(&self, at: &Measured<N>, place: &Place, columns: &mut [[f64; N]; 6]) {
-        self.charted_rows(&at.placed, &at.directions, self.twist_of(at), place, columns);
+    fn columns(&self, at: &Measured<N>, place: &Place) -> [[f64; N]; 6] {
+        self.charted_rows(&at.placed, self.twist_of(at), place)
     }
 
     #[inline(always)]
     fn factor(&self, at: &Measured<N>, place: &Place, qr: &mut Qr<N>) -> Result<(), Fault> {
-        match qr.renew(&self.active, |columns| self.columns(at, place, columns)) {
+        match qr.renew(&self.active, self.columns(at, place)) {
             true => Ok(()),
             false => Err(Cause::Singular.into()),
         }
     }
 
-    fn factored(&self, at: &Measured<N>, place: &Place) -> Result<Qr<N>, Fault> {
-        let mut qr = Qr::ZERO;
-        self.factor(at, place, &mut qr)?;
-        Ok(qr)
+    /// Measures and factors where a stance stands.
+    #[inline(always)]
+    fn settle(&self, target: &Target<N>, stance: &mut Stance<N>) -> Result<(), Fault> {
+        self.measure(target, &stance.place, &mut stance.at)?;
+        self.factor(&stance.at, &stance.place, &mut stance.qr)
     }
 
     /// L of the ball of radius `rho` about a measured place.
@@ -600,15 +733,13 @@ impl<const N: usize> Mechanism<N> {
         } else {
             None
         };
-        let ahead = self.taken_along(&start, motion.as_ref());
         effort.spend()?;
-        let mut qr = Qr::ZERO;
-        let measured = self.measure(target, &ahead, &mut end.at);
-        let h_whole = match measured.and_then(|()| self.factor(&end.at, &ahead, &mut qr)) {
+        let mut ahead = Stance::new(self.taken_along(&start, motion.as_ref()));
+        let h_whole = match self.settle(target, &mut ahead) {
             Ok(()) => {
-                let first = self.first_step(&end.at, &qr, 0.0, target, motion.as_ref());
+                let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, motion.as_ref());
                 if first.h <= CERTIFIED {
-                    return self.near(target, &Ball { place: &ahead, qr: &qr, first }, effort, end);
+                    return self.near(target, &Ball { about: &ahead, first }, effort, end);
                 }
                 first.h
             }
@@ -616,15 +747,14 @@ impl<const N: usize> Mechanism<N> {
             Err(_) if self.moving => f64::INFINITY,
             Err(fault) => return Err(fault),
         };
-        let place = self.track(target, start, h_whole, effort)?;
-        self.measure(target, &place, &mut end.at)?;
-        self.factor(&end.at, &place, &mut qr)?;
+        ahead.place = self.track(target, start, h_whole, effort)?;
+        self.settle(target, &mut ahead)?;
         effort.spend()?;
-        let first = self.first_step(&end.at, &qr, 0.0, target, None);
+        let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, None);
         if !(first.h <= CERTIFIED) {
             return Err(Fault::with_value(Cause::NotCertified, first.h));
         }
-        self.near(target, &Ball { place: &place, qr: &qr, first }, effort, end)
+        self.near(target, &Ball { about: &ahead, first }, effort, end)
     }
 
     /// Newton's step from a measured place towards `target`, and how flat the ball is that
@@ -652,8 +782,8 @@ impl<const N: usize> Mechanism<N> {
         Step { step, length, flat, h: flat * reach + turned }
     }
 
-    /// Converges within the ball, whose residuals `end` holds.
-    #[inline]
+    /// Converges within the ball, in the chart about its middle.
+    #[inline(always)]
     fn near(
         &self,
         target: &Target<N>,
@@ -661,70 +791,110 @@ impl<const N: usize> Mechanism<N> {
         effort: &mut Effort,
         end: &mut End<N>,
     ) -> Result<Certificate, Fault> {
-        let Ball { first, .. } = ball;
-        let redundant = self.layout.is_redundant();
-        end.place = self.moved(ball.place, &first.step);
-        self.measure_on(target, &end.place, &mut end.at)?;
-        let mut length = first.length;
-        let mut contraction = 1.0;
-        let mut travelled = length;
-        let mut renewed = None;
-        let mut secants = Secants::NONE;
-        secants.remember(&first.step);
-        let mut converged = false;
-        for _ in 0..=MAX_CORRECTIONS {
-            let used = renewed.as_ref().unwrap_or(ball.qr);
-            let error = (length * contraction).min(used.inverse_norm() * norm(&end.at.residual));
-            converged = effort.is_converged(error, &end.at.residual);
+        let Ball { about, first } = ball;
+        let mut walk = Walk::begun(first);
+        self.measure_from(about, &walk.x, target, &mut end.at)?;
+        if self.converge(target, about, &mut walk, effort, &mut end.at)? {
+            end.place = self.moved(&about.place, &walk.x);
+        } else {
+            self.converge_anew(target, &about.place, &mut walk, effort, end)?;
+        }
+        self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)
+    }
+
+    /// Corrects until the residuals `at` the end of the walk are gone; false where that wants
+    /// another factorisation.
+    #[inline(always)]
+    fn converge(
+        &self,
+        target: &Target<N>,
+        about: &Stance<N>,
+        walk: &mut Walk,
+        effort: &mut Effort,
+        at: &mut Measured<N>,
+    ) -> Result<bool, Fault> {
+        loop {
+            let error =
+                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(&at.residual));
+            if effort.is_converged(error, &at.residual) {
+                return Ok(true);
+            }
+            if !walk.renewed {
+                if walk.corrections == MAX_CORRECTIONS {
+                    return Err(Fault::with_value(Cause::NotConverged, largest(&at.residual)));
+                }
+                walk.corrections += 1;
+                effort.spend()?;
+                if self.must_renew(walk, effort) {
+                    return Ok(false);
+                }
+            }
+            walk.correct(newton_step(&about.qr, &at.residual));
+            self.measure_from(about, &walk.x, target, at)?;
+        }
+    }
+
+    /// The same with new factorisations, from the walk's end in the chart about `place`.
+    #[inline(never)]
+    fn converge_anew(
+        &self,
+        target: &Target<N>,
+        place: &Place,
+        walk: &mut Walk,
+        effort: &mut Effort,
+        end: &mut End<N>,
+    ) -> Result<(), Fault> {
+        let mut about = Stance::new(self.moved(place, &walk.x));
+        loop {
+            self.settle(target, &mut about)?;
+            walk.renew();
+            let converged = self.converge(target, &about, walk, effort, &mut end.at)?;
+            about.place = self.moved(&about.place, &walk.x);
             if converged {
-                break;
+                end.place = about.place;
+                return Ok(());
             }
-            // The first correction tells how well the factorisation still serves.
-            let known = contraction < 1.0;
-            // With more legs than coordinates the old one would settle elsewhere.
-            if redundant
-                || length > CHORD_STEP * self.radius
-                || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
-            {
-                renewed = Some(self.factored(&end.at, &end.place)?);
-                secants = Secants::NONE;
-            }
-            effort.spend()?;
-            let used = renewed.as_ref().unwrap_or(ball.qr);
-            let correction = secants.updated(newton_step(used, &end.at.residual));
-            secants.remember(&correction);
-            let shorter = norm(&correction);
-            contraction = shorter / length;
-            length = shorter;
-            travelled += length;
-            end.place = self.moved(&end.place, &correction);
-            self.measure_on(target, &end.place, &mut end.at)?;
         }
-        if !converged {
-            return Err(Fault::with_value(Cause::NotConverged, largest(&end.at.residual)));
-        }
-        let reach = self.reach(target, ball, travelled);
+    }
+
+    /// Whether a factorisation no longer serves after a step of this length.
+    #[inline(always)]
+    fn must_renew(&self, walk: &Walk, effort: &Effort) -> bool {
+        let Walk { length, contraction, .. } = *walk;
+        // The first correction tells how well the factorisation still serves.
+        let known = contraction < 1.0;
+        // With more legs than coordinates the old one would settle elsewhere.
+        self.layout.is_redundant()
+            || length > CHORD_STEP * self.radius
+            || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
+    }
+
+    /// The certificate of a pose at most `distance` from the middle of the ball.
+    #[inline]
+    fn confirm(
+        &self,
+        target: &Target<N>,
+        ball: &Ball<'_, N>,
+        distance: f64,
+        end: &Measured<N>,
+    ) -> Result<Certificate, Fault> {
+        let Ball { about, first } = ball;
+        // The ball of the first step serves if it is as large.
+        let flat = match distance <= 2.0 * first.length {
+            true => first.flat,
+            false => self.flat(&about.at, &about.qr, distance).unwrap_or(f64::INFINITY),
+        };
+        let reach = flat * distance;
         if !(reach < 1.0) {
             return Err(Fault::with_value(Cause::NotCertified, reach));
         }
         if self.moving {
-            self.refuse_dead_points(&end.at.placed, &target.joints)?;
+            self.refuse_dead_points(&end.placed, &target.joints)?;
         }
         if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
-            self.refuse_nearly_singular(&self.measured(target, ball.place)?, ball.qr)?;
+            self.refuse_nearly_singular(&about.at, &about.qr)?;
         }
         Ok(Certificate::Ball(reach))
-    }
-
-    /// L(d) d of the distance travelled; the ball of the first step serves if it is as large.
-    #[inline]
-    fn reach(&self, target: &Target<N>, ball: &Ball<'_, N>, travelled: f64) -> f64 {
-        if travelled <= 2.0 * ball.first.length {
-            return ball.first.flat * travelled;
-        }
-        let at = self.measured(target, ball.place);
-        let flat = at.and_then(|at| self.flat(&at, ball.qr, travelled));
-        flat.unwrap_or(f64::INFINITY) * travelled
     }
 
     /// Follows the straight joint path from the seed to `target` by certified
@@ -858,8 +1028,7 @@ impl<const N: usize> Mechanism<N> {
         start: &Place,
     ) -> Result<f64, Fault> {
         let mut at = self.measured(target, start)?;
-        let mut columns = [[0.0; N]; 6];
-        self.columns(&at, start, &mut columns);
+        let mut columns = self.columns(&at, start);
         let without = |values: &mut [f64; N]| {
             for (i, value) in values.iter_mut().enumerate() {
                 if i == leg {
@@ -917,23 +1086,20 @@ fn shrunk(share: f64, h: f64) -> f64 {
     share * (0.9 * CERTIFIED / h).clamp(0.02, 0.9)
 }
 
-#[inline]
+#[inline(always)]
 fn newton_step<const N: usize>(qr: &Qr<N>, residual: &[f64; N]) -> [f64; 6] {
     qr.solve(residual).map(|x| -x)
 }
 
-#[inline]
-fn norm<const M: usize>(v: &[f64; M]) -> f64 {
-    sqrt(dot(v, v))
+/// x + share · y.
+#[inline(always)]
+fn along(x: &[f64; 6], share: f64, y: &[f64; 6]) -> [f64; 6] {
+    core::array::from_fn(|k| x[k] + share * y[k])
 }
 
-#[inline]
-fn dot<const M: usize>(a: &[f64; M], b: &[f64; M]) -> f64 {
-    let mut sum = 0.0;
-    for (x, y) in a.iter().zip(b) {
-        sum += x * y;
-    }
-    sum
+#[inline(always)]
+fn norm<const M: usize>(v: &[f64; M]) -> f64 {
+    sqrt(inner(v, v))
 }
 
 #[inline]
@@ -1070,14 +1236,12 @@ mod tests {
                 let ahead = machine.taken_along(&place, Some(&step.motion));
                 let Ok(there) = machine.measured(&to, &ahead) else { continue };
                 // The search factors ahead, a sub-step where it starts.
-                let qr = if rng.random() {
-                    machine.factored(&there, &ahead)
-                } else {
-                    let here = step.target(&machine, 0.0);
-                    let here = machine.measured(&here, &place).unwrap();
-                    machine.factored(&here, &place)
-                };
-                let Ok(qr) = qr else { continue };
+                let (stand, share) = if rng.random() { (ahead, 1.0) } else { (place, 0.0) };
+                let mut stance = Stance::new(stand);
+                if machine.settle(&step.target(&machine, share), &mut stance).is_err() {
+                    continue;
+                }
+                let qr = stance.qr;
                 let first = machine.first_step(&there, &qr, 0.0, &to, Some(&step.motion));
                 if !(first.h <= CERTIFIED) {
                     continue;

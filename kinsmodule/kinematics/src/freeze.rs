@@ -67,6 +67,7 @@ impl Frozen<'_> {
             radius,
             s1: [0.0; N],
             s2: [0.0; N],
+            present: core::array::from_fn(|i| f64::from(u8::from(i < layout.legs()))),
         };
         for i in 0..N {
             mechanism.legs[i] =
@@ -241,10 +242,8 @@ impl<const N: usize> Mechanism<N> {
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
         let anchors = self.moved_anchors(&self.joints_at(place)?)?;
         let placed = self.placed(&anchors, place);
-        let n = placed.directions();
-        let twist = self.twist(&n, &place.rotation)?;
-        let mut columns = [[0.0; N]; 6];
-        self.charted_rows(&placed, &n, twist.as_ref(), place, &mut columns);
+        let twist = self.twist(&placed.directions(), &place.rotation)?;
+        let columns = self.charted_rows(&placed, twist.as_ref(), place);
         let qr = Qr::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
         let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {

@@ -66,7 +66,7 @@ impl<const N: usize> Mechanism<N> {
         let placed = self.placed(anchors, &posed.stand.place);
         let n = placed.directions();
         let twist = self.twist(&n, &posed.stand.place.rotation)?;
-        let rows = self.rows(&placed, &n, twist.as_ref());
+        let rows = self.rows(&placed, twist.as_ref());
         let mut rates = [0.0; N];
         for (i, rate) in rates.iter_mut().enumerate() {
             *rate = 1.0 / self.legs[i].gain(joints[i] + self.offset[i], &n.get(i));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One vector per leg, stored as three arrays: loops over legs then use vector units.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
 /// Lanes i and i + 1, i even. Two doubles fill the vector registers that every 64-bit
@@ -33,7 +33,35 @@ pub(crate) fn cross(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Whether all lanes are: zeros then add up to zero.
+/// Scalar product over all lanes, in two interleaved sums.
+#[inline(always)]
+pub(crate) fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sums = pair(a, 0) * pair(b, 0);
+    for i in (2..N).step_by(2) {
+        sums += pair(a, i) * pair(b, i);
+    }
+    let [even, odd] = sums.to_array();
+    even + odd
+}
+
+/// M v with the same matrix in both lanes.
+#[inline(always)]
+pub(crate) fn times(m: &Matrix3<f64>, v: &[f64x2; 3]) -> [f64x2; 3] {
+    let row = |i| both(m[(i, 0)]) * v[0] + both(m[(i, 1)]) * v[1] + both(m[(i, 2)]) * v[2];
+    [row(0), row(1), row(2)]
+}
+
+#[inline(always)]
+pub(crate) fn sum(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+pub(crate) fn scaled(v: &[f64x2; 3], by: f64x2) -> [f64x2; 3] {
+    [v[0] * by, v[1] * by, v[2] * by]
+}
+
+/// Whether all lanes are finite: zeros then add up to zero.
 #[inline(always)]
 pub(crate) fn are_finite<const N: usize>(lanes: &[f64; N]) -> bool {
     let mut sum = f64x2::ZERO;
@@ -41,6 +69,16 @@ pub(crate) fn are_finite<const N: usize>(lanes: &[f64; N]) -> bool {
         sum += pair(lanes, i) * both(0.0);
     }
     sum.reduce_add() == 0.0
+}
+
+/// Whether no lane is beyond ±`limit`; NaN is.
+#[inline(always)]
+pub(crate) fn are_within<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
+    let mut within = pair(lanes, 0).abs().simd_le(both(limit));
+    for i in (2..N).step_by(2) {
+        within &= pair(lanes, i).abs().simd_le(both(limit));
+    }
+    within.all()
 }
 
 /// Whether all lanes are above a limit; NaN is not.
@@ -95,27 +133,5 @@ impl<const N: usize> Lanes3<N> {
         self.x[i] = v.x;
         self.y[i] = v.y;
         self.z[i] = v.z;
-    }
-
-    #[inline(always)]
-    pub fn cross(&self, other: &Self) -> Self {
-        let mut out = Self::ZERO;
-        for i in 0..N {
-            out.x[i] = self.y[i] * other.z[i] - self.z[i] * other.y[i];
-            out.y[i] = self.z[i] * other.x[i] - self.x[i] * other.z[i];
-            out.z[i] = self.x[i] * other.y[i] - self.y[i] * other.x[i];
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub fn scaled(&self, factor: &[f64; N]) -> Self {
-        let mut out = *self;
-        for i in 0..N {
-            out.x[i] *= factor[i];
-            out.y[i] *= factor[i];
-            out.z[i] *= factor[i];
-        }
-        out
     }
 }

@@ -10,12 +10,13 @@ use crate::fault::{Cause, Fault};
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
-use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put};
+use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put, scaled, sum, times};
 use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
 use crate::pose::Pose;
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use wide::f64x2;
 
 /// Largest tool offset, joint offset and distance of the centre in sizes of the machine: with
 /// more the rounding of f64 would take from joints and poses what the solver promises,
@@ -146,7 +147,26 @@ impl Machine {
         tool: &Vector3<f64>,
         solver: &Solver,
     ) -> Result<Solution, Fault> {
-        each!(self, m => m.forward(joints, seed, tool, solver))
+        let mut solution = Solution::NONE;
+        self.forward_into(joints, seed, tool, solver, &mut solution)?;
+        Ok(solution)
+    }
+
+    /// As [`Machine::forward`], into `solution`, which an error leaves alone; see
+    /// [`Machine::inverse_into`].
+    ///
+    /// # Errors
+    /// As [`Machine::forward`].
+    #[inline]
+    pub fn forward_into(
+        &self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+        solver: &Solver,
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
+        each!(self, m => m.forward(joints, seed, tool, solver, solution))
     }
 
     /// Largest [`Solution::residual`] that forward may return with these settings, machine
@@ -299,6 +319,8 @@ pub(crate) struct Mechanism<const N: usize> {
     pub s1: [f64; N],
     /// Per leg m |arm|/radius²: bound of the platform anchor's second derivative.
     pub s2: [f64; N],
+    /// 1 for a lane that is a leg, 0 for one that repeats the first.
+    pub present: [f64; N],
 }
 
 /// Where the platform is: its reference point and orientation, in base.
@@ -308,6 +330,14 @@ pub(crate) struct Place {
     pub rotation: Matrix3<f64>,
     /// A, B, C; kept up to date by [`Chart::Angles`] only.
     pub angles: Vector3<f64>,
+}
+
+/// How the platform moves from one place to another.
+pub(crate) struct Displacement {
+    /// Of the reference point.
+    pub shift: Vector3<f64>,
+    /// The orientation R becomes R + `change` R.
+    pub change: Matrix3<f64>,
 }
 
 /// The legs at one place of the platform.
@@ -323,22 +353,40 @@ pub(crate) struct Placed<const N: usize> {
 impl<const N: usize> Placed<N> {
     pub const ZERO: Self = Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N] };
 
+    #[inline(always)]
+    fn put(&mut self, i: usize, arm: [f64x2; 3], span: [f64x2; 3]) {
+        self.arms.put(i, arm);
+        self.span.put(i, span);
+        put(&mut self.length, i, dot(&span, &span).sqrt());
+    }
+
+    /// The legs after the platform has moved, written to `placed`.
+    #[inline(always)]
+    pub fn moved(&self, by: &Displacement, placed: &mut Self) {
+        let shift = [both(by.shift.x), both(by.shift.y), both(by.shift.z)];
+        for i in (0..N).step_by(2) {
+            let arm = self.arms.pair(i);
+            let turned = times(&by.change, &arm);
+            let span = sum(&self.span.pair(i), &sum(&turned, &shift));
+            placed.put(i, sum(&arm, &turned), span);
+        }
+    }
+
     /// Unit vectors along the legs, base to platform.
     #[inline(always)]
     pub fn directions(&self) -> Lanes3<N> {
         let mut n = Lanes3::ZERO;
-        self.direct(&mut n);
+        for i in (0..N).step_by(2) {
+            n.put(i, scaled(&self.span.pair(i), self.curved(i)));
+        }
         n
     }
 
-    /// The same in a place that exists.
+    /// 1/l of legs i and i + 1.
     #[inline(always)]
-    pub fn direct(&self, n: &mut Lanes3<N>) {
-        for i in (0..N).step_by(2) {
-            // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
-            let length = pair(&self.length, i).max(both(f64::MIN_POSITIVE));
-            n.put(i, self.span.pair(i).map(|component| component / length));
-        }
+    fn curved(&self, i: usize) -> f64x2 {
+        // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
+        both(1.0) / pair(&self.length, i).max(both(f64::MIN_POSITIVE))
     }
 }
 
@@ -418,21 +466,11 @@ impl<const N: usize> Mechanism<N> {
     /// The same in a place that exists. One loop over all of it keeps values in registers.
     #[inline(always)]
     pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
-        let r = place.rotation.map(both);
         let c = place.centre.map(both);
-        let Placed { arms, span, length } = placed;
         for i in (0..N).step_by(2) {
-            let [x, y, z] = self.arms.pair(i);
-            let arm = [
-                r[(0, 0)] * x + r[(0, 1)] * y + r[(0, 2)] * z,
-                r[(1, 0)] * x + r[(1, 1)] * y + r[(1, 2)] * z,
-                r[(2, 0)] * x + r[(2, 1)] * y + r[(2, 2)] * z,
-            ];
-            arms.put(i, arm);
+            let arm = times(&place.rotation, &self.arms.pair(i));
             let [x, y, z] = anchors.pair(i);
-            let leg = [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z];
-            span.put(i, leg);
-            put(length, i, dot(&leg, &leg).sqrt());
+            placed.put(i, arm, [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z]);
         }
     }
 
@@ -469,44 +507,23 @@ impl<const N: usize> Mechanism<N> {
     /// Rows of the length constraints at a place of the platform: one column per lane
     /// array, linear part first, about the reference point; the last three per radian.
     #[inline(always)]
-    pub fn rows(
-        &self,
-        placed: &Placed<N>,
-        n: &Lanes3<N>,
-        twist: Option<&Twist<N>>,
-    ) -> [[f64; N]; 6] {
+    pub fn rows(&self, placed: &Placed<N>, twist: Option<&Twist<N>>) -> [[f64; N]; 6] {
         let mut columns = [[0.0; N]; 6];
-        self.rows_into(placed, n, twist, &mut columns);
-        columns
-    }
-
-    #[inline(always)]
-    fn rows_into(
-        &self,
-        placed: &Placed<N>,
-        n: &Lanes3<N>,
-        twist: Option<&Twist<N>>,
-        columns: &mut [[f64; N]; 6],
-    ) {
-        let [vx, vy, vz, wx, wy, wz] = columns;
-        (*vx, *vy, *vz) = (n.x, n.y, n.z);
-        (*wx, *wy, *wz) = ([0.0; N], [0.0; N], [0.0; N]);
-        if let (Some(nut), Some(twist)) = (&self.nut, twist) {
-            let rates = nut.rates(twist, n, &placed.length);
-            for i in 0..N {
-                vx[i] += rates.along.x[i];
-                vy[i] += rates.along.y[i];
-                vz[i] += rates.along.z[i];
-            }
-            (*wx, *wy, *wz) = (rates.moment.x, rates.moment.y, rates.moment.z);
-        }
         for i in (0..N).step_by(2) {
-            let force = [pair(vx, i), pair(vy, i), pair(vz, i)];
-            let moment = cross(&placed.arms.pair(i), &force);
-            put(wx, i, pair(wx, i) + moment[0]);
-            put(wy, i, pair(wy, i) + moment[1]);
-            put(wz, i, pair(wz, i) + moment[2]);
+            let curved = placed.curved(i);
+            let mut force = scaled(&placed.span.pair(i), curved);
+            let mut moment = [both(0.0); 3];
+            if let (Some(nut), Some(twist)) = (&self.nut, twist) {
+                let rates = nut.rates(twist, i, &force, curved);
+                force = sum(&force, &rates.along);
+                moment = rates.moment;
+            }
+            moment = sum(&moment, &cross(&placed.arms.pair(i), &force));
+            for (column, values) in columns.iter_mut().zip(force.into_iter().chain(moment)) {
+                put(column, i, values);
+            }
         }
+        columns
     }
 
     /// The rows in the chart at a place, see [`Self::to_chart`].
@@ -514,13 +531,12 @@ impl<const N: usize> Mechanism<N> {
     pub fn charted_rows(
         &self,
         placed: &Placed<N>,
-        n: &Lanes3<N>,
         twist: Option<&Twist<N>>,
         place: &Place,
-        columns: &mut [[f64; N]; 6],
-    ) {
-        self.rows_into(placed, n, twist, columns);
-        self.to_chart(columns, place);
+    ) -> [[f64; N]; 6] {
+        let mut columns = self.rows(placed, twist);
+        self.to_chart(&mut columns, place);
+        columns
     }
 
     /// Columns of the chart from those of the twist: active coordinates only, angular ones
@@ -530,10 +546,10 @@ impl<const N: usize> Mechanism<N> {
         if self.chart == Chart::Angles {
             self.of_angles(columns, place);
         }
-        let inverse = 1.0 / self.radius;
+        let inverse = both(1.0 / self.radius);
         for column in &mut columns[3..] {
-            for value in column {
-                *value *= inverse;
+            for i in (0..N).step_by(2) {
+                put(column, i, pair(column, i) * inverse);
             }
         }
         if self.active == [true; 6] && self.count() == N {

@@ -19,10 +19,11 @@
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, both, cross, dot, pair, put};
-use crate::pose::arc;
+use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
+use crate::pose::arcs;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
+use wide::f64x2;
 
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
 const MIN_SIN_SQUARED: f64 = 1e-6;
@@ -67,10 +68,10 @@ pub(crate) struct Twist<const N: usize> {
     from_fold: [f64; N],
 }
 
-/// Gradient of the correction: force part along v, free moment along ω.
-pub(crate) struct CorrectionRates<const N: usize> {
-    pub along: Lanes3<N>,
-    pub moment: Lanes3<N>,
+/// Gradient of the correction of two legs: force part along v, free moment along ω.
+pub(crate) struct Rates {
+    pub along: [f64x2; 3],
+    pub moment: [f64x2; 3],
 }
 
 impl<const N: usize> Nut<N> {
@@ -119,103 +120,108 @@ impl<const N: usize> Nut<N> {
     #[inline(always)]
     pub fn twist(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Twist<N> {
         let mut twist = Twist::ZERO;
-        self.project(n, rotation, &mut twist);
         for i in (0..N).step_by(2) {
-            let hand = pair(&twist.hand, i);
-            let (sine, cosine) = (hand * pair(&twist.sine, i), hand * pair(&twist.cosine, i));
+            let axis = times(rotation, &self.platform_axis.pair(i));
+            let (sine, cosine) = self.project(i, &n.pair(i), &axis, &mut twist);
             put(&mut twist.from_fold, i, sine.atan2(cosine));
         }
         twist
     }
 
-    /// Twist of every leg at a pose near that of `twist`, in its place: the arcs of the
-    /// small differences are what costs least.
+    /// Twist of every leg after the platform has changed its orientation R to R + `change` R,
+    /// written to `twist`: the arcs of small differences are what costs least.
     #[inline(always)]
-    pub fn twist_on(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>, twist: &mut Twist<N>) {
-        if self.fold == Fold::Literal {
-            *twist = self.twist(n, rotation);
-            return;
-        }
-        let (s0, c0) = (twist.sine, twist.cosine);
-        self.project(n, rotation, twist);
-        for i in 0..N {
-            let (s, c) = (twist.sine[i], twist.cosine[i]);
-            twist.from_fold[i] += arc(s * c0[i] - c * s0[i], c * c0[i] + s * s0[i]);
+    pub fn twist_from(
+        &self,
+        from: &Twist<N>,
+        n: &Lanes3<N>,
+        change: &Matrix3<f64>,
+        twist: &mut Twist<N>,
+    ) {
+        for i in (0..N).step_by(2) {
+            let was = from.platform_axis.pair(i);
+            let axis = sum(&was, &times(change, &was));
+            let (sine, cosine) = self.project(i, &n.pair(i), &axis, twist);
+            let arc = if self.fold == Fold::Literal {
+                sine.atan2(cosine)
+            } else {
+                let hand = pair(&self.hand, i);
+                let (s0, c0) = (hand * pair(&from.sine, i), hand * pair(&from.cosine, i));
+                pair(&from.from_fold, i) + arcs(sine * c0 - cosine * s0, cosine * c0 + sine * s0)
+            };
+            put(&mut twist.from_fold, i, arc);
         }
     }
 
-    /// All of a twist but the arc.
+    /// All of a twist of legs i and i + 1 but the arc: sine and cosine of that.
     #[inline(always)]
-    fn project(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>, twist: &mut Twist<N>) {
-        let r = rotation.map(both);
-        for i in (0..N).step_by(2) {
-            let [px, py, pz] = self.platform_axis.pair(i);
-            let b = [
-                r[(0, 0)] * px + r[(0, 1)] * py + r[(0, 2)] * pz,
-                r[(1, 0)] * px + r[(1, 1)] * py + r[(1, 2)] * pz,
-                r[(2, 0)] * px + r[(2, 1)] * py + r[(2, 2)] * pz,
-            ];
-            twist.platform_axis.put(i, b);
-            let (a, n) = (self.base_axis.pair(i), n.pair(i));
-            let (alpha, beta) = (dot(&a, &n), dot(&b, &n));
-            put(&mut twist.alpha, i, alpha);
-            put(&mut twist.beta, i, beta);
-            put(&mut twist.sine, i, dot(&n, &cross(&a, &b)));
-            put(&mut twist.cosine, i, dot(&a, &b) - alpha * beta + pair(&self.idle, i));
-        }
-        twist.hand = self.hand;
-        if self.fold == Fold::Literal {
-            twist.hand = twist.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
-        }
+    fn project(
+        &self,
+        i: usize,
+        n: &[f64x2; 3],
+        b: &[f64x2; 3],
+        twist: &mut Twist<N>,
+    ) -> (f64x2, f64x2) {
+        let a = self.base_axis.pair(i);
+        let (alpha, beta) = (dot(&a, n), dot(b, n));
+        let sine = dot(n, &cross(&a, b));
+        let cosine = dot(&a, b) - alpha * beta + pair(&self.idle, i);
+        let hand = match self.fold {
+            Fold::Literal => cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0)),
+            Fold::Fixed => pair(&self.hand, i),
+        };
+        twist.platform_axis.put(i, *b);
+        put(&mut twist.alpha, i, alpha);
+        put(&mut twist.beta, i, beta);
+        put(&mut twist.sine, i, sine);
+        put(&mut twist.cosine, i, cosine);
+        put(&mut twist.hand, i, hand);
+        (hand * sine, hand * cosine)
     }
 
     /// Refuses a strut that points along one of its joint axes: it has no twist.
     #[inline(always)]
     pub fn refuse_along_axis(&self, twist: &Twist<N>) -> Result<(), Fault> {
-        let mut free = true;
-        for i in 0..N {
-            free &= twist.room(i) >= MIN_SIN_SQUARED;
+        for i in (0..N).step_by(2) {
+            let (alpha, beta) = (pair(&twist.alpha, i), pair(&twist.beta, i));
+            let room = (both(1.0) - alpha * alpha, both(1.0) - beta * beta);
+            let least = both(MIN_SIN_SQUARED);
+            if !(room.0.simd_ge(least) & room.1.simd_ge(least)).all() {
+                return Err(twist.along_axis());
+            }
         }
-        if free { Ok(()) } else { Err(twist.along_axis()) }
+        Ok(())
     }
 
     /// Lengths to add to the struts, in machine units.
     #[inline(always)]
     pub fn corrections(&self, twist: &Twist<N>) -> [f64; N] {
         let mut out = [0.0; N];
-        for i in 0..N {
-            out[i] = twist.hand[i] * self.travel[i] * twist.from_fold[i];
+        for i in (0..N).step_by(2) {
+            let gain = pair(&twist.hand, i) * pair(&self.travel, i);
+            put(&mut out, i, gain * pair(&twist.from_fold, i));
         }
         out
     }
 
-    /// Exact gradient of [`Self::corrections`]:
+    /// Exact gradient of [`Self::corrections`] for legs i and i + 1 with the unit vectors
+    /// `n`, 1/l = `curved`:
     ///
     /// ```text
     /// w  = ( β (B×n)/(1−β²) − α (A×n)/(1−α²) ) / l
     /// dφ = w·v + ( ρ×w + (n − βB)/(1−β²) )·ω
     /// ```
     #[inline(always)]
-    pub fn rates(&self, twist: &Twist<N>, n: &Lanes3<N>, length: &[f64; N]) -> CorrectionRates<N> {
-        let mut of_a = [0.0; N];
-        let mut of_b = [0.0; N];
-        let mut of_n = [0.0; N];
-        let mut of_axis = [0.0; N];
-        for i in 0..N {
-            let gain = twist.hand[i] * self.travel[i];
-            let (alpha, beta) = (twist.alpha[i], twist.beta[i]);
-            of_n[i] = gain / (1.0 - beta * beta);
-            of_axis[i] = -beta * of_n[i];
-            of_b[i] = beta * of_n[i] / length[i];
-            of_a[i] = -alpha * gain / ((1.0 - alpha * alpha) * length[i]);
-        }
-        let b = &twist.platform_axis;
-        let from_b = b.cross(n).scaled(&of_b);
-        let from_a = self.base_axis.cross(n).scaled(&of_a);
-        let across = b.scaled(&of_axis);
-        let turn = n.scaled(&of_n);
-        let sum = |p: &Lanes3<N>, q: &Lanes3<N>| Lanes3::from_fn(|i| p.get(i) + q.get(i));
-        CorrectionRates { along: sum(&from_a, &from_b), moment: sum(&turn, &across) }
+    pub fn rates(&self, twist: &Twist<N>, i: usize, n: &[f64x2; 3], curved: f64x2) -> Rates {
+        let gain = pair(&twist.hand, i) * pair(&self.travel, i);
+        let (alpha, beta) = (pair(&twist.alpha, i), pair(&twist.beta, i));
+        let of_n = gain / (both(1.0) - beta * beta);
+        let of_b = beta * of_n;
+        let of_a = alpha * gain / (both(1.0) - alpha * alpha);
+        let (a, b) = (self.base_axis.pair(i), twist.platform_axis.pair(i));
+        // One product with n serves both axes.
+        let axes = sum(&scaled(&b, of_b * curved), &scaled(&a, -of_a * curved));
+        Rates { along: cross(&axes, n), moment: sum(&scaled(n, of_n), &scaled(&b, -of_b)) }
     }
 
     /// Bound of the correction's second derivative in the chart scaled by r, over the
@@ -225,28 +231,28 @@ impl<const N: usize> Nut<N> {
     /// With κ = |lead|/2π, n' = s₁/l, n'' = s₂/l + 3n'², and θA, θB the angles of n from
     /// the planes normal to the joint axes, widened by what the ball may turn them:
     /// κ (3n'²/cos²θA + 3(n'+1/r)²/cos²θB + (tan θA + tan θB) n'' + 1/(r² cos θB)).
-    pub fn curvature(&self, twist: &Twist<N>, i: usize, ball: &Ball) -> Option<f64> {
-        let kappa = self.travel[i].abs();
-        if kappa == 0.0 {
-            return Some(0.0);
-        }
-        let turn = 1.0 / ball.radius;
-        let n1 = ball.s1 / ball.length;
-        let n2 = ball.s2 / ball.length + 3.0 * n1 * n1;
-        let a = widened(twist.alpha[i], n1 * ball.rho)?;
-        let b = widened(twist.beta[i], (n1 + turn) * ball.rho)?;
-        let slope = n1 * (a.tan + b.tan) + turn / b.cos;
+    #[inline(always)]
+    pub fn curvature(&self, twist: &Twist<N>, i: usize, ball: &Ball) -> Option<f64x2> {
+        let kappa = pair(&self.travel, i).abs();
+        let idle = kappa.simd_eq(both(0.0));
+        let (rho, turn) = (both(ball.rho), both(1.0 / ball.radius));
+        let n1 = ball.s1 * ball.curved;
+        let n2 = ball.s2 * ball.curved + both(3.0) * n1 * n1;
+        let n1b = n1 + turn;
+        let a = Widened::new(pair(&twist.alpha, i), n1 * rho);
+        let b = Widened::new(pair(&twist.beta, i), n1b * rho);
+        let slope = n1 * (a.tan + b.tan) + turn * b.secant;
         let fold = match self.fold {
             Fold::Literal => core::f64::consts::FRAC_PI_2,
             Fold::Fixed => core::f64::consts::PI,
         };
-        if !(twist.from_fold[i].abs() + slope * ball.rho < fold) {
+        let folded = pair(&twist.from_fold, i).abs() + slope * rho;
+        if !(idle | (a.allowed & b.allowed & folded.simd_lt(both(fold)))).all() {
             return None;
         }
-        let (ca, cb) = (a.cos * a.cos, b.cos * b.cos);
-        let n1b = n1 + turn;
-        let bending = 3.0 * n1 * n1 / ca + 3.0 * n1b * n1b / cb;
-        Some(kappa * (bending + (a.tan + b.tan) * n2 + turn * turn / b.cos))
+        let bending = both(3.0) * (n1 * n1 * a.secant * a.secant + n1b * n1b * b.secant * b.secant);
+        let bound = kappa * (bending + (a.tan + b.tan) * n2 + turn * turn * b.secant);
+        Some(idle.select(both(0.0), bound))
     }
 }
 
@@ -263,7 +269,7 @@ impl<const N: usize> Twist<N> {
 
     /// The strut that points most closely along a joint axis.
     #[cold]
-    fn along_axis(&self) -> Fault {
+    pub fn along_axis(&self) -> Fault {
         let mut worst = (0, f64::INFINITY);
         for i in 0..N {
             if !(self.room(i) >= worst.1) {
@@ -287,33 +293,36 @@ fn room(alpha: f64, beta: f64) -> f64 {
     (1.0 - alpha * alpha).min(1.0 - beta * beta)
 }
 
-/// The ball about a pose over which a bound has to hold, for one leg.
+/// The ball about a pose over which a bound has to hold, for two legs.
 pub(crate) struct Ball {
     /// Radius of the ball, a length.
     pub rho: f64,
     /// Radius of the platform, a length: the chart is scaled by it.
     pub radius: f64,
-    /// Shortest leg within the ball.
-    pub length: f64,
-    pub s1: f64,
-    pub s2: f64,
+    /// 1/l of the shortest legs within the ball.
+    pub curved: f64x2,
+    pub s1: f64x2,
+    pub s2: f64x2,
 }
 
+/// Of angles asin|sine| that are widened.
 struct Widened {
-    cos: f64,
-    tan: f64,
+    /// Whether they stay below 89°.
+    allowed: f64x2,
+    secant: f64x2,
+    tan: f64x2,
 }
 
-/// cos and tan of the angle asin|sine| widened by `by` radians; refused beyond 89°.
-fn widened(sine: f64, by: f64) -> Option<Widened> {
-    const SIN_89: f64 = 0.999_847_695_156_391_3;
-    // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
-    let sin = sine.abs() + by;
-    if !(sin < SIN_89) {
-        return None;
+impl Widened {
+    /// By `by` radians.
+    #[inline(always)]
+    fn new(sine: f64x2, by: f64x2) -> Self {
+        const SIN_89: f64 = 0.999_847_695_156_391_3;
+        // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
+        let sin = sine.abs() + by;
+        let secant = both(1.0) / (both(1.0) - sin * sin).sqrt();
+        Self { allowed: sin.simd_lt(both(SIN_89)), secant, tan: sin * secant }
     }
-    let cos = sqrt(1.0 - sin * sin);
-    Some(Widened { cos, tan: sin / cos })
 }
 
 /// Unit vector of an axis as given.

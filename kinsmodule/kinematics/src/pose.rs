@@ -3,9 +3,11 @@
 //! R = Rz(C) Ry(B) Rx(A).
 
 use crate::fault::{Cause, Fault};
+use crate::lanes::both;
 use core::f64::consts::FRAC_PI_2;
 use libm::{atan2, sincos, sqrt};
 use nalgebra::{Matrix3, Vector3};
+use wide::f64x2;
 
 const RADIANS: f64 = core::f64::consts::PI / 180.0;
 
@@ -170,18 +172,33 @@ fn turned(from: f64, s0: f64, c0: f64, s: f64, c: f64) -> f64 {
     from + arc(s * c0 - c * s0, c * c0 + s * s0)
 }
 
+/// Below this share of the cosine a sine's arc is a short series: the first term left out,
+/// t¹³/13, is less than half a unit in the last place.
+const SHORT: f64 = 0.03;
+
 /// atan2 for directions that mostly are next to (0, 1), where a short series is quicker.
 #[inline]
 pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
-    // Below this the first term left out, t¹³/13, is less than half a unit in the last place.
-    const SHORT: f64 = 0.03;
     if !(sine.abs() <= SHORT * cosine) {
         return atan2(sine, cosine);
     }
-    let t = sine / cosine;
+    short_arc(both(sine / cosine)).to_array()[0]
+}
+
+/// The same of two directions.
+#[inline(always)]
+pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+    if !sine.abs().simd_le(both(SHORT) * cosine).all() {
+        return sine.atan2(cosine);
+    }
+    short_arc(sine / cosine)
+}
+
+#[inline(always)]
+fn short_arc(t: f64x2) -> f64x2 {
     let u = t * t;
-    let tail = 1.0 / 7.0 - u * (1.0 / 9.0 - u / 11.0);
-    t * (1.0 - u * (1.0 / 3.0 - u * (1.0 / 5.0 - u * tail)))
+    let tail = both(1.0 / 7.0) - u * (both(1.0 / 9.0) - u * both(1.0 / 11.0));
+    t - t * u * (both(1.0 / 3.0) - u * (both(1.0 / 5.0) - u * tail))
 }
 
 /// Rotation vector (axis times angle) of `r`, angle in [0, π].
@@ -208,24 +225,24 @@ pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     axis * (angle / axis.norm())
 }
 
-/// Rotation by about |ω| radians about ω (Cayley's formula): exactly orthogonal,
-/// and never a larger turn than |ω|.
+/// What a rotation by about |ω| radians about ω (Cayley's formula) changes: C − 1, with C
+/// exactly orthogonal and never a larger turn than |ω|.
 #[inline(always)]
-pub(crate) fn cayley(w: &Vector3<f64>) -> Matrix3<f64> {
+pub(crate) fn cayley_change(w: &Vector3<f64>) -> Matrix3<f64> {
     let h = w * 0.5;
     let k = 2.0 / (1.0 + h.norm_squared());
     let (x, y, z) = (h.x, h.y, h.z);
     Matrix3::new(
-        1.0 - k * (y * y + z * z),
-        k * (x * y - z),
-        k * (x * z + y),
-        k * (x * y + z),
-        1.0 - k * (x * x + z * z),
-        k * (y * z - x),
-        k * (x * z - y),
-        k * (y * z + x),
-        1.0 - k * (x * x + y * y),
-    )
+        -(y * y + z * z),
+        x * y - z,
+        x * z + y,
+        x * y + z,
+        -(x * x + z * z),
+        y * z - x,
+        x * z - y,
+        y * z + x,
+        -(x * x + y * y),
+    ) * k
 }
 
 #[cfg(test)]
@@ -318,7 +335,7 @@ mod tests {
     #[test]
     fn cayley_is_orthogonal_and_turns_no_more_than_asked() {
         let w = Vector3::new(0.3, -0.2, 0.5);
-        let r = cayley(&w);
+        let r = Matrix3::identity() + cayley_change(&w);
         assert!((r * r.transpose() - Matrix3::identity()).norm() < 1e-14);
         assert!(rotation_vector(&r).norm() <= w.norm());
     }

@@ -155,8 +155,7 @@ impl<const N: usize> Mechanism<N> {
         let joints = self.joints_of(&posed)?;
         let place = &posed.stand.place;
         let placed = self.placed(&self.moved_anchors(&joints)?, place);
-        let mut columns = [[0.0; N]; 6];
-        self.charted_rows(&placed, &placed.directions(), None, place, &mut columns);
+        let columns = self.charted_rows(&placed, None, place);
         Ok(smallest_singular_value(columns, &self.active))
     }
 }

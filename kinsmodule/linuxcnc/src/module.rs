@@ -160,26 +160,27 @@ impl Module {
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
-        let result = prepared.and_then(|()| self.solved(joints, seed, address));
+        let mut solution = Solution::NONE;
+        let result = prepared.and_then(|()| self.solve(joints, seed, address, &mut solution));
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
         self.pins.fwd_kins_fail.set(result.is_err());
         self.show_start();
-        if let Ok(solution) = &result {
+        if result.is_ok() {
             self.remember(address, solution.pose);
-            self.show(solution);
+            self.show(&solution);
         }
         if !self.report.monitored {
             self.watch_geometry();
             self.show_assembly();
         }
-        if let Err(fault) = &result
+        if let Err(fault) = result
             && fault.cause == Cause::Searching
         {
-            return Err(*fault);
+            return Err(fault);
         }
-        Ok(self.recorded(result)?.pose)
+        self.recorded(result).map(|()| solution.pose)
     }
 
     /// Drops what was known of the pose when joints had to be homed in between.
@@ -520,14 +521,21 @@ impl Module {
         Ok(())
     }
 
-    fn solved(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Solution, Fault> {
+    fn solve(
+        &mut self,
+        joints: &Joints,
+        seed: &Pose,
+        address: usize,
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
         self.retool_for_forward()?;
         let tool = self.tool.offset();
         let seed = match self.searched(joints, &tool) {
             Some(found) => found?,
             None => self.seed_for(seed, address)?,
         };
-        self.frozen()?.machine.forward(joints, &seed, &tool, &self.pins.solver())
+        let machine = &self.frozen()?.machine;
+        machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
     }
 
     /// The pose to start from where none is known, if there are boxes to search it in.
