@@ -39,12 +39,12 @@ const POSE_TOLERANCE: f64 = 1e-12;
 /// A step longer than this share of the radius spoils the old factorisation.
 const CHORD_STEP: f64 = 1e-2;
 
-/// Share of the tolerance that the correction after the next one may be expected to
-/// leave: contraction differs from one correction to the next.
-const CHORD_MARGIN: f64 = 0.03;
+/// A correction that leaves more than this share of the error wants another factorisation,
+/// which costs as much as four corrections.
+const CHORD_CONTRACTION: f64 = 0.1;
 
 /// Steps that the secant updates of one factorisation remember.
-const SECANTS: usize = 3;
+const SECANTS: usize = 4;
 
 /// Rounding of a residual: no criterion below this share of the size can be met.
 const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -475,9 +475,9 @@ impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs; lanes beyond the last leg repeat the first one.
     #[inline(always)]
     fn lanes_of(&self, joints: &Joints) -> [f64; N] {
-        let mut lanes = [joints[0]; N];
-        for (lane, joint) in lanes.iter_mut().zip(joints).take(self.count()) {
-            *lane = *joint;
+        let mut lanes = *joints.first_chunk::<N>().unwrap_or(&[f64::NAN; N]);
+        for lane in lanes.iter_mut().skip(self.count()) {
+            *lane = joints[0];
         }
         lanes
     }
@@ -825,7 +825,7 @@ impl<const N: usize> Mechanism<N> {
                 }
                 walk.corrections += 1;
                 effort.spend()?;
-                if self.must_renew(walk, effort) {
+                if self.must_renew(walk) {
                     return Ok(false);
                 }
             }
@@ -859,14 +859,14 @@ impl<const N: usize> Mechanism<N> {
 
     /// Whether a factorisation no longer serves after a step of this length.
     #[inline(always)]
-    fn must_renew(&self, walk: &Walk, effort: &Effort) -> bool {
+    fn must_renew(&self, walk: &Walk) -> bool {
         let Walk { length, contraction, .. } = *walk;
         // The first correction tells how well the factorisation still serves.
         let known = contraction < 1.0;
         // With more legs than coordinates the old one would settle elsewhere.
         self.layout.is_redundant()
             || length > CHORD_STEP * self.radius
-            || (known && length * contraction * contraction > CHORD_MARGIN * effort.tolerance)
+            || (known && contraction > CHORD_CONTRACTION)
     }
 
     /// The certificate of a pose at most `distance` from the middle of the ball.

@@ -213,8 +213,8 @@ impl<const N: usize> Mechanism<N> {
     /// Per-leg values for the outside.
     pub(crate) fn per_leg(&self, lanes: &[f64; N]) -> PerLeg {
         let mut out = [0.0; MAX_LEGS];
-        for (to, value) in out.iter_mut().zip(lanes).take(self.count()) {
-            *to = *value;
+        for i in 0..N.min(MAX_LEGS) {
+            out[i] = lanes[i] * self.present[i];
         }
         out
     }

@@ -354,21 +354,18 @@ impl<const N: usize> Placed<N> {
     pub const ZERO: Self = Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N] };
 
     #[inline(always)]
-    fn put(&mut self, i: usize, arm: [f64x2; 3], span: [f64x2; 3]) {
-        self.arms.put(i, arm);
+    fn put(&mut self, i: usize, span: [f64x2; 3]) {
         self.span.put(i, span);
         put(&mut self.length, i, dot(&span, &span).sqrt());
     }
 
-    /// The legs after the platform has moved, written to `placed`.
+    /// The legs after the platform has moved, written to `placed`, whose arms stay.
     #[inline(always)]
     pub fn moved(&self, by: &Displacement, placed: &mut Self) {
         let shift = [both(by.shift.x), both(by.shift.y), both(by.shift.z)];
         for i in (0..N).step_by(2) {
-            let arm = self.arms.pair(i);
-            let turned = times(&by.change, &arm);
-            let span = sum(&self.span.pair(i), &sum(&turned, &shift));
-            placed.put(i, sum(&arm, &turned), span);
+            let turned = times(&by.change, &self.arms.pair(i));
+            placed.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
         }
     }
 
@@ -470,7 +467,8 @@ impl<const N: usize> Mechanism<N> {
         for i in (0..N).step_by(2) {
             let arm = times(&place.rotation, &self.arms.pair(i));
             let [x, y, z] = anchors.pair(i);
-            placed.put(i, arm, [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z]);
+            placed.arms.put(i, arm);
+            placed.put(i, [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z]);
         }
     }
 

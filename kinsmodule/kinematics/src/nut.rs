@@ -121,10 +121,10 @@ impl<const N: usize> Nut<N> {
     pub fn twist(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Twist<N> {
         let mut twist = Twist::ZERO;
         for i in (0..N).step_by(2) {
-            let axis = times(rotation, &self.platform_axis.pair(i));
-            let (sine, cosine) = self.project(i, &n.pair(i), &axis, &mut twist);
-            put(&mut twist.from_fold, i, sine.atan2(cosine));
+            twist.platform_axis.put(i, times(rotation, &self.platform_axis.pair(i)));
         }
+        self.project(n, &mut twist);
+        twist.unfold();
         twist
     }
 
@@ -140,43 +140,37 @@ impl<const N: usize> Nut<N> {
     ) {
         for i in (0..N).step_by(2) {
             let was = from.platform_axis.pair(i);
-            let axis = sum(&was, &times(change, &was));
-            let (sine, cosine) = self.project(i, &n.pair(i), &axis, twist);
-            let arc = if self.fold == Fold::Literal {
-                sine.atan2(cosine)
-            } else {
-                let hand = pair(&self.hand, i);
-                let (s0, c0) = (hand * pair(&from.sine, i), hand * pair(&from.cosine, i));
-                pair(&from.from_fold, i) + arcs(sine * c0 - cosine * s0, cosine * c0 + sine * s0)
-            };
-            put(&mut twist.from_fold, i, arc);
+            twist.platform_axis.put(i, sum(&was, &times(change, &was)));
+        }
+        self.project(n, twist);
+        if self.fold == Fold::Literal {
+            twist.unfold();
+            return;
+        }
+        for i in (0..N).step_by(2) {
+            let (s, c) = (pair(&twist.sine, i), pair(&twist.cosine, i));
+            let (s0, c0) = (pair(&from.sine, i), pair(&from.cosine, i));
+            let arc = arcs(s * c0 - c * s0, c * c0 + s * s0);
+            put(&mut twist.from_fold, i, pair(&from.from_fold, i) + arc);
         }
     }
 
-    /// All of a twist of legs i and i + 1 but the arc: sine and cosine of that.
+    /// All of a twist but platform axes, which it has, and arc.
     #[inline(always)]
-    fn project(
-        &self,
-        i: usize,
-        n: &[f64x2; 3],
-        b: &[f64x2; 3],
-        twist: &mut Twist<N>,
-    ) -> (f64x2, f64x2) {
-        let a = self.base_axis.pair(i);
-        let (alpha, beta) = (dot(&a, n), dot(b, n));
-        let sine = dot(n, &cross(&a, b));
-        let cosine = dot(&a, b) - alpha * beta + pair(&self.idle, i);
-        let hand = match self.fold {
-            Fold::Literal => cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0)),
-            Fold::Fixed => pair(&self.hand, i),
-        };
-        twist.platform_axis.put(i, *b);
-        put(&mut twist.alpha, i, alpha);
-        put(&mut twist.beta, i, beta);
-        put(&mut twist.sine, i, sine);
-        put(&mut twist.cosine, i, cosine);
-        put(&mut twist.hand, i, hand);
-        (hand * sine, hand * cosine)
+    fn project(&self, n: &Lanes3<N>, twist: &mut Twist<N>) {
+        for i in (0..N).step_by(2) {
+            let (a, b, n) = (self.base_axis.pair(i), twist.platform_axis.pair(i), n.pair(i));
+            let (alpha, beta) = (dot(&a, &n), dot(&b, &n));
+            let cosine = dot(&a, &b) - alpha * beta + pair(&self.idle, i);
+            put(&mut twist.alpha, i, alpha);
+            put(&mut twist.beta, i, beta);
+            put(&mut twist.sine, i, dot(&n, &cross(&a, &b)));
+            put(&mut twist.cosine, i, cosine);
+        }
+        twist.hand = self.hand;
+        if self.fold == Fold::Literal {
+            twist.hand = twist.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
+        }
     }
 
     /// Refuses a strut that points along one of its joint axes: it has no twist.
@@ -266,6 +260,17 @@ impl<const N: usize> Twist<N> {
         hand: [0.0; N],
         from_fold: [0.0; N],
     };
+
+    /// Fills the arcs in. A loop of its own: long chains that do not depend on each other
+    /// overlap.
+    #[inline(always)]
+    fn unfold(&mut self) {
+        for i in (0..N).step_by(2) {
+            let hand = pair(&self.hand, i);
+            let (sine, cosine) = (hand * pair(&self.sine, i), hand * pair(&self.cosine, i));
+            put(&mut self.from_fold, i, sine.atan2(cosine));
+        }
+    }
 
     /// The strut that points most closely along a joint axis.
     #[cold]

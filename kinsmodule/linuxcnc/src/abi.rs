@@ -175,17 +175,14 @@ pub unsafe extern "C" fn kinematicsForward(
         world.spoil(Some(module.layout()));
         return Cause::NullPointer.code();
     };
-    let joints = &joints;
+    let address = &raw const *world as usize;
+    let mut pose = world.degrees();
     let result = match module.kind() {
-        Kind::Identity => module.identity_forward(joints),
-        Kind::Machine => {
-            let address = &raw const *world as usize;
-            let seed = Pose::from_degrees(world.degrees());
-            module.forward(joints, &seed, address).map(|p| p.to_degrees())
-        }
+        Kind::Identity => module.identity_forward(&joints, &mut pose),
+        Kind::Machine => module.forward(&joints, &mut pose, address),
     };
     match result {
-        Ok(pose) => world.set_degrees(pose),
+        Ok(()) => world.set_degrees(pose),
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
         Err(_) => world.spoil(Some(module.layout())),

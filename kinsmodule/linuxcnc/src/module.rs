@@ -142,10 +142,16 @@ impl Module {
         result
     }
 
-    /// Pose of the joints; `address` tells the kind of call, `seed` may hold NaN.
-    pub fn forward(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+    /// Pose of the joints in degrees, which takes the place of the seed's; `address` tells the
+    /// kind of call, the seed may hold NaN.
+    pub fn forward(
+        &mut self,
+        joints: &Joints,
+        pose: &mut [f64; 6],
+        address: usize,
+    ) -> Result<(), Fault> {
         let begin = self.clocks();
-        let result = self.pose_at(joints, seed, address);
+        let result = self.pose_at(joints, pose, address);
         self.guard.saw_forward(self.clocks().wrapping_sub(begin));
         result
     }
@@ -155,8 +161,14 @@ impl Module {
         if self.report.monitored { clocks() } else { 0 }
     }
 
-    fn pose_at(&mut self, joints: &Joints, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+    fn pose_at(
+        &mut self,
+        joints: &Joints,
+        pose: &mut [f64; 6],
+        address: usize,
+    ) -> Result<(), Fault> {
         self.forget_before_homing();
+        let seed = &Pose::from_degrees(*pose);
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
@@ -169,7 +181,8 @@ impl Module {
         self.show_start();
         if result.is_ok() {
             self.remember(address, solution.pose);
-            self.show(&solution);
+            *pose = solution.pose.to_degrees();
+            self.show(&solution, *pose);
         }
         if !self.report.monitored {
             self.watch_geometry();
@@ -180,7 +193,7 @@ impl Module {
         {
             return Err(fault);
         }
-        self.recorded(result).map(|()| solution.pose)
+        self.recorded(result)
     }
 
     /// Drops what was known of the pose when joints had to be homed in between.
@@ -241,13 +254,13 @@ impl Module {
     }
 
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
-    pub fn identity_forward(&mut self, joints: &Joints) -> Result<[f64; 6], Fault> {
+    pub fn identity_forward(&mut self, joints: &Joints, pose: &mut [f64; 6]) -> Result<(), Fault> {
         self.start.resumes();
         let result = self.identity_pose(joints);
         self.pins.fwd_kins_fail.set(result.is_err());
-        let pose = self.recorded(result)?;
-        self.pins.show_pose(pose);
-        Ok(pose)
+        *pose = self.recorded(result)?;
+        self.pins.show_pose(*pose);
+        Ok(())
     }
 
     /// Each joint at its letter's place, 0 at those that no joint moves.
@@ -574,12 +587,12 @@ impl Module {
         self.callers[0] = Some(entry);
     }
 
-    fn show(&self, solution: &Solution) {
+    fn show(&self, solution: &Solution, pose: [f64; 6]) {
         let pins = self.pins;
         pins.last_iterations.set(solution.iterations);
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
-        pins.show_pose(solution.pose.to_degrees());
+        pins.show_pose(pose);
         pins.show_tool(&self.tool.offset());
         pins.show_corrections(&self.load, &solution.corrections);
     }
