@@ -183,9 +183,10 @@ impl Secants {
 
     #[inline(always)]
     fn remember(&mut self, step: &[f64; 6], square: f64) {
-        let mut places = self.steps.iter_mut().zip(&mut self.weights);
+        let (steps, weights) = (&mut self.steps, &mut self.weights);
         if square > 0.0
-            && let Some((place, weight)) = places.nth(self.count)
+            && let (Some(place), Some(weight)) =
+                (steps.get_mut(self.count), weights.get_mut(self.count))
         {
             (*place, *weight) = (*step, 1.0 / square);
             self.count += 1;
@@ -383,10 +384,10 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<(), Fault> {
         solver.check()?;
         let seed = &if self.holds { self.held(seed, false)? } else { *seed };
-        if !seed.is_finite() {
-            return Err(Cause::SeedMissing.into());
-        }
-        seed.check()?;
+        seed.check().map_err(|fault| match fault.cause {
+            Cause::PoseNotFinite => Cause::SeedMissing.into(),
+            _ => fault,
+        })?;
         self.check_tool(tool)?;
         self.refuse_table_not_finite(joints)?;
         let mut target = Target::of(self.lanes_of(joints));
@@ -990,13 +991,15 @@ impl<const N: usize> Mechanism<N> {
 
     /// Largest error of a joint that the residuals amount to: of a strut's length, of the
     /// place of a carriage, of the end of an arm along its circle.
+    #[inline]
     fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
+        if !self.moving {
+            return largest(&at.residual);
+        }
         let mut off = at.residual;
-        if self.moving {
-            for (i, value) in off.iter_mut().enumerate() {
-                let margin = self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
-                *value /= margin.unwrap_or(1.0);
-            }
+        for (i, value) in off.iter_mut().enumerate() {
+            let margin = self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
+            *value /= margin.unwrap_or(1.0);
         }
         largest(&off)
     }

@@ -87,6 +87,7 @@ impl Pose {
         Ok(())
     }
 
+    #[inline]
     pub(crate) fn trigonometry(&self) -> Trigonometry {
         let (sa, ca) = sincos(self.angles.x);
         let (sb, cb) = sincos(self.angles.y);
