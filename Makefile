@@ -77,6 +77,7 @@ counts-write: setup module
 
 bench: setup module
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench
+	$(CARGO) run --release $(LOCKED) --quiet -p pkm --bin pkm-bench
 
 # With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
 certify: setup module

@@ -2,6 +2,7 @@
 //! Host side of pkmkins: the machine as its INI file describes it, programs replayed
 //! through the kinematics, and traces of running machines judged and drawn.
 
+pub mod batch;
 pub mod boxes;
 pub mod case;
 pub mod choose;

@@ -5,10 +5,12 @@
 //! [`module::Module`] is one loaded module with its pins; [`machines`] holds hexapods,
 //! [`parallel`] any machine, [`subjects`] one of each kind with its workspace;
 //! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
-//! usable as a reference; [`tracker`] what forward must find; [`tolerances`] every
+//! usable as a reference; [`tracker`] what forward must find;
+//! [`limit`] what arithmetic alone would take; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod geometry;
+pub mod limit;
 pub mod machines;
 pub mod module;
 pub mod nut;

@@ -6,6 +6,7 @@
 //! of two modules measured in turns is what stays.
 
 use abi_tests::geometry::distance;
+use abi_tests::limit::{Rates, forward, inverse};
 use abi_tests::machines::{
     Hexapod, PAPER_004_HOME, genhexkins_default, one_servo_step_from, paper_004, paper_004_pose,
     tilted,
@@ -230,8 +231,25 @@ fn iterations(outcome: &Outcome) -> String {
     format!("{median:.0} / {:.0}", sorted[sorted.len() - 1])
 }
 
+/// What the call would take by arithmetic alone, and how many times that it takes; of
+/// hexapods one servo step away.
+fn limit(call: &str, subject: &Subject, judged: &[Outcome], time: f64, rates: &Rates) -> String {
+    let lead = match subject.name {
+        "paper 004, lead 10" => true,
+        "paper 004, lead 0" => false,
+        _ => return format!("{NONE} | {NONE}"),
+    };
+    let work = match (call, judged.first()) {
+        ("inverse", _) => inverse(lead),
+        ("forward, servo step", Some(ours)) => forward(lead, median(&mut ours.iterations.clone())),
+        _ => return format!("{NONE} | {NONE}"),
+    };
+    let least = rates.least(&work);
+    format!("{least:.0} | {:.1}", time / least)
+}
+
 /// One row: ours, then theirs if there is one.
-fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64]) {
+fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64], rates: &Rates) {
     let mut cells = Vec::new();
     for which in 0..2 {
         cells.push(times.get(which).map_or(NONE.to_string(), |time| format!("{time:.0}")));
@@ -244,7 +262,9 @@ fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64]) {
     }
     let theirs = subject.theirs.as_ref().map_or(NONE, |theirs| theirs.name);
     let ratio = times.get(1).map_or(NONE.to_string(), |time| format!("{:.2}", time / times[0]));
-    println!("| {call} | {} | {} | {theirs} | {ratio} |", subject.name, cells.join(" | "));
+    let limit = limit(call, subject, judged, times[0], rates);
+    let cells = cells.join(" | ");
+    println!("| {call} | {} | {cells} | {theirs} | {ratio} | {limit} |", subject.name);
 }
 
 /// Ours with the subject's machine, then theirs if there is one.
@@ -258,16 +278,16 @@ fn modules(subject: &Subject) -> Vec<Module> {
     modules
 }
 
-fn bench(subject: &Subject) {
+fn bench(subject: &Subject, rates: &Rates) {
     let modules = modules(subject);
     let mut random = Random::new(9);
     let cases: Vec<Case> = (0..POSES).map(|_| case(subject, &modules[0], &mut random)).collect();
-    row("inverse", subject, &[], &in_turns(&modules, |m| inverse_batch(m, &cases)));
+    row("inverse", subject, &[], &in_turns(&modules, |m| inverse_batch(m, &cases)), rates);
     for (call, seed) in [("forward, servo step", Seed::ServoStep), ("forward, home", Seed::Home)] {
         let judged: Vec<Outcome> =
             modules.iter().map(|m| judged(m, subject, &cases, seed)).collect();
         let times = in_turns(&modules, |m| forward_batch(m, &cases, seed, &subject.home));
-        row(call, subject, &judged, &times);
+        row(call, subject, &judged, &times, rates);
     }
 }
 
@@ -302,10 +322,21 @@ fn main() {
     println!("including the second solution it makes for its GUI pins.\n");
     println!(
         "| call | machine | pkmkins ns | iterations | failed / wrong \
-         | theirs ns | iterations | failed / wrong | theirs | times as fast |"
+         | theirs ns | iterations | failed / wrong | theirs | times as fast \
+         | arithmetic ns | times that |"
     );
-    println!("|---|---|--:|--:|--:|--:|--:|--:|---|--:|");
-    subjects.iter().for_each(bench);
+    println!("|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|--:|");
+    let rates = Rates::measured();
+    subjects.iter().for_each(|subject| bench(subject, &rates));
+    println!("\nArithmetic: what the operations of the call take at the rate of many that do not");
+    println!(
+        "wait for each other, here {:.2} ns for a multiplication or addition, {:.2} for a",
+        rates.flop, rates.division
+    );
+    println!(
+        "division, {:.2} for a root (all in pairs), {:.1} for a sine with its cosine, {:.1} for an arc.",
+        rates.root, rates.sine, rates.arc
+    );
     println!("\nFrom home, all modules with their default settings:\n");
     println!("| machine | module | poses | failed | wrong | iterations |");
     println!("|---|---|--:|--:|--:|--:|");

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What arithmetic alone would take: operations counted on paper, at the rate at which this
+//! core does many of each that do not wait for each other.
+//!
+//! Multiplications and additions count alike, two of them to a vector operation, and run beside
+//! the divider, which does divisions and square roots; sines and arcs are the functions that the
+//! module calls. Loads, copies, checks and waiting for results count nothing: no program for
+//! these registers can be quicker, and none comes near it.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Operations of one call.
+#[derive(Clone, Copy, Default)]
+pub struct Work {
+    /// Multiplications and additions.
+    pub flops: f64,
+    /// Divisions.
+    pub divisions: f64,
+    /// Square roots.
+    pub roots: f64,
+    /// Sines with their cosines.
+    pub sines: f64,
+    /// Arcs of sine and cosine.
+    pub arcs: f64,
+}
+
+/// Legs of a hexapod.
+const LEGS: f64 = 6.0;
+
+/// Products of sines (12) and sums (4) of a rotation; 3 × 3 by a vector (15) and 6 additions of
+/// the point that the legs place.
+const PLACE: f64 = 16.0 + 21.0;
+
+/// R b (15), centre and base (6), its square (5), the target or offset (1).
+const LEG: f64 = 27.0;
+
+/// α and β (10), A·B − αβ (7), n·(A×B) (14), travel and sum (2).
+const TWIST: f64 = 33.0;
+
+/// Inverse of a hexapod of struts.
+pub fn inverse(lead: bool) -> Work {
+    let mut work = Work { flops: PLACE + LEGS * LEG, roots: LEGS, sines: 3.0, ..Work::default() };
+    if lead {
+        // n (3) and R times the platform axis (15).
+        work.flops += LEGS * (18.0 + TWIST);
+        work.divisions += LEGS;
+        work.arcs += LEGS;
+    }
+    work
+}
+
+/// Forward of a hexapod of struts with its certificate, within one ball, after `solves` solves.
+pub fn forward(lead: bool, solves: f64) -> Work {
+    let mut work = inverse(lead);
+    // Rows: n (3), its moment (9) by 1/r (3).
+    work.flops += LEGS * 15.0;
+    work.divisions += LEGS;
+    // Gram-Schmidt: 6 squares, 15 products and subtractions; R⁻¹; R⁻¹ D⁻¹ Qᵀ; its norm.
+    work.flops += 6.0 * 11.0 + 15.0 * 24.0 + 40.0 + 36.0 + 15.0 * 12.0 + 71.0;
+    work.divisions += 6.0;
+    // k of each leg with a division; two norms.
+    work.flops += LEGS * 6.0 + 22.0;
+    work.divisions += LEGS;
+    work.roots += 3.0;
+    // Rotation and angles next to the seed's: two products, three arcs by series.
+    work.flops += 2.0 * 45.0 + 75.0;
+    work.divisions += 5.0;
+    work.roots += 1.0;
+    // Each solve (66), the secants and norms that go with it (60).
+    work.flops += solves * 126.0;
+    work.divisions += solves * 2.0;
+    work.roots += solves * 2.0;
+    // Each residual after a step: C − 1 (25), its product with an arm (18) instead of R b.
+    work.flops += solves * (25.0 + LEGS * LEG);
+    work.divisions += solves;
+    work.roots += solves * LEGS;
+    if lead {
+        // Rates of the correction; its term of k.
+        work.flops += LEGS * (45.0 + 40.0);
+        work.divisions += LEGS * 4.0;
+        work.roots += LEGS * 2.0;
+        // Each twist anew: n and axis (21), the arc of a difference by its series (20).
+        work.flops += solves * LEGS * (21.0 + TWIST + 20.0);
+        work.divisions += solves * LEGS * 2.0;
+    }
+    work
+}
+
+/// Nanoseconds of one operation among many.
+pub struct Rates {
+    /// Of a multiplication or an addition.
+    pub flop: f64,
+    /// Of a division.
+    pub division: f64,
+    /// Of a square root.
+    pub root: f64,
+    /// Of a sine with its cosine.
+    pub sine: f64,
+    /// Of an arc.
+    pub arc: f64,
+}
+
+/// Numbers worked on side by side: twelve vector registers of two.
+const LANES: usize = 24;
+
+/// Rounds of one measurement: some tens of microseconds.
+const ROUNDS: usize = 2000;
+
+/// Measurements; the quickest counts, as neighbours only make slower.
+const TRIALS: usize = 15;
+
+impl Rates {
+    /// Measures this core.
+    pub fn measured() -> Self {
+        let lanes: [f64; LANES] = std::array::from_fn(|k| 0.3 + 0.01 * k as f64);
+        let (scale, by) = black_box((0.999, 0.001));
+        Self {
+            // One of each.
+            flop: quickest(lanes, |x| x * scale + by) / 2.0,
+            division: quickest(lanes, |x| scale / x),
+            root: quickest(lanes, |x| x.sqrt()),
+            // Angles of a workspace, and both results wanted.
+            sine: quickest(lanes, |x| {
+                let (s, c) = libm::sincos(x);
+                0.3 * s + 0.2 * c
+            }),
+            arc: quickest(lanes, |x| libm::atan2(x, scale)),
+        }
+    }
+
+    /// What the work would take at least, in nanoseconds.
+    pub fn least(&self, work: &Work) -> f64 {
+        let trigonometry = work.sines * self.sine + work.arcs * self.arc;
+        let divider = work.divisions * self.division + work.roots * self.root;
+        (work.flops * self.flop + trigonometry).max(divider)
+    }
+}
+
+fn quickest(start: [f64; LANES], step: impl Fn(f64) -> f64) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..TRIALS {
+        let mut lanes = black_box(start);
+        let begun = Instant::now();
+        for _ in 0..ROUNDS {
+            for lane in &mut lanes {
+                *lane = step(*lane);
+            }
+        }
+        let time = begun.elapsed().as_nanos() as f64;
+        black_box(lanes);
+        best = best.min(time / (ROUNDS * LANES) as f64);
+    }
+    best
+}
