@@ -39,9 +39,9 @@ const POSE_TOLERANCE: f64 = 1e-12;
 /// A step longer than this share of the radius spoils the old factorisation.
 const CHORD_STEP: f64 = 1e-2;
 
-/// A correction that leaves more than this share of the error wants another factorisation,
-/// which costs as much as four corrections.
-const CHORD_CONTRACTION: f64 = 0.1;
+/// Share of the tolerance that the correction after the next one may be expected to leave: beyond
+/// it another factorisation keeps a servo step to three solves.
+const CHORD_MARGIN: f64 = 0.03;
 
 /// Steps that the secant updates of one factorisation remember.
 const SECANTS: usize = 4;
@@ -826,7 +826,7 @@ impl<const N: usize> Mechanism<N> {
                 }
                 walk.corrections += 1;
                 effort.spend()?;
-                if self.must_renew(walk) {
+                if self.must_renew(walk, effort.tolerance) {
                     return Ok(false);
                 }
             }
@@ -860,14 +860,14 @@ impl<const N: usize> Mechanism<N> {
 
     /// Whether a factorisation no longer serves after a step of this length.
     #[inline(always)]
-    fn must_renew(&self, walk: &Walk) -> bool {
+    fn must_renew(&self, walk: &Walk, tolerance: f64) -> bool {
         let Walk { length, contraction, .. } = *walk;
         // The first correction tells how well the factorisation still serves.
         let known = contraction < 1.0;
         // With more legs than coordinates the old one would settle elsewhere.
         self.layout.is_redundant()
             || length > CHORD_STEP * self.radius
-            || (known && contraction > CHORD_CONTRACTION)
+            || (known && length * contraction * contraction > CHORD_MARGIN * tolerance)
     }
 
     /// The certificate of a pose at most `distance` from the middle of the ball.
