@@ -7,10 +7,32 @@
 //! Sections that describe the machine are strict (see [`Ini::check_section`]); in all
 //! others the first of repeated keys counts, as LinuxCNC's own readers have it, unless the
 //! machine depends on the value: then a repetition is refused.
+//!
+//! LinuxCNC 2.9 has two readers, and its start script copies included files in before both.
+//! The one of its programs (`inivar` shows it) joins a line that ends with a backslash to the
+//! next one, reads 255 bytes of a line, and sees only the first of two sections of a name.
+//! The one of its HAL files (haltcl) does none of this. Where they differ, a file means two
+//! things: such a line is refused, or its value where the machine depends on it.
+//! tests/inivar.rs compares this reader with `inivar`.
 
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Longest line that LinuxCNC's programs read in one piece (LINELEN of inifile.cc), bytes.
+const LONGEST_LINE: usize = 255;
+
+/// First word of a line that names a file to be read in its place.
+const INCLUDE: &str = "#INCLUDE";
+
+/// A line of a file, and the part of it that is meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Excerpt {
+    /// The line.
+    pub text: String,
+    /// The part, in bytes of the line.
+    pub part: std::ops::Range<usize>,
+}
 
 /// Why an INI file was refused: where, what was found, what was expected.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +49,23 @@ pub struct Problem {
     pub found: Option<String>,
     /// What was expected, and a way out.
     pub expected: String,
+    /// The line itself, where there is one.
+    pub excerpt: Option<Excerpt>,
+}
+
+impl Problem {
+    /// What is wrong, without the place.
+    pub fn message(&self) -> String {
+        if self.section.is_empty() {
+            return self.expected.clone();
+        }
+        let found = match &self.found {
+            Some(found) if self.key.is_empty() => found.clone(),
+            Some(found) => format!(" = {found}"),
+            None => " is missing".into(),
+        };
+        format!("[{}]{}{found}: {}", self.section, self.key, self.expected)
+    }
 }
 
 impl fmt::Display for Problem {
@@ -35,16 +74,7 @@ impl fmt::Display for Problem {
         if let Some(line) = self.line {
             write!(f, ":{line}")?;
         }
-        write!(f, ": ")?;
-        if !self.section.is_empty() {
-            write!(f, "[{}]{}", self.section, self.key)?;
-            match &self.found {
-                Some(found) => write!(f, " = {found}")?,
-                None => write!(f, " is missing")?,
-            }
-            write!(f, ": ")?;
-        }
-        write!(f, "{}", self.expected)
+        write!(f, ": {}", self.message())
     }
 }
 
@@ -61,10 +91,46 @@ impl fmt::Display for IniError {
 impl std::error::Error for IniError {}
 
 impl IniError {
-    /// The same error at a line (counted from 1).
-    pub fn at_line(mut self, line: usize) -> Self {
-        self.0.line = Some(line);
+    fn at(mut self, line: &Line, part: &str) -> Self {
+        self.0.file.clone_from(&line.file);
+        self.0.line = Some(line.number);
+        self.0.excerpt = Some(line.excerpt(part));
         self
+    }
+}
+
+/// One line of the file or of one that it includes.
+#[derive(Clone, Debug, PartialEq)]
+struct Line {
+    file: PathBuf,
+    /// Counted from 1.
+    number: usize,
+    /// Without its end.
+    text: String,
+}
+
+impl Line {
+    /// The line with one part of it, or all of it where the part is not in it.
+    fn excerpt(&self, part: &str) -> Excerpt {
+        let text = self.text.trim_end();
+        // A value is looked for behind its key, which may hold the same characters.
+        let from = text.find('=').filter(|at| text[*at..].contains(part)).unwrap_or(0);
+        let whole = text.len() - text.trim_start().len()..text.len();
+        let part = match text[from..].find(part) {
+            Some(at) if !part.is_empty() => from + at..from + at + part.len(),
+            _ => whole,
+        };
+        Excerpt { text: text.into(), part }
+    }
+
+    /// Whether LinuxCNC's programs read the next line as a part of this one. A blank or a
+    /// carriage return after the backslash prevents it.
+    fn goes_on(&self) -> bool {
+        self.text.ends_with('\\')
+    }
+
+    fn is_comment(&self) -> bool {
+        self.text.trim_start().starts_with(['#', ';'])
     }
 }
 
@@ -77,8 +143,12 @@ pub struct Entry {
     pub key: String,
     /// Text after `=`, without blanks around it.
     pub value: String,
-    /// Line, counted from 1.
-    pub line: usize,
+    /// Where it begins.
+    line: Line,
+    /// Whether it goes on in the next line, for LinuxCNC's programs.
+    continued: bool,
+    /// Whether an earlier section of this name hides it from LinuxCNC's programs.
+    hidden: bool,
 }
 
 /// A file as read: nothing is interpreted yet.
@@ -86,14 +156,16 @@ pub struct Entry {
 pub struct Ini {
     file: PathBuf,
     entries: Vec<Entry>,
-    sections: Vec<(String, usize)>,
+    headings: Vec<(String, Line)>,
+    /// The text with the files it includes; `None` where it includes none.
+    expanded: Option<String>,
 }
 
 impl Ini {
-    /// Reads a file.
+    /// Reads a file, and those that it includes.
     ///
     /// # Errors
-    /// The file cannot be read, or it includes another file.
+    /// A file cannot be read, or a line means different things to LinuxCNC's readers.
     pub fn read(file: &Path) -> Result<Self, IniError> {
         let text = fs::read(file).map_err(|error| {
             let expected = format!("cannot be read: {error}; name the machine's INI file");
@@ -102,54 +174,146 @@ impl Ini {
         Self::parse(file, &String::from_utf8_lossy(&text))
     }
 
-    /// Reads text; `file` only names it in errors.
+    /// Reads text; `file` names it in errors, and files it includes are looked for beside it.
     ///
     /// # Errors
-    /// The text includes another file, or a section heading is malformed.
+    /// As [`Ini::read`].
     pub fn parse(file: &Path, text: &str) -> Result<Self, IniError> {
         let mut ini = Self::empty(file);
-        let mut section = String::new();
-        for (i, line) in text.lines().enumerate() {
-            ini.take_line(line.trim(), i + 1, &mut section)?;
+        let own: Vec<Line> = numbered(file, text);
+        let includes = own.iter().any(|line| line.text.starts_with(INCLUDE));
+        let lines = if includes { ini.expand(own)? } else { own };
+        if includes {
+            ini.expanded = Some(lines.iter().map(|line| format!("{}\n", line.text)).collect());
+        }
+        let mut lines = lines.into_iter().peekable();
+        while let Some(first) = lines.next() {
+            let mut whole = first.text.clone();
+            let mut continued = false;
+            while whole.ends_with('\\') {
+                let Some(next) = lines.next() else { break };
+                ini.refuse_join(&first, &next)?;
+                whole.pop();
+                whole.push_str(&next.text);
+                continued = true;
+            }
+            ini.take_line(first, &whole, continued)?;
         }
         Ok(ini)
     }
 
     fn empty(file: &Path) -> Self {
-        Self { file: file.into(), entries: vec![], sections: vec![] }
+        Self { file: file.into(), entries: vec![], headings: vec![], expanded: None }
     }
 
-    fn take_line(
-        &mut self,
-        line: &str,
-        number: usize,
-        section: &mut String,
-    ) -> Result<(), IniError> {
-        if line.starts_with("#INCLUDE") {
-            let expected = "included files are not followed; name the file that LinuxCNC \
-                            expands it to (its name ends in .expanded)";
-            return Err(self.error("", "", None, expected).at_line(number));
+    /// The lines as LinuxCNC's start script copies them: it reads the file with the shell's
+    /// `read`, which takes backslashes away, and copies included files as they are.
+    fn expand(&self, own: Vec<Line>) -> Result<Vec<Line>, IniError> {
+        let mut lines = vec![];
+        let mut own = own.into_iter();
+        while let Some(mut line) = own.next() {
+            while line.goes_on() {
+                line.text.pop();
+                line.text.push_str(&own.next().map_or(String::new(), |next| next.text));
+            }
+            line.text = without_escapes(&line.text);
+            let mut words = line.text.trim().splitn(2, [' ', '\t']);
+            if words.next() != Some(INCLUDE) {
+                lines.push(line);
+                continue;
+            }
+            lines.extend(self.included(&line, words.next().unwrap_or("").trim())?);
         }
-        if line.is_empty() || line.starts_with(['#', ';']) {
+        Ok(lines)
+    }
+
+    fn included(&self, line: &Line, name: &str) -> Result<Vec<Line>, IniError> {
+        let refuse = |expected: &str| self.error("", "", None, expected).at(line, name);
+        if name.is_empty() {
+            return Err(refuse("expected the name of a file after #INCLUDE"));
+        }
+        // The start script hands the name to the shell.
+        if name.contains(['$', '`', '*', '?', '[', '"', '\'', '(', '&', ';', '|', '<', '>']) {
+            return Err(refuse("expected a plain file name: the shell would change this one"));
+        }
+        let home = std::env::var_os("HOME").map(PathBuf::from);
+        let file = match (name.strip_prefix("~/"), home) {
+            (Some(rest), Some(home)) => home.join(rest),
+            _ => self.file.parent().unwrap_or(Path::new("")).join(name),
+        };
+        let text = fs::read(&file).map_err(|error| {
+            refuse(&format!("cannot be read: {error}; LinuxCNC would start without these lines"))
+        })?;
+        Ok(numbered(&file, &String::from_utf8_lossy(&text)))
+    }
+
+    /// Refuses a join that LinuxCNC's readers do not agree on whatever the value is for.
+    fn refuse_join(&self, line: &Line, next: &Line) -> Result<(), IniError> {
+        let refuse = |expected: &str| Err(self.error("", "", None, expected).at(line, "\\"));
+        if next.text.trim_start().starts_with('[') {
+            return refuse("the backslash takes the section heading below into this line");
+        }
+        let is_entry = !line.is_comment() && line.text.contains('=');
+        if !is_entry && !next.text.trim().is_empty() {
+            return refuse(
+                "the backslash takes the line below away from LinuxCNC's programs, but not \
+                 from its HAL files; end this line with something else",
+            );
+        }
+        Ok(())
+    }
+
+    fn take_line(&mut self, line: Line, whole: &str, continued: bool) -> Result<(), IniError> {
+        let text = whole.trim();
+        self.refuse_long(&line)?;
+        if text.is_empty() || line.is_comment() {
             return Ok(());
         }
-        if line.starts_with('[') {
+        if text.starts_with('[') {
             let expected = "expected a section heading such as [PKM] and nothing else on the line";
-            let name = heading(line)
-                .ok_or_else(|| self.error("", "", Some(line), expected).at_line(number))?;
-            *section = name.to_string();
-            self.sections.push((name.to_string(), number));
+            let name = heading(text)
+                .ok_or_else(|| self.error("", "", None, expected).at(&line, text))?
+                .to_string();
+            self.headings.push((name, line));
             return Ok(());
         }
-        if let Some((key, value)) = line.split_once('=') {
+        if let Some((key, value)) = text.split_once('=') {
+            let section = self.headings.last().map_or("", |(name, _)| name);
+            let named = self.headings.iter().filter(|(name, _)| name == section);
             self.entries.push(Entry {
-                section: section.clone(),
+                section: section.to_string(),
                 key: key.trim().to_string(),
                 value: value.trim().to_string(),
-                line: number,
+                line,
+                continued,
+                hidden: named.count() > 1,
             });
         }
         Ok(())
+    }
+
+    /// LinuxCNC's programs take what is beyond for a line of its own.
+    fn refuse_long(&self, line: &Line) -> Result<(), IniError> {
+        let rest = line.text.as_bytes().get(LONGEST_LINE..).unwrap_or_default();
+        if rest.is_empty() || (line.is_comment() && !rest.iter().any(|b| b"=[".contains(b))) {
+            return Ok(());
+        }
+        let expected = format!(
+            "LinuxCNC reads {LONGEST_LINE} bytes of a line and takes the rest for another one"
+        );
+        Err(self.error("", "", None, &expected).at(line, ""))
+    }
+
+    /// What LinuxCNC's programs read for this key (as `inivar` prints it).
+    pub fn as_inivar(&self, section: &str, key: &str) -> Option<&str> {
+        let mut own = self.entries.iter().filter(|e| e.section == section && !e.hidden);
+        own.find(|e| e.key == key).map(|e| e.value.as_str()).filter(|value| !value.is_empty())
+    }
+
+    /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
+    /// it includes none.
+    pub fn expanded(&self) -> Option<&str> {
+        self.expanded.as_deref()
     }
 
     /// The file as it was named by the caller.
@@ -157,14 +321,19 @@ impl Ini {
         &self.file
     }
 
-    /// Names of all sections with the lines they start at, in the order of the file.
-    pub fn sections(&self) -> &[(String, usize)] {
-        &self.sections
+    /// Names of all sections, in the order of the file.
+    pub fn sections(&self) -> impl Iterator<Item = &str> {
+        self.headings.iter().map(|(name, _)| name.as_str())
     }
 
-    /// First entry of this key.
+    /// First entry of this key that LinuxCNC's programs see.
     pub fn first(&self, section: &str, key: &str) -> Option<&Entry> {
-        self.entries.iter().find(|e| e.section == section && e.key == key)
+        self.all(section, key).into_iter().find(|entry| !entry.hidden)
+    }
+
+    /// All entries of this key.
+    pub fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
+        self.entries.iter().filter(|e| e.section == section && e.key == key).collect()
     }
 
     /// The entry of this key.
@@ -178,13 +347,18 @@ impl Ini {
     /// The entry of a key that may be missing, but not repeated: readers differ in which
     /// of two they take.
     fn only(&self, section: &str, key: &str) -> Result<Option<&Entry>, IniError> {
-        let all: Vec<&Entry> =
-            self.entries.iter().filter(|e| e.section == section && e.key == key).collect();
+        let all = self.all(section, key);
         match all.as_slice() {
             [] => Ok(None),
+            [only] if only.hidden && !is_of_hal(section) => {
+                let text = format!(
+                    "LinuxCNC's programs see only the first section [{section}]; move the line there"
+                );
+                Err(self.refuse(only, &text))
+            }
             [only] => Ok(Some(only)),
             [first, .., last] => {
-                let (count, line) = (all.len(), first.line);
+                let (count, line) = (all.len(), first.line.number);
                 let text = format!(
                     "the key is given {count} times, first in line {line}; keep one of them"
                 );
@@ -201,7 +375,8 @@ impl Ini {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
             if !keys.contains(&entry.key.as_str()) {
-                return Err(self.refuse(entry, &format!("unknown key; {known}")));
+                let error = self.refuse(entry, &format!("unknown key; {known}"));
+                return Err(error.at(&entry.line, &entry.key));
             }
             self.only(section, &entry.key)?;
         }
@@ -242,21 +417,48 @@ impl Ini {
 
     /// The entry's value as exactly `N` numbers.
     fn numbers_of<const N: usize>(&self, entry: &Entry) -> Result<[f64; N], IniError> {
-        self.number_list(entry)
-            .and_then(|values| <[f64; N]>::try_from(values).ok())
-            .ok_or_else(|| self.refuse(entry, &expected_numbers(N)))
+        let expected = expected_numbers(N);
+        if entry.continued {
+            // HAL files see the backslash.
+            let error = self.refuse(entry, &expected);
+            return Err(error.at(&entry.line, "\\"));
+        }
+        let values = self.number_list(entry).ok_or_else(|| self.refuse_word(entry, &expected))?;
+        <[f64; N]>::try_from(values).map_err(|_| self.refuse(entry, &expected))
     }
 
     /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
     pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
-        let words = entry.value.split([' ', '\t']).filter(|word| !word.is_empty());
-        words.map(decimal).collect()
+        entry.words().map(decimal).collect()
     }
 
     /// The error that refuses this entry.
     pub fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
-        let found = Some(entry.value.as_str());
-        self.error(&entry.section, &entry.key, found, expected).at_line(entry.line)
+        let found = match entry.continued {
+            true => entry.line.text.split_once('=').map_or("", |(_, value)| value.trim()),
+            false => entry.value.as_str(),
+        };
+        let error = self.error(&entry.section, &entry.key, Some(found), expected);
+        error.at(&entry.line, found)
+    }
+
+    /// The same, with the first word that is no number as the part that is meant.
+    fn refuse_word(&self, entry: &Entry, expected: &str) -> IniError {
+        let error = self.refuse(entry, expected);
+        match entry.words().find(|word| decimal(word).is_none()) {
+            Some(word) => error.at(&entry.line, word),
+            None => error,
+        }
+    }
+
+    /// The error that refuses a section (the last of this name), or says that it is missing.
+    pub fn refuse_section(&self, section: &str, expected: &str) -> IniError {
+        match self.headings.iter().rfind(|(name, _)| name == section) {
+            Some((_, line)) => {
+                self.error(section, "", Some(""), expected).at(line, line.text.trim())
+            }
+            None => self.error(section, "", None, expected),
+        }
     }
 
     /// An error without a line.
@@ -268,8 +470,46 @@ impl Ini {
             key: key.into(),
             found: found.map(Into::into),
             expected: expected.into(),
+            excerpt: None,
         }))
     }
+}
+
+impl Entry {
+    fn words(&self) -> impl Iterator<Item = &str> {
+        self.value.split([' ', '\t']).filter(|word| !word.is_empty())
+    }
+
+    /// Whether an earlier section of this name hides the entry from LinuxCNC's programs.
+    pub fn is_hidden(&self) -> bool {
+        self.hidden
+    }
+}
+
+fn numbered(file: &Path, text: &str) -> Vec<Line> {
+    // Not `lines`, which takes a carriage return away.
+    let mut lines: Vec<&str> = text.split('\n').collect();
+    if lines.last() == Some(&"") {
+        lines.pop();
+    }
+    let line =
+        |(i, text): (usize, &str)| Line { file: file.into(), number: i + 1, text: text.into() };
+    lines.into_iter().enumerate().map(line).collect()
+}
+
+/// What the shell's `read` leaves of a line.
+fn without_escapes(text: &str) -> String {
+    let mut kept = String::new();
+    let mut characters = text.chars();
+    while let Some(c) = characters.next() {
+        kept.extend(if c == '\\' { characters.next() } else { Some(c) });
+    }
+    kept
+}
+
+/// Whether only HAL files read the section: they join sections of one name.
+fn is_of_hal(section: &str) -> bool {
+    section == "PKM" || section.starts_with("LEG_")
 }
 
 /// Name in a section heading. LinuxCNC's readers differ in what they make of blanks and
@@ -365,7 +605,45 @@ mod tests {
     }
 
     #[test]
-    fn includes_are_refused() {
-        assert!(Ini::parse(Path::new("m.ini"), "#INCLUDE other.inc\n").is_err());
+    fn the_offending_word_is_marked() {
+        let error = ini("[LEG_2]\n BASE = 1 B 2\n").require_numbers::<3>("LEG_2", "BASE");
+        let excerpt = error.unwrap_err().0.excerpt.unwrap();
+        assert_eq!(excerpt, Excerpt { text: " BASE = 1 B 2".into(), part: 10..11 });
+    }
+
+    #[test]
+    fn included_lines_stand_in_place_and_keep_their_file_and_line() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("x.inc"), "\nK = bad\n[B]\n").unwrap();
+        let file = folder.path().join("m.ini");
+        let ini = Ini::parse(&file, "[A]\n#INCLUDE x.inc\nK = 2\n").unwrap();
+        assert_eq!(ini.numbers("B", "K"), Ok(Some([2.0])));
+        let error = ini.numbers::<1>("A", "K").unwrap_err().to_string();
+        assert!(error.contains("x.inc:2: [A]K = bad"), "{error}");
+    }
+
+    #[test]
+    fn an_included_file_that_cannot_be_read_is_named_with_the_line_that_names_it() {
+        for (line, part) in [("#INCLUDE none.inc", "none.inc"), ("#INCLUDE", "expected the name")] {
+            let text = Ini::parse(Path::new("m.ini"), line).unwrap_err().to_string();
+            assert!(text.starts_with("m.ini:1: "), "{text}");
+            let problem = Ini::parse(Path::new("m.ini"), line).unwrap_err();
+            assert!(text.contains(part) || problem.0.excerpt.unwrap().text.contains(part));
+        }
+    }
+
+    #[test]
+    fn what_linuxcnc_reads_in_two_ways_is_refused() {
+        for text in [
+            "[A]\nK = 1 \\\n[B]\n",
+            "[A]\n# note \\\nK = 1\n",
+            &format!("[A]\nK = {}\n", "1".repeat(300)),
+            &format!("[A]\n# {} K = 2\n", "x".repeat(300)),
+        ] {
+            assert!(Ini::parse(Path::new("m.ini"), text).is_err(), "{text}");
+        }
+        for text in ["[J]\nK = 1 \\\n2\n", "[J]\n[A]\n[J]\nK = 1\n"] {
+            assert!(ini(text).numbers::<2>("J", "K").is_err(), "{text}");
+        }
     }
 }

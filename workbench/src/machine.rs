@@ -420,16 +420,16 @@ fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
 /// Exactly the sections LEG_0 to that of the last leg.
 fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
     for n in 0..legs {
-        if !ini.sections().iter().any(|(name, _)| *name == leg(n)) {
+        if !ini.sections().any(|name| name == leg(n)) {
             let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
-            return Err(ini.error(&leg(n), "", None, &text));
+            return Err(ini.refuse_section(&leg(n), &text));
         }
     }
-    for (name, line) in ini.sections().iter().filter(|(name, _)| name.starts_with("LEG_")) {
-        if !(0..legs).any(|n| *name == leg(n)) {
+    for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
+        if !(0..legs).any(|n| name == leg(n)) {
             let expected =
                 format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
-            return Err(ini.error(name, "", Some(""), &expected).at_line(*line));
+            return Err(ini.refuse_section(name, &expected));
         }
     }
     Ok(())
