@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall clean
+.PHONY: help demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -14,6 +14,11 @@ MODULES := /usr/lib/linuxcnc/modules
 HALLIB := /usr/share/linuxcnc/hallib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
+
+# Where the command pkm goes, with its manual pages and completions.
+PREFIX := /usr/local
+PKM_SHARE := $(DESTDIR)$(PREFIX)/share
+COMPLETIONS := bash-completion/completions/pkm zsh/site-functions/_pkm fish/vendor_completions.d/pkm.fish
 
 CARGO := cargo
 LOCKED := --locked
@@ -36,6 +41,8 @@ help:
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
+	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
+	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make clean      removes target/ and build/"
 
 demo:
@@ -141,6 +148,25 @@ uninstall:
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" \
 	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))")
+
+# Apart from `install`: the computer that plans need not be the one that cuts.
+install-pkm:
+	$(CARGO) build --profile host $(LOCKED) -p pkm --bin pkm
+	rm -rf build/pkm && target/host/pkm man build/pkm/man
+	@for shell in bash zsh fish; do target/host/pkm completions $$shell > build/pkm/$$shell || exit 1; done
+	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	$$root install -D -m 755 target/host/pkm "$(DESTDIR)$(PREFIX)/bin/pkm" && \
+	for page in build/pkm/man/*.1; do \
+	    $$root install -D -m 644 $$page "$(PKM_SHARE)/man/man1/$${page##*/}" || exit 1; done; \
+	set -- $(COMPLETIONS); \
+	for shell in bash zsh fish; do \
+	    $$root install -D -m 644 build/pkm/$$shell "$(PKM_SHARE)/$$1" || exit 1; shift; done
+	@echo "pkmkins: installed pkm into $(DESTDIR)$(PREFIX)"
+
+uninstall-pkm:
+	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	$$root rm -f "$(DESTDIR)$(PREFIX)/bin/pkm" "$(PKM_SHARE)"/man/man1/pkm.1 \
+	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS),"$(PKM_SHARE)/$(f)")
 
 clean:
 	rm -rf target build

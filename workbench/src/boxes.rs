@@ -30,11 +30,11 @@ pub struct BoxSection {
 /// A section or key is missing, unknown or malformed.
 pub fn read(ini: &Ini, load: &Load) -> Result<Vec<BoxSection>, IniError> {
     let names: Vec<String> = (0..load.boxes()).map(|k| format!("BOX_{k}")).collect();
-    for (name, line) in ini.sections().iter().filter(|(name, _)| name.starts_with("BOX_")) {
-        if !names.contains(name) {
+    for name in ini.sections().filter(|name| name.starts_with("BOX_")) {
+        if !names.iter().any(|own| own == name) {
             let expected =
                 format!("one section too many; [KINS]KINEMATICS has boxes={}", load.boxes());
-            return Err(ini.error(name, "", Some(""), &expected).at_line(*line));
+            return Err(ini.refuse_section(name, &expected));
         }
     }
     names.iter().map(|name| section(ini, name, load)).collect()

@@ -157,6 +157,8 @@ pub struct Ini {
     file: PathBuf,
     entries: Vec<Entry>,
     headings: Vec<(String, Line)>,
+    /// Section and first word of lines without `=`, and how many entries stand before them.
+    unassigned: Vec<(String, String, usize)>,
     /// The text with the files it includes; `None` where it includes none.
     expanded: Option<String>,
 }
@@ -203,7 +205,13 @@ impl Ini {
     }
 
     fn empty(file: &Path) -> Self {
-        Self { file: file.into(), entries: vec![], headings: vec![], expanded: None }
+        Self {
+            file: file.into(),
+            entries: vec![],
+            headings: vec![],
+            unassigned: vec![],
+            expanded: None,
+        }
     }
 
     /// The lines as LinuxCNC's start script copies them: it reads the file with the shell's
@@ -219,6 +227,8 @@ impl Ini {
             line.text = without_escapes(&line.text);
             let mut words = line.text.trim().splitn(2, [' ', '\t']);
             if words.next() != Some(INCLUDE) {
+                // The script puts a blank between the first word and the rest.
+                line.text.push(' ');
                 lines.push(line);
                 continue;
             }
@@ -277,8 +287,8 @@ impl Ini {
             self.headings.push((name, line));
             return Ok(());
         }
+        let section = self.headings.last().map_or("", |(name, _)| name);
         if let Some((key, value)) = text.split_once('=') {
-            let section = self.headings.last().map_or("", |(name, _)| name);
             let named = self.headings.iter().filter(|(name, _)| name == section);
             self.entries.push(Entry {
                 section: section.to_string(),
@@ -288,6 +298,8 @@ impl Ini {
                 continued,
                 hidden: named.count() > 1,
             });
+        } else if let Some((word, _)) = whole.trim_start().split_once([' ', '\t']) {
+            self.unassigned.push((section.to_string(), word.to_string(), self.entries.len()));
         }
         Ok(())
     }
@@ -295,7 +307,9 @@ impl Ini {
     /// LinuxCNC's programs take what is beyond for a line of its own.
     fn refuse_long(&self, line: &Line) -> Result<(), IniError> {
         let rest = line.text.as_bytes().get(LONGEST_LINE..).unwrap_or_default();
-        if rest.is_empty() || (line.is_comment() && !rest.iter().any(|b| b"=[".contains(b))) {
+        let section = self.headings.last().map_or("", |(name, _)| name);
+        let is_harmless = !rest.iter().any(|b| b"=[".contains(b));
+        if rest.is_empty() || (is_harmless && (line.is_comment() || is_of_hal(section))) {
             return Ok(());
         }
         let expected = format!(
@@ -306,8 +320,16 @@ impl Ini {
 
     /// What LinuxCNC's programs read for this key (as `inivar` prints it).
     pub fn as_inivar(&self, section: &str, key: &str) -> Option<&str> {
-        let mut own = self.entries.iter().filter(|e| e.section == section && !e.hidden);
-        own.find(|e| e.key == key).map(|e| e.value.as_str()).filter(|value| !value.is_empty())
+        let is_it = |e: &Entry| e.section == section && !e.hidden && e.key == key;
+        let place = self.entries.iter().position(is_it)?;
+        // They stop at a line that begins with the key and a blank, and has no `=`.
+        let is_stop = |(own, word, before): &(String, String, usize)| {
+            own == section && word == key && *before <= place
+        };
+        if self.unassigned.iter().any(is_stop) {
+            return None;
+        }
+        Some(self.entries[place].value.as_str()).filter(|value| !value.is_empty())
     }
 
     /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
@@ -358,10 +380,14 @@ impl Ini {
             }
             [only] => Ok(Some(only)),
             [first, .., last] => {
-                let (count, line) = (all.len(), first.line.number);
-                let text = format!(
-                    "the key is given {count} times, first in line {line}; keep one of them"
-                );
+                let Line { file, number, .. } = &first.line;
+                let place = match *file == last.line.file {
+                    true => format!("line {number}"),
+                    false => format!("{}:{number}", file.display()),
+                };
+                let count = all.len();
+                let text =
+                    format!("the key is given {count} times, first in {place}; keep one of them");
                 Err(self.refuse(last, &text))
             }
         }
@@ -509,7 +535,7 @@ fn without_escapes(text: &str) -> String {
 
 /// Whether only HAL files read the section: they join sections of one name.
 fn is_of_hal(section: &str) -> bool {
-    section == "PKM" || section.starts_with("LEG_")
+    section == "PKM" || section.starts_with("LEG_") || section.starts_with("BOX_")
 }
 
 /// Name in a section heading. LinuxCNC's readers differ in what they make of blanks and

@@ -155,10 +155,16 @@ fn run(
         random_tools: config.program.random_tools,
         chord_error: CHORD_ERROR_MM,
     };
+    let mut ini = config.file.canonicalize()?;
+    if let Some(text) = &config.program.expanded {
+        // As LinuxCNC's start script does it.
+        ini = scratch.path().join("expanded.ini");
+        fs::write(&ini, text)?;
+    }
     let mut child = Command::new(PYTHON)
         .args(["-c", CANON])
         .env("HOME", scratch.path())
-        .env("INI_FILE_NAME", config.file.canonicalize()?)
+        .env("INI_FILE_NAME", ini)
         .current_dir(scratch.path())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

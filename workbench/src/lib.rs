@@ -2,10 +2,16 @@
 //! Host side of pkmkins: the machine as its INI file describes it, programs replayed
 //! through the kinematics, and traces of running machines judged and drawn.
 
+pub mod axis_box;
 pub mod batch;
 pub mod boxes;
 pub mod case;
+pub mod cell;
+pub mod check;
 pub mod choose;
+pub mod conditioning;
+pub mod diagnostic;
+pub mod homing;
 pub mod ini;
 pub mod interpreter;
 pub mod jet;

@@ -181,6 +181,8 @@ pub struct Program {
     pub startup_code: Option<String>,
     /// `[EMCIO]RANDOM_TOOLCHANGER`.
     pub random_tools: bool,
+    /// The INI file with those it includes, where it includes any.
+    pub expanded: Option<String>,
 }
 
 /// A machine with everything its INI file says that this crate uses.
@@ -683,5 +685,6 @@ fn program(ini: &Ini) -> Program {
         tool_table: text("EMCIO", "TOOL_TABLE").map(|name| folder.join(name)),
         startup_code: text("RS274NGC", "RS274NGC_STARTUP_CODE"),
         random_tools: text("EMCIO", "RANDOM_TOOLCHANGER").is_some_and(|value| value == "1"),
+        expanded: ini.expanded().map(Into::into),
     }
 }

@@ -7,7 +7,7 @@
 
 use crate::interpreter::{Move, MoveKind};
 use crate::machine::{ConeAngles, Group, MachineConfig};
-use kinematics::{Certificate, Fault, Joints, Letter, Pose, Solution, Vector3};
+use kinematics::{Certificate, Fault, Joints, Letter, PerLeg, Pose, Solution, Vector3};
 use std::fmt;
 
 /// A value and the program line it occurred in.
@@ -111,7 +111,37 @@ impl std::error::Error for ReplayFault {}
 /// # Errors
 /// The first pose at which inverse or forward fails.
 pub fn replay(config: &MachineConfig, moves: &[Move], period: f64) -> Result<Replay, ReplayFault> {
-    let mut player = Player::new(config, period);
+    replay_seen(config, moves, period, |_| ())
+}
+
+/// One pose of a replay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visit {
+    /// Seconds since the first pose.
+    pub time: f64,
+    /// Line of the program, counted from 1.
+    pub line: u32,
+    /// x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
+    /// Joint values.
+    pub joints: Joints,
+    /// Nut corrections.
+    pub corrections: PerLeg,
+    /// Tool vector, spindle offset included.
+    pub tool: [f64; 3],
+}
+
+/// As [`replay`]; `see` is shown every pose.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_seen(
+    config: &MachineConfig,
+    moves: &[Move],
+    period: f64,
+    mut see: impl FnMut(&Visit),
+) -> Result<Replay, ReplayFault> {
+    let mut player = Player::new(config, period, &mut see);
     for step in moves {
         player.change_tool(step)?;
         player.play(step)?;
@@ -148,6 +178,7 @@ pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
 struct Player<'a> {
     config: &'a MachineConfig,
     period: f64,
+    see: &'a mut dyn FnMut(&Visit),
     at: [f64; 6],
     tool: Vector3<f64>,
     joints: Option<Joints>,
@@ -158,11 +189,12 @@ struct Player<'a> {
 }
 
 impl<'a> Player<'a> {
-    fn new(config: &'a MachineConfig, period: f64) -> Self {
+    fn new(config: &'a MachineConfig, period: f64, see: &'a mut dyn FnMut(&Visit)) -> Self {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
             period,
+            see,
             at: config.home,
             tool: config.spindle,
             joints: None,
@@ -233,12 +265,14 @@ impl<'a> Player<'a> {
             .map_err(failed(true))?;
         self.seed = solution.pose;
         self.note_solution(&asked, &solution, line);
-        self.note_pose(&asked, line).map_err(failed(false))?;
+        let corrections = self.note_pose(&asked, line).map_err(failed(false))?;
         self.note_joints(&joints, line);
         for (range, value) in self.result.pose.iter_mut().zip(pose) {
             range.add(value, line);
         }
         self.joints = Some(joints);
+        let time = (self.result.poses - 1) as f64 * self.period;
+        (self.see)(&Visit { time, line, pose, joints, corrections, tool: self.tool.into() });
         Ok(joints)
     }
 
@@ -252,8 +286,10 @@ impl<'a> Player<'a> {
         self.result.poses += 1;
     }
 
-    fn note_pose(&mut self, asked: &Pose, line: u32) -> Result<(), Fault> {
-        for correction in self.config.machine.corrections(asked, &self.tool)? {
+    /// Records of one pose; its nut corrections.
+    fn note_pose(&mut self, asked: &Pose, line: u32) -> Result<PerLeg, Fault> {
+        let corrections = self.config.machine.corrections(asked, &self.tool)?;
+        for correction in corrections {
             larger(&mut self.result.correction, correction.abs(), line);
         }
         let ConeAngles { base, platform } = self.config.cone_angles(asked, &self.tool)?;
@@ -266,7 +302,7 @@ impl<'a> Player<'a> {
         {
             self.result.least_drive = Some(At { value, line });
         }
-        Ok(())
+        Ok(corrections)
     }
 
     fn note_joints(&mut self, joints: &Joints, line: u32) {

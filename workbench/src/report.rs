@@ -61,7 +61,10 @@ fn escaped(text: &str) -> String {
 }
 
 /// Writes beside the file, then renames.
-fn write_whole(file: &Path, text: &str) -> Result<(), String> {
+///
+/// # Errors
+/// A sentence naming the file.
+pub fn write_whole(file: &Path, text: &str) -> Result<(), String> {
     let named = |error: io::Error| format!("{}: {error}", file.display());
     let folder = file.parent().unwrap_or(Path::new("."));
     let mut scratch = tempfile::Builder::new();

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm completions`.
+
+use super::{Cli, Failure, Verdict};
+use clap::CommandFactory;
+use clap_complete::Shell;
+use std::io::Write;
+
+/// Writes completions of pkm for a shell to standard output
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The shell
+    shell: Shell,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let mut text = vec![];
+    clap_complete::generate(arguments.shell, &mut Cli::command(), "pkm", &mut text);
+    std::io::stdout().lock().write_all(&text)?;
+    Ok(Verdict::Fits)
+}

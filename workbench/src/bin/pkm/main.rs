@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The command `pkm`: one module and one line of the table for each subcommand.
+//!
+//! A module has `Arguments`, whose documentation is the help, manual page and completion, and
+//! `run`. Results go to standard output, what is wrong with the input to standard error.
+
+mod check;
+mod completions;
+mod joints;
+mod man;
+mod pose;
+mod replay;
+mod rows;
+
+use clap::{Parser, Subcommand};
+use kinematics::Fault;
+use pkm::diagnostic::{Severity, rendered};
+use pkm::ini::{Ini, IniError};
+use pkm::machine::{MachineConfig, MachineError};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    Cli::parse().run()
+}
+
+/// What a subcommand has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Everything fits.
+    Fits,
+    /// Something does not.
+    Misfit,
+}
+
+/// Why a subcommand gave no answer.
+#[derive(Debug)]
+pub enum Failure {
+    /// A sentence for people.
+    Told(String),
+    /// Text made for people, lines marked and in colours.
+    Shown(String),
+    /// Nobody reads the output any more.
+    Unread,
+}
+
+impl Failure {
+    /// A failure at a file.
+    fn at(file: &Path, error: impl std::fmt::Display) -> Self {
+        Self::Told(format!("{}: {error}", file.display()))
+    }
+
+    /// A geometry that is none, at the section of the leg that the fault names.
+    fn of_geometry(file: &Path, fault: Fault) -> Self {
+        match (fault.leg, Ini::read(file)) {
+            (Some(leg), Ok(ini)) => {
+                ini.refuse_section(&format!("LEG_{leg}"), &fault.to_string()).into()
+            }
+            _ => Self::at(file, fault),
+        }
+    }
+}
+
+impl From<io::Error> for Failure {
+    /// Of writing to standard output.
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            ErrorKind::BrokenPipe => Self::Unread,
+            _ => Self::Told(format!("standard output: {error}")),
+        }
+    }
+}
+
+impl From<IniError> for Failure {
+    fn from(error: IniError) -> Self {
+        Self::Shown(rendered(Severity::Error, &error.0))
+    }
+}
+
+impl From<MachineError> for Failure {
+    fn from(error: MachineError) -> Self {
+        match error {
+            MachineError::Ini(error) => error.into(),
+            MachineError::Geometry(file, fault) => Self::of_geometry(&file, fault),
+        }
+    }
+}
+
+/// The table of the subcommands.
+macro_rules! commands {
+    ($($variant:ident => $module:ident,)*) => {
+        #[derive(Debug, Subcommand)]
+        enum Command {
+            $($variant($module::Arguments),)*
+        }
+
+        impl Command {
+            fn run(&self) -> Result<Verdict, Failure> {
+                match self { $(Self::$variant(arguments) => $module::run(arguments),)* }
+            }
+        }
+    };
+}
+
+commands! {
+    Check => check,
+    Joints => joints,
+    Pose => pose,
+    Replay => replay,
+    Man => man,
+    Completions => completions,
+}
+
+/// Knows before cutting whether a parallel machine and a program fit.
+///
+/// Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
+/// pkmkins runs in LinuxCNC.
+///
+/// Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be
+/// judged: bad input, or a file that cannot be written.
+#[derive(Debug, Parser)]
+#[command(name = "pkm", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The machine, for every subcommand that needs one.
+#[derive(clap::Args, Clone, Debug)]
+struct MachineFile {
+    /// The machine's LinuxCNC INI file
+    #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
+    machine: PathBuf,
+}
+
+impl MachineFile {
+    fn read(&self) -> Result<MachineConfig, Failure> {
+        Ok(MachineConfig::read(&self.machine)?)
+    }
+}
+
+impl Cli {
+    /// Runs the subcommand; what goes wrong is told on standard error.
+    fn run(&self) -> ExitCode {
+        match self.command.run() {
+            Ok(Verdict::Fits) | Err(Failure::Unread) => ExitCode::SUCCESS,
+            Ok(Verdict::Misfit) => ExitCode::from(1),
+            Err(Failure::Told(text)) => unjudged(&format!("pkm: {text}")),
+            Err(Failure::Shown(text)) => unjudged(&text),
+        }
+    }
+}
+
+fn unjudged(text: &str) -> ExitCode {
+    // Nothing is left to do where standard error is closed as well.
+    let _ = writeln!(anstream::stderr(), "{text}");
+    ExitCode::from(2)
+}

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm man`.
+
+use super::{Cli, Failure, Verdict};
+use clap::CommandFactory;
+use pkm::report::write_whole;
+use std::path::{Path, PathBuf};
+
+/// Writes the manual pages of pkm
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Folder for pkm.1, pkm-check.1 and the others; made if needed
+    #[arg(value_hint = clap::ValueHint::DirPath)]
+    folder: PathBuf,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let folder = &arguments.folder;
+    std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+    let main = Cli::command();
+    for part in main.get_subcommands() {
+        let name = format!("pkm-{}", part.get_name());
+        page(folder, part.clone().name(name.clone()), &name)?;
+    }
+    page(folder, main, "pkm")?;
+    Ok(Verdict::Fits)
+}
+
+fn page(folder: &Path, command: clap::Command, name: &str) -> Result<(), Failure> {
+    let mut text = vec![];
+    let file = folder.join(format!("{name}.1"));
+    clap_mangen::Man::new(command).render(&mut text).map_err(|error| Failure::at(&file, error))?;
+    write_whole(&file, &String::from_utf8_lossy(&text)).map_err(Failure::Told)
+}

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm pose`: forward kinematics.
+
+use super::joints::{Tool, coordinates, joint_names};
+use super::rows::{Answer, answer};
+use super::{Failure, MachineFile, Verdict};
+use kinematics::Pose;
+
+/// Poses of joint values (forward kinematics)
+///
+/// Takes the joint values of one pose from the command line, or CSV with a header that names
+/// joint_0 joint_1 ... from standard input, and writes the poses X Y Z A B C. Machine units and
+/// degrees. Many poses may belong to the same joint values: what is written is the one that the
+/// machine comes to when its joints run straight from the seed, for the first row from home,
+/// then from the row before. Where that is not certain there is no answer.
+///
+/// Exit status: 0, or 1 where joint values have no pose: its cells stay empty, and the reason
+/// stands on standard error.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// Joint values of one pose; without them CSV is read from standard input
+    #[arg(allow_negative_numbers = true)]
+    joints: Vec<f64>,
+    /// Pose to start from instead of [TRAJ]HOME
+    #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "A", "B", "C"], allow_negative_numbers = true)]
+    seed: Option<Vec<f64>>,
+    #[command(flatten)]
+    tool: Tool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let tool = arguments.tool.vector(&config);
+    let given = arguments.seed.as_deref();
+    let mut seed = given
+        .map_or(config.home_pose(), |seed| Pose::from_degrees(std::array::from_fn(|k| seed[k])));
+    let reply = |row: &[f64]| -> Answer {
+        let joints = std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
+        let solution = config
+            .machine
+            .forward(&joints, &seed, &tool, &config.solver)
+            .map_err(|fault| fault.to_string())?;
+        seed = solution.pose;
+        Ok(solution.pose.to_degrees().to_vec())
+    };
+    answer(&arguments.joints, &joint_names(&config), &coordinates(), reply)
+}

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm replay`.
+
+use super::joints::{coordinates, joint_names};
+use super::{Failure, MachineFile, Verdict};
+use pkm::interpreter;
+use pkm::machine::MachineConfig;
+use pkm::plots;
+use pkm::replay::{Visit, replay_seen};
+use pkm::report::write_whole;
+use pkm::trace::Sample;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+/// Writes the joint values that a program asks for
+///
+/// LinuxCNC's interpreter reads the program with the machine's tool table, parameters and
+/// startup code; every move runs at its feed without acceleration and blending, and poses at the
+/// servo period go through the kinematics. Standard output gets CSV: time in seconds, line of
+/// the program, pose and joint values, machine units and degrees. Limits that the program leaves
+/// are told on standard error.
+///
+/// Exit status: 0 where the program stays within all limits, 1 where it does not, 2 where the
+/// interpreter refuses it or files cannot be read or written.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The program
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    program: PathBuf,
+    /// Seconds between poses instead of [EMCMOT]SERVO_PERIOD
+    #[arg(long, value_name = "SECONDS")]
+    period: Option<f64>,
+    /// Also draws joint values, speeds and path as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let period = arguments.period.unwrap_or(config.period);
+    if !(period > 0.0 && period.is_finite()) {
+        return Err(Failure::Told(format!("--period {period}: expected more than 0 seconds")));
+    }
+    std::fs::File::open(&arguments.program)
+        .map_err(|error| Failure::at(&arguments.program, error))?;
+    let moves = interpreter::moves(&config, &arguments.program, None)
+        .map_err(|error| Failure::Told(error.to_string()))?;
+    if moves.iter().all(|step| step.line == 0) {
+        return Err(Failure::at(&arguments.program, "the program moves nothing"));
+    }
+    if let Some(folder) = &arguments.plots {
+        std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+    }
+    let mut out = BufWriter::new(std::io::stdout().lock());
+    let names = [vec!["time".into(), "line".into()], coordinates(), joint_names(&config)];
+    writeln!(out, "{}", names.concat().join(","))?;
+    let mut samples = vec![];
+    let mut unwritten = None;
+    let replayed = replay_seen(&config, &moves, period, |visit| {
+        if unwritten.is_none() {
+            unwritten = write_row(&mut out, &config, visit).err();
+        }
+        if arguments.plots.is_some() {
+            samples.push(sample(visit));
+        }
+    });
+    match unwritten {
+        Some(error) => return Err(error.into()),
+        None => out.flush()?,
+    }
+    let told = match &replayed {
+        Ok(replay) => replay.violations(&config),
+        Err(fault) => vec![fault.to_string()],
+    };
+    for text in &told {
+        let _ = writeln!(anstream::stderr(), "pkm: {}: {text}", arguments.program.display());
+    }
+    if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
+        for plot in plots::all(&config, &samples).map_err(Failure::Told)? {
+            write_whole(&folder.join(&plot.file), &plot.svg).map_err(Failure::Told)?;
+        }
+    }
+    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn write_row(out: &mut impl Write, config: &MachineConfig, visit: &Visit) -> std::io::Result<()> {
+    write!(out, "{},{}", visit.time, visit.line)?;
+    for value in visit.pose.iter().chain(&visit.joints[..config.joints.len()]) {
+        write!(out, ",{value}")?;
+    }
+    writeln!(out)
+}
+
+fn sample(visit: &Visit) -> Sample {
+    Sample {
+        time: visit.time,
+        in_world: true,
+        pose: visit.pose,
+        joints: visit.joints,
+        motors: visit.joints,
+        forward: visit.pose,
+        corrections: visit.corrections,
+        tool: visit.tool,
+        iterations: 0.0,
+        residual: 0.0,
+    }
+}

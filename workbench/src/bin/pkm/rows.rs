@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Rows of numbers: from the command line, or as CSV from standard input.
+
+use super::{Failure, Verdict};
+use std::io::Write;
+
+const INPUT: &str = "standard input";
+
+/// What a row came to: numbers, or why there are none.
+pub type Answer = Result<Vec<f64>, String>;
+
+/// Answers one row of numbers with a line of numbers, or, without any, every row of standard
+/// input, whose header has to name all `columns` (others are left alone), with a row of CSV
+/// under the header `named`. A row without an answer leaves its cells empty.
+pub fn answer(
+    given: &[f64],
+    columns: &[String],
+    named: &[String],
+    mut reply: impl FnMut(&[f64]) -> Answer,
+) -> Result<Verdict, Failure> {
+    if given.is_empty() {
+        return stream(columns, named, reply);
+    }
+    if given.len() != columns.len() {
+        let text = format!("expected {} numbers: {}", columns.len(), columns.join(" "));
+        return Err(Failure::Told(format!("{text}; found {}", given.len())));
+    }
+    let mut out = anstream::stdout().lock();
+    match reply(given) {
+        Ok(values) => {
+            for (name, value) in named.iter().zip(values) {
+                writeln!(out, "{name} = {value}")?;
+            }
+            Ok(Verdict::Fits)
+        }
+        Err(text) => {
+            let _ = writeln!(anstream::stderr(), "pkm: {text}");
+            Ok(Verdict::Misfit)
+        }
+    }
+}
+
+fn stream(
+    columns: &[String],
+    named: &[String],
+    mut reply: impl FnMut(&[f64]) -> Answer,
+) -> Result<Verdict, Failure> {
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::stdin().lock());
+    let header = reader.headers().map_err(|error| unread(&error))?.clone();
+    let places = places(&header, columns)?;
+    let mut out = csv::Writer::from_writer(anstream::stdout().lock());
+    out.write_record(named).map_err(unwritten)?;
+    let mut verdict = Verdict::Fits;
+    for record in reader.into_records() {
+        let record = record.map_err(|error| unread(&error))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let values = numbers(&record, &places)
+            .map_err(|word| Failure::Told(format!("{INPUT}:{line}: \"{word}\" is no number")))?;
+        let cells = match reply(&values) {
+            Ok(values) => values.iter().map(f64::to_string).collect(),
+            Err(text) => {
+                let _ = writeln!(anstream::stderr(), "pkm: {INPUT}:{line}: {text}");
+                verdict = Verdict::Misfit;
+                vec![String::new(); named.len()]
+            }
+        };
+        out.write_record(cells).map_err(unwritten)?;
+    }
+    out.flush()?;
+    Ok(verdict)
+}
+
+fn places(header: &csv::StringRecord, columns: &[String]) -> Result<Vec<usize>, Failure> {
+    let place = |name: &String| header.iter().position(|word| word.eq_ignore_ascii_case(name));
+    let missing = columns.iter().find(|name| place(name).is_none());
+    match missing {
+        None => Ok(columns.iter().filter_map(place).collect()),
+        Some(name) => Err(Failure::Told(format!(
+            "{INPUT}:1: the header names no column {name}; expected {}",
+            columns.join(",")
+        ))),
+    }
+}
+
+fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, String> {
+    let number = |place: &usize| {
+        let word = record.get(*place).unwrap_or_default();
+        word.parse().map_err(|_| word.to_string())
+    };
+    places.iter().map(number).collect()
+}
+
+fn unread(error: &csv::Error) -> Failure {
+    Failure::Told(format!("{INPUT}: {error}"))
+}
+
+fn unwritten(error: csv::Error) -> Failure {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error.into(),
+        other => Failure::Told(format!("standard output: {other:?}")),
+    }
+}

@@ -1,0 +1,585 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether every pose of a cell is one that the machine can take: proved, not sampled.
+//!
+//! A cell holds the poses X = C + Δ, |Δ_k| ≤ h_k. On the straight way from C to X in the
+//! coordinates X Y Z A B C, run through in unit time, a platform anchor at distance e from the
+//! control point has |p'| ≤ V and |p''| ≤ A:
+//!
+//! ```text
+//! V = ‖(h_x, h_y, h_z)‖ + e Ω,   A = e Ω²,   Ω = h_a + h_b + h_c (radians)
+//! ```
+//!
+//! as R = Rz Ry Rx turns by the sum of its three turns at most. From V and A follow bounds of
+//! the second derivatives of every joint value and of every cosine of a cone angle, and with
+//! Taylor's formula their range over the cell: value in the middle, plus or minus
+//! Σ |gradient_k| h_k + bound/2. Gradients and values in the middle are the core's own.
+//!
+//! Rods: with u the unit vector along the rod (length L), c(q) its moving end, g = |u · ∂c/∂q|
+//!
+//! ```text
+//! |q'| ≤ V/g = Q,  |s'| ≤ V + |∂c| Q = S,  |q''| ≤ (S²/L + A + |∂²c| Q²)/g,
+//! ```
+//!
+//! from the derivatives of |p − c(q)|² = L². Nut correction: the bound of the core's
+//! certificate, with V/l for n' and Ω for 1/r.
+//!
+//! **Regular**: with G the rows of the legs, columns scaled by s, and M its pseudo-inverse in
+//! the middle, ‖M (G(X) − G(C))‖ < 1 makes M G(X) invertible, so that the legs hold the
+//! platform at every pose of the cell.
+
+use crate::machine::MachineConfig;
+use kinematics::{
+    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3,
+};
+use nalgebra::SMatrix;
+use std::f64::consts::PI;
+
+const RADIANS: f64 = PI / 180.0;
+
+/// Least |cos| between a rod and the motion of its lower end that the core accepts.
+const LEAST_DRIVE: f64 = 0.05;
+
+/// Least cosine of the angle between a strut and the plane square to a cardan axis: 80 degrees,
+/// as in the core's certificate.
+const LEAST_COSINE: f64 = 0.17;
+
+/// Least scale of a coordinate as a share of the largest one.
+const LEAST_SCALE: f64 = 0.3;
+
+/// Rounding of what is computed in the middle, as a share of the size: far above f64's 1e-16
+/// times the numbers of operations, far below what anybody can set up.
+const ROUNDING: f64 = 1e-9;
+
+/// Poses about a middle one, machine units and degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// The pose in the middle.
+    pub middle: [f64; 6],
+    /// Half of the extent along every coordinate.
+    pub half: [f64; 6],
+}
+
+impl Cell {
+    /// From one corner to the opposite one.
+    pub fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
+        Self {
+            middle: std::array::from_fn(|k| (low[k] + high[k]) / 2.0),
+            half: std::array::from_fn(|k| (high[k] - low[k]) / 2.0),
+        }
+    }
+
+    /// Both halves along one coordinate.
+    pub fn halves(&self, k: usize) -> [Self; 2] {
+        let mut halves = [*self; 2];
+        for (part, sign) in halves.iter_mut().zip([-1.0, 1.0]) {
+            part.half[k] /= 2.0;
+            part.middle[k] += sign * part.half[k];
+        }
+        halves
+    }
+}
+
+/// What stops the machine at a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// The pose has no joint values, or the legs do not hold it.
+    Fault(Fault),
+    /// A joint beyond its limits.
+    Joint(usize),
+    /// A leg leans too much at its base joint.
+    BaseCone(usize),
+    /// A leg leans too much at its platform joint.
+    PlatformCone(usize),
+}
+
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// Every pose of it can be taken.
+    Inside,
+    /// The pose in its middle cannot.
+    Outside(Stop),
+    /// Too large to tell; halved along this coordinate it is most likely to tell.
+    Open(usize),
+}
+
+/// Legs by coordinates.
+type Rows = SMatrix<f64, MAX_LEGS, 6>;
+
+/// A machine without a tool, as its cells see it.
+pub struct Reach<'a> {
+    config: &'a MachineConfig,
+    /// Coordinates that the legs move.
+    active: [bool; 6],
+    /// Platform anchors in parts that turn about the control point and that a held or table
+    /// coordinate takes away from the legs, or not.
+    arms: Vec<[Vector3<f64>; 2]>,
+    /// Directions of the legs at home.
+    home: Vec<Vector3<f64>>,
+}
+
+/// How far anything moves within a cell.
+struct Spread {
+    half: [f64; 6],
+    shift: f64,
+    turn: f64,
+}
+
+/// One leg over a cell.
+struct Bend {
+    /// Bound of the second derivative of the joint value, joint units.
+    joint: f64,
+    /// The same of the leg's direction, and of its first derivative.
+    direction: [f64; 2],
+    /// Smallest length.
+    length: f64,
+}
+
+/// The middle of a cell.
+struct Middle {
+    joints: Joints,
+    gradient: kinematics::Jacobian,
+    legs: [Segment; MAX_LEGS],
+    rotation: Matrix3<f64>,
+    /// Axes that A, B and C turn about, in base.
+    axes: [Vector3<f64>; 3],
+    corrections: [f64; MAX_LEGS],
+}
+
+impl<'a> Reach<'a> {
+    /// Of this machine.
+    ///
+    /// # Errors
+    /// Home cannot be taken.
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
+        let segments = config.machine.segments(&config.home_pose(), &config.spindle)?;
+        let centre = Vector3::from(config.geometry.centre);
+        let arms = |leg: &LegGeometry| {
+            let anchor = Vector3::from(leg.platform);
+            match active[..3] {
+                [true, true, true] => [config.spindle + anchor, Vector3::zeros()],
+                _ => [config.spindle + centre, anchor - centre],
+            }
+        };
+        Ok(Self {
+            config,
+            active,
+            arms: config.geometry.legs().iter().map(arms).collect(),
+            home: segments[..config.legs()].iter().map(along).collect(),
+        })
+    }
+
+    /// Coordinates that a program can move.
+    pub fn moved(&self) -> [bool; 6] {
+        Letter::ALL.map(|letter| !self.config.machine.layout().is_held(letter))
+    }
+
+    /// Joint values of a pose, within limits or not.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub fn joints(&self, pose: &[f64; 6]) -> Result<Joints, Fault> {
+        self.config.machine.inverse(&Pose::from_degrees(*pose), &self.config.spindle)
+    }
+
+    /// Whether the machine can take one pose.
+    ///
+    /// # Errors
+    /// What stops it.
+    pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
+        let middle = self.middle(pose).map_err(Stop::Fault)?;
+        self.check_middle(&middle)
+    }
+
+    /// What is known of a cell.
+    pub fn judge(&self, cell: &Cell) -> Verdict {
+        let middle = match self.middle(&cell.middle) {
+            Ok(middle) => middle,
+            Err(fault) => return Verdict::Outside(Stop::Fault(fault)),
+        };
+        if let Err(stop) = self.check_middle(&middle) {
+            return Verdict::Outside(stop);
+        }
+        self.holds(cell, &middle)
+    }
+
+    fn middle(&self, pose: &[f64; 6]) -> Result<Middle, Fault> {
+        let (machine, tool) = (&self.config.machine, &self.config.spindle);
+        let pose = Pose::from_degrees(*pose);
+        let ((sb, cb), (sc, cc)) = (pose.angles.y.sin_cos(), pose.angles.z.sin_cos());
+        Ok(Middle {
+            joints: machine.inverse(&pose, tool)?,
+            gradient: machine.pose_jacobian(&pose, tool)?,
+            legs: machine.segments(&pose, tool)?,
+            rotation: pose.rotation(),
+            axes: [
+                Vector3::new(cc * cb, sc * cb, -sb),
+                Vector3::new(-sc, cc, 0.0),
+                Vector3::new(0.0, 0.0, 1.0),
+            ],
+            corrections: machine.corrections(&pose, tool)?,
+        })
+    }
+
+    fn check_middle(&self, middle: &Middle) -> Result<(), Stop> {
+        for (i, joint) in self.config.joints.iter().enumerate() {
+            if !(joint.min..=joint.max).contains(&middle.joints[i]) {
+                return Err(Stop::Joint(i));
+            }
+        }
+        for i in 0..self.config.legs() {
+            let n = along(&middle.legs[i]);
+            if !(n.dot(&self.home[i]) >= least_cosine(self.config.base_cone[i])) {
+                return Err(Stop::BaseCone(i));
+            }
+            let home = middle.rotation * self.home[i];
+            if !(n.dot(&home) >= least_cosine(self.config.platform_cone[i])) {
+                return Err(Stop::PlatformCone(i));
+            }
+        }
+        Ok(())
+    }
+
+    /// What is known of a cell whose middle can be taken.
+    fn holds(&self, cell: &Cell, middle: &Middle) -> Verdict {
+        let half = std::array::from_fn(|k| cell.half[k] * if k < 3 { 1.0 } else { RADIANS });
+        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half[k] * half[k]);
+        let shift = squares.sum::<f64>().sqrt();
+        let spread = Spread { half, shift, turn: half[3..].iter().sum() };
+        let mut bends = vec![];
+        for i in 0..self.config.legs() {
+            match self.bend(i, middle, &spread) {
+                Some(bend) if self.cones_hold(i, middle, &spread, &bend) => bends.push(bend),
+                _ => return Verdict::Open(greatest(&self.extents(&spread))),
+            }
+        }
+        if !self.joints_hold(cell, middle, &spread, &bends) {
+            return Verdict::Open(greatest(&self.extents(&spread)));
+        }
+        match self.departure(middle, &spread, &bends) {
+            Ok(()) => Verdict::Inside,
+            Err(shares) => Verdict::Open(greatest(&shares)),
+        }
+    }
+
+    /// How far every coordinate moves the ends of the legs, more or less: to compare.
+    fn extents(&self, spread: &Spread) -> [f64; 6] {
+        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
+        std::array::from_fn(|k| spread.half[k] * unit(k))
+    }
+
+    fn joints_hold(&self, cell: &Cell, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
+        let slack = ROUNDING * self.config.machine.size();
+        self.config.joints.iter().enumerate().all(|(i, joint)| {
+            // A table axis moves by P − R (o + centre).
+            let arm = self.config.spindle + Vector3::from(self.config.geometry.centre);
+            let table = || arm.norm() * spread.turn * spread.turn;
+            let bend = bends.get(i).map_or_else(table, |bend| bend.joint);
+            let slope: f64 = (0..6).map(|k| middle.gradient[(i, k)].abs() * cell.half[k]).sum();
+            let room = slope + bend / 2.0 + slack;
+            joint.min + room <= middle.joints[i] && middle.joints[i] <= joint.max - room
+        })
+    }
+
+    /// Change of the platform anchor of leg `i` with a coordinate, per machine unit or radian.
+    fn motion(&self, i: usize, k: usize, middle: &Middle) -> Vector3<f64> {
+        if k < 3 {
+            let mut along = Vector3::zeros();
+            along[k] = if self.active[k] { 1.0 } else { 0.0 };
+            return along;
+        }
+        let axis = middle.axes[k - 3];
+        let [shared, own] = self.arms[i].map(|arm| axis.cross(&(middle.rotation * arm)));
+        own + self.of_legs(shared)
+    }
+
+    fn arm(&self, i: usize) -> f64 {
+        self.arms[i].iter().map(|arm| arm.norm()).sum()
+    }
+
+    /// Bounds of one leg; `None` where the cell is too large for any.
+    fn bend(&self, i: usize, middle: &Middle, spread: &Spread) -> Option<Bend> {
+        let segment = &middle.legs[i];
+        let (travel, second) = spread.of_anchor(self.arm(i));
+        let span = segment.platform - segment.base;
+        let leg = &self.config.geometry.legs()[i];
+        match leg.kind {
+            LegKind::Strut(strut) => {
+                let length = span.norm() - travel;
+                (length > 0.0).then_some(())?;
+                let direction = [travel / length, second_of_direction(travel, second, length)];
+                let nut = self.nut_bend(i, middle, spread, &direction, strut.lead)?;
+                let joint = travel * travel / length + second + nut;
+                Some(Bend { joint, direction, length })
+            }
+            LegKind::Slider(slider) => {
+                let guide = Vector3::from(slider.guide).normalize();
+                let from_base = segment.platform - Vector3::from(leg.base);
+                let farthest = from_base.cross(&guide).norm() + travel;
+                let gain =
+                    (slider.rod * slider.rod - farthest * farthest).max(0.0).sqrt() / slider.rod;
+                rod_bend(gain, 1.0, 0.0, travel, second, slider.rod, 1.0)
+            }
+            LegKind::Crank(crank) => {
+                let axis = Vector3::from(crank.axis).normalize();
+                let arm = Vector3::from(crank.arm);
+                let (along, across) = (axis.dot(&arm), axis.cross(&arm).norm());
+                let from_base = segment.platform - Vector3::from(leg.base);
+                let apart = (from_base - axis * along).norm();
+                let squares = |d: f64| (d * d + across * across - crank.rod * crank.rod) / 2.0;
+                let (least, most) = (squares((apart - travel).max(0.0)), squares(apart + travel));
+                let reach = across * (from_base.cross(&axis).norm() - travel).max(0.0);
+                let t = least.abs().max(most.abs());
+                let drive = (reach * reach - t * t).max(0.0).sqrt() / (across * crank.rod);
+                rod_bend(drive, across, across, travel, second, crank.rod, RADIANS)
+            }
+        }
+    }
+
+    /// Bound of the second derivative of the nut correction of leg `i`.
+    fn nut_bend(
+        &self,
+        i: usize,
+        middle: &Middle,
+        spread: &Spread,
+        direction: &[f64; 2],
+        lead: f64,
+    ) -> Option<f64> {
+        if lead == 0.0 {
+            return Some(0.0);
+        }
+        let [turn_a, turn_b] = [direction[0], direction[0] + spread.turn];
+        let [cos_a, cos_b] = self.cardan(i, middle, [turn_a, turn_b])?;
+        let per_radian = lead.abs() / (2.0 * PI);
+        let tangents = (1.0 / (cos_a * cos_a) - 1.0).sqrt() + (1.0 / (cos_b * cos_b) - 1.0).sqrt();
+        // The correction jumps where the screw has turned by half a turn.
+        let turned = tangents * direction[0] + spread.turn / cos_b;
+        let room = PI - middle.corrections[i].abs() / per_radian;
+        (turned < room).then_some(())?;
+        let bend = 3.0 * turn_a * turn_a / (cos_a * cos_a)
+            + 3.0 * turn_b * turn_b / (cos_b * cos_b)
+            + tangents * direction[1]
+            + spread.turn * spread.turn / cos_b;
+        Some(per_radian * bend)
+    }
+
+    /// Least cosines of the angles between a strut and the planes square to its cardan axes,
+    /// when it turns by these angles.
+    fn cardan(&self, i: usize, middle: &Middle, turns: [f64; 2]) -> Option<[f64; 2]> {
+        let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else { return None };
+        let n = along(&middle.legs[i]);
+        let axes = [
+            Vector3::from(strut.base_axis).normalize(),
+            middle.rotation * Vector3::from(strut.platform_axis).normalize(),
+        ];
+        let mut cosines = [0.0; 2];
+        for ((cosine, axis), turn) in cosines.iter_mut().zip(axes).zip(turns) {
+            *cosine = (n.dot(&axis).abs().min(1.0).asin() + turn).min(PI / 2.0).cos();
+        }
+        cosines.iter().all(|cosine| *cosine > LEAST_COSINE).then_some(cosines)
+    }
+
+    fn cones_hold(&self, i: usize, middle: &Middle, spread: &Spread, bend: &Bend) -> bool {
+        let cones = [self.config.base_cone[i], self.config.platform_cone[i]];
+        let n = along(&middle.legs[i]);
+        let platform = middle.rotation * self.home[i];
+        let [first, second] = bend.direction;
+        let turn = spread.turn;
+        // cos = n · d; in the platform d turns, too.
+        let bounds = [second, second + 2.0 * first * turn + turn * turn];
+        let length = (middle.legs[i].platform - middle.legs[i].base).norm();
+        let changes: [Vector3<f64>; 6] =
+            std::array::from_fn(|k| self.span_change(i, k, middle) / length);
+        for (which, home) in [self.home[i], platform].into_iter().enumerate() {
+            let Some(cone) = cones[which] else { continue };
+            let cosine = n.dot(&home);
+            let across = home - n * cosine;
+            let slope = |k: usize| {
+                let turned = match which == 1 && k >= 3 {
+                    true => n.dot(&middle.axes[k - 3].cross(&home)),
+                    false => 0.0,
+                };
+                (across.dot(&changes[k]) + turned).abs() * spread.half[k]
+            };
+            let room: f64 = (0..6).map(slope).sum::<f64>() + bounds[which] / 2.0 + ROUNDING;
+            if !(cosine - room >= least_cosine(Some(cone))) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Change of the vector along leg `i` with a coordinate, per machine unit or radian.
+    fn span_change(&self, i: usize, k: usize, middle: &Middle) -> Vector3<f64> {
+        let leg = &self.config.geometry.legs()[i];
+        let per_joint = match leg.kind {
+            LegKind::Strut(_) => return self.motion(i, k, middle),
+            LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
+            LegKind::Crank(crank) => {
+                let arm = middle.legs[i].base - Vector3::from(leg.base);
+                Vector3::from(crank.axis).normalize().cross(&arm) * RADIANS
+            }
+        };
+        let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
+        self.motion(i, k, middle) - per_joint * (middle.gradient[(i, k)] * unit)
+    }
+
+    /// Whether the legs hold the platform all over the cell; where that is not proved, what every
+    /// coordinate contributes to that.
+    fn departure(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Result<(), [f64; 6]> {
+        let extents = self.extents(spread);
+        let active = || (0..6).filter(|k| self.active[*k]);
+        let scale = self.scale(spread);
+        let mut rows = Rows::zeros();
+        let mut rest = Rows::zeros();
+        let mut slopes = [Rows::zeros(); 6];
+        for (i, bend) in bends.iter().enumerate() {
+            let leg = self.leg_slopes(i, middle);
+            for k in active() {
+                let (row, bound) = self.row(i, k, middle, spread, bend).ok_or(extents)?;
+                (rows[(i, k)], rest[(i, k)]) = (row * scale[k], bound * scale[k]);
+                for m in active() {
+                    slopes[m][(i, k)] = leg[m][k] * scale[k];
+                }
+            }
+        }
+        let mut normal = rows.tr_mul(&rows);
+        for k in (0..6).filter(|k| !self.active[*k]) {
+            normal[(k, k)] = 1.0;
+        }
+        let inverse = normal.try_inverse().ok_or(extents)? * rows.transpose();
+        let rest = inverse.abs() * rest;
+        let changes: [_; 6] = std::array::from_fn(|m| (inverse * slopes[m]).abs() * spread.half[m]);
+        let departure = changes.iter().fold(rest, |sum, change| sum + change);
+        let columns = (0..6).map(|k| departure.column(k).sum()).fold(0.0, f64::max);
+        let lines = (0..6).map(|k| departure.row(k).sum()).fold(0.0, f64::max);
+        if departure.norm().min(columns).min(lines) < 1.0 - ROUNDING {
+            return Ok(());
+        }
+        let whole: f64 = extents.iter().sum();
+        Err(std::array::from_fn(|m| changes[m].norm() + rest.norm() * extents[m] / whole))
+    }
+
+    /// Scale of every coordinate: any will do, its extent does best. One without an extent still
+    /// has to be held.
+    fn scale(&self, spread: &Spread) -> [f64; 6] {
+        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.radius() };
+        let widest = (0..6).map(|k| spread.half[k] * unit(k)).fold(0.0, f64::max);
+        std::array::from_fn(|k| spread.half[k].max(LEAST_SCALE * widest / unit(k)))
+    }
+
+    /// Entry of the rows of leg `i` in the middle, and a bound of what it changes by in the cell
+    /// beside [`Self::leg_slopes`].
+    fn row(
+        &self,
+        i: usize,
+        k: usize,
+        middle: &Middle,
+        spread: &Spread,
+        bend: &Bend,
+    ) -> Option<(f64, f64)> {
+        let n = along(&middle.legs[i]);
+        let (speed, turn) = if k < 3 { (1.0, 0.0) } else { (self.arm(i), 1.0) };
+        let [turned, bent] = bend.direction;
+        // n · ∂p: the second derivative of the product.
+        let around = turn * spread.turn;
+        let bound = speed * (bent + 2.0 * turned * around + around * spread.turn) / 2.0;
+        let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else {
+            return Some((n.dot(&self.motion(i, k, middle)), bound));
+        };
+        let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
+        let row = middle.gradient[(i, k)] * unit;
+        if strut.lead == 0.0 {
+            return Some((row, bound));
+        }
+        // The bilinear form of `nut_bend`.
+        let [a, b] = self.cardan(i, middle, [turned, turned + spread.turn])?.map(|c| 1.0 / (c * c));
+        let tangents = (a - 1.0).sqrt() + (b - 1.0).sqrt();
+        let own = speed / bend.length;
+        let second = speed * around / bend.length + 3.0 * own * turned;
+        let nut = 3.0 * own * turned * a
+            + 3.0 * (own + turn) * (turned + spread.turn) * b
+            + tangents * second
+            + around * b.sqrt();
+        Some((row, bound + strut.lead.abs() / (2.0 * PI) * nut))
+    }
+
+    /// Derivatives of n · ∂p/∂k of leg `i` with every coordinate m, by m and k.
+    fn leg_slopes(&self, i: usize, middle: &Middle) -> [[f64; 6]; 6] {
+        let span = middle.legs[i].platform - middle.legs[i].base;
+        let length = span.norm();
+        let n = span / length;
+        let motions: [Vector3<f64>; 6] = std::array::from_fn(|k| self.motion(i, k, middle));
+        std::array::from_fn(|m| {
+            let change = self.span_change(i, m, middle);
+            let turned = (change - n * n.dot(&change)) / length;
+            std::array::from_fn(|k| {
+                turned.dot(&motions[k]) + n.dot(&self.second_motion(i, k, m, middle))
+            })
+        })
+    }
+
+    /// Second derivative of the platform anchor of leg `i` with two coordinates.
+    fn second_motion(&self, i: usize, k: usize, m: usize, middle: &Middle) -> Vector3<f64> {
+        if k < 3 || m < 3 {
+            return Vector3::zeros();
+        }
+        // R = Rz Ry Rx: the turn further left in the product comes last.
+        let (outer, inner) = (middle.axes[k.max(m) - 3], middle.axes[k.min(m) - 3]);
+        let bent = |arm: Vector3<f64>| outer.cross(&inner.cross(&(middle.rotation * arm)));
+        let [shared, own] = self.arms[i].map(bent);
+        own + self.of_legs(shared)
+    }
+
+    /// The part of a platform's motion that the legs take.
+    fn of_legs(&self, v: Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|k, _| if self.active[k] { v[k] } else { 0.0 })
+    }
+}
+
+impl Spread {
+    /// Bounds of the first and second derivative of an anchor's place.
+    fn of_anchor(&self, arm: f64) -> (f64, f64) {
+        (self.shift + arm * self.turn, arm * self.turn * self.turn)
+    }
+}
+
+/// A rod whose lower end runs with speed `pace` and acceleration `curve` per unit of its joint
+/// and the least share `drive` of that along the rod.
+fn rod_bend(
+    drive: f64,
+    pace: f64,
+    curve: f64,
+    travel: f64,
+    second: f64,
+    rod: f64,
+    unit: f64,
+) -> Option<Bend> {
+    (drive >= LEAST_DRIVE).then_some(())?;
+    let gain = drive * pace;
+    let rate = travel / gain;
+    let first = travel + pace * rate;
+    let joint = (first * first / rod + second + curve * rate * rate) / gain;
+    let bent = second + curve * rate * rate + pace * joint;
+    let direction = [first / rod, second_of_direction(first, bent, rod)];
+    Some(Bend { joint: joint / unit, direction, length: rod })
+}
+
+/// Bound of the second derivative of a unit vector along a vector with these bounds.
+fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
+    let turn = first / length;
+    second / length + 3.0 * turn * turn
+}
+
+fn along(leg: &Segment) -> Vector3<f64> {
+    (leg.platform - leg.base).normalize()
+}
+
+fn greatest(values: &[f64; 6]) -> usize {
+    (0..6).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
+}
+
+fn least_cosine(cone: Option<f64>) -> f64 {
+    cone.map_or(-2.0, |angle| (angle * RADIANS).cos())
+}

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
+
+use kinematics::Letter;
+use pkm::axis_box::{AxisBox, range};
+use pkm::cell::{Cell, Reach, Verdict};
+use pkm::check::check;
+use pkm::conditioning;
+use pkm::machine::MachineConfig;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use std::path::{Path, PathBuf};
+
+const MACHINES: [&str; 8] = [
+    "four-rod-lathe",
+    "hexapod",
+    "lab-hexapod",
+    "linear-delta",
+    "pyramid",
+    "rotary-delta",
+    "six-rod-lathe",
+    "tripod",
+];
+
+fn ini(machine: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../configs/{machine}/{machine}.ini"))
+}
+
+fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
+    // Every third one at an end: there the bounds are nearest to what they bound.
+    part.at(std::array::from_fn(|_| match rng.random_range(0..3) {
+        0 => f64::from(rng.random_range(0..2_u8)),
+        _ => rng.random(),
+    }))
+}
+
+/// The machine with joint limits and cones that some of its poses leave.
+fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
+    let mut config = MachineConfig::read(&ini(machine)).unwrap();
+    for joint in &mut config.joints {
+        let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);
+        (joint.min, joint.max) = (joint.home - half, joint.home + half);
+    }
+    for cone in config.base_cone.iter_mut().chain(&mut config.platform_cone) {
+        *cone = Some(rng.random_range(5.0..40.0));
+    }
+    config
+}
+
+#[test]
+fn no_pose_of_a_cell_that_is_proved_is_outside() {
+    let mut rng = Pcg64::seed_from_u64(3);
+    for machine in MACHINES {
+        let (mut proved, mut open) = (0, 0);
+        for _ in 0..60 {
+            let config = narrowed(&mut rng, machine);
+            let (reach, whole) = (Reach::new(&config).unwrap(), range(&config));
+            for _ in 0..30 {
+                let away = whole.at(std::array::from_fn(|_| rng.random()));
+                let part = rng.random_range(0.0..0.4);
+                let middle =
+                    std::array::from_fn(|k| config.home[k] + part * (away[k] - config.home[k]));
+                let share = 10_f64.powf(rng.random_range(-2.5..-0.8));
+                let half = std::array::from_fn(|k| share * (whole.high[k] - whole.low[k]));
+                let cell = Cell { middle, half };
+                if reach.judge(&cell) != Verdict::Inside {
+                    open += 1;
+                    continue;
+                }
+                proved += 1;
+                let part = AxisBox {
+                    low: std::array::from_fn(|k| middle[k] - half[k]),
+                    high: std::array::from_fn(|k| middle[k] + half[k]),
+                };
+                for _ in 0..30 {
+                    let pose = pose(&mut rng, &part);
+                    assert_eq!(reach.check(&pose), Ok(()), "{machine} {cell:?} {pose:?}");
+                }
+            }
+        }
+        assert!(proved > 20 && open > 20, "{machine}: {proved} {open}");
+    }
+}
+
+/// A cell that only just fits is proved: the bounds are not so wide that they say nothing.
+#[test]
+fn a_cell_may_come_near_a_limit() {
+    let mut config = MachineConfig::read(&ini("lab-hexapod")).unwrap();
+    let half = [5.0, 5.0, 5.0, 1.0, 1.0, 1.0];
+    let cell = Cell { middle: config.home, half };
+    let reach = Reach::new(&config).unwrap();
+    let mut rng = Pcg64::seed_from_u64(4);
+    let part = AxisBox {
+        low: std::array::from_fn(|k| cell.middle[k] - half[k]),
+        high: std::array::from_fn(|k| cell.middle[k] + half[k]),
+    };
+    let strut = |pose: [f64; 6]| reach.joints(&pose).unwrap()[0];
+    let longest = (0..20_000).map(|_| strut(pose(&mut rng, &part))).fold(0.0, f64::max);
+    drop(reach);
+    let beyond = longest - config.joints[0].home;
+    // A tenth beyond the longest strut seen, which a corner of the cell has.
+    for (room, expected) in [(1.1, true), (0.98, false)] {
+        config.joints[0].max = config.joints[0].home + room * beyond;
+        let verdict = Reach::new(&config).unwrap().judge(&cell);
+        assert_eq!(verdict == Verdict::Inside, expected, "{room} {verdict:?}");
+    }
+}
+
+#[test]
+fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
+    /// Poses drawn from each box.
+    const POSES: usize = 100_000;
+    for machine in MACHINES {
+        let report = check(&ini(machine), |_| ()).unwrap();
+        assert!(report.fits(), "{machine}: {:?}", report.findings);
+        let limits = report.suggestion.unwrap();
+        let config = MachineConfig::read(&ini(machine)).unwrap();
+        let reach = Reach::new(&config).unwrap();
+        let side = |pose: &[f64; 6]| {
+            config
+                .machine
+                .assembly(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .unwrap()
+        };
+        let mut rng = Pcg64::seed_from_u64(6);
+        for _ in 0..POSES {
+            let pose = pose(&mut rng, &limits);
+            assert_eq!(reach.check(&pose), Ok(()), "{machine} {pose:?}");
+            // No singular pose lies between this one and home.
+            assert_eq!(side(&pose), side(&config.home), "{machine} {pose:?}");
+        }
+        let moved = Letter::ALL.map(|letter| !config.machine.layout().is_held(letter));
+        let whole = range(&config);
+        for k in (0..6).filter(|k| moved[*k]) {
+            let share = (limits.high[k] - limits.low[k]) / (whole.high[k] - whole.low[k]);
+            // A quarter: half of what the machines that are not proved in whole have now.
+            assert!(share > 0.25, "{machine}: {share} of axis {k}");
+        }
+    }
+}
+
+#[test]
+fn conditioning_is_the_singular_value_of_the_rows_at_home() {
+    for machine in MACHINES {
+        let config = MachineConfig::read(&ini(machine)).unwrap();
+        let home = conditioning::at(&config, &config.home).unwrap();
+        // Rows about the centroid or CENTRE; those of `mobility` are about CENTRE.
+        assert!(home > 0.05 && home < 2.0, "{machine}: {home}");
+    }
+    // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
+    let delta = MachineConfig::read(&ini("linear-delta")).unwrap();
+    let rows = pkm::mobility::LegRows::at_home(&delta).unwrap();
+    let least = rows.singular_values(delta.machine.layout().coordinates().as_slice())[2];
+    let found = conditioning::at(&delta, &delta.home).unwrap();
+    assert!((least - found).abs() < 1e-12, "{least} {found}");
+}

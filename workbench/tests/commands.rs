@@ -1,0 +1,690 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The command `pkm` as it is used: every message, exit codes, pipes. After a change of a text
+//! `SNAPSHOTS=overwrite cargo test --profile host -p pkm --test commands` writes the new ones here; `[..]`
+//! stands for places that rounding decides.
+
+use snapbox::{assert_data_eq, str};
+use std::fs;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const PKM: &str = env!("CARGO_BIN_EXE_pkm");
+
+/// A folder with the linear delta in it, to be spoilt.
+struct Bench(tempfile::TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self(tempfile::tempdir().unwrap());
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/linear-delta");
+        for file in ["linear-delta.ini", "linear-delta.tbl"] {
+            fs::copy(folder.join(file), bench.0.path().join(file)).unwrap();
+        }
+        bench
+    }
+
+    /// Writes a file.
+    fn with(self, name: &str, text: &str) -> Self {
+        fs::write(self.0.path().join(name), text).unwrap();
+        self
+    }
+
+    /// Replaces a text in the machine's file, once.
+    fn spoilt(self, from: &str, to: &str) -> Self {
+        let file = self.0.path().join("linear-delta.ini");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from), "{from}");
+        fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        self
+    }
+
+    fn command(&self, words: &str) -> Command {
+        let mut command = Command::new(PKM);
+        command.args(words.split_whitespace()).current_dir(self.0.path());
+        command.env("NO_COLOR", "1").env("COLUMNS", "100");
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    /// What the command answers, with its exit code.
+    fn answer(&self, words: &str, input: &str) -> String {
+        let mut child = self.command(words).spawn().unwrap();
+        // A command that does not read it may have ended already.
+        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+        let output = child.wait_with_output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let folder = self.0.path().display().to_string();
+        let shown = format!(
+            "{}{}exit {}\n",
+            text(&output.stdout),
+            text(&output.stderr),
+            output.status.code().unwrap()
+        );
+        shown.replace(&folder, "FOLDER")
+    }
+
+    fn files(&self) -> usize {
+        fs::read_dir(self.0.path()).unwrap().count()
+    }
+}
+
+#[test]
+fn a_machine_that_fits() {
+    assert_data_eq!(
+        Bench::new().answer("check linear-delta.ini", ""),
+        str![[r#"
+linear-delta.ini
+  joints         3 carriages
+  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  count          8 links + 2 loops - 9 joints = 1; mobility by count 6
+  geometry hash  0x6e4a5df2
+  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  conditioning   0.5930 at home (0: a singular pose)
+  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+                 0.5926 the worst found within the axis limits, at [..]
+  axis limits    the machine can take 100.0 % of the poses in them
+
+Proved: without a tool the machine can take every pose within its axis limits:
+
+[AXIS_X]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Y]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Z]
+MIN_LIMIT = 0
+MAX_LIMIT = 100
+
+The machine fits together.
+exit 0
+
+"#]]
+    );
+}
+
+#[test]
+fn a_file_that_cannot_be_read() {
+    assert_data_eq!(
+        Bench::new().answer("check none.ini", ""),
+        str![[r#"
+error: this file is not read
+--> none.ini
+ = help: cannot be read: No such file or directory (os error 2); name the machine's INI file
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        Bench::new().answer("check .", ""),
+        str![[r#"
+error: this file is not read
+--> .
+ = help: cannot be read: Is a directory (os error 21); name the machine's INI file
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn a_file_of_another_machine() {
+    let bench = Bench::new().with("mill.ini", "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n");
+    assert_data_eq!(
+        bench.answer("check mill.ini", ""),
+        str![[r#"
+error: [KINS]KINEMATICS = trivkins
+ --> mill.ini:2:14
+  |
+2 | KINEMATICS = trivkins
+  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]
+exit 2
+
+"#]]
+    );
+    let bench = Bench::new().spoilt("[LEG_1]", "[LEG_7]");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: [LEG_1] is missing
+--> linear-delta.ini
+ = help: [KINS]KINEMATICS has 3 legs; give each its own section
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn text_that_is_no_number() {
+    let bench = Bench::new().spoilt("GUIDE = 0 0 1", "GUIDE = 0 0 1 # up");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: [LEG_0]GUIDE = 0 0 1 # up
+  --> linear-delta.ini:75:15
+   |
+75 | GUIDE = 0 0 1 # up
+   |               ^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn an_unknown_key() {
+    let bench = Bench::new().spoilt("GUIDE =", "GUIDES =");
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini 0 0 50 0 0 0", ""),
+        str![[r#"
+error: [LEG_0]GUIDES = 0 0 1
+  --> linear-delta.ini:75:1
+   |
+75 | GUIDES = 0 0 1
+   | ^^^^^^ unknown key; known keys are BASE PLATFORM OFFSET BASE_CONE PLATFORM_CONE GUIDE ROD SIDE
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn an_included_file_that_is_missing() {
+    let bench = Bench::new().spoilt("[KINS]", "#INCLUDE kins.inc\n[KINS]");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: this file is not read
+  --> linear-delta.ini:58:10
+   |
+58 | #INCLUDE kins.inc
+   |          ^^^^^^^^ cannot be read: No such file or directory (os error 2); LinuxCNC would start without these lines
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn an_error_in_an_included_file() {
+    let bench = Bench::new()
+        .spoilt("[KINS]", "#INCLUDE kins.inc\n[KINS]")
+        .with("kins.inc", "# more\n[LEG_0]\nROAD = 5\n");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: [LEG_0]ROAD = 5
+ --> kins.inc:3:1
+  |
+3 | ROAD = 5
+  | ^^^^ unknown key; known keys are BASE PLATFORM OFFSET BASE_CONE PLATFORM_CONE GUIDE ROD SIDE
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn a_machine_that_the_module_refuses() {
+    let bench = Bench::new().spoilt("GUIDE = 0 0 1", "GUIDE = 0 0 0");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: [LEG_0]
+  --> linear-delta.ini:72:1
+   |
+72 | [LEG_0]
+   | ^^^^^^^ leg 0: the guide has no direction; give GUIDE as a direction [code -58]
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn homes_that_do_not_agree() {
+    let bench = Bench::new()
+        .spoilt("HOME = 325.3634158062803", "HOME = 300")
+        .spoilt("MAX_LIMIT = 375", "MAX_LIMIT = 310");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+linear-delta.ini
+  joints         3 carriages
+  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  count          8 links + 2 loops - 9 joints = 1; mobility by count 6
+  geometry hash  0x6e4a5df2
+  home           joints within 2.5e1 of the kinematics at [TRAJ]HOME
+
+error: [JOINT_0]HOME = 300
+   --> linear-delta.ini:111:8
+    |
+111 | HOME = 300
+    |        ^^^ the kinematics put carriage 0 to 325.3634158062803 at [TRAJ]HOME
+
+error: [TRAJ]HOME = 0 0 90
+  --> linear-delta.ini:64:8
+   |
+64 | HOME = 0 0 90
+   |        ^^^^^^ [TRAJ]HOME needs 325.3634158062803 of carriage 0: widen its limits 0 to 310, or move HOME
+
+The machine does not fit together.
+exit 1
+
+"#]]
+    );
+}
+
+#[test]
+fn warnings() {
+    let bench = Bench::new()
+        .spoilt("[TRAJ]", "[TRAJ]\nNO_FORCE_HOMING = 1")
+        .spoilt("HALFILE = LIB:pkmkins.tcl", "HALFILE = own.hal")
+        .spoilt("HOME_SEQUENCE = -1", "# no sequence");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+linear-delta.ini
+  joints         3 carriages
+  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  count          8 links + 2 loops - 9 joints = 1; mobility by count 6
+  geometry hash  0x6e4a5df2
+  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  conditioning   0.5930 at home (0: a singular pose)
+  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+                 0.5926 the worst found within the axis limits, at [..]
+  axis limits    the machine can take 100.0 % of the poses in them
+
+warning: [JOINT_0]HOME_SEQUENCE is missing
+--> linear-delta.ini
+ = help: Home All leaves this joint out, and without it there is no world mode
+
+warning: [TRAJ]NO_FORCE_HOMING = 1
+  --> linear-delta.ini:63:19
+   |
+63 | NO_FORCE_HOMING = 1
+   |                   ^ programs may run before homing, from a pose that nobody knows; take the line out
+
+warning: [HAL]HALFILE = own.hal
+  --> linear-delta.ini:56:11
+   |
+56 | HALFILE = own.hal
+   |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
+
+Proved: without a tool the machine can take every pose within its axis limits:
+
+[AXIS_X]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Y]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Z]
+MIN_LIMIT = 0
+MAX_LIMIT = 100
+
+The machine fits together; look at the warnings.
+exit 0
+
+"#]]
+    );
+}
+
+#[test]
+fn legs_homed_one_by_one_lean_too_much() {
+    let bench = Bench::new()
+        .spoilt("HOME_SEQUENCE = -1", "HOME_SEQUENCE = 0")
+        .spoilt("HOME_OFFSET = 370", "HOME_OFFSET = 150");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+linear-delta.ini
+  joints         3 carriages
+  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  count          8 links + 2 loops - 9 joints = 1; mobility by count 6
+  geometry hash  0x6e4a5df2
+  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  conditioning   0.5930 at home (0: a singular pose)
+  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+                 0.5926 the worst found within the axis limits, at [..]
+  axis limits    the machine can take 100.0 % of the poses in them
+
+error: [JOINT_0]HOME_SEQUENCE = 0
+   --> linear-delta.ini:122:17
+    |
+122 | HOME_SEQUENCE = 0
+    |                 ^ between HOME and the switches at HOME_OFFSET leg 0 at its base joint leans 40.7 degrees, more than its cone of 40; home more legs together, or move the switches
+
+Proved: without a tool the machine can take every pose within its axis limits:
+
+[AXIS_X]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Y]
+MIN_LIMIT = -80
+MAX_LIMIT = 80
+[AXIS_Z]
+MIN_LIMIT = 0
+MAX_LIMIT = 100
+
+The machine does not fit together.
+exit 1
+
+"#]]
+    );
+}
+
+#[test]
+fn joints_of_a_pose_and_back() {
+    let bench = Bench::new();
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini 10 -20 50 0 0 0", ""),
+        str![[r#"
+joint_0 = 272.90342639807045
+joint_1 = 285.04242451766345
+joint_2 = 294.4523137073128
+exit 0
+
+"#]]
+    );
+    let joints =
+        bench.answer("joints linear-delta.ini", "x,y,z,a,b,c\n10,-20,50,0,0,0\n0,0,90,0,0,0\n");
+    let rows = joints.strip_suffix("exit 0\n").unwrap();
+    let poses = bench.answer("pose linear-delta.ini", rows);
+    let numbers: Vec<f64> =
+        poses.lines().nth(1).unwrap().split(',').map(|word| word.parse().unwrap()).collect();
+    let expected = [10.0, -20.0, 50.0, 0.0, 0.0, 0.0];
+    for (number, expected) in numbers.iter().zip(expected) {
+        // What forward promises of 300 mm: 1e-10 of the size.
+        assert!((number - expected).abs() < 1e-7, "{poses}");
+    }
+}
+
+#[test]
+fn poses_and_joints_without_an_answer() {
+    let bench = Bench::new();
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini 900 0 0 0 0 0", ""),
+        str![[r#"
+pkm: leg 0: the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative) (value 640.376); keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
+exit 1
+
+"#]]
+    );
+    let input = "x,y,z,a,b,c\n900,0,0,0,0,0\n0,0,50,0,0,0\n";
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini", input),
+        str![[r#"
+joint_0,joint_1,joint_2
+,,
+285.3634158062803,285.36341580628033,285.36341580628033
+pkm: standard input:2: leg 0: the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative) (value 640.376); keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
+exit 1
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("pose linear-delta.ini 0 0 9000", ""),
+        str![[r#"
+pkm: the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between (value 0.0259097); jog the joints back towards their last good values [code -33]
+exit 1
+
+"#]]
+    );
+}
+
+#[test]
+fn rows_that_are_none() {
+    let bench = Bench::new();
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini 1 2", ""),
+        str![[r#"
+pkm: expected 6 numbers: x y z a b c; found 2
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini", "x,y,z\n1,2,3\n"),
+        str![[r#"
+pkm: standard input:1: the header names no column a; expected x,y,z,a,b,c
+exit 2
+
+"#]]
+    );
+    let input = "x,y,z,a,b,c\n1,2,3,0,0,0\n1,two,3,0,0,0\n";
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini", input),
+        str![[r#"
+joint_0,joint_1,joint_2
+239.45705212575072,237.31781383905528,238.27863718936715
+pkm: standard input:3: "two" is no number
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("joints linear-delta.ini", "x,y,z,a,b,c\n1,2\n"),
+        str![[r#"
+joint_0,joint_1,joint_2
+pkm: standard input: CSV error: record 1 (line: 2, byte: 12): found record with 2 fields, but the previous record has 6 fields
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn a_program_and_its_trace() {
+    let bench = Bench::new().with("line.ngc", "G21 G90\nG1 X10 F6000\nM2\n");
+    let words = "replay linear-delta.ini line.ngc --period 0.05 --plots drawn";
+    let trace = bench.answer(words, "");
+    assert!(trace.starts_with("time,line,x,y,z,a,b,c,joint_0,joint_1,joint_2\n"), "{trace}");
+    assert!(trace.lines().nth_back(1).unwrap().contains(",2,10,0,90,0,0,0,"), "{trace}");
+    assert!(trace.ends_with("exit 0\n"), "{trace}");
+    let drawn: Vec<_> = fs::read_dir(bench.0.path().join("drawn")).unwrap().collect();
+    assert!(drawn.len() >= 5, "{drawn:?}");
+}
+
+#[test]
+fn a_program_that_leaves_the_limits() {
+    let bench = Bench::new().with("far.ngc", "G21 G90\nG1 X79 F60000\nG1 X120\nM2\n");
+    let answer = bench.answer("replay linear-delta.ini far.ngc --period 0.5", "");
+    let told: Vec<&str> = answer.lines().filter(|line| line.starts_with("pkm: ")).collect();
+    assert_data_eq!(
+        told.join("\n"),
+        str!["pkm: far.ngc: line 3: axis X reaches 120.000 mm, above 80"]
+    );
+}
+
+#[test]
+fn programs_that_are_none() {
+    let bench = Bench::new()
+        .with("empty.ngc", "")
+        .with("bad.ngc", "G21\nG1 X1 F100\nG1 G2 X3\n")
+        .with("line.ngc", "G21 G90\nG1 X10 F6000\nM2\n")
+        .with("file", "");
+    assert_data_eq!(
+        bench.answer("replay linear-delta.ini none.ngc", ""),
+        str![[r#"
+pkm: none.ngc: No such file or directory (os error 2)
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("replay linear-delta.ini empty.ngc", ""),
+        str![[r#"
+pkm: FOLDER/empty.ngc:1: File ended with no percent sign or program end:
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("replay linear-delta.ini bad.ngc", ""),
+        str![[r#"
+pkm: FOLDER/bad.ngc:4: Two g codes used from same modal group:
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("replay linear-delta.ini line.ngc --period 0", ""),
+        str![[r#"
+pkm: --period 0: expected more than 0 seconds
+exit 2
+
+"#]]
+    );
+    let before = bench.files();
+    let answer = bench.answer("replay linear-delta.ini line.ngc --plots file/plots", "");
+    assert_data_eq!(
+        answer,
+        str![[r#"
+pkm: file/plots: Not a directory (os error 20)
+exit 2
+
+"#]]
+    );
+    assert_eq!(bench.files(), before);
+}
+
+#[test]
+fn help_and_usage() {
+    let bench = Bench::new();
+    assert_data_eq!(
+        bench.answer("--help", ""),
+        str![[r#"
+Knows before cutting whether a parallel machine and a program fit.
+
+Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
+pkmkins runs in LinuxCNC.
+
+Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be judged:
+bad input, or a file that cannot be written.
+
+Usage: pkm <COMMAND>
+
+Commands:
+  check        Checks that a machine's INI file fits together
+  joints       Joint values of poses (inverse kinematics)
+  pose         Poses of joint values (forward kinematics)
+  replay       Writes the joint values that a program asks for
+  man          Writes the manual pages of pkm
+  completions  Writes completions of pkm for a shell to standard output
+  help         Print this message or the help of the given subcommand(s)
+
+Options:
+  -h, --help
+          Print help (see a summary with '-h')
+
+  -V, --version
+          Print version
+exit 0
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("check --help", ""),
+        str![[r#"
+Checks that a machine's INI file fits together
+
+Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints and
+mobility, geometry hash, HOME of joints and axes against the kinematics, homing order against the
+cones, joint ranges, how well the legs hold the platform at home and at worst. At the end stand
+[AXIS_*] limits in which, without a tool, every pose is proved to be within reach, joint limits and
+cones, with legs that hold the platform. They stay within the axis limits that the file gives
+already; where it gives none, the machine sets the end.
+
+Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2 where the
+file describes no machine.
+
+Usage: pkm check <MACHINE.ini>
+
+Arguments:
+  <MACHINE.ini>
+          The machine's LinuxCNC INI file
+
+Options:
+  -h, --help
+          Print help (see a summary with '-h')
+exit 0
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("chek", ""),
+        str![[r#"
+error: unrecognized subcommand 'chek'
+
+  tip: a similar subcommand exists: 'check'
+
+Usage: pkm <COMMAND>
+
+For more information, try '--help'.
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn every_subcommand_has_a_manual_page_and_completions() {
+    let bench = Bench::new();
+    assert_eq!(bench.answer("man pages", ""), "exit 0\n");
+    let help = bench.answer("--help", "");
+    for name in ["check", "joints", "pose", "replay", "man", "completions"] {
+        assert!(help.contains(&format!("\n  {name} ")), "{name}: {help}");
+        let page = fs::read_to_string(bench.0.path().join(format!("pages/pkm-{name}.1"))).unwrap();
+        assert!(page.contains(".SH SYNOPSIS"), "{page}");
+        for shell in ["bash", "zsh", "fish"] {
+            assert!(bench.answer(&format!("completions {shell}"), "").contains(name), "{shell}");
+        }
+    }
+    assert!(bench.0.path().join("pages/pkm.1").exists());
+}
+
+#[test]
+fn a_folder_that_cannot_be_written() {
+    let bench = Bench::new().with("file", "");
+    assert_data_eq!(
+        bench.answer("man file/pages", ""),
+        str![[r#"
+pkm: file/pages: Not a directory (os error 20)
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn nobody_reads_on() {
+    let bench = Bench::new();
+    for words in ["check linear-delta.ini", "joints linear-delta.ini", "completions bash"] {
+        let mut child = bench.command(words).spawn().unwrap();
+        drop(child.stdout.take());
+        let mut input = child.stdin.take().unwrap();
+        let rows = "0,0,50,0,0,0\n".repeat(20_000);
+        let _ = input.write_all(format!("x,y,z,a,b,c\n{rows}").as_bytes());
+        drop(input);
+        let mut told = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+        assert_eq!((child.wait().unwrap().code(), told.as_str()), (Some(0), ""), "{words}");
+    }
+}
+
+#[test]
+fn no_colours_and_no_bar_go_into_a_pipe() {
+    let bench = Bench::new().spoilt("HALFILE = LIB:pkmkins.tcl", "HALFILE = own.hal");
+    let output = bench.command("check linear-delta.ini").env_remove("NO_COLOR").output().unwrap();
+    assert!(!output.stdout.contains(&0x1b), "{}", String::from_utf8_lossy(&output.stdout));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}
