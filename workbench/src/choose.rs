@@ -46,7 +46,7 @@ pub struct Candidate {
 }
 
 /// Boxes that fill the poses between `low` and `high`: one, or as many as it takes for the
-/// largest norm sampled in each to be at most [`SPLIT_ABOVE`].
+/// largest norm sampled in each to be at most `SPLIT_ABOVE`.
 ///
 /// # Errors
 /// A pose is out of reach, or `most` boxes are too few for norms below 1.
