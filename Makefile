@@ -106,7 +106,7 @@ soak: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/soak.py --minutes $(MINUTES) --out build/soak
 
-# Debug builds are incremental: a mutant takes some twenty seconds instead of minutes.
+# Debug builds: a mutant takes about a minute of one core, most of it to build.
 MUTANTS := target/tools/bin/cargo-mutants
 PART := 0/1
 mutants: setup

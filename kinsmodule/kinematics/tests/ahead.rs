@@ -143,7 +143,7 @@ fn the_speed_allowed_can_be_braked_for_all_that_lies_ahead_and_is_no_slower_than
         }
     });
     println!("{here} limited at once, {ahead} ahead: {shyest} to {boldest} of what just suffices");
-    assert!(here > 1000 && ahead > 20, "{here} and {ahead} motions were limited");
+    assert!(here > cases(1000) && ahead > cases(20), "{here} and {ahead} motions were limited");
     assert!(boldest <= SPEED_BETWEEN_PLACES, "{boldest} of the speed that can be braked");
     assert!(shyest >= SPEED_SHARE, "only {shyest} of the speed that can be braked");
 }
