@@ -59,9 +59,11 @@ test: check install prove counts
 	tests/live/live_test.py --judge target/host/pkm-report
 	tests/live/soak.py --minutes 1
 
-# The numbers of cases of the long tier: 10^6 poses for the round trips.
+# The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
 test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
+	tests/live/live_test.py --long --judge target/host/pkm-report
 
 check: setup
 	$(CARGO) fmt --all --check

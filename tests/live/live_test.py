@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """All live tests, one after another: PASS or FAIL a test, a closing line, exit code 1 on failure.
 
-    tests/live/live_test.py [--only TEXT] [--out FOLDER] [--judge target/host/pkm-report] [--list]
+    tests/live/live_test.py [--only TEXT] [--long] [--out FOLDER] [--judge target/host/pkm-report] [--list]
 
 With --judge every recorded trace is given to `pkm-report`: joints against the host library, speeds
 and accelerations against the limits.
@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import ini_edit  # noqa: E402
 import run_live  # noqa: E402
 from session import Session  # noqa: E402
 from unprivileged import (REPOSITORY, clear_hal, is_unprivileged, only_one,  # noqa: E402
@@ -32,6 +33,7 @@ PYRAMID = REPOSITORY / "configs/pyramid"
 SAMPLE = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TESTS = {}
 RECORDING = set()  # tests that leave a trace to be judged
+LONG = set()  # tests for `--long`, or when asked for by name
 
 
 def add_test(name, function):
@@ -72,14 +74,18 @@ def slug(text):
 
 
 def add_machine(config):
-    """Every folder of configs/ is started, and each of its programs is run."""
+    """Every folder of configs/ is started and runs the program that its INI file opens; with
+    `--long` each of its programs."""
     name = slug(config.name)
+    main = ini_edit.value((config / f"{config.name}.ini").read_text(), "DISPLAY", "OPEN_FILE")
     programs = sorted((config / "programs").glob("*.ngc"))
     if not programs:
         add_test(f"program_{name}", partial(no_program, config))
     for path in programs:
         add_test(f"program_{name}_{slug(path.stem)}", partial(program, config, path.name))
         RECORDING.add(f"program_{name}_{slug(path.stem)}")
+        if main not in (None, f"programs/{path.name}"):
+            LONG.add(f"program_{name}_{slug(path.stem)}")
 
 
 for folder in sorted((REPOSITORY / "configs").iterdir()):
@@ -477,12 +483,13 @@ def run_and_judge(options, out):
     """Exit code of the tests as a normal user and of the judge on what they recorded."""
     for stale in out.glob("*/trace.csv"):
         stale.unlink()
-    code = rerun_unprivileged("tests/live/live_test.py", ["--only", options.only], 900, out)
+    arguments = ["--only", options.only, *(["--long"] if options.long else [])]
+    code = rerun_unprivileged("tests/live/live_test.py", arguments, 1200, out)
     if not options.judge:
         return code
     traces = sorted(out.glob("*/trace.csv"))
     results = [judge_one(options.judge, trace) for trace in traces]
-    for name in sorted(name for name in RECORDING if options.only in name):
+    for name in sorted(RECORDING.intersection(chosen(options))):
         if out / name / "trace.csv" not in traces:
             print(f"FAIL trace of {name}: none was recorded")
             results.append(False)
@@ -490,9 +497,16 @@ def run_and_judge(options, out):
     return code or (0 if all(results) else 1)
 
 
+def chosen(options):
+    """Names of the tests to run."""
+    every = options.long or options.only
+    return [name for name in TESTS if options.only in name and (every or name not in LONG)]
+
+
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--only", default="", help="tests whose name contains this text")
+    arguments.add_argument("--long", action="store_true", help="every program of every machine")
     arguments.add_argument("--out", help="folder that keeps traces, results and logs")
     arguments.add_argument("--judge", type=Path, help="pkm-report, to judge the recorded traces")
     arguments.add_argument("--list", action="store_true", help="names of the tests")
@@ -501,7 +515,7 @@ def parsed():
 
 def main():
     options = parsed()
-    names = [name for name in TESTS if options.only in name]
+    names = chosen(options)
     if options.list or not names:
         print("\n".join(names) if names else f"no test has {options.only!r} in its name")
         return 0 if names else 2
