@@ -67,7 +67,7 @@ test-long: install
 
 check: setup
 	$(CARGO) fmt --all --check
-	cd fuzz && $(CARGO) fmt --check
+	cd fuzz && $(CARGO) fmt --check && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
 	$(CARGO) clippy $(LOCKED) --profile host --all-targets -- -D warnings
 	$(CARGO) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
