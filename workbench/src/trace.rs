@@ -289,9 +289,17 @@ pub fn judge(
     Ok(Report { checks })
 }
 
-/// Joint value minus motor position: the machine stands still when world mode begins.
+/// Cycles without any motion after which command and drive have settled.
+const SETTLED: usize = 10;
+
+/// Joint value minus motor position, from where the machine first stands still in world mode: as
+/// that begins, the last of the motion before may still be on its way.
 fn motor_offsets(world: &[Sample]) -> Joints {
-    std::array::from_fn(|i| world[0].joints[i] - world[0].motors[i])
+    let still = |part: &&[Sample]| {
+        part.iter().all(|s| s.joints == part[0].joints && s.motors == part[0].motors)
+    };
+    let at = world.windows(SETTLED).find(still).map_or(&world[0], |part| &part[0]);
+    std::array::from_fn(|i| at.joints[i] - at.motors[i])
 }
 
 fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> Vec<Check> {

@@ -102,6 +102,20 @@ fn a_jump_of_a_motor_is_seen_in_speed_and_acceleration() {
 }
 
 #[test]
+fn a_drive_that_settles_only_after_world_mode_has_begun_is_not_taken_for_one_at_rest() {
+    let config = config();
+    let names = bad(|samples, _| {
+        for k in 100..105 {
+            samples[k].motors[3] -= 3e-5;
+            let (seed, tool) = (Pose::from_degrees(samples[k].pose), samples[k].tool.into());
+            let found = config.machine.forward(&samples[k].motors, &seed, &tool, &config.solver);
+            samples[k + 1].forward = found.unwrap().pose.to_degrees();
+        }
+    });
+    assert_eq!(names, [""; 0]);
+}
+
+#[test]
 fn too_many_iterations_and_a_residual_are_seen() {
     let names =
         bad(|samples, _| (samples[9 * 100].iterations, samples[900].residual) = (4.0, 1e-8));
