@@ -103,12 +103,49 @@ pub enum Verdict {
     Open(usize),
 }
 
+/// A value over a cell, or on a way run through in two units of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    /// In the middle.
+    pub middle: f64,
+    /// How far it changes from there to the end, to first order: never negative.
+    pub slope: f64,
+    /// Bound of its second derivative on every straight way from the middle to an end, run
+    /// through in one unit of time; infinite where none is known.
+    pub bend: f64,
+    /// Rounding.
+    pub rounding: f64,
+}
+
+impl Course {
+    /// All its values lie between these.
+    pub fn range(&self) -> (f64, f64) {
+        let room = self.slope + self.bend / 2.0 + self.rounding;
+        (self.middle - room, self.middle + room)
+    }
+}
+
+/// What is proved of a straight way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Way {
+    /// Joint values. Where all bends are finite, every pose has joint values.
+    pub joints: Vec<Course>,
+    /// Cosines of the angles between the legs and their directions at home, seen in base.
+    pub base: Vec<Course>,
+    /// The same, seen in the platform.
+    pub platform: Vec<Course>,
+    /// Whether the legs are proved to hold the platform everywhere.
+    pub holds: bool,
+}
+
 /// Legs by coordinates.
 type Rows = SMatrix<f64, MAX_LEGS, 6>;
 
-/// A machine without a tool, as its cells see it.
+/// A machine with one tool, as its cells see it.
 pub struct Reach<'a> {
     config: &'a MachineConfig,
+    /// Tool vector, spindle offset included.
+    tool: Vector3<f64>,
     /// Coordinates that the legs move.
     active: [bool; 6],
     /// Platform anchors in parts that turn about the control point and that a held or table
@@ -118,8 +155,11 @@ pub struct Reach<'a> {
     home: Vec<Vector3<f64>>,
 }
 
-/// How far anything moves within a cell.
+/// How far anything moves within a cell: its poses are the middle plus a sum of `steps`, each
+/// times a number from -1 to 1. Machine units and radians.
 struct Spread {
+    steps: Vec<[f64; 6]>,
+    /// Half of the extent along every coordinate.
     half: [f64; 6],
     shift: f64,
     turn: f64,
@@ -147,23 +187,32 @@ struct Middle {
 }
 
 impl<'a> Reach<'a> {
-    /// Of this machine.
+    /// Of this machine without a tool.
     ///
     /// # Errors
     /// Home cannot be taken.
     pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        Self::with_tool(config, config.spindle)
+    }
+
+    /// Of this machine with a tool vector, spindle offset included.
+    ///
+    /// # Errors
+    /// Home cannot be taken.
+    pub fn with_tool(config: &'a MachineConfig, tool: Vector3<f64>) -> Result<Self, Fault> {
         let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
         let segments = config.machine.segments(&config.home_pose(), &config.spindle)?;
         let centre = Vector3::from(config.geometry.centre);
         let arms = |leg: &LegGeometry| {
             let anchor = Vector3::from(leg.platform);
             match active[..3] {
-                [true, true, true] => [config.spindle + anchor, Vector3::zeros()],
-                _ => [config.spindle + centre, anchor - centre],
+                [true, true, true] => [tool + anchor, Vector3::zeros()],
+                _ => [tool + centre, anchor - centre],
             }
         };
         Ok(Self {
             config,
+            tool,
             active,
             arms: config.geometry.legs().iter().map(arms).collect(),
             home: segments[..config.legs()].iter().map(along).collect(),
@@ -180,7 +229,7 @@ impl<'a> Reach<'a> {
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
     pub fn joints(&self, pose: &[f64; 6]) -> Result<Joints, Fault> {
-        self.config.machine.inverse(&Pose::from_degrees(*pose), &self.config.spindle)
+        self.config.machine.inverse(&Pose::from_degrees(*pose), &self.tool)
     }
 
     /// Whether the machine can take one pose.
@@ -205,7 +254,7 @@ impl<'a> Reach<'a> {
     }
 
     fn middle(&self, pose: &[f64; 6]) -> Result<Middle, Fault> {
-        let (machine, tool) = (&self.config.machine, &self.config.spindle);
+        let (machine, tool) = (&self.config.machine, &self.tool);
         let pose = Pose::from_degrees(*pose);
         let ((sb, cb), (sc, cc)) = (pose.angles.y.sin_cos(), pose.angles.z.sin_cos());
         Ok(Middle {
@@ -243,10 +292,7 @@ impl<'a> Reach<'a> {
 
     /// What is known of a cell whose middle can be taken.
     fn holds(&self, cell: &Cell, middle: &Middle) -> Verdict {
-        let half = std::array::from_fn(|k| cell.half[k] * if k < 3 { 1.0 } else { RADIANS });
-        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half[k] * half[k]);
-        let shift = squares.sum::<f64>().sqrt();
-        let spread = Spread { half, shift, turn: half[3..].iter().sum() };
+        let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
         let mut bends = vec![];
         for i in 0..self.config.legs() {
             match self.bend(i, middle, &spread) {
@@ -254,7 +300,7 @@ impl<'a> Reach<'a> {
                 _ => return Verdict::Open(greatest(&self.extents(&spread))),
             }
         }
-        if !self.joints_hold(cell, middle, &spread, &bends) {
+        if !self.joints_hold(middle, &spread, &bends) {
             return Verdict::Open(greatest(&self.extents(&spread)));
         }
         match self.departure(middle, &spread, &bends) {
@@ -263,23 +309,73 @@ impl<'a> Reach<'a> {
         }
     }
 
-    /// How far every coordinate moves the ends of the legs, more or less: to compare.
-    fn extents(&self, spread: &Spread) -> [f64; 6] {
-        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
-        std::array::from_fn(|k| spread.half[k] * unit(k))
+    /// What the joints and legs do on the straight way from `middle - step` to `middle + step`.
+    ///
+    /// # Errors
+    /// The pose in the middle has no joint values.
+    pub fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
+        let middle = self.middle(middle)?;
+        let spread = self.spread([*step]);
+        let bends: Option<Vec<_>> =
+            (0..self.config.legs()).map(|i| self.bend(i, &middle, &spread)).collect();
+        let leans = |platform| {
+            let lean = |i| self.lean(i, platform, &middle, &spread, bends.as_ref().map(|b| &b[i]));
+            (0..self.config.legs()).map(lean).collect()
+        };
+        Ok(Way {
+            joints: (0..self.config.joints.len())
+                .map(|i| self.joint_course(i, &middle, &spread, bends.as_deref()))
+                .collect(),
+            base: leans(false),
+            platform: leans(true),
+            holds: bends.is_some_and(|bends| self.departure(&middle, &spread, &bends).is_ok()),
+        })
     }
 
-    fn joints_hold(&self, cell: &Cell, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
-        let slack = ROUNDING * self.config.machine.size();
+    /// Of steps in machine units and degrees.
+    fn spread(&self, steps: impl IntoIterator<Item = [f64; 6]>) -> Spread {
+        let radians =
+            |s: [f64; 6]| std::array::from_fn(|k| if k < 3 { s[k] } else { s[k] * RADIANS });
+        let steps: Vec<[f64; 6]> = steps.into_iter().map(radians).collect();
+        let half = std::array::from_fn(|k| steps.iter().map(|step| step[k].abs()).sum::<f64>());
+        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half[k] * half[k]);
+        let shift = squares.sum::<f64>().sqrt();
+        Spread { half, shift, turn: half[3..].iter().sum(), steps }
+    }
+
+    /// How far every step moves the ends of the legs, more or less: to compare.
+    fn extents(&self, spread: &Spread) -> Vec<f64> {
+        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
+        let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
+        spread.steps.iter().map(extent).collect()
+    }
+
+    fn joints_hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
         self.config.joints.iter().enumerate().all(|(i, joint)| {
-            // A table axis moves by P − R (o + centre).
-            let arm = self.config.spindle + Vector3::from(self.config.geometry.centre);
-            let table = || arm.norm() * spread.turn * spread.turn;
-            let bend = bends.get(i).map_or_else(table, |bend| bend.joint);
-            let slope: f64 = (0..6).map(|k| middle.gradient[(i, k)].abs() * cell.half[k]).sum();
-            let room = slope + bend / 2.0 + slack;
-            joint.min + room <= middle.joints[i] && middle.joints[i] <= joint.max - room
+            let (low, high) = self.joint_course(i, middle, spread, Some(bends)).range();
+            joint.min <= low && high <= joint.max
         })
+    }
+
+    /// Joint `i` over a cell; without bends nothing is known of a leg's.
+    fn joint_course(
+        &self,
+        i: usize,
+        middle: &Middle,
+        spread: &Spread,
+        bends: Option<&[Bend]>,
+    ) -> Course {
+        // A table axis moves by P − R (o + centre).
+        let arm = self.tool + Vector3::from(self.config.geometry.centre);
+        let bend = match bends {
+            _ if i >= self.config.legs() => arm.norm() * spread.turn * spread.turn,
+            Some(bends) => bends[i].joint,
+            None => f64::INFINITY,
+        };
+        let unit = |k: usize| if k < 3 { 1.0 } else { 1.0 / RADIANS };
+        let gradient = std::array::from_fn(|k| middle.gradient[(i, k)] * unit(k));
+        let rounding = ROUNDING * self.config.machine.size();
+        Course { middle: middle.joints[i], slope: spread.slope(&gradient), bend, rounding }
     }
 
     /// Change of the platform anchor of leg `i` with a coordinate, per machine unit or radian.
@@ -381,33 +477,49 @@ impl<'a> Reach<'a> {
     }
 
     fn cones_hold(&self, i: usize, middle: &Middle, spread: &Spread, bend: &Bend) -> bool {
-        let cones = [self.config.base_cone[i], self.config.platform_cone[i]];
+        [(false, &self.config.base_cone), (true, &self.config.platform_cone)]
+            .into_iter()
+            .filter(|(_, cones)| cones[i].is_some())
+            .all(|(platform, cones)| {
+                let course = self.lean(i, platform, middle, spread, Some(bend));
+                course.range().0 >= least_cosine(cones[i])
+            })
+    }
+
+    /// Cosine of the angle between leg `i` and its direction at home, at the base or at the
+    /// platform, over a cell.
+    fn lean(
+        &self,
+        i: usize,
+        platform: bool,
+        middle: &Middle,
+        spread: &Spread,
+        bend: Option<&Bend>,
+    ) -> Course {
         let n = along(&middle.legs[i]);
-        let platform = middle.rotation * self.home[i];
-        let [first, second] = bend.direction;
-        let turn = spread.turn;
-        // cos = n · d; in the platform d turns, too.
-        let bounds = [second, second + 2.0 * first * turn + turn * turn];
+        let home = if platform { middle.rotation * self.home[i] } else { self.home[i] };
         let length = (middle.legs[i].platform - middle.legs[i].base).norm();
-        let changes: [Vector3<f64>; 6] =
-            std::array::from_fn(|k| self.span_change(i, k, middle) / length);
-        for (which, home) in [self.home[i], platform].into_iter().enumerate() {
-            let Some(cone) = cones[which] else { continue };
-            let cosine = n.dot(&home);
-            let across = home - n * cosine;
-            let slope = |k: usize| {
-                let turned = match which == 1 && k >= 3 {
-                    true => n.dot(&middle.axes[k - 3].cross(&home)),
-                    false => 0.0,
-                };
-                (across.dot(&changes[k]) + turned).abs() * spread.half[k]
+        let cosine = n.dot(&home);
+        let across = home - n * cosine;
+        let gradient = std::array::from_fn(|k| {
+            let turned = match platform && k >= 3 {
+                true => n.dot(&middle.axes[k - 3].cross(&home)),
+                false => 0.0,
             };
-            let room: f64 = (0..6).map(slope).sum::<f64>() + bounds[which] / 2.0 + ROUNDING;
-            if !(cosine - room >= least_cosine(Some(cone))) {
-                return false;
-            }
+            across.dot(&self.span_change(i, k, middle)) / length + turned
+        });
+        // cos = n · d; in the platform d turns, too.
+        let turn = if platform { spread.turn } else { 0.0 };
+        let bound = |bend: &Bend| {
+            let [first, second] = bend.direction;
+            second + 2.0 * first * turn + turn * turn
+        };
+        Course {
+            middle: cosine,
+            slope: spread.slope(&gradient),
+            bend: bend.map_or(f64::INFINITY, bound),
+            rounding: ROUNDING,
         }
-        true
     }
 
     /// Change of the vector along leg `i` with a coordinate, per machine unit or radian.
@@ -426,21 +538,21 @@ impl<'a> Reach<'a> {
     }
 
     /// Whether the legs hold the platform all over the cell; where that is not proved, what every
-    /// coordinate contributes to that.
-    fn departure(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Result<(), [f64; 6]> {
-        let extents = self.extents(spread);
+    /// step contributes to that.
+    fn departure(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Result<(), Vec<f64>> {
+        let extents = || self.extents(spread);
         let active = || (0..6).filter(|k| self.active[*k]);
         let scale = self.scale(spread);
         let mut rows = Rows::zeros();
         let mut rest = Rows::zeros();
-        let mut slopes = [Rows::zeros(); 6];
+        let mut slopes = vec![Rows::zeros(); spread.steps.len()];
         for (i, bend) in bends.iter().enumerate() {
             let leg = self.leg_slopes(i, middle);
             for k in active() {
-                let (row, bound) = self.row(i, k, middle, spread, bend).ok_or(extents)?;
+                let (row, bound) = self.row(i, k, middle, spread, bend).ok_or_else(extents)?;
                 (rows[(i, k)], rest[(i, k)]) = (row * scale[k], bound * scale[k]);
-                for m in active() {
-                    slopes[m][(i, k)] = leg[m][k] * scale[k];
+                for (change, step) in slopes.iter_mut().zip(&spread.steps) {
+                    change[(i, k)] = active().map(|m| leg[m][k] * step[m]).sum::<f64>() * scale[k];
                 }
             }
         }
@@ -448,17 +560,21 @@ impl<'a> Reach<'a> {
         for k in (0..6).filter(|k| !self.active[*k]) {
             normal[(k, k)] = 1.0;
         }
-        let inverse = normal.try_inverse().ok_or(extents)? * rows.transpose();
+        let inverse = normal.try_inverse().ok_or_else(extents)? * rows.transpose();
         let rest = inverse.abs() * rest;
-        let changes: [_; 6] = std::array::from_fn(|m| (inverse * slopes[m]).abs() * spread.half[m]);
+        let changes: Vec<_> = slopes.iter().map(|slope| (inverse * slope).abs()).collect();
         let departure = changes.iter().fold(rest, |sum, change| sum + change);
         let columns = (0..6).map(|k| departure.column(k).sum()).fold(0.0, f64::max);
         let lines = (0..6).map(|k| departure.row(k).sum()).fold(0.0, f64::max);
         if departure.norm().min(columns).min(lines) < 1.0 - ROUNDING {
             return Ok(());
         }
+        let extents = extents();
         let whole: f64 = extents.iter().sum();
-        Err(std::array::from_fn(|m| changes[m].norm() + rest.norm() * extents[m] / whole))
+        let share = |(change, extent): (&SMatrix<f64, 6, 6>, f64)| {
+            change.norm() + rest.norm() * extent / whole
+        };
+        Err(changes.iter().zip(extents).map(share).collect())
     }
 
     /// Scale of every coordinate: any will do, its extent does best. One without an extent still
@@ -539,6 +655,12 @@ impl<'a> Reach<'a> {
 }
 
 impl Spread {
+    /// How far the steps together change a value with this gradient, to first order.
+    fn slope(&self, gradient: &[f64; 6]) -> f64 {
+        let change = |step: &[f64; 6]| (0..6).map(|k| gradient[k] * step[k]).sum::<f64>();
+        self.steps.iter().map(|step| change(step).abs()).sum()
+    }
+
     /// Bounds of the first and second derivative of an anchor's place.
     fn of_anchor(&self, arm: f64) -> (f64, f64) {
         (self.shift + arm * self.turn, arm * self.turn * self.turn)
@@ -576,8 +698,13 @@ fn along(leg: &Segment) -> Vector3<f64> {
     (leg.platform - leg.base).normalize()
 }
 
-fn greatest(values: &[f64; 6]) -> usize {
-    (0..6).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
+/// A step along one coordinate.
+fn along_one(k: usize, half: f64) -> [f64; 6] {
+    std::array::from_fn(|m| if m == k { half } else { 0.0 })
+}
+
+fn greatest(values: &[f64]) -> usize {
+    (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
 }
 
 fn least_cosine(cone: Option<f64>) -> f64 {
