@@ -582,6 +582,9 @@ impl<'a> Reach<'a> {
     fn scale(&self, spread: &Spread) -> [f64; 6] {
         let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.radius() };
         let widest = (0..6).map(|k| spread.half[k] * unit(k)).fold(0.0, f64::max);
+        if widest == 0.0 {
+            return std::array::from_fn(|k| 1.0 / unit(k));
+        }
         std::array::from_fn(|k| spread.half[k].max(LEAST_SCALE * widest / unit(k)))
     }
 

@@ -122,7 +122,30 @@ pub fn moves(
     program: &Path,
     work_offset: Option<[f64; 6]>,
 ) -> Result<Vec<Move>, InterpreterError> {
-    let output = run(config, program, work_offset)
+    read(config, program, work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset))))
+}
+
+/// As [`moves`], with the work offset in force at the start shifted by x y z, machine units.
+///
+/// # Errors
+/// As [`moves`].
+pub fn shifted_moves(
+    config: &MachineConfig,
+    program: &Path,
+    shift: [f64; 3],
+) -> Result<Vec<Move>, InterpreterError> {
+    // #5220 is the number of the coordinate system in force, 20 parameters each from #5221 on.
+    let word = |(k, letter)| format!("{letter}[#[{} + 20*#5220] + {:.12}]", 5201 + k, shift[k]);
+    let words: Vec<String> = ["X", "Y", "Z"].into_iter().enumerate().map(word).collect();
+    read(config, program, Some(format!("G10 L2 P0 {}", words.join(" "))))
+}
+
+fn read(
+    config: &MachineConfig,
+    program: &Path,
+    offset: Option<String>,
+) -> Result<Vec<Move>, InterpreterError> {
+    let output = run(config, program, offset)
         .map_err(|error| InterpreterError(format!("{PYTHON}: {error}")))?;
     if !output.status.success() {
         let text = String::from_utf8_lossy(&output.stderr).trim().to_string();
@@ -135,11 +158,7 @@ pub fn moves(
         .map_err(|error| InterpreterError(format!("{}: {error}", program.display())))
 }
 
-fn run(
-    config: &MachineConfig,
-    program: &Path,
-    work_offset: Option<[f64; 6]>,
-) -> io::Result<Output> {
+fn run(config: &MachineConfig, program: &Path, offset: Option<String>) -> io::Result<Output> {
     let scratch = tempfile::tempdir()?;
     let parameter_file = scratch.path().join("parameters.var");
     match &config.program.parameter_file {
@@ -149,7 +168,7 @@ fn run(
     let request = Request {
         program: program.canonicalize().map_err(|error| named(program, &error))?,
         length_units: config.units_per_mm,
-        init_codes: init_codes(config, work_offset),
+        init_codes: init_codes(config, offset),
         parameter_file,
         tool_table: absolute(config.program.tool_table.as_deref())?,
         random_tools: config.program.random_tools,
@@ -187,11 +206,11 @@ fn absolute(path: Option<&Path>) -> io::Result<PathBuf> {
 }
 
 /// Blocks that bring the interpreter into the state in which the machine starts.
-fn init_codes(config: &MachineConfig, work_offset: Option<[f64; 6]>) -> Vec<String> {
+fn init_codes(config: &MachineConfig, offset: Option<String>) -> Vec<String> {
     let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
     let mut codes = vec![format!("{units} G90")];
     codes.extend(config.program.startup_code.clone());
-    codes.extend(work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset))));
+    codes.extend(offset);
     codes.push(format!("G53 G0 {}", words(config.home)));
     codes
 }

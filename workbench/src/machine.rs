@@ -20,6 +20,9 @@ const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS
 /// of emccfg.h), machine units or degrees per second.
 const AXIS_VELOCITY: f64 = 1.0;
 
+/// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
+const AXIS_ACCELERATION: f64 = 1.0;
+
 /// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
 /// one is that of [`Load::with_boxes`].
 const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
@@ -168,6 +171,8 @@ pub struct Axis {
     pub max: f64,
     /// Machine units or degrees per second.
     pub max_velocity: f64,
+    /// Machine units or degrees per second squared.
+    pub max_acceleration: f64,
 }
 
 /// What LinuxCNC's interpreter needs to read programs as this machine does.
@@ -214,6 +219,10 @@ pub struct MachineConfig {
     pub max_linear_velocity: f64,
     /// `[TRAJ]MAX_ANGULAR_VELOCITY`, degrees per second.
     pub max_angular_velocity: f64,
+    /// `[TRAJ]MAX_LINEAR_ACCELERATION`, machine units per second squared.
+    pub max_linear_acceleration: f64,
+    /// `[TRAJ]MAX_ANGULAR_ACCELERATION`, degrees per second squared.
+    pub max_angular_acceleration: f64,
     /// `[EMCMOT]SERVO_PERIOD`, seconds.
     pub period: f64,
     /// What the interpreter needs.
@@ -269,6 +278,8 @@ impl MachineConfig {
             units_per_mm: units_per_mm(ini)?,
             max_linear_velocity: speed("MAX_LINEAR_VELOCITY")?,
             max_angular_velocity: speed("MAX_ANGULAR_VELOCITY")?,
+            max_linear_acceleration: speed("MAX_LINEAR_ACCELERATION")?,
+            max_angular_acceleration: speed("MAX_ANGULAR_ACCELERATION")?,
             period: positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6))? * 1e-9,
             program: program(ini),
             boxes,
@@ -303,6 +314,22 @@ impl MachineConfig {
     /// Unit of the values of joints of this kind.
     pub fn unit(&self, kind: JointKind) -> &'static str {
         if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
+    }
+
+    /// Largest acceleration along a straight move, in moves per second squared; infinite for a move
+    /// without a length.
+    ///
+    /// LinuxCNC's rule, as for speeds: that of X Y Z together where one of them moves, else that of
+    /// A B C together, and no axis beyond its own.
+    pub fn path_acceleration(&self, delta: &[f64; 6]) -> f64 {
+        let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
+        let (linear, angular) = (norm(&delta[..3]), norm(&delta[3..]));
+        let whole = match linear > 0.0 {
+            true => self.max_linear_acceleration / linear,
+            false => self.max_angular_acceleration / angular,
+        };
+        let own = |(d, axis): (&f64, &Axis)| axis.max_acceleration / d.abs();
+        delta.iter().zip(&self.axes).map(own).fold(whole, f64::min)
     }
 
     /// Angle of every leg to its direction at home: at the base joints (in base), and
@@ -651,6 +678,7 @@ fn axis(ini: &Ini, section: &str) -> Result<Axis, IniError> {
         min: ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY)?,
         max: ini.number_or(section, "MAX_LIMIT", f64::INFINITY)?,
         max_velocity: positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY))?,
+        max_acceleration: positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION))?,
     })
 }
 

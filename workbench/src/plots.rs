@@ -4,6 +4,7 @@
 
 use crate::machine::{Group, JointKind, MachineConfig};
 use crate::path::{Along, along};
+use crate::preflight::Place;
 use crate::trace::Sample;
 use kinematics::{LegKind, Letter, MAX_JOINTS, MAX_LEGS};
 use plotters::coord::Shift;
@@ -16,6 +17,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 const SIZE: (u32, u32) = (960, 600);
+const TIME: &str = "time in s";
 const FONT: &str = "sans-serif";
 /// Marks of a dashed line are placed by pixels; more points than pixels only cost size.
 const MOST_POINTS: usize = 1500;
@@ -106,6 +108,115 @@ pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, Stri
     Ok(plots)
 }
 
+/// Plots of the places that a check of a program has looked at.
+///
+/// # Errors
+/// A sentence of the drawing library.
+pub fn of_places(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot>, String> {
+    if places.is_empty() {
+        return Ok(vec![]);
+    }
+    let mut plots = vec![
+        Plot {
+            file: "path-by-margin.svg".into(),
+            caption:
+                "Path of the control point (isometric), by its margin to joint ranges and cones"
+                    .into(),
+            svg: path_by_margin(places, config.length_unit())?,
+        },
+        Plot {
+            file: "margin.svg".into(),
+            caption: "Least margin to joint ranges and cones".into(),
+            svg: margins(places)?,
+        },
+    ];
+    for group in config.groups() {
+        let name = group.kind.plural();
+        let stem = name.replace(' ', "-");
+        let values = places.iter().map(|place| (place.time, &place.joints));
+        let frame = Frame {
+            title: &first_up(name),
+            x: TIME,
+            y: &format!("{} in {}", group.kind.quantity(), group.unit),
+            limits: vec![],
+        };
+        plots.push(Plot {
+            file: format!("{stem}.svg"),
+            caption: format!("{} during the program", first_up(name)),
+            svg: drawn_lines(&frame, &lines(config, &group, values))?,
+        });
+        let speeds = places.iter().map(|place| (place.time, &place.speeds));
+        let frame = Frame {
+            title: &format!("Speeds of {name}"),
+            x: TIME,
+            y: "share of the limit",
+            limits: vec![("limit".into(), 1.0)],
+        };
+        plots.push(Plot {
+            file: format!("{stem}-speeds.svg"),
+            caption: format!("Speeds of {name} at the programmed feed, as shares of their limits"),
+            svg: drawn_lines(&frame, &lines(config, &group, speeds))?,
+        });
+    }
+    Ok(plots)
+}
+
+fn margins(places: &[Place]) -> Result<String, String> {
+    let frame = Frame {
+        title: "Least margin",
+        x: TIME,
+        y: "share of the limit's range",
+        limits: vec![("limit".into(), 0.0)],
+    };
+    let points = thin_low(places.iter().map(|place| (place.time, place.margin)));
+    drawn_lines(&frame, &[Line { name: "margin".into(), points }])
+}
+
+/// As [`thin`], keeping the lowest points.
+fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let points: Vec<(f64, f64)> = points.filter(|point| point.1.is_finite()).collect();
+    let group = points.len().div_ceil(MOST_POINTS).max(1);
+    let least = |group: &[(f64, f64)]| {
+        group.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
+    };
+    points.chunks(group).map(least).collect()
+}
+
+fn path_by_margin(places: &[Place], unit: &str) -> Result<String, String> {
+    // Dark where it is near; grey prints apart.
+    let shades = [
+        ("beyond or below 2 %", 0.02, RGBColor(180, 0, 0)),
+        ("below 10 %", 0.1, RGBColor(230, 120, 0)),
+        ("more", f64::INFINITY, RGBColor(120, 160, 200)),
+    ];
+    let point = |place: &Place| project([place.pose[0], place.pose[1], place.pose[2]]);
+    let stride = places.len().div_ceil(20 * MOST_POINTS).max(1);
+    drawn(|root| {
+        let points: Vec<(f64, f64)> = places.iter().map(point).collect();
+        let frame = Frame {
+            title: "Margins along the path: X right and down, Y right and up, Z up",
+            x: &format!("(X + Y) cos 30° in {unit}"),
+            y: &format!("Z + (Y - X)/2 in {unit}"),
+            limits: vec![],
+        };
+        let mut chart = path_axes(root, &frame, &points)?;
+        let line = LineSeries::new(apart(&points), BLACK.mix(0.3).stroke_width(1));
+        chart.draw_series(line).map_err(text)?;
+        let mut from = f64::NEG_INFINITY;
+        for (name, to, colour) in shades {
+            let inside = |place: &&Place| (from..to).contains(&place.margin);
+            let near = places.iter().step_by(stride).filter(inside).map(point);
+            chart
+                .draw_series(near.map(|at| Circle::new(at, 2, colour.filled())))
+                .map_err(text)?
+                .label(name)
+                .legend(move |(x, y)| Circle::new((x + 17, y), 4, colour.filled()));
+            from = to;
+        }
+        legend(&mut chart)
+    })
+}
+
 fn has_lead(config: &MachineConfig) -> bool {
     let lead = |kind| matches!(kind, LegKind::Strut(strut) if strut.lead != 0.0);
     config.geometry.legs().iter().any(|leg| lead(leg.kind))
@@ -155,7 +266,7 @@ fn values(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<St
     let Group { kind, unit, .. } = group;
     let frame = Frame {
         title: &format!("{} (limits {low} to {high} {unit})", first_up(kind.plural())),
-        x: "time in s",
+        x: TIME,
         y: &format!("{} in {unit}", kind.quantity()),
         limits: near(&lines, &[(format!("lowest {low}"), low), (format!("highest {high}"), high)]),
     };
@@ -182,7 +293,7 @@ fn changes(config: &MachineConfig, group: &Group, path: &[Along]) -> Result<Stri
 fn corrections(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, String> {
     let frame = Frame {
         title: "Nut corrections",
-        x: "time in s",
+        x: TIME,
         y: &format!("correction in {unit}"),
         limits: vec![],
     };
@@ -199,7 +310,7 @@ fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<St
     let Group { kind, unit, .. } = group;
     let frame = Frame {
         title: &format!("Speeds of {} (limit {limit} {unit}/s)", kind.plural()),
-        x: "time in s",
+        x: TIME,
         y: &format!("speed in {unit}/s"),
         limits: vec![],
     };

@@ -56,6 +56,21 @@ fn page(result: &RunResult, report: &Report, plots: &[Plot]) -> String {
     page
 }
 
+/// One page without other files: a text, and plots under their captions.
+pub fn single_page(title: &str, text: &str, plots: &[Plot]) -> String {
+    let (title, text) = (escaped(title), escaped(text));
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
+         <style>\n{STYLE}</style>\n<h1>{title}</h1>\n<pre>\n{text}</pre>\n"
+    );
+    for Plot { caption, svg, .. } in plots {
+        // Writing to a String does not fail.
+        let _ = writeln!(page, "<h2>{}</h2>\n{svg}", escaped(caption));
+    }
+    page.push_str("</html>\n");
+    page
+}
+
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a program or a machine says that no limit shows: the guard switched off, feeds that it
+//! cannot reduce, units left to the machine.
+
+use crate::ini::Ini;
+use crate::machine::MachineConfig;
+use serde::Serialize;
+
+/// Spindle-synchronised motion, which takes its speed from the spindle.
+const SYNCHRONISED: [&str; 6] = ["G33", "G33.1", "G74", "G76", "G84", "G95"];
+
+/// Something to know before a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Caution {
+    /// Line of the program; none where the machine is meant.
+    pub line: Option<u32>,
+    /// A sentence.
+    pub text: String,
+}
+
+/// What the text of a program and its machine's file make one look out for.
+pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution> {
+    let mut found = vec![];
+    let forced = ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
+    if forced {
+        let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
+        found.push(Caution { line: None, text: text.into() });
+    }
+    let mut names_units = false;
+    for (n, line) in program.lines().enumerate() {
+        let words = words(line);
+        let has = |word: &str| words.iter().any(|w| w == word);
+        let mut tell = |text: String| found.push(Caution { line: Some(n as u32 + 1), text });
+        if has("M52") && has("P0") {
+            tell("M52 P0 switches adaptive feed off: the guard cannot slow down any more".into());
+        }
+        for word in SYNCHRONISED.into_iter().filter(|word| has(word)) {
+            tell(format!(
+                "{word} follows the spindle: neither feed override nor the guard slows it"
+            ));
+        }
+        names_units |= has("G20") || has("G21");
+    }
+    if !names_units {
+        let unit = config.length_unit();
+        let text = format!(
+            "the program says neither G20 nor G21: its lengths are read in the units of \
+             RS274NGC_STARTUP_CODE, else in {unit}"
+        );
+        found.push(Caution { line: None, text });
+    }
+    found
+}
+
+/// The words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
+/// and zeros after the point.
+fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = vec![];
+    let mut in_comment = false;
+    for c in line.chars() {
+        match c {
+            ';' if !in_comment => break,
+            '(' => in_comment = true,
+            ')' => in_comment = false,
+            _ if in_comment || c.is_whitespace() => {}
+            _ if c.is_ascii_digit() || c == '.' => {
+                if let Some(word) = words.last_mut() {
+                    word.push(c);
+                }
+            }
+            _ => words.push(c.to_ascii_uppercase().to_string()),
+        }
+    }
+    words.into_iter().map(plain).collect()
+}
+
+fn plain(word: String) -> String {
+    let number = word.get(1..).and_then(|number| number.parse::<f64>().ok());
+    number.map_or(word.clone(), |number| format!("{}{number}", &word[..1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn told(program: &str) -> Vec<(Option<u32>, String)> {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let ini = Ini::read(&file).unwrap();
+        let config = MachineConfig::from_ini(&ini).unwrap();
+        let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
+        cautions(&config, &ini, program).into_iter().map(|c| (c.line, first(c.text))).collect()
+    }
+
+    #[test]
+    fn words_are_found_however_they_are_written() {
+        let line = |n, text: &str| (Some(n), text.to_string());
+        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0")]);
+        assert_eq!(told("G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
+        assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
+        assert_eq!(told("G1 X1 é"), [(None, "the program".into())]);
+    }
+}
