@@ -575,6 +575,7 @@ Usage: pkm <COMMAND>
 
 Commands:
   check        Checks that a machine's INI file fits together
+  preflight    Checks before cutting that a program fits a machine
   joints       Joint values of poses (inverse kinematics)
   pose         Poses of joint values (forward kinematics)
   replay       Writes the joint values that a program asks for
@@ -637,11 +638,171 @@ exit 2
 }
 
 #[test]
+fn a_program_that_fits() {
+    let bench = Bench::new().with("good.ngc", "G21 G90\nG0 X-70 Y45 Z60\nG1 X70 F3000\nM2\n");
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini good.ngc", ""),
+        str![[r#"
+good.ngc on linear-delta.ini
+  moves              3, 228.5 mm long
+  time               3.7 s at the programmed feed, without acceleration
+  axis limits        10.0000 mm to spare: axis Z, before the program
+  joint range        49.6351 mm to spare: carriage 2, line 2
+  base cones         16.3126 degrees to spare: the base joint of leg 2, line 3
+  conditioning       0.5930 to spare: the platform, line 3
+  joint speed        141.5942 mm/s to spare: the speed of carriage 2, line 2
+  joint acceleration 2989.1822 mm/s² to spare: the acceleration of carriage 2, line 2
+  feed               joint speeds allow 1.894 times the programmed one, in line 2
+
+The program fits the machine.
+exit 0
+
+"#]]
+    );
+    let told =
+        bench.answer("preflight linear-delta.ini good.ngc --format json --report r.html", "");
+    let json: serde_json::Value =
+        serde_json::from_str(told.strip_suffix("exit 0\n").unwrap()).unwrap();
+    assert_eq!(json["fits"], true);
+    assert_eq!(json["lines"][1]["line"], 3);
+    let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
+    assert!(page.contains("The program fits the machine.") && page.contains("<svg"));
+    // A page that stands alone names no other file.
+    assert!(!page.contains("src=") && !page.contains("href="));
+}
+
+#[test]
+fn programs_that_do_not_fit() {
+    let bench = Bench::new()
+        .spoilt("MAX_LIMIT = 375", "MAX_LIMIT = 330")
+        .with("middle.ngc", "G21 G90\nG0 X-75 Y75 Z70\n(both ends fine)\nG1 X75 F3000\nM2\n")
+        .with("far.ngc", "G1 X0 Y200 Z60 F3000\nM52 P0\nM3 S60\nG33 Z50 K1\nM2\n");
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini middle.ngc", ""),
+        str![[r#"
+middle.ngc on linear-delta.ini
+  moves              3, 257.9 mm long
+  time               4.1 s at the programmed feed, without acceleration
+  axis limits        5.0000 mm to spare: axis X, line 2
+  joint range        3.2551 mm beyond: carriage 0, line 4
+  base cones         7.8904 degrees to spare: the base joint of leg 2, line 4
+  conditioning       0.5928 to spare: the platform, line 4
+  joint speed        107.3164 mm/s to spare: the speed of carriage 2, line 2
+  joint acceleration 2375.3215 mm/s² to spare: the acceleration of carriage 2, line 2
+  feed               joint speeds allow 1.557 times the programmed one, in line 2
+  runs               54.9 % of the path before the first limit
+
+error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 3.2551 mm
+  G1 X75 F3000
+  at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
+
+help: the program fits with its work offset shifted by X 0 Y -35.04 Z 0 mm: checked, with the whole program
+
+The program does not fit the machine.
+exit 1
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini far.ngc", ""),
+        str![[r#"
+far.ngc on linear-delta.ini
+  moves              3, 212.2 mm long
+  time               4.2 s at the programmed feed, without acceleration
+  axis limits        120.0000 mm beyond: axis Y, line 1
+  joint range        12.4713 mm beyond: carriage 0, line 1
+  base cones         18.4491 degrees beyond: the base joint of leg 1, line 1
+  conditioning       0.5930 to spare: the platform, line 1
+  joint speed        4.0061 mm/s beyond: the speed of carriage 1, line 1
+  joint acceleration 1080.1215 mm/s² beyond: the acceleration of carriage 1, line 1
+  feed               joint speeds allow 0.332 times the programmed one, in line 1
+  runs               6.0 % of the path before the first limit
+
+error: line 1: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 12.4713 mm
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y12.5463 Z88.1180 A0.0000 B0.0000 C0.0000
+
+error: line 1: axis limits: axis Y leaves its limit of -80 to 80 mm, on this move by 120.0000 mm
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y80.0000 Z78.0000 A0.0000 B0.0000 C0.0000
+
+error: line 1: base cones: the base joint of leg 1 leaves its limit of 40 degrees, on this move by 18.4491 degrees
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
+
+error: line 1: joint acceleration: the acceleration of carriage 1 leaves its limit of 5000 mm/s², on this move by 1080.1215 mm/s²
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y170.9272 Z64.3609 A0.0000 B0.0000 C0.0000
+
+error: line 1: joint speed: the speed of carriage 1 leaves its limit of 300 mm/s, on this move by 4.0061 mm/s
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y175.6676 Z63.6499 A0.0000 B0.0000 C0.0000
+
+error: line 1: reach: carriage 0 comes too near to a dead point
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y178.7115 Z63.1933 A0.0000 B0.0000 C0.0000
+
+warning: line 2: M52 P0 switches adaptive feed off: the guard cannot slow down any more
+
+warning: line 4: G33 follows the spindle: neither feed override nor the guard slows it
+
+warning: the program says neither G20 nor G21: its lengths are read in the units of RS274NGC_STARTUP_CODE, else in mm
+
+help: the program fits with its work offset shifted by X 0 Y -124.36 Z 0 mm: checked, with the whole program
+
+The program does not fit the machine.
+exit 1
+
+"#]]
+    );
+}
+
+#[test]
+fn programs_that_are_not_judged() {
+    let bench = Bench::new().with("empty.ngc", "").with("bad.ngc", "G21\nG1 X1 F0\nG99\nM2\n");
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini none.ngc", ""),
+        str![[r#"
+pkm: none.ngc: No such file or directory (os error 2)
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini empty.ngc", ""),
+        str![[r#"
+pkm: FOLDER/empty.ngc:1: File ended with no percent sign or program end:
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini bad.ngc", ""),
+        str![[r#"
+pkm: FOLDER/bad.ngc:2: Cannot do g1 with zero feed rate: G1 X1 F0
+exit 2
+
+"#]]
+    );
+    let bench = bench.with("good.ngc", "G21 G1 X10 F600\nM2\n");
+    let files = bench.files();
+    assert_data_eq!(
+        bench.answer("preflight linear-delta.ini good.ngc --report none/r.html", ""),
+        str![[r#"
+pkm: none/r.html: No such file or directory (os error 2) at path [..]
+exit 2
+
+"#]]
+    );
+    assert_eq!(bench.files(), files);
+}
+
+#[test]
 fn every_subcommand_has_a_manual_page_and_completions() {
     let bench = Bench::new();
     assert_eq!(bench.answer("man pages", ""), "exit 0\n");
     let help = bench.answer("--help", "");
-    for name in ["check", "joints", "pose", "replay", "man", "completions"] {
+    for name in ["check", "preflight", "joints", "pose", "replay", "man", "completions"] {
         assert!(help.contains(&format!("\n  {name} ")), "{name}: {help}");
         let page = fs::read_to_string(bench.0.path().join(format!("pages/pkm-{name}.1"))).unwrap();
         assert!(page.contains(".SH SYNOPSIS"), "{page}");

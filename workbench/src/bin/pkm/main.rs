@@ -9,6 +9,7 @@ mod completions;
 mod joints;
 mod man;
 mod pose;
+mod preflight;
 mod replay;
 mod rows;
 
@@ -105,6 +106,7 @@ macro_rules! commands {
 
 commands! {
     Check => check,
+    Preflight => preflight,
     Joints => joints,
     Pose => pose,
     Replay => replay,
