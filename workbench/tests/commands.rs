@@ -828,8 +828,13 @@ exit 2
 
 #[test]
 fn nobody_reads_on() {
-    let bench = Bench::new();
-    for words in ["check linear-delta.ini", "joints linear-delta.ini", "completions bash"] {
+    let bench = Bench::new().with("good.ngc", "G21 G1 X10 F600\nM2\n");
+    for words in [
+        "check linear-delta.ini",
+        "preflight linear-delta.ini good.ngc",
+        "joints linear-delta.ini",
+        "completions bash",
+    ] {
         let mut child = bench.command(words).spawn().unwrap();
         drop(child.stdout.take());
         let mut input = child.stdin.take().unwrap();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
-use kinematics::MAX_JOINTS;
+use kinematics::{MAX_JOINTS, Pose, Vector3};
 use pkm::axis_box::range;
 use pkm::cell::Reach;
 use pkm::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
@@ -182,6 +182,66 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
     }
     println!("{fitting} fit ({looked_at} poses), {broken} broken, {alarms} told but not seen");
     assert!(looked_at >= 100_000 && broken > 100, "{looked_at} {broken}");
+}
+
+#[test]
+fn a_singular_pose_between_is_never_missed() {
+    let mut rng = Pcg64::seed_from_u64(53);
+    for machine in ["hexapod", "lab-hexapod"] {
+        let mut config = config(machine);
+        let whole = range(&config);
+        for joint in &mut config.joints {
+            (joint.min, joint.max) = (-1e9, 1e9);
+            (joint.max_velocity, joint.max_acceleration) = (f64::INFINITY, f64::INFINITY);
+        }
+        config.base_cone.fill(None);
+        config.platform_cone.fill(None);
+        config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
+        // Only reach and singular poses are left to break.
+        let side = |pose: &[f64; 6]| {
+            config.machine.assembly(&Pose::from_degrees(*pose), &config.spindle).unwrap_or(0)
+        };
+        let mut crossed = 0;
+        for _ in 0..400 {
+            let mut end = whole.at(std::array::from_fn(|_| rng.random()));
+            end[3..].iter_mut().for_each(|angle| *angle = rng.random_range(-120.0..120.0));
+            let found = follow(&config, &[rapid(1, config.home), rapid(2, end)]);
+            // The determinant has another sign there: it is 0 between.
+            if side(&end) != side(&config.home) {
+                assert!(!found.fits(), "{machine}: {end:?}");
+                crossed += 1;
+            }
+        }
+        assert!(crossed > 20, "{machine}: {crossed}");
+    }
+}
+
+#[test]
+fn a_tool_offset_at_a_tilt_is_told_and_followed() {
+    let mut config = config("hexapod");
+    let tilted = [0.0, 0.0, 220.0, 20.0, 0.0, 0.0];
+    let longer = |line, z| Move { tool: [0.0, 0.0, z], ..rapid(line, tilted) };
+    let level = [0.0, 0.0, 220.0, 0.0, 0.0, 0.0];
+    let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0), rapid(3, level)]);
+    assert!(found.fits(), "{:?}", found.breaks);
+    assert_eq!(found.tilted_tool_changes, [2, 3]);
+    let found =
+        follow(&config, &[rapid(1, level), Move { tool: [0.0, 0.0, 60.0], ..rapid(2, level) }]);
+    assert!(found.tilted_tool_changes.is_empty());
+    // The offset's way ends where the pose with the new tool has its joints.
+    let joints = |z| {
+        let tool = config.spindle + Vector3::new(0.0, 0.0, z);
+        Reach::with_tool(&config, tool).unwrap().joints(&tilted).unwrap()
+    };
+    let (before, after) = (joints(0.0), joints(60.0));
+    // A strut that grows from home to the tilted pose, and by the tool.
+    let joint = (0..6).find(|i| after[*i] > before[*i] + 10.0).unwrap();
+    config.joints[joint].max = (before[joint] + after[joint]) / 2.0;
+    let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
+    assert!(found.breaks.iter().any(|told| told.limit == Limit::Joint), "{:?}", found.breaks);
+    config.joints[joint].max = after[joint] + 1e-3;
+    let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
+    assert!(found.fits(), "{:?}", found.breaks);
 }
 
 #[test]
