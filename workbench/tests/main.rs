@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! All tests of the workbench from outside in one program, which is linked once.
+
+mod batch;
+mod boxes;
+mod cell;
+mod commands;
+mod configs;
+mod golden;
+mod ini_cases;
+mod inivar;
+mod interpreter;
+mod mobility;
+mod path;
+mod preflight;
+mod random_program;
+mod replay;
+mod trace;
