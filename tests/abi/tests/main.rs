@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! All tests of the built module in one program, which is linked once.
+
+mod c_header;
+mod connected;
+mod contradiction;
+mod exact_arrays;
+mod failure;
+mod freezing;
+mod genhexkins;
+mod golden;
+mod guard;
+mod held;
+mod host_library;
+mod jacobian;
+mod loading;
+mod peers;
+mod pins;
+mod rods;
+mod start;
+mod switching;
+mod tool_change;
+mod tool_offset;
+mod workspace;
