@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The command `pkm` as it is used: every message, exit codes, pipes. After a change of a text
-//! `SNAPSHOTS=overwrite cargo test --profile host -p pkm --test commands` writes the new ones here; `[..]`
+//! `SNAPSHOTS=overwrite cargo test --profile host -p pkm commands::` writes the new ones here; `[..]`
 //! stands for places that rounding decides.
 
 use snapbox::{assert_data_eq, str};
