@@ -2,6 +2,7 @@
 //! Boxes of the shipped configurations: proved, over the whole workspace, and enough to
 //! find every pose from the joints alone.
 
+use crate::shipped::{MACHINES, config};
 use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
@@ -14,25 +15,9 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
 
-const MACHINES: [&str; 8] = [
-    "four-rod-lathe",
-    "hexapod",
-    "lab-hexapod",
-    "linear-delta",
-    "pyramid",
-    "rotary-delta",
-    "six-rod-lathe",
-    "tripod",
-];
-
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
 const SAME: f64 = 1e-9;
-
-fn config(name: &str) -> MachineConfig {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(name);
-    MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap()
-}
 
 fn cases(usual: usize) -> usize {
     let factor = std::env::var("PKMKINS_CASES").ok().and_then(|n| n.parse::<usize>().ok());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
+use crate::shipped::{MACHINES, config, ini};
 use kinematics::Letter;
 use pkm::axis_box::{AxisBox, range};
 use pkm::cell::{Cell, Reach, Verdict};
@@ -9,22 +10,6 @@ use pkm::conditioning;
 use pkm::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use std::path::{Path, PathBuf};
-
-const MACHINES: [&str; 8] = [
-    "four-rod-lathe",
-    "hexapod",
-    "lab-hexapod",
-    "linear-delta",
-    "pyramid",
-    "rotary-delta",
-    "six-rod-lathe",
-    "tripod",
-];
-
-fn ini(machine: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../configs/{machine}/{machine}.ini"))
-}
 
 fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
     // Every third one at an end: there the bounds are nearest to what they bound.
@@ -36,7 +21,7 @@ fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
 
 /// The machine with joint limits and cones that some of its poses leave.
 fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
-    let mut config = MachineConfig::read(&ini(machine)).unwrap();
+    let mut config = config(machine);
     for joint in &mut config.joints {
         let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);
         (joint.min, joint.max) = (joint.home - half, joint.home + half);
@@ -85,7 +70,7 @@ fn no_pose_of_a_cell_that_is_proved_is_outside() {
 /// A cell that only just fits is proved: the bounds are not so wide that they say nothing.
 #[test]
 fn a_cell_may_come_near_a_limit() {
-    let mut config = MachineConfig::read(&ini("lab-hexapod")).unwrap();
+    let mut config = config("lab-hexapod");
     let half = [5.0, 5.0, 5.0, 1.0, 1.0, 1.0];
     let cell = Cell { middle: config.home, half };
     let reach = Reach::new(&config).unwrap();
@@ -114,7 +99,7 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
         let report = check(&ini(machine), |_| ()).unwrap();
         assert!(report.fits(), "{machine}: {:?}", report.findings);
         let limits = report.suggestion.unwrap();
-        let config = MachineConfig::read(&ini(machine)).unwrap();
+        let config = config(machine);
         let reach = Reach::new(&config).unwrap();
         let side = |pose: &[f64; 6]| {
             config
@@ -142,13 +127,13 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
 #[test]
 fn conditioning_is_the_singular_value_of_the_rows_at_home() {
     for machine in MACHINES {
-        let config = MachineConfig::read(&ini(machine)).unwrap();
+        let config = config(machine);
         let home = conditioning::at(&config, &config.home).unwrap();
         // Rows about the centroid or CENTRE; those of `mobility` are about CENTRE.
         assert!(home > 0.05 && home < 2.0, "{machine}: {home}");
     }
     // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
-    let delta = MachineConfig::read(&ini("linear-delta")).unwrap();
+    let delta = config("linear-delta");
     let rows = pkm::mobility::LegRows::at_home(&delta).unwrap();
     let least = rows.singular_values(delta.machine.layout().coordinates().as_slice())[2];
     let found = conditioning::at(&delta, &delta.home).unwrap();

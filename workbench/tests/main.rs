@@ -15,4 +15,5 @@ mod path;
 mod preflight;
 mod random_program;
 mod replay;
+mod shipped;
 mod trace;

@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What counting and the leg rows say about the shipped machines.
 
+use crate::shipped::config;
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
-use pkm::machine::MachineConfig;
 use pkm::mobility::{LegRows, Structure};
-use std::path::Path;
-
-fn config(machine: &str) -> MachineConfig {
-    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    MachineConfig::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
-}
 
 fn structure(machine: &str) -> Structure {
     Structure::of(&config(machine)).unwrap()

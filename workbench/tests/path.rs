@@ -2,24 +2,16 @@
 //! What the carriages do along paths; the curves of the publications are pictures, these
 //! are the figures that must hold whatever the dimensions.
 
+use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
 use pkm::interpreter::{Move, moves};
 use pkm::machine::MachineConfig;
 use pkm::path::{Along, along};
-use std::path::{Path, PathBuf};
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;
 
 const LATHES: [&str; 2] = ["four-rod-lathe", "six-rod-lathe"];
-
-fn folder(machine: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
-}
-
-fn config(machine: &str) -> MachineConfig {
-    MachineConfig::read(&folder(machine).join(format!("{machine}.ini"))).unwrap()
-}
 
 /// The poses in forward's words, each found from the one before, and their joints.
 fn followed(config: &MachineConfig, poses: &[[f64; 6]]) -> Vec<([f64; 6], Joints)> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
+use crate::shipped::{MACHINES, config, folder};
 use kinematics::{MAX_JOINTS, Pose, Vector3};
 use pkm::axis_box::range;
 use pkm::cell::Reach;
@@ -11,27 +12,8 @@ use pkm::replay::duration;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
-
-const MACHINES: [&str; 8] = [
-    "four-rod-lathe",
-    "hexapod",
-    "lab-hexapod",
-    "linear-delta",
-    "pyramid",
-    "rotary-delta",
-    "six-rod-lathe",
-    "tripod",
-];
-
-fn folder(machine: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
-}
-
-fn config(machine: &str) -> MachineConfig {
-    MachineConfig::read(&folder(machine).join(format!("{machine}.ini"))).unwrap()
-}
 
 fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
     preflight(config, moves, false, |_| ()).unwrap()

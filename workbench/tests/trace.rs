@@ -2,26 +2,18 @@
 //! Traces made up from the host library are judged as they deserve, and the report of
 //! `pkm-report` holds what it promises.
 
+use crate::shipped::{config as config_of, ini};
 use kinematics::{Pose, Vector3};
 use pkm::machine::{JointKind, MachineConfig};
 use pkm::trace::{RunResult, Sample, judge, read_trace};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 const PERIOD: f64 = 1e-3;
 
 /// A tool that reaches out to the side, in units of any of the machines.
 const TOOL: [f64; 3] = [1.5, -0.5, 2.0];
-
-fn ini(machine: &str) -> PathBuf {
-    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    configs.join(machine).join(format!("{machine}.ini"))
-}
-
-fn config_of(machine: &str) -> MachineConfig {
-    MachineConfig::read(&ini(machine)).unwrap()
-}
 
 fn config() -> MachineConfig {
     config_of("hexapod")

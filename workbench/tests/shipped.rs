@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The shipped configurations.
+
+use pkm::machine::MachineConfig;
+use std::path::{Path, PathBuf};
+
+pub const MACHINES: [&str; 8] = [
+    "four-rod-lathe",
+    "hexapod",
+    "lab-hexapod",
+    "linear-delta",
+    "pyramid",
+    "rotary-delta",
+    "six-rod-lathe",
+    "tripod",
+];
+
+pub fn folder(machine: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
+}
+
+pub fn ini(machine: &str) -> PathBuf {
+    folder(machine).join(format!("{machine}.ini"))
+}
+
+pub fn config(machine: &str) -> MachineConfig {
+    MachineConfig::read(&ini(machine)).unwrap()
+}
