@@ -94,7 +94,7 @@ certify: setup module
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
 
-# Two minutes at most; `make test` proves all but the hexapod's.
+# A minute on two cores; `make test` proves all but the hexapod's.
 boxes:
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-boxes
 	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm-boxes "$$ini" || exit 1; done
