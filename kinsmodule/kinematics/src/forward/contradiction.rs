@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Joints that contradict each other, where legs exceed coordinates: how far off, and which one.
+
+use super::residual::{Measured, Target, largest, newton_step, norm};
+use super::solver::Solver;
+use crate::fault::{Cause, Fault};
+use crate::machine::{Mechanism, Place};
+use crate::qr::Qr;
+
+/// Default of the residual limit as a share of the platform radius: a following error of
+/// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a
+/// platform of 120 mm then allows 0.6 mm.
+const RESIDUAL_SHARE: f64 = 5e-3;
+
+/// How many times less than all others the legs without a contradicting one have to be off
+/// the seed: creeping away, a joint reaches the limit with others as far off as its own.
+const STANDS_OUT: f64 = 2.0;
+
+impl<const N: usize> Mechanism<N> {
+    pub(super) fn residual_limit(&self, solver: &Solver) -> f64 {
+        match solver.residual_limit {
+            0.0 => RESIDUAL_SHARE * self.radius,
+            given => given,
+        }
+    }
+
+    /// Largest error of a joint that the residuals amount to: of a strut's length, of the
+    /// place of a carriage, of the end of an arm along its circle.
+    #[inline]
+    pub(super) fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
+        if !self.moving {
+            return largest(&at.residual);
+        }
+        let mut off = at.residual;
+        for (i, value) in off.iter_mut().enumerate() {
+            let margin = self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
+            *value /= margin.unwrap_or(1.0);
+        }
+        largest(&off)
+    }
+
+    /// The leg without which the others agree best with the seed, for joints that
+    /// contradict each other; `None` where no leg stands out. (Residuals alone cannot tell:
+    /// with one leg more than coordinates they have the same shape whichever joint is off.
+    /// A joint that creeps away takes the seed along, until nothing tells it from the others.)
+    pub(super) fn contradicting(&self, target: &Target<N>, start: &Place) -> Option<u8> {
+        let mut best = (f64::INFINITY, None);
+        let mut second = f64::INFINITY;
+        for leg in 0..self.count() {
+            let Ok(apart) = self.disagreement_without(leg, target, start) else { continue };
+            if apart < best.0 {
+                second = best.0;
+                best = (apart, u8::try_from(leg).ok());
+            } else if apart < second {
+                second = apart;
+            }
+        }
+        best.1.filter(|_| best.0 * STANDS_OUT <= second)
+    }
+
+    /// How far the legs but one are from fitting the seed: the step there, and what it leaves.
+    fn disagreement_without(
+        &self,
+        leg: usize,
+        target: &Target<N>,
+        start: &Place,
+    ) -> Result<f64, Fault> {
+        let mut at = self.measured(target, start)?;
+        let mut columns = self.columns(&at, start);
+        let without = |values: &mut [f64; N]| {
+            for (i, value) in values.iter_mut().enumerate() {
+                if i == leg {
+                    *value = 0.0;
+                }
+            }
+        };
+        without(&mut at.residual);
+        columns.iter_mut().for_each(without);
+        let qr = Qr::new(&columns, &self.active).ok_or(Cause::Singular)?;
+        let step = newton_step(&qr, &at.residual);
+        let mut left = at.residual;
+        for (column, x) in columns.iter().zip(step) {
+            for (value, row) in left.iter_mut().zip(column) {
+                *value += row * x;
+            }
+        }
+        Ok(norm(&step) + norm(&left))
+    }
+}

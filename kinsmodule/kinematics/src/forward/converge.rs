@@ -1,0 +1,480 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! One certified ball: its first step, and the way to the pose that it determines.
+
+use super::residual::{Measured, Stance, Target, along, largest, newton_step, norm};
+use super::solver::{Certificate, Effort};
+use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
+use crate::fault::{Cause, Fault};
+use crate::lanes::inner;
+use crate::machine::{Mechanism, Place};
+use crate::qr::Qr;
+use libm::sqrt;
+
+/// Solves after the first one within a ball.
+const MAX_CORRECTIONS: u32 = 8;
+
+/// A step longer than this share of the radius spoils the old factorisation.
+const CHORD_STEP: f64 = 1e-2;
+
+/// Share of the tolerance that the correction after the next one may be expected to leave: beyond
+/// it another factorisation keeps a servo step to three solves.
+const CHORD_MARGIN: f64 = 0.03;
+
+/// Steps that the secant updates of one factorisation remember.
+const SECANTS: usize = 4;
+
+/// Where a search has come to.
+pub(super) struct End<const N: usize> {
+    pub(super) place: Place,
+    pub(super) at: Measured<N>,
+}
+
+/// Broyden's updates of a factorisation by the steps made with it: what they save is a
+/// second factorisation.
+struct Secants {
+    steps: [[f64; 6]; SECANTS],
+    /// Inverse squared lengths of the steps.
+    weights: [f64; SECANTS],
+    count: usize,
+}
+
+impl Secants {
+    const NONE: Self = Self { steps: [[0.0; 6]; SECANTS], weights: [0.0; SECANTS], count: 0 };
+
+    #[inline(always)]
+    fn remember(&mut self, step: &[f64; 6], square: f64) {
+        let (steps, weights) = (&mut self.steps, &mut self.weights);
+        if square > 0.0
+            && let (Some(place), Some(weight)) =
+                (steps.get_mut(self.count), weights.get_mut(self.count))
+        {
+            (*place, *weight) = (*step, 1.0 / square);
+            self.count += 1;
+        }
+    }
+
+    /// The updated step, from that of the old factorisation (Kelley's form of Broyden's
+    /// method: only the steps are kept).
+    #[inline(always)]
+    fn updated(&self, mut step: [f64; 6]) -> [f64; 6] {
+        let mut gain = 0.0;
+        for k in 0..SECANTS {
+            if k >= self.count {
+                break;
+            }
+            gain = inner(&self.steps[k], &step) * self.weights[k];
+            match self.steps.get(k + 1) {
+                Some(next) if k + 1 < self.count => step = along(&step, gain, next),
+                _ => {}
+            }
+        }
+        // A larger gain is no update of a factorisation that still serves.
+        if !(gain.abs() < 0.5) {
+            return step;
+        }
+        let by = 1.0 / (1.0 - gain);
+        step.map(|value| value * by)
+    }
+}
+
+/// Steps within a ball.
+struct Walk {
+    /// Where they have led to in the chart at hand.
+    x: [f64; 6],
+    /// Covered in charts that were left.
+    covered: f64,
+    /// Length of the last step.
+    length: f64,
+    /// Its share of the step before.
+    contraction: f64,
+    corrections: u32,
+    /// Whether the factorisation at hand was made for the next step.
+    renewed: bool,
+    secants: Secants,
+}
+
+impl Walk {
+    #[inline(always)]
+    fn begun(first: &Step) -> Self {
+        let mut secants = Secants::NONE;
+        secants.remember(&first.step, first.length * first.length);
+        Self {
+            x: first.step,
+            covered: 0.0,
+            length: first.length,
+            contraction: 1.0,
+            corrections: 0,
+            renewed: false,
+            secants,
+        }
+    }
+
+    /// One more step, from that of the factorisation at hand.
+    #[inline(always)]
+    fn correct(&mut self, step: [f64; 6]) {
+        let step = self.secants.updated(step);
+        let square = inner(&step, &step);
+        self.secants.remember(&step, square);
+        let length = sqrt(square);
+        self.contraction = length / self.length;
+        self.length = length;
+        self.x = along(&self.x, 1.0, &step);
+        self.renewed = false;
+    }
+
+    /// Goes on in a chart about the place that it has led to.
+    fn renew(&mut self) {
+        self.covered += norm(&self.x);
+        self.x = [0.0; 6];
+        self.secants = Secants::NONE;
+        self.renewed = true;
+    }
+}
+
+/// A Newton step and its certificate.
+pub(super) struct Step {
+    pub(super) step: [f64; 6],
+    pub(super) length: f64,
+    /// L of the ball of twice its length; infinite where nothing can be said.
+    pub(super) flat: f64,
+    /// L η.
+    pub(super) h: f64,
+}
+
+/// A factored place with its Newton step, which is certified.
+pub(super) struct Ball<'a, const N: usize> {
+    pub(super) about: &'a Stance<N>,
+    pub(super) first: Step,
+}
+
+impl<const N: usize> Mechanism<N> {
+    /// Newton's step from a measured place towards `target`, and how flat the ball is that
+    /// it needs; the ball reaches at least twice `leftover` far.
+    #[inline]
+    pub(super) fn first_step(
+        &self,
+        at: &Measured<N>,
+        qr: &Qr<N>,
+        leftover: f64,
+        target: &Target<N>,
+        motion: Option<&Motion<N>>,
+    ) -> Step {
+        let step = newton_step(qr, &at.residual);
+        let length = norm(&step);
+        let mut reach = length.max(leftover);
+        let mut turned = 0.0;
+        if let Some(motion) = motion {
+            reach += bow(self, &at.placed, qr, motion);
+            let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
+            turned = drift(self, &at.placed, qr, 2.0 * reach, motion, margin);
+        }
+        let flat = flatness(self, &at.placed, self.twist_of(at), qr, 2.0 * reach, motion)
+            .unwrap_or(f64::INFINITY);
+        Step { step, length, flat, h: flat * reach + turned }
+    }
+
+    /// Converges within the ball, in the chart about its middle.
+    #[inline(always)]
+    pub(super) fn near(
+        &self,
+        target: &Target<N>,
+        ball: &Ball<'_, N>,
+        effort: &mut Effort,
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
+        let Ball { about, first } = ball;
+        let mut walk = Walk::begun(first);
+        self.measure_from(about, &walk.x, target, &mut end.at)?;
+        if self.converge(target, about, &mut walk, effort, &mut end.at)? {
+            end.place = self.moved(&about.place, &walk.x);
+        } else {
+            self.converge_anew(target, &about.place, &mut walk, effort, end)?;
+        }
+        self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)
+    }
+
+    /// Corrects until the residuals `at` the end of the walk are gone; false where that wants
+    /// another factorisation.
+    #[inline(always)]
+    fn converge(
+        &self,
+        target: &Target<N>,
+        about: &Stance<N>,
+        walk: &mut Walk,
+        effort: &mut Effort,
+        at: &mut Measured<N>,
+    ) -> Result<bool, Fault> {
+        loop {
+            let error =
+                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(&at.residual));
+            if effort.is_converged(error, &at.residual) {
+                return Ok(true);
+            }
+            if !walk.renewed {
+                if walk.corrections == MAX_CORRECTIONS {
+                    return Err(Fault::with_value(Cause::NotConverged, largest(&at.residual)));
+                }
+                walk.corrections += 1;
+                effort.spend()?;
+                if self.must_renew(walk, effort.tolerance) {
+                    return Ok(false);
+                }
+            }
+            walk.correct(newton_step(&about.qr, &at.residual));
+            self.measure_from(about, &walk.x, target, at)?;
+        }
+    }
+
+    /// The same with new factorisations, from the walk's end in the chart about `place`.
+    #[inline(never)]
+    fn converge_anew(
+        &self,
+        target: &Target<N>,
+        place: &Place,
+        walk: &mut Walk,
+        effort: &mut Effort,
+        end: &mut End<N>,
+    ) -> Result<(), Fault> {
+        let mut about = Stance::new(self.moved(place, &walk.x));
+        loop {
+            self.settle(target, &mut about)?;
+            walk.renew();
+            let converged = self.converge(target, &about, walk, effort, &mut end.at)?;
+            about.place = self.moved(&about.place, &walk.x);
+            if converged {
+                end.place = about.place;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Whether a factorisation no longer serves after a step of this length.
+    #[inline(always)]
+    fn must_renew(&self, walk: &Walk, tolerance: f64) -> bool {
+        let Walk { length, contraction, .. } = *walk;
+        // The first correction tells how well the factorisation still serves.
+        let known = contraction < 1.0;
+        // With more legs than coordinates the old one would settle elsewhere.
+        self.layout.is_redundant()
+            || length > CHORD_STEP * self.radius
+            || (known && length * contraction * contraction > CHORD_MARGIN * tolerance)
+    }
+
+    /// The certificate of a pose at most `distance` from the middle of the ball.
+    #[inline]
+    fn confirm(
+        &self,
+        target: &Target<N>,
+        ball: &Ball<'_, N>,
+        distance: f64,
+        end: &Measured<N>,
+    ) -> Result<Certificate, Fault> {
+        let Ball { about, first } = ball;
+        // The ball of the first step serves if it is as large.
+        let flat = match distance <= 2.0 * first.length {
+            true => first.flat,
+            false => self.flat(&about.at, &about.qr, distance).unwrap_or(f64::INFINITY),
+        };
+        let reach = flat * distance;
+        if !(reach < 1.0) {
+            return Err(Fault::with_value(Cause::NotCertified, reach));
+        }
+        if self.moving {
+            self.refuse_dead_points(&end.placed, &target.joints)?;
+        }
+        if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
+            self.refuse_nearly_singular(&about.at, &about.qr)?;
+        }
+        Ok(Certificate::Ball(reach))
+    }
+
+    /// L of the ball of radius `rho` about a measured place.
+    fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Result<f64, Fault> {
+        flatness(self, &at.placed, self.twist_of(at), qr, rho, None)
+    }
+
+    pub(super) fn refuse_nearly_singular(&self, at: &Measured<N>, qr: &Qr<N>) -> Result<(), Fault> {
+        if self.flat(at, qr, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
+            return Ok(());
+        }
+        Err(Cause::NearlySingular.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::certificate::{CERTIFIED, leg_bow};
+    use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
+    use crate::leg::Leg;
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// Residuals `share` of the way between two targets, at a point of the chart about a
+    /// platform that is taken along.
+    fn residuals(
+        machine: &Mechanism<6>,
+        step: &JointStep,
+        share: f64,
+        point: &[f64; 6],
+    ) -> Option<[f64; 6]> {
+        let target = step.target(machine, share);
+        let shift = step.motion.shift * share;
+        let place = Place { centre: step.place.centre + shift, ..step.place };
+        let lengths = lengths(machine, &target.anchors, &at(machine, &place, point))?;
+        Some(core::array::from_fn(|i| lengths[i] - target.length[i]))
+    }
+
+    /// A step of the joints from those of a place.
+    struct JointStep {
+        place: Place,
+        from: [f64; 6],
+        to: [f64; 6],
+        motion: Motion<6>,
+    }
+
+    impl JointStep {
+        fn target(&self, machine: &Mechanism<6>, share: f64) -> Target<6> {
+            let joints =
+                core::array::from_fn(|i| self.from[i] + share * (self.to[i] - self.from[i]));
+            machine.target(&joints).unwrap()
+        }
+    }
+
+    /// A step of the joints from those of the place.
+    fn joint_step(rng: &mut Pcg64, machine: &Mechanism<6>, place: Place) -> Option<JointStep> {
+        let from = machine.joints_at(&place).ok()?;
+        // A common part, which the platform may follow, and one of each leg's own; random
+        // machines are ill-conditioned as often as not, so steps of every size are tried.
+        let size = libm::pow(10.0, random(rng, -3.0, 0.7));
+        let (common, apart) = (random(rng, -5.0, 5.0) * size, size);
+        let to = from.map(|q| q + common + random(rng, -apart, apart));
+        let motion = machine.motion(&machine.target(&from).ok()?, &machine.target(&to).ok()?)?;
+        Some(JointStep { place, from, to, motion })
+    }
+
+    /// ‖M J(X, t) − 1‖ in the chart, by differences of the residuals.
+    fn departure(
+        machine: &Mechanism<6>,
+        step: &JointStep,
+        qr: &Qr<6>,
+        share: f64,
+        point: &[f64; 6],
+    ) -> Option<f64> {
+        // Rounding 2e-13/1e-2 and bends of 1e-3·1e-4 stay below 1e-6 with ‖M‖ up to 10.
+        const STEP: f64 = 1e-2;
+        let mut sum = 0.0;
+        for k in (0..6).filter(|k| machine.active[*k]) {
+            let at = |by: f64| {
+                let mut x = *point;
+                x[k] += by;
+                residuals(machine, step, share, &x)
+            };
+            let (a, b) = (at(-STEP)?, at(STEP)?);
+            let column = qr.solve(&core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * STEP)));
+            for (j, value) in column.iter().enumerate().filter(|(j, _)| machine.active[*j]) {
+                sum += (value - f64::from(u8::from(j == k))).powi(2);
+            }
+        }
+        Some(sqrt(sum))
+    }
+
+    #[test]
+    fn no_residual_of_a_moving_leg_bows_more_than_the_bound_says_and_some_nearly_as_much() {
+        let mut rng = Pcg64::seed_from_u64(13);
+        let (mut checked, mut largest) = ([0; 3], [0.0_f64; 3]);
+        for _ in 0..8000 {
+            let Some((machine, place)) = machine(&mut rng, b"XYZABC", false) else { continue };
+            let Some(step) = joint_step(&mut rng, &machine, place) else { continue };
+            let ahead = machine.taken_along(&place, Some(&step.motion));
+            let placed = machine.placed(&step.target(&machine, 1.0).anchors, &ahead);
+            let at = |share| residuals(&machine, &step, share, &[0.0; 6]).unwrap();
+            let share = rng.random();
+            let (start, middle, end) = (at(0.0), at(share), at(1.0));
+            for i in 0..6 {
+                let off = middle[i] - start[i] - share * (end[i] - start[i]);
+                let bound = leg_bow(&placed, &step.motion, i);
+                // 1e-11: some roundings of lengths of some thousands.
+                assert!(off.abs() <= bound + 1e-11, "{off:e} {bound:e}");
+                // What rounding is no longer seen in.
+                if bound > 1e-6 {
+                    let kind = match machine.legs[i] {
+                        Leg::Strut => 0,
+                        Leg::Slider(_) => 1,
+                        Leg::Crank(_) => 2,
+                    };
+                    largest[kind] = largest[kind].max(off.abs() / bound);
+                    checked[kind] += 1;
+                }
+            }
+        }
+        std::println!("struts, rods, cranks: {checked:?} legs, {largest:.2?} of bound");
+        assert!(checked.iter().all(|n| *n > 2000), "{checked:?}");
+        // A bound that is far too wide would be sound and useless.
+        assert!(largest.iter().all(|l| *l > 0.3), "{largest:?}");
+    }
+
+    #[test]
+    fn at_every_moment_of_a_certified_step_the_rows_stay_within_the_bound() {
+        for coordinates in CHARTS {
+            let mut rng = Pcg64::seed_from_u64(12);
+            let (mut checked, mut turned, mut stepped) = (0, 0.0_f64, 0.0_f64);
+            for n in 0..10_000 {
+                let Some((machine, place)) = machine(&mut rng, coordinates, n % 4 == 0) else {
+                    continue;
+                };
+                let Some(step) = joint_step(&mut rng, &machine, place) else { continue };
+                let to = step.target(&machine, 1.0);
+                let ahead = machine.taken_along(&place, Some(&step.motion));
+                let Ok(there) = machine.measured(&to, &ahead) else { continue };
+                // The search factors ahead, a sub-step where it starts.
+                let (stand, share) = if rng.random() { (ahead, 1.0) } else { (place, 0.0) };
+                let mut stance = Stance::new(stand);
+                if machine.settle(&step.target(&machine, share), &mut stance).is_err() {
+                    continue;
+                }
+                let qr = stance.qr;
+                let first = machine.first_step(&there, &qr, 0.0, &to, Some(&step.motion));
+                if !(first.h <= CERTIFIED) {
+                    continue;
+                }
+                let reach = first.length + bow(&machine, &there.placed, &qr, &step.motion);
+                let rho = 2.0 * reach;
+                let margin = |i: usize| machine.margin(&there.placed, i, to.joints[i]);
+                let drift = drift(&machine, &there.placed, &qr, rho, &step.motion, margin);
+                for _ in 0..4 {
+                    let share = rng.random();
+                    let away = random(&mut rng, 0.0, rho);
+                    let point = unit(&mut rng, &machine).map(|x| x * away);
+                    let Some(departure) = departure(&machine, &step, &qr, share, &point) else {
+                        panic!("the nut has no correction within a certified ball");
+                    };
+                    let bound = first.flat * rho + drift;
+                    assert!(departure <= bound + 1e-6, "{departure} {bound}");
+                    turned = turned.max(departure / bound);
+                    let residuals = residuals(&machine, &step, share, &[0.0; 6]).unwrap();
+                    let length = norm(&newton_step(&qr, &residuals));
+                    assert!(length <= reach * (1.0 + 1e-9) + 1e-9, "{length} {reach}");
+                    stepped = stepped.max(length / reach);
+                    // Every rod is on its side.
+                    let target = step.target(&machine, share);
+                    let shift = step.motion.shift * share;
+                    let centre = Place { centre: place.centre + shift, ..place };
+                    let placed = machine.placed(&target.anchors, &at(&machine, &centre, &point));
+                    for i in 0..6 {
+                        let margin = machine.margin(&placed, i, target.joints[i]);
+                        assert!(margin.is_none_or(|m| m > 0.0), "{margin:?}");
+                    }
+                    checked += 1;
+                }
+            }
+            let name = core::str::from_utf8(coordinates).unwrap();
+            std::println!("{name}: {checked} points, rows {turned:.2}, step {stepped:.2} of bound");
+            assert!(checked > 1000, "{name}: {checked}");
+            // Bounds that are far too wide would be sound and useless.
+            assert!(turned > 0.1 && stepped > 0.5, "{name}: {turned} {stepped}");
+        }
+    }
+}

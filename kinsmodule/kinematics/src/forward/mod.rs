@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Forward kinematics: joints to the one pose that is connected with the seed.
+//!
+//! The *right* pose is the end of the unique continuous path from the seed along the
+//! straight line in joint space, as long as the Jacobian stays regular. A returned
+//! pose is that one, or the call fails. Near the seed one certified ball proves it;
+//! far from it a chain of such balls does. See the module `certificate`.
+
+mod contradiction;
+mod converge;
+mod residual;
+mod solver;
+mod track;
+
+pub use solver::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
+
+use crate::certificate::CERTIFIED;
+use crate::fault::{Cause, Fault};
+use crate::layout::{Joints, Letter};
+use crate::leg::LEAST_DRIVE;
+use crate::machine::{Chart, Mechanism, Place};
+use crate::pose::{Pose, Trigonometry, angles_near};
+use crate::qr::Qr;
+use converge::{Ball, End};
+use nalgebra::Vector3;
+use residual::{Measured, Stance, Target, newton_step, norm};
+use solver::Effort;
+
+/// Position error at which iteration stops, as a share of the size.
+const POSE_TOLERANCE: f64 = 1e-12;
+
+/// Rounding of a residual: no criterion below this share of the size can be met.
+const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+impl<const N: usize> Mechanism<N> {
+    #[inline]
+    pub fn forward(
+        &self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+        solver: &Solver,
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
+        solver.check()?;
+        let seed = &if self.holds { self.held(seed, false)? } else { *seed };
+        seed.check().map_err(|fault| match fault.cause {
+            Cause::PoseNotFinite => Cause::SeedMissing.into(),
+            _ => fault,
+        })?;
+        self.check_tool(tool)?;
+        self.refuse_table_not_finite(joints)?;
+        let mut target = Target::of(self.lanes_of(joints));
+        self.aim(&mut target)?;
+        let trig = seed.trigonometry();
+        let rotation = trig.rotation();
+        let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
+        let start = Place { centre, rotation, angles: seed.angles };
+        let redundant = self.layout.is_redundant();
+        let mut effort = Effort {
+            iterations: 0,
+            sub_steps: 1,
+            limit: solver.limit_iterations,
+            tolerance: POSE_TOLERANCE * self.size,
+            accepted: match redundant {
+                false => self.criterion(solver),
+                // Legs that contradict each other leave what they leave: judged at the end.
+                true => f64::INFINITY,
+            },
+        };
+        let mut end = End { place: start, at: Measured::ZERO };
+        let certificate = match solver.method {
+            Method::Certified => self.search(&target, start, &mut effort, &mut end),
+            Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end),
+        };
+        let certificate =
+            certificate.map_err(|fault| self.explained(fault, &target, &start, solver))?;
+        let residual = self.off(&target, &end.at);
+        if redundant && !(residual <= self.residual_limit(solver)) {
+            let leg = self.contradicting(&target, &start);
+            return Err(Fault { cause: Cause::JointsInconsistent, leg, value: residual });
+        }
+        let corrections = match &self.nut {
+            Some(nut) => nut.corrections(&end.at.twist),
+            None => [0.0; N],
+        };
+        let pose = self.pose_at(&end.place, joints, tool, seed, &trig);
+        // What inverse would refuse must not become the next seed either.
+        pose.check()?;
+        *solution = Solution {
+            pose,
+            iterations: effort.iterations,
+            sub_steps: effort.sub_steps,
+            residual,
+            corrections: self.per_leg(&corrections),
+            certificate,
+        };
+        Ok(())
+    }
+
+    /// The reason behind a refusal of the search.
+    #[cold]
+    fn explained(&self, fault: Fault, target: &Target<N>, start: &Place, solver: &Solver) -> Fault {
+        let redundant = self.layout.is_redundant();
+        match fault.cause {
+            // Only the seed's own joints are asked for.
+            Cause::OutOfReach => Fault { cause: Cause::SeedOutOfReach, ..fault },
+            // Least squares converge the worse the more the legs contradict each other.
+            Cause::NotConverged if redundant && fault.value > self.residual_limit(solver) => {
+                let leg = self.contradicting(target, start);
+                Fault { cause: Cause::JointsInconsistent, leg, value: fault.value }
+            }
+            _ => fault,
+        }
+    }
+
+    fn criterion(&self, solver: &Solver) -> f64 {
+        solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size)
+    }
+
+    pub fn largest_residual(&self, solver: &Solver) -> f64 {
+        match (self.layout.is_redundant(), self.moving) {
+            (true, _) => self.residual_limit(solver),
+            (false, true) => self.criterion(solver) / LEAST_DRIVE,
+            (false, false) => self.criterion(solver),
+        }
+    }
+
+    /// The pose of a place of the platform, with the table where its joints are.
+    #[inline(always)]
+    fn pose_at(
+        &self,
+        place: &Place,
+        joints: &Joints,
+        tool: &Vector3<f64>,
+        seed: &Pose,
+        trig: &Trigonometry,
+    ) -> Pose {
+        let mut point = place.centre;
+        for (i, letter) in self.layout.table().as_slice().iter().enumerate() {
+            let value = joints.get(self.count() + i).copied().unwrap_or(f64::NAN);
+            point[letter.index().min(2)] = value;
+        }
+        let r = &place.rotation;
+        let mut pose = Pose {
+            position: point + tool - r * (tool + self.reference),
+            angles: match self.chart {
+                Chart::Group => angles_near(r, seed, trig),
+                Chart::Angles | Chart::Level => place.angles,
+            },
+        };
+        for letter in [Letter::X, Letter::Y, Letter::Z] {
+            if self.holds && self.layout.is_held(letter) {
+                pose.position[letter.index().min(2)] = 0.0;
+            }
+        }
+        pose
+    }
+
+    fn refuse_table_not_finite(&self, joints: &Joints) -> Result<(), Fault> {
+        let table = joints.iter().enumerate().take(self.layout.joints()).skip(self.count());
+        for (i, joint) in table {
+            if !joint.is_finite() {
+                return Err(Fault::of_leg(Cause::JointNotFinite, i, *joint));
+            }
+        }
+        Ok(())
+    }
+
+    /// One certified ball if that reaches the target, certified tracking otherwise.
+    #[inline]
+    fn search(
+        &self,
+        target: &Target<N>,
+        start: Place,
+        effort: &mut Effort,
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
+        let motion = if self.moving {
+            self.motion(&self.target(&self.joints_at(&start)?)?, target)
+        } else {
+            None
+        };
+        effort.spend()?;
+        let mut ahead = Stance::new(self.taken_along(&start, motion.as_ref()));
+        let h_whole = match self.settle(target, &mut ahead) {
+            Ok(()) => {
+                let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, motion.as_ref());
+                if first.h <= CERTIFIED {
+                    return self.near(target, &Ball { about: &ahead, first }, effort, end);
+                }
+                first.h
+            }
+            // Far anchors about the seed's platform are a machine that need not exist.
+            Err(_) if self.moving => f64::INFINITY,
+            Err(fault) => return Err(fault),
+        };
+        ahead.place = self.track(target, start, h_whole, effort)?;
+        self.settle(target, &mut ahead)?;
+        effort.spend()?;
+        let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, None);
+        if !(first.h <= CERTIFIED) {
+            return Err(Fault::with_value(Cause::NotCertified, first.h));
+        }
+        self.near(target, &Ball { about: &ahead, first }, effort, end)
+    }
+
+    /// Newton's method with the exact Jacobian and no proof.
+    fn plain_newton(
+        &self,
+        target: &Target<N>,
+        start: Place,
+        effort: &mut Effort,
+        end: &mut End<N>,
+    ) -> Result<Certificate, Fault> {
+        let motion = if self.moving {
+            self.motion(&self.target(&self.joints_at(&start)?)?, target)
+        } else {
+            None
+        };
+        let mut qr = Qr::ZERO;
+        end.place = self.taken_along(&start, motion.as_ref());
+        loop {
+            self.measure(target, &end.place, &mut end.at)?;
+            self.factor(&end.at, &end.place, &mut qr)?;
+            let step = newton_step(&qr, &end.at.residual);
+            let error = match self.layout.is_redundant() {
+                false => qr.inverse_norm() * norm(&end.at.residual),
+                true => norm(&step),
+            };
+            if effort.is_converged(error, &end.at.residual) {
+                return Ok(Certificate::None);
+            }
+            effort.spend()?;
+            end.place = self.moved(&end.place, &step);
+        }
+    }
+}

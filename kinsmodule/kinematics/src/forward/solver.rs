@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What forward is asked and what it answers: settings, solution, proof, and what one call may spend.
+
+use crate::fault::{Cause, Fault};
+use crate::lanes::are_within;
+use crate::layout::{MAX_LEGS, PerLeg};
+use crate::pose::Pose;
+use nalgebra::Vector3;
+
+/// Most linear solves that `limit_iterations` may allow.
+pub const MAX_ITERATIONS: u32 = 288;
+
+/// Most sub-steps of one call.
+pub const MAX_SUB_STEPS: u32 = 96;
+
+/// How forward searches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Certified ball or certified tracking: right or refused.
+    Certified,
+    /// Newton's method alone, for comparison: may return another assembly of the machine.
+    PlainNewton,
+}
+
+/// Settings of the solver; all may change between calls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solver {
+    /// Largest leg residual accepted, in joint units; effectively not below
+    /// 16 · 2⁻⁵² of the machine's size.
+    pub convergence_criterion: f64,
+    /// Most linear solves, 1 to [`MAX_ITERATIONS`].
+    pub limit_iterations: u32,
+    /// Largest leg residual accepted where legs exceed coordinates, in machine units;
+    /// 0 = 5e-3 of the platform radius.
+    pub residual_limit: f64,
+    /// How to search.
+    pub method: Method,
+}
+
+/// Proof that came with a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Certificate {
+    /// Newton's method alone: nothing is proved.
+    None,
+    /// L(d) d < 1 of the last ball: legs determine the pose within it.
+    Ball(f64),
+}
+
+/// A pose that forward found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution {
+    /// The pose, angles next to those of the seed.
+    pub pose: Pose,
+    /// Linear solves used.
+    pub iterations: u32,
+    /// Sub-steps of the joint path; 1 = within one ball of the seed.
+    pub sub_steps: u32,
+    /// Largest leg residual as an error of its joint, in machine units: of a strut's
+    /// length, of a carriage's place, of an arm's end along its circle.
+    pub residual: f64,
+    /// Nut-rotation corrections at the pose, machine units; zeros without a lead.
+    pub corrections: PerLeg,
+    /// The proof.
+    pub certificate: Certificate,
+}
+
+impl Solver {
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        if !(1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
+            let value = f64::from(self.limit_iterations);
+            return Err(Fault::with_value(Cause::LimitIterationsInvalid, value));
+        }
+        if !(self.convergence_criterion > 0.0 && self.convergence_criterion.is_finite()) {
+            return Err(Fault::with_value(Cause::CriterionInvalid, self.convergence_criterion));
+        }
+        if !(self.residual_limit >= 0.0 && self.residual_limit.is_finite()) {
+            return Err(Fault::with_value(Cause::ResidualLimitInvalid, self.residual_limit));
+        }
+        Ok(())
+    }
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            convergence_criterion: 1e-9,
+            limit_iterations: MAX_ITERATIONS,
+            residual_limit: 0.0,
+            method: Method::Certified,
+        }
+    }
+}
+
+impl Solution {
+    /// To be written by [`crate::Machine::forward_into`].
+    pub const NONE: Self = Self {
+        pose: Pose {
+            position: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+            angles: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+        },
+        iterations: 0,
+        sub_steps: 0,
+        residual: f64::NAN,
+        corrections: [0.0; MAX_LEGS],
+        certificate: Certificate::None,
+    };
+}
+
+/// Counts and limits of one call.
+pub(super) struct Effort {
+    pub(super) iterations: u32,
+    pub(super) sub_steps: u32,
+    pub(super) limit: u32,
+    /// Pose error at which iteration stops, a length.
+    pub(super) tolerance: f64,
+    /// Largest leg residual accepted.
+    pub(super) accepted: f64,
+}
+
+impl Effort {
+    /// Whether a pose error (a length) and the residuals that go with it are small enough.
+    #[inline(always)]
+    pub(super) fn is_converged<const N: usize>(&self, error: f64, residual: &[f64; N]) -> bool {
+        error <= self.tolerance && are_within(residual, self.accepted)
+    }
+
+    /// Counts one linear solve.
+    #[inline]
+    pub(super) fn spend(&mut self) -> Result<(), Fault> {
+        if self.iterations >= self.limit {
+            return Err(Fault::with_value(Cause::TooManyIterations, f64::from(self.limit)));
+        }
+        self.iterations += 1;
+        Ok(())
+    }
+}
