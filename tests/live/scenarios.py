@@ -151,7 +151,8 @@ def moves(machine: Machine, out, blocks):
         machine.pause(0.1)
         settled.append({"block": block, "joints": machine.commanded_joints(), "pose": machine.pose()})
     machine.poll()
-    assert not machine.messages, f"messages: {machine.messages}"
+    # LinuxCNC's sample shows a text of its own when it starts, sooner or later.
+    assert not machine.error_texts(), f"messages: {machine.messages}"
     return {"settled": settled}
 
 

@@ -20,13 +20,15 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import run_live  # noqa: E402
-from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
+from unprivileged import (LANES, REPOSITORY, claimed, is_unprivileged,  # noqa: E402
+                          only_one, rerun_unprivileged)
 
 TOOLS = REPOSITORY / "target/host"
 LONGEST = 60.0  # seconds of motion in one run: a trace of some ten megabytes
 # Beside its least duration a program takes corners and accelerations, and LinuxCNC its start.
 SLACK = 5
 START_SECONDS = 180
+ROW = "row.json"  # what a program did, in the folder of its results
 MISMATCH = re.compile(r"forward against inverse \(pose\) +(\S+) (\S+)")
 
 
@@ -50,11 +52,9 @@ def generated(folder, options):
     return files, share / rounds
 
 
-def run_one(file, seconds):
+def run_one(file, out, seconds):
     """What one program did, as a row of the table."""
     name = file.name.split(".")[0]
-    out = REPOSITORY / "out" / file.stem
-    out.mkdir()
     text = file.read_text()
     result = run_live.run(Path("configs") / name, file.name, out, SLACK * seconds + 30, text)
     row = {"machine": name, "moves": result["moves"], "changes": text.count("G43.1") + text.count("\nG49"),
@@ -97,13 +97,26 @@ def table(rows):
 
 
 def run_all(seconds):
+    """Runs what other lanes have not taken."""
     files = sorted((REPOSITORY / "given").glob("*.ngc"), key=lambda path: (int(path.suffixes[0][1:]), path.name))
     with only_one():
-        rows = [run_one(file, seconds) for file in files]
+        for file in files:
+            out = REPOSITORY / "out" / file.stem
+            if claimed(out):
+                (out / ROW).write_text(json.dumps(run_one(file, out, seconds)))
+    return 0
+
+
+def sum_up(files, out):
+    """Prints the table; whether every program ran as it must."""
+    found = [out / file.stem / ROW for file in files]
+    rows = [json.loads(path.read_text()) for path in found if path.exists()]
     print(table(rows))
-    errors = sum(row["errors"] for row in rows)
-    print(f"soak: {sum(row['moves'] for row in rows)} moves, {errors} errors")
-    return 1 if errors else 0
+    missing = [path.parent.name for path in found if not path.exists()]
+    errors = sum(row["errors"] for row in rows) + len(missing)
+    print(f"soak: {sum(row['moves'] for row in rows)} moves, {errors} errors"
+          + (f"; not run: {' '.join(missing)}" if missing else ""))
+    return not errors
 
 
 def parsed():
@@ -123,9 +136,12 @@ def main():
     with tempfile.TemporaryDirectory(prefix="pkmkins-soak-") as folder:
         files, seconds = generated(Path(folder), options)
         limit = len(files) * (SLACK * seconds + START_SECONDS)
-        out = Path(options.out).resolve() if options.out else None
-        return rerun_unprivileged("tests/live/soak.py", ["--seconds", str(seconds)], limit, out,
-                                  [*files, TOOLS / "pkm-report"])
+        out = Path(options.out or Path(folder) / "out").resolve()
+        for stale in out.glob(f"*/{ROW}"):
+            stale.unlink()
+        code = rerun_unprivileged("tests/live/soak.py", ["--seconds", str(seconds)], limit, out,
+                                  [*files, TOOLS / "pkm-report"], LANES)
+        return 0 if sum_up(files, out) and code == 0 else 1
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Runs a test script as a normal user in a folder of its own.
+"""Runs a test script as a normal user in a folder of its own, in several lanes at once.
 
 LinuxCNC refuses root, and the repository may be where a normal user cannot read it. So the parts
-the tests need are copied to a fresh temporary folder and the script runs from there.
+the tests need are copied to a fresh temporary folder and the script runs from there. LinuxCNC
+exists once per machine, but hardly uses it: `lane.sh` gives each lane what would else be shared.
 """
 
 import fcntl
@@ -19,16 +20,20 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 PARTS = ("configs", "tests/live", "tests/ini")
 MARK = "PKMKINS_UNPRIVILEGED"
+LANES = 3  # beyond that two cores have too much to do where LinuxCNC starts
 SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are built for
 
 
-def rerun_unprivileged(script, arguments, timeout, out=None, given=()):
-    """Runs `script` (path inside the repository) as a normal user and returns its exit code.
+def rerun_unprivileged(script, arguments, timeout, out=None, given=(), lanes=1):
+    """Runs `script` (path inside the repository) as a normal user and returns its exit code, the
+    largest of all lanes.
 
-    The script finds the files `given` in its folder `given`. What it writes into its folder `out` is
-    copied to the folder `out` names.
+    Every lane runs the same script with the same arguments in the same folder: they share out the
+    work with `claimed`. The script finds the files `given` in its folder `given`. What it writes
+    into its folder `out` is copied to the folder `out` names.
     """
-    folder = Path(tempfile.mkdtemp(prefix="pkmkins-live-"))
+    # Not in /tmp: there the lanes have folders of their own.
+    folder = Path(tempfile.mkdtemp(prefix="pkmkins-live-", dir="/var/tmp"))
     try:
         for part in PARTS:
             shutil.copytree(REPOSITORY / part, folder / part,
@@ -37,7 +42,7 @@ def rerun_unprivileged(script, arguments, timeout, out=None, given=()):
         (folder / "given").mkdir()
         for file in given:
             shutil.copy(file, folder / "given")
-        code = _run_as_user(folder, script, arguments, timeout)
+        code = _run_as_user(folder, script, arguments, timeout, lanes)
         if out is not None:
             shutil.copytree(folder / "out", out, dirs_exist_ok=True)
         return code
@@ -45,7 +50,7 @@ def rerun_unprivileged(script, arguments, timeout, out=None, given=()):
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _run_as_user(folder, script, arguments, timeout):
+def _run_as_user(folder, script, arguments, timeout, lanes):
     as_user = folder / "tests/live/as-user.sh"
     if os.getuid() == 0:
         user = ["sh", str(as_user), "id", "-u"]
@@ -55,16 +60,38 @@ def _run_as_user(folder, script, arguments, timeout):
     command = ["sh", str(as_user), SYSTEM_PYTHON, str(folder / script), *arguments]
     environment = {**os.environ, MARK: "1", "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("DISPLAY", None)
-    process = subprocess.Popen(command, env=environment)
+    lane = ["sh", str(folder / "tests/live/lane.sh")]
+    commands, end = [command], signal.SIGINT  # lets it end its LinuxCNC
+    if lanes > 1 and can_split(lane):
+        commands, end = [[*lane, *command]] * lanes, signal.SIGKILL  # takes the whole lane along
+    elif lanes > 1:
+        print("one LinuxCNC after another: only root can give each what it needs for itself")
+    processes = [subprocess.Popen(command, env=environment) for command in commands]
+    deadline = time.monotonic() + timeout
     try:
-        return process.wait(timeout)
+        return max(abs(process.wait(max(1, deadline - time.monotonic()))) for process in processes)
     except subprocess.TimeoutExpired:
         print(f"{script}: not finished after {timeout} s", file=sys.stderr)
         return 1
     finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)  # lets it end its LinuxCNC
-            process.wait(60)
+        for process in processes:
+            if process.poll() is None:
+                process.send_signal(end)
+                process.wait(60)
+
+
+def can_split(lane):
+    """Whether this user may run commands in lanes."""
+    return os.getuid() == 0 and subprocess.run([*lane, "true"], capture_output=True).returncode == 0
+
+
+def claimed(out):
+    """Whether this lane is to do the work whose results go to the folder `out`: the first one there."""
+    try:
+        out.mkdir()
+        return True
+    except FileExistsError:
+        return False
 
 
 def is_unprivileged():
