@@ -306,8 +306,8 @@ mod tests {
     extern crate std;
 
     use super::*;
-    use crate::certificate::{CERTIFIED, leg_bow};
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
+    use crate::certificate::{CERTIFIED, leg_bow};
     use crate::leg::Leg;
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
