@@ -78,6 +78,11 @@ impl Watch {
         cones
     }
 
+    /// Whether the distance of two legs counts, lower number first: they share no anchor.
+    pub fn is_watched(&self, [i, j]: [usize; 2]) -> bool {
+        self.apart.get(i).and_then(|row| row.get(j)).is_some_and(|apart| *apart)
+    }
+
     /// The two legs that are nearest to each other, of those that share no anchor.
     pub fn nearest(&self, legs: &[Segment; MAX_LEGS]) -> Option<Nearest> {
         let mut nearest: Option<Nearest> = None;
@@ -98,10 +103,15 @@ impl Watch {
 
 impl Segment {
     /// Smallest distance to another segment.
-    ///
-    /// The lines' nearest points where both lie within the segments, else the best of the
-    /// four ends.
     pub fn distance(&self, other: &Self) -> f64 {
+        self.gap(other).norm()
+    }
+
+    /// The shortest vector from another segment to this one.
+    ///
+    /// Between the lines' nearest points where both lie within the segments, else the best of
+    /// the four ends.
+    pub fn gap(&self, other: &Self) -> Vector3<f64> {
         let (d, e) = (self.platform - self.base, other.platform - other.base);
         let across = self.base - other.base;
         let (dd, de, ee) = (d.dot(&d), d.dot(&e), e.dot(&e));
@@ -111,22 +121,24 @@ impl Segment {
         let inside = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
         // (Nearly) parallel lines have their nearest points anywhere: an end is as near.
         if inside && determinant > PARALLEL * dd * ee {
-            return (across + d * s - e * t).norm();
+            return across + d * s - e * t;
         }
-        let ends = [
-            other.distance_of(&self.base),
-            other.distance_of(&self.platform),
-            self.distance_of(&other.base),
-            self.distance_of(&other.platform),
-        ];
-        ends.into_iter().fold(f64::INFINITY, f64::min)
+        let mut gap = other.gap_to(&self.base);
+        for next in
+            [other.gap_to(&self.platform), -self.gap_to(&other.base), -self.gap_to(&other.platform)]
+        {
+            if !(next.norm_squared() >= gap.norm_squared()) {
+                gap = next;
+            }
+        }
+        gap
     }
 
-    /// Distance of a point from this segment.
-    fn distance_of(&self, point: &Vector3<f64>) -> f64 {
+    /// The shortest vector from this segment to a point.
+    fn gap_to(&self, point: &Vector3<f64>) -> Vector3<f64> {
         let along = self.platform - self.base;
         let share = along.dot(&(point - self.base)) / along.norm_squared().max(f64::MIN_POSITIVE);
-        (self.base + along * share.clamp(0.0, 1.0) - point).norm()
+        point - (self.base + along * share.clamp(0.0, 1.0))
     }
 }
 
@@ -260,6 +272,11 @@ mod tests {
             // The search only visits points 1/400 of at most 3.5 apart.
             assert!(found <= expected + 1e-12 && found > expected - 0.01, "{found} {expected}");
             assert!((found - other.distance(&one)).abs() < 1e-12);
+            // No end of one lies behind the plane through the other's nearest point.
+            let gap = one.gap(&other);
+            let least = gap.dot(&one.base).min(gap.dot(&one.platform));
+            let most = gap.dot(&other.base).max(gap.dot(&other.platform));
+            assert!((least - most - found * found).abs() < 1e-12, "{least} {most} {found}");
         }
         let x = Vector3::x();
         let one = Segment { base: x * 0.0, platform: x };
