@@ -96,8 +96,8 @@ certify: setup module
 
 # A minute on two cores; `make test` proves all but the hexapod's.
 boxes:
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm-boxes
-	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm-boxes "$$ini" || exit 1; done
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done
 
 MINUTES := 10
 fuzz: setup

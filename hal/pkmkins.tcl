@@ -388,7 +388,7 @@ proc pkmkins::check_boxes_present {} {
     }
 }
 
-# Pins of the box K, over which `pkm-boxes` has proved the kinematics to be one-to-one.
+# Pins of the box K, over which `pkm boxes` has proved the kinematics to be one-to-one.
 proc pkmkins::box_pins {k legs} {
     variable box_keys
     set section BOX_$k

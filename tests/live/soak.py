@@ -44,8 +44,8 @@ def generated(folder, options):
     for turn in range(rounds):
         for config in configs:
             file = folder / f"{config.name}.{turn}.ngc"
-            command = [TOOLS / "pkm-random", config / f"{config.name}.ini",
-                       str(options.seed + turn), str(share / rounds)]
+            command = [TOOLS / "pkm", "random", config / f"{config.name}.ini",
+                       "--seed", str(options.seed + turn), "--seconds", str(share / rounds)]
             file.write_text(subprocess.run(command, check=True, text=True, stdin=subprocess.DEVNULL,
                                            stdout=subprocess.PIPE).stdout)
             files.append(file)

@@ -9,16 +9,22 @@
 
 use crate::cell::{Cell, Reach, Stop, Verdict};
 use crate::machine::MachineConfig;
-use kinematics::{Fault, Letter};
+use kinematics::{Letter, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// How often the share of the range is halved that the box is shrunk to.
 const SHRINKS: i32 = 5;
 
 /// Shares of a range that a face is pushed by.
-const SHARES: [f64; 3] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0];
+const SHARES: [f64; 4] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
 
-/// Most cells of one proof: a tenth of a second or so.
-const MOST_CELLS: usize = 5_000;
+/// Most cells of one proof, and of one search: some seconds.
+const MOST_CELLS: usize = 50_000;
+const ALL_CELLS: usize = 150_000;
+
+/// Poses drawn before a proof is begun: one that cannot be taken spares it.
+const DRAWN: usize = 200;
 
 /// Range of an angle for which the file gives no limits, either way from home.
 const FREE_ANGLE_DEG: f64 = 90.0;
@@ -57,18 +63,22 @@ pub fn range(config: &MachineConfig) -> AxisBox {
     range
 }
 
-/// The box; `progress` is told the share of the work that is done.
+/// The box, without a tool; `progress` is told the share of the work that is done.
+///
+/// Growing from home leaves a box in six coordinates small; growing from the box in X Y Z with all of
+/// the tilt, where the caller has one ([`at_tilt`]), may leave it larger. The one with more of the
+/// range is taken.
 ///
 /// # Errors
 /// Home itself is outside.
 pub fn find(
     config: &MachineConfig,
     within: &AxisBox,
+    tilted: Option<&AxisBox>,
     mut progress: impl FnMut(f64),
 ) -> Result<AxisBox, Stop> {
-    let reach = Reach::new(config).map_err(|fault: Fault| Stop::Fault(fault))?;
-    reach.check(&config.home)?;
-    if is_inside(&reach, within) {
+    let mut search = Search::new(config, &Vector3::zeros(), within)?;
+    if search.is_inside(within) {
         return Ok(*within);
     }
     let steps = f64::from(SHRINKS) + SHARES.len() as f64;
@@ -77,57 +87,125 @@ pub fn find(
     for n in 1..=SHRINKS {
         let share = shrunk + 0.5_f64.powi(n);
         let part = within.shrunk(&config.home, share);
-        if is_inside(&reach, &part) {
+        if search.is_inside(&part) {
             (found, shrunk) = (part, share);
         }
         progress(f64::from(n) / steps);
     }
-    for (n, share) in SHARES.into_iter().enumerate() {
-        while push_all(&reach, &mut found, within, share) {}
-        progress((f64::from(SHRINKS) + n as f64 + 1.0) / steps);
+    let moved = Letter::ALL.map(|letter| !config.machine.layout().is_held(letter));
+    search.grow(&mut found, &moved);
+    if let Some(tilted) = tilted {
+        let mut other = *tilted;
+        Search::new(config, &Vector3::zeros(), within)?.grow(&mut other, &moved);
+        if share_of(&other, within, &moved) > share_of(&found, within, &moved) {
+            found = other;
+        }
     }
+    progress(1.0);
     Ok(found)
 }
 
-/// Pushes every face once where that can be proved; whether any has moved.
-fn push_all(reach: &Reach, found: &mut AxisBox, within: &AxisBox, share: f64) -> bool {
-    let mut moved = false;
-    for k in (0..6).filter(|k| reach.moved()[*k]) {
-        let step = share * (within.high[k] - within.low[k]);
-        for is_high in [false, true] {
-            let mut layer = *found;
-            if is_high {
-                (layer.low[k], layer.high[k]) =
-                    (found.high[k], (found.high[k] + step).min(within.high[k]));
-            } else {
-                (layer.low[k], layer.high[k]) =
-                    ((found.low[k] - step).max(within.low[k]), found.low[k]);
-            }
-            if layer.high[k] > layer.low[k] && is_inside(reach, &layer) {
-                found.low[k] = found.low[k].min(layer.low[k]);
-                found.high[k] = found.high[k].max(layer.high[k]);
-                moved = true;
-            }
-        }
-    }
-    moved
+/// What a box has of another one.
+fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
+    let share = |k: usize| (part.high[k] - part.low[k]) / (of.high[k] - of.low[k]);
+    (0..6).filter(|k| moved[*k]).map(share).product()
 }
 
-/// Whether a box is proved to be inside.
-pub fn is_inside(reach: &Reach, part: &AxisBox) -> bool {
-    if corners(part).any(|corner| reach.check(&corner).is_err()) {
-        return false;
+/// Whether a box is proved with a tool offset.
+pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+    Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
+}
+
+/// The box in X Y Z with A and B up to `tilt` degrees either way from 0, C at home; `None` where
+/// none is proved about home.
+pub fn at_tilt(config: &MachineConfig, within: &AxisBox, tilt: f64) -> Option<AxisBox> {
+    let mut found = AxisBox { low: config.home, high: config.home };
+    for k in 3..5 {
+        found.low[k] = within.low[k].max(-tilt);
+        found.high[k] = within.high[k].min(tilt);
     }
-    let mut open = vec![Cell::between(&part.low, &part.high)];
-    for _ in 0..MOST_CELLS {
-        let Some(cell) = open.pop() else { return true };
-        match reach.judge(&cell) {
-            Verdict::Inside => {}
-            Verdict::Outside(_) => return false,
-            Verdict::Open(k) => open.extend(cell.halves(k)),
+    let mut search = Search::new(config, &Vector3::zeros(), within).ok()?;
+    let mut whole = found;
+    whole.low[..3].copy_from_slice(&within.low[..3]);
+    whole.high[..3].copy_from_slice(&within.high[..3]);
+    if search.is_inside(&whole) {
+        return Some(whole);
+    }
+    if !search.is_inside(&found) {
+        return None;
+    }
+    search.grow(
+        &mut found,
+        &Letter::ALL.map(|l| !l.is_angle() && !config.machine.layout().is_held(l)),
+    );
+    Some(found)
+}
+
+struct Search<'a> {
+    reach: Reach<'a>,
+    within: AxisBox,
+    /// Cells that may still be looked at.
+    left: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(config: &'a MachineConfig, tool: &Vector3<f64>, within: &AxisBox) -> Result<Self, Stop> {
+        let reach = Reach::with_tool(config, config.spindle + tool).map_err(Stop::Fault)?;
+        reach.check(&config.home)?;
+        Ok(Self { reach, within: *within, left: ALL_CELLS })
+    }
+
+    /// Pushes the faces as far as they go.
+    fn grow(&mut self, found: &mut AxisBox, moved: &[bool; 6]) {
+        for share in SHARES {
+            while self.push_all(found, moved, share) {}
         }
     }
-    false
+
+    /// Pushes every face once where that can be proved; whether any has moved.
+    fn push_all(&mut self, found: &mut AxisBox, moved: &[bool; 6], share: f64) -> bool {
+        let mut any = false;
+        for k in (0..6).filter(|k| moved[*k]) {
+            let step = share * (self.within.high[k] - self.within.low[k]);
+            for is_high in [false, true] {
+                let mut layer = *found;
+                if is_high {
+                    (layer.low[k], layer.high[k]) =
+                        (found.high[k], (found.high[k] + step).min(self.within.high[k]));
+                } else {
+                    (layer.low[k], layer.high[k]) =
+                        ((found.low[k] - step).max(self.within.low[k]), found.low[k]);
+                }
+                if layer.high[k] > layer.low[k] && self.is_inside(&layer) {
+                    found.low[k] = found.low[k].min(layer.low[k]);
+                    found.high[k] = found.high[k].max(layer.high[k]);
+                    any = true;
+                }
+            }
+        }
+        any
+    }
+
+    /// Whether a box is proved to be inside.
+    fn is_inside(&mut self, part: &AxisBox) -> bool {
+        let mut rng = Pcg64::seed_from_u64(0);
+        let drawn = (0..DRAWN).map(|_| part.at(std::array::from_fn(|_| rng.random())));
+        let mut tried = corners(part).chain(drawn);
+        if tried.any(|pose| self.reach.check(&pose).is_err()) {
+            return false;
+        }
+        let mut open = vec![Cell::between(&part.low, &part.high)];
+        for _ in 0..MOST_CELLS.min(self.left) {
+            let Some(cell) = open.pop() else { return true };
+            self.left -= 1;
+            match self.reach.judge(&cell) {
+                Verdict::Inside => {}
+                Verdict::Outside(_) => return false,
+                Verdict::Open(k) => open.extend(cell.halves(k)),
+            }
+        }
+        open.is_empty()
+    }
 }
 
 fn corners(part: &AxisBox) -> impl Iterator<Item = [f64; 6]> {

@@ -27,6 +27,7 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution
         found.push(Caution { line: None, text: text.into() });
     }
     let mut names_units = false;
+    let mut is_guarded = false;
     for (n, line) in program.lines().enumerate() {
         let words = words(line);
         let has = |word: &str| words.iter().any(|w| w == word);
@@ -40,6 +41,12 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution
             ));
         }
         names_units |= has("G20") || has("G21");
+        is_guarded |= has("M52") && !has("P0");
+    }
+    if !is_guarded {
+        let text = "the program does not say M52 P1: without it the guard cannot slow the feed down, \
+                    and LinuxCNC 2.9 loses it in the startup code";
+        found.push(Caution { line: None, text: text.into() });
     }
     if !names_units {
         let unit = config.length_unit();
@@ -54,7 +61,7 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution
 
 /// The words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
 /// and zeros after the point.
-fn words(line: &str) -> Vec<String> {
+pub(crate) fn words(line: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![];
     let mut in_comment = false;
     for c in line.chars() {
@@ -95,9 +102,11 @@ mod tests {
     #[test]
     fn words_are_found_however_they_are_written() {
         let line = |n, text: &str| (Some(n), text.to_string());
-        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0")]);
-        assert_eq!(told("G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
+        let unguarded = || (None, "the program".to_string());
+        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0"), unguarded()]);
+        assert_eq!(told("M52 P1 G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
         assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
-        assert_eq!(told("G1 X1 é"), [(None, "the program".into())]);
+        assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
+        assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
     }
 }

@@ -23,13 +23,21 @@
 //! from the derivatives of |p − c(q)|² = L². Nut correction: the bound of the core's
 //! certificate, with V/l for n' and Ω for 1/r.
 //!
+//! **Distance of legs**: with w the unit vector from the nearest point of one leg to that of the
+//! other in the middle, their distance is at least w · (a − b) for the ends a of one and b of the
+//! other that make it least, wherever the legs are. Each of these four values has a slope, and
+//! its second derivative is bounded by those of the ends.
+//!
+//! **Conditioning**: no singular value changes by more than the Frobenius norm of the change of
+//! the rows [u (ρ × u)/r].
+//!
 //! **Regular**: with G the rows of the legs, columns scaled by s, and M its pseudo-inverse in
 //! the middle, ‖M (G(X) − G(C))‖ < 1 makes M G(X) invertible, so that the legs hold the
 //! platform at every pose of the cell.
 
 use crate::machine::MachineConfig;
 use kinematics::{
-    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3,
+    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3, Watch,
 };
 use nalgebra::SMatrix;
 use std::f64::consts::PI;
@@ -90,6 +98,8 @@ pub enum Stop {
     BaseCone(usize),
     /// A leg leans too much at its platform joint.
     PlatformCone(usize),
+    /// Two legs come nearer to each other than they may.
+    Clearance([usize; 2]),
 }
 
 /// What is known of a cell.
@@ -134,8 +144,24 @@ pub struct Way {
     pub base: Vec<Course>,
     /// The same, seen in the platform.
     pub platform: Vec<Course>,
+    /// Distances of legs, where the machine has a limit of them.
+    pub gaps: Vec<Gap>,
+    /// Bound of how far [`kinematics::Machine::conditioning`] changes from the middle to an end;
+    /// infinite where none is known.
+    pub drift: f64,
     /// Whether the legs are proved to hold the platform everywhere.
     pub holds: bool,
+}
+
+/// Distance of the centre lines of two legs on a way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Numbers of the legs, lower one first.
+    pub pair: [usize; 2],
+    /// In the middle.
+    pub middle: f64,
+    /// Nowhere less than this; minus infinity where nothing is known.
+    pub least: f64,
 }
 
 /// Legs by coordinates.
@@ -153,6 +179,10 @@ pub struct Reach<'a> {
     arms: Vec<[Vector3<f64>; 2]>,
     /// Directions of the legs at home.
     home: Vec<Vector3<f64>>,
+    /// Pairs of legs whose distance has a limit.
+    pairs: Vec<[usize; 2]>,
+    /// Arms of the platform anchors that the conditioning counts with, by its radius.
+    levers: Vec<f64>,
 }
 
 /// How far anything moves within a cell: its poses are the middle plus a sum of `steps`, each
@@ -173,6 +203,8 @@ struct Bend {
     direction: [f64; 2],
     /// Smallest length.
     length: f64,
+    /// Bounds of the second derivatives of the ends, at the base and at the platform.
+    ends: [f64; 2],
 }
 
 /// The middle of a cell.
@@ -216,6 +248,8 @@ impl<'a> Reach<'a> {
             active,
             arms: config.geometry.legs().iter().map(arms).collect(),
             home: segments[..config.legs()].iter().map(along).collect(),
+            pairs: watched_pairs(config),
+            levers: levers(config, &active),
         })
     }
 
@@ -230,6 +264,12 @@ impl<'a> Reach<'a> {
     /// As [`kinematics::Machine::inverse`].
     pub fn joints(&self, pose: &[f64; 6]) -> Result<Joints, Fault> {
         self.config.machine.inverse(&Pose::from_degrees(*pose), &self.tool)
+    }
+
+    /// How well the legs hold the platform; 0 where the pose has no joint values.
+    pub fn conditioning(&self, pose: &[f64; 6]) -> f64 {
+        let pose = Pose::from_degrees(*pose);
+        self.config.machine.conditioning(&pose, &self.tool).unwrap_or(0.0)
     }
 
     /// Whether the machine can take one pose.
@@ -287,6 +327,12 @@ impl<'a> Reach<'a> {
                 return Err(Stop::PlatformCone(i));
             }
         }
+        let clearance = self.config.clearance.unwrap_or(0.0);
+        for [i, j] in &self.pairs {
+            if !(middle.legs[*i].distance(&middle.legs[*j]) >= clearance) {
+                return Err(Stop::Clearance([*i, *j]));
+            }
+        }
         Ok(())
     }
 
@@ -300,7 +346,7 @@ impl<'a> Reach<'a> {
                 _ => return Verdict::Open(greatest(&self.extents(&spread))),
             }
         }
-        if !self.joints_hold(middle, &spread, &bends) {
+        if !self.joints_hold(middle, &spread, &bends) || !self.gaps_hold(middle, &spread, &bends) {
             return Verdict::Open(greatest(&self.extents(&spread)));
         }
         match self.departure(middle, &spread, &bends) {
@@ -328,6 +374,8 @@ impl<'a> Reach<'a> {
                 .collect(),
             base: leans(false),
             platform: leans(true),
+            gaps: self.gaps(&middle, &spread, bends.as_deref()),
+            drift: bends.as_ref().map_or(f64::INFINITY, |bends| self.drift(&spread, bends)),
             holds: bends.is_some_and(|bends| self.departure(&middle, &spread, &bends).is_ok()),
         })
     }
@@ -355,6 +403,11 @@ impl<'a> Reach<'a> {
             let (low, high) = self.joint_course(i, middle, spread, Some(bends)).range();
             joint.min <= low && high <= joint.max
         })
+    }
+
+    fn gaps_hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
+        let clearance = self.config.clearance.unwrap_or(0.0);
+        self.gaps(middle, spread, Some(bends)).iter().all(|gap| gap.least >= clearance)
     }
 
     /// Joint `i` over a cell; without bends nothing is known of a leg's.
@@ -407,7 +460,7 @@ impl<'a> Reach<'a> {
                 let direction = [travel / length, second_of_direction(travel, second, length)];
                 let nut = self.nut_bend(i, middle, spread, &direction, strut.lead)?;
                 let joint = travel * travel / length + second + nut;
-                Some(Bend { joint, direction, length })
+                Some(Bend { joint, direction, length, ends: [0.0, second] })
             }
             LegKind::Slider(slider) => {
                 let guide = Vector3::from(slider.guide).normalize();
@@ -520,6 +573,63 @@ impl<'a> Reach<'a> {
             bend: bend.map_or(f64::INFINITY, bound),
             rounding: ROUNDING,
         }
+    }
+
+    /// Distances of the legs that have a limit.
+    fn gaps(&self, middle: &Middle, spread: &Spread, bends: Option<&[Bend]>) -> Vec<Gap> {
+        let gap = |pair: &[usize; 2]| {
+            let [one, other] = pair.map(|i| &middle.legs[i]);
+            let gap = one.gap(other);
+            let distance = gap.norm();
+            let least = match bends {
+                Some(bends) if distance > 0.0 => {
+                    self.least_gap(*pair, &(gap / distance), middle, spread, bends)
+                }
+                _ => f64::NEG_INFINITY,
+            };
+            Gap { pair: *pair, middle: distance, least }
+        };
+        self.pairs.iter().map(gap).collect()
+    }
+
+    /// Least distance of two legs along a direction.
+    fn least_gap(
+        &self,
+        pair: [usize; 2],
+        w: &Vector3<f64>,
+        middle: &Middle,
+        spread: &Spread,
+        bends: &[Bend],
+    ) -> f64 {
+        let [one, other] = pair.map(|i| {
+            let ends = [middle.legs[i].base, middle.legs[i].platform].map(|end| w.dot(&end));
+            let mut gradients = [[0.0; 6]; 2];
+            for k in 0..6 {
+                let platform = self.motion(i, k, middle);
+                gradients[0][k] = w.dot(&(platform - self.span_change(i, k, middle)));
+                gradients[1][k] = w.dot(&platform);
+            }
+            (ends, gradients, bends[i].ends)
+        });
+        let apart = |e: usize, f: usize| {
+            let gradient = std::array::from_fn(|k| one.1[e][k] - other.1[f][k]);
+            one.0[e] - other.0[f] - spread.slope(&gradient) - (one.2[e] + other.2[f]) / 2.0
+        };
+        let least = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(e, f)| apart(e, f));
+        least.into_iter().fold(f64::INFINITY, f64::min) - ROUNDING * self.config.machine.size()
+    }
+
+    /// How far the conditioning changes from the middle at most.
+    fn drift(&self, spread: &Spread, bends: &[Bend]) -> f64 {
+        let angles = self.active[3..].iter().filter(|active| **active).count();
+        // About the axes of base, or about those of one or two angles, which turn as well.
+        let (columns, turns) = if angles == 3 { (1.0, 1.0) } else { (angles as f64, 2.0) };
+        let square = |(bend, lever): (&Bend, &f64)| {
+            let direction = bend.direction[0];
+            let moment = lever * (direction + turns * spread.turn);
+            direction * direction + columns * moment * moment
+        };
+        bends.iter().zip(&self.levers).map(square).sum::<f64>().sqrt() + ROUNDING
     }
 
     /// Change of the vector along leg `i` with a coordinate, per machine unit or radian.
@@ -688,13 +798,34 @@ fn rod_bend(
     let joint = (first * first / rod + second + curve * rate * rate) / gain;
     let bent = second + curve * rate * rate + pace * joint;
     let direction = [first / rod, second_of_direction(first, bent, rod)];
-    Some(Bend { joint: joint / unit, direction, length: rod })
+    Some(Bend { joint: joint / unit, direction, length: rod, ends: [bent - second, second] })
 }
 
 /// Bound of the second derivative of a unit vector along a vector with these bounds.
 fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
     let turn = first / length;
     second / length + 3.0 * turn * turn
+}
+
+/// Pairs of legs, lower number first, whose distance the machine limits.
+fn watched_pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
+    if config.clearance.is_none() {
+        return vec![];
+    }
+    let watch = Watch::new(&config.machine, &config.geometry);
+    let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
+    pairs.filter(|pair| watch.is_watched(*pair)).collect()
+}
+
+/// Lengths of the arms from the point that the conditioning is about, by its radius.
+fn levers(config: &MachineConfig, active: &[bool; 6]) -> Vec<f64> {
+    let anchors: Vec<Vector3<f64>> =
+        config.geometry.legs().iter().map(|leg| Vector3::from(leg.platform)).collect();
+    let middle = match active[..3] {
+        [true, true, true] => anchors.iter().sum::<Vector3<f64>>() / anchors.len() as f64,
+        _ => Vector3::from(config.geometry.centre),
+    };
+    anchors.iter().map(|anchor| (anchor - middle).norm() / config.machine.radius()).collect()
 }
 
 fn along(leg: &Segment) -> Vector3<f64> {

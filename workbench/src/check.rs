@@ -9,6 +9,8 @@ use crate::homing::{self, Trouble};
 use crate::ini::{Ini, IniError, Problem};
 use crate::machine::{JointKind, MachineConfig, MachineError};
 use crate::mobility::Structure;
+use crate::tools::{self, Tool};
+use crate::wiring::{self, at_key};
 use kinematics::{Fault, Letter};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -26,6 +28,9 @@ const LEAST_CONDITIONING: f64 = 0.05;
 
 /// Poses drawn for the ranges of the joints.
 const DRAWN: usize = 20_000;
+
+/// Tilts of the table, as shares of the largest one within the axis limits.
+const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 /// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
 const LIMIT_DIGITS: i32 = 3;
@@ -50,6 +55,11 @@ pub struct Report {
     pub findings: Vec<Finding>,
     /// The box of poses that is proved to be inside the workspace.
     pub suggestion: Option<AxisBox>,
+    /// Tilts of A and B, degrees, and the largest box in X Y Z that is proved with each, without a
+    /// tool; empty where the machine does not tilt.
+    pub tilts: Vec<(f64, Option<AxisBox>)>,
+    /// Tools with which the suggestion is proved, too, of a machine that tilts.
+    pub proved_tools: Vec<Tool>,
     /// Whether that is all of the box that the axis limits give.
     pub is_whole: bool,
 }
@@ -81,6 +91,8 @@ pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineEr
         facts: vec![],
         findings: vec![],
         suggestion: None,
+        tilts: vec![],
+        proved_tools: vec![],
         is_whole: false,
     };
     structure(&mut report, &config)?;
@@ -88,7 +100,9 @@ pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineEr
     for trouble in homing::check(&ini, &config)? {
         report.finding(severity(&trouble), homing_problem(&ini, &trouble));
     }
-    wiring(&mut report, &ini)?;
+    for error in wiring::check(&ini)? {
+        report.finding(Severity::Warning, error);
+    }
     workspace(&mut report, &ini, &config, progress);
     Ok(report)
 }
@@ -155,14 +169,6 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
     Ok(())
 }
 
-/// The error at a key, or that it is missing.
-fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
-    match ini.first(section, key) {
-        Some(entry) => ini.refuse(entry, text),
-        None => ini.error(section, key, None, text),
-    }
-}
-
 fn severity(trouble: &Trouble) -> Severity {
     match trouble {
         Trouble::LeftOut(_) => Severity::Warning,
@@ -202,26 +208,6 @@ fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
     at_key(ini, section.unwrap_or("JOINT_0"), "HOME_SEQUENCE", text)
 }
 
-/// What the file leaves out that keeps the machine from harm.
-fn wiring(report: &mut Report, ini: &Ini) -> Result<(), IniError> {
-    if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
-        let text =
-            "programs may run before homing, from a pose that nobody knows; take the line out";
-        report.finding(Severity::Warning, at_key(ini, "TRAJ", "NO_FORCE_HOMING", text));
-    }
-    let files = ini.all("HAL", "HALFILE");
-    if !files.iter().any(|entry| entry.value.ends_with("pkmkins.tcl")) {
-        let text = "expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the \
-                    module and adds its monitor, which tells what is wrong";
-        let error = match files.last() {
-            Some(entry) => ini.refuse(entry, text),
-            None => ini.error("HAL", "HALFILE", None, text),
-        };
-        report.finding(Severity::Warning, error);
-    }
-    Ok(())
-}
-
 /// Conditioning, joint ranges and the box inside the workspace.
 fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: impl FnMut(f64)) {
     let within = axis_box::range(config);
@@ -253,13 +239,69 @@ fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: i
         report
             .fact("axis limits", format!("the machine can take {share:.1} % of the poses in them"));
     }
-    match axis_box::find(config, &within, progress) {
+    report.tilts = tilts(config, &within);
+    let tilted = report.tilts.last().and_then(|(_, found)| *found);
+    match axis_box::find(config, &within, tilted.as_ref(), progress) {
         Ok(found) => {
             report.is_whole = found == within;
-            report.suggestion = Some(found.rounded());
+            let found = found.rounded();
+            tools(report, ini, config, &within, &found);
+            report.suggestion = Some(found);
         }
         Err(stop) => home_outside(report, ini, config, stop),
     }
+}
+
+/// What the tools of the table leave of the axis limits, and whether the suggested ones hold with
+/// them, where tools change what the machine can take: where it tilts.
+fn tools(
+    report: &mut Report,
+    ini: &Ini,
+    config: &MachineConfig,
+    within: &AxisBox,
+    suggested: &AxisBox,
+) {
+    let table = match tools::read(config) {
+        Ok(table) => table,
+        Err(text) => {
+            let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
+            return report.finding(Severity::Warning, at_key(ini, "EMCIO", "TOOL_TABLE", &text));
+        }
+    };
+    if !Letter::ALL.iter().any(|l| l.is_angle() && !config.machine.layout().is_held(*l)) {
+        return;
+    }
+    for tool in table {
+        let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
+        let share = 100.0 * taken(&reach, within);
+        let is_proved = axis_box::holds_with(config, &tool.offset, suggested);
+        let proof = if is_proved { "proved" } else { "not proved" };
+        let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
+        report.fact(&tool.name(), text);
+        if is_proved {
+            report.proved_tools.push(tool);
+        }
+    }
+}
+
+/// Share of the poses of a box that the machine can take, seen.
+fn taken(reach: &Reach, within: &AxisBox) -> f64 {
+    let mut rng = Pcg64::seed_from_u64(2);
+    let inside = (0..DRAWN)
+        .filter(|_| reach.check(&within.at(std::array::from_fn(|_| rng.random()))).is_ok())
+        .count();
+    inside as f64 / DRAWN as f64
+}
+
+/// What a smaller tilt gains in X Y Z.
+fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
+    let ends = within.low[3..5].iter().chain(&within.high[3..5]);
+    let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max);
+    if most == 0.0 {
+        return vec![];
+    }
+    let tilts = TILTS.map(|share| share * most);
+    tilts.map(|tilt| (tilt, axis_box::at_tilt(config, within, tilt))).into()
 }
 
 fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: Stop) {
@@ -274,6 +316,7 @@ fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
         Stop::Joint(i) => format!("{} is beyond its limits", config.joints[i].name),
         Stop::BaseCone(i) => format!("leg {i} leans beyond its BASE_CONE"),
         Stop::PlatformCone(i) => format!("leg {i} leans beyond its PLATFORM_CONE"),
+        Stop::Clearance([i, j]) => format!("legs {i} and {j} are nearer than ROD_CLEARANCE"),
     }
 }
 
@@ -323,6 +366,29 @@ impl AxisBox {
         }
         rounded
     }
+}
+
+/// Tilts and widths of their boxes, as a table; empty where there are none.
+pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> String {
+    let letters: Vec<Letter> = [Letter::X, Letter::Y, Letter::Z]
+        .into_iter()
+        .filter(|letter| !config.machine.layout().is_held(*letter))
+        .collect();
+    let mut text = String::new();
+    for (tilt, part) in tilts {
+        let part = part.map(|part| part.rounded());
+        let range = |letter: &Letter| match part {
+            Some(AxisBox { low, high }) => {
+                let k = letter.index();
+                format!("  {} {} to {}", letter.name(), low[k], high[k])
+            }
+            None => String::new(),
+        };
+        let ranges: String = letters.iter().map(range).collect();
+        let ranges = if ranges.is_empty() { "  none proved about home" } else { &ranges };
+        let _ = writeln!(text, "  {tilt:>5}°{ranges}");
+    }
+    text
 }
 
 /// The limits as lines of an INI file, of the coordinates that the machine moves.

@@ -125,19 +125,16 @@ pub fn moves(
     read(config, program, work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset))))
 }
 
-/// As [`moves`], with the work offset in force at the start shifted by x y z, machine units.
+/// As [`moves`], with the work offset in force at the start changed by a block.
 ///
 /// # Errors
 /// As [`moves`].
-pub fn shifted_moves(
+pub fn moves_after(
     config: &MachineConfig,
     program: &Path,
-    shift: [f64; 3],
+    block: &str,
 ) -> Result<Vec<Move>, InterpreterError> {
-    // #5220 is the number of the coordinate system in force, 20 parameters each from #5221 on.
-    let word = |(k, letter)| format!("{letter}[#[{} + 20*#5220] + {:.12}]", 5201 + k, shift[k]);
-    let words: Vec<String> = ["X", "Y", "Z"].into_iter().enumerate().map(word).collect();
-    read(config, program, Some(format!("G10 L2 P0 {}", words.join(" "))))
+    read(config, program, Some(block.into()))
 }
 
 fn read(

@@ -26,4 +26,6 @@ pub mod preflight;
 pub mod random_program;
 pub mod replay;
 pub mod report;
+pub mod tools;
 pub mod trace;
+pub mod wiring;

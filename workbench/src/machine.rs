@@ -23,6 +23,17 @@ const AXIS_VELOCITY: f64 = 1.0;
 /// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
 const AXIS_ACCELERATION: f64 = 1.0;
 
+/// Conditioning at which the module's guard stops the machine where the file says nothing.
+const HOLD: f64 = 0.05;
+
+/// Limits of the path in `[TRAJ]`: speeds, then accelerations, lengths before angles.
+const SPEEDS: [&str; 4] = [
+    "MAX_LINEAR_VELOCITY",
+    "MAX_ANGULAR_VELOCITY",
+    "MAX_LINEAR_ACCELERATION",
+    "MAX_ANGULAR_ACCELERATION",
+];
+
 /// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
 /// one is that of [`Load::with_boxes`].
 const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
@@ -55,8 +66,8 @@ const fn own_keys(kind: Kind) -> &'static [&'static str] {
 /// Why no machine could be made of an INI file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MachineError {
-    /// The text of the file is wrong.
-    Ini(IniError),
+    /// The text of the file is wrong: everything that was found, never empty.
+    Ini(Vec<IniError>),
     /// The text is in order, but describes no machine.
     Geometry(PathBuf, Fault),
 }
@@ -64,7 +75,10 @@ pub enum MachineError {
 impl fmt::Display for MachineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            MachineError::Ini(error) => error.fmt(f),
+            MachineError::Ini(errors) => {
+                let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+                f.write_str(&texts.join("\n"))
+            }
             MachineError::Geometry(file, fault) => write!(f, "{}: {fault}", file.display()),
         }
     }
@@ -74,7 +88,45 @@ impl std::error::Error for MachineError {}
 
 impl From<IniError> for MachineError {
     fn from(error: IniError) -> Self {
-        MachineError::Ini(error)
+        MachineError::Ini(vec![error])
+    }
+}
+
+/// What is wrong with values that do not depend on each other.
+#[derive(Default)]
+struct Errors(Vec<IniError>);
+
+impl Errors {
+    /// The value; what is wrong with it is kept, once.
+    fn of<T>(&mut self, value: Result<T, IniError>) -> Option<T> {
+        match value {
+            Ok(value) => Some(value),
+            Err(error) => {
+                if !self.0.contains(&error) {
+                    self.0.push(error);
+                }
+                None
+            }
+        }
+    }
+
+    /// All of them.
+    fn each<T>(
+        &mut self,
+        count: usize,
+        value: impl Fn(usize, &mut Self) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let values: Vec<Option<T>> = (0..count).map(|n| value(n, self)).collect();
+        values.into_iter().collect()
+    }
+
+    fn checked(self) -> Result<(), MachineError> {
+        self.value(Some(()))
+    }
+
+    /// No value is missing where nothing was wrong.
+    fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
+        value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
     }
 }
 
@@ -209,6 +261,10 @@ pub struct MachineConfig {
     pub base_cone: Vec<Option<f64>>,
     /// The same at the platform, in the platform frame.
     pub platform_cone: Vec<Option<f64>>,
+    /// Conditioning at which the module's guard stops the machine, `[PKM]CONDITIONING_LIMIT`.
+    pub conditioning_limit: f64,
+    /// Smallest distance of the legs' centre lines, machine units, `[PKM]ROD_CLEARANCE`.
+    pub clearance: Option<f64>,
     /// `[JOINT_N]`: legs, then table axes.
     pub joints: Vec<Joint>,
     /// `[AXIS_X]` to `[AXIS_C]`.
@@ -246,41 +302,45 @@ impl MachineConfig {
     /// One of the values, or the geometry is refused.
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
         let load = load(ini)?;
-        let legs = load.layout.legs();
-        check_joints(ini, &load.layout)?;
-        check_leg_sections(ini, legs)?;
-        check_coordinates(ini, &load.layout)?;
-        ini.check_section("PKM", MACHINE_KEYS)?;
-        // Only the module uses the first; the second one where a strut has no lead of its own.
-        for key in ["MAX_ERROR", "SCREW_LEAD"] {
-            ini.numbers::<1>("PKM", key)?;
-        }
-        check_guard(ini)?;
-        let home = home(ini)?;
-        let geometry = geometry(ini, &load, home)?;
-        let machine = Machine::freeze(&geometry, &offsets(ini, legs)?)
-            .map_err(|fault| MachineError::Geometry(ini.file().into(), fault))?;
+        let mut errors = Errors::default();
+        errors.of(check_joints(ini, &load.layout));
+        errors.of(check_leg_sections(ini, load.layout.legs()));
+        errors.of(check_coordinates(ini, &load.layout));
+        // Where these are wrong, what follows only repeats it.
+        errors.checked()?;
+        let mut errors = Errors::default();
+        let read = Values::read(ini, &load, &mut errors);
+        let read = errors.value(read)?;
+        let refused = |fault| MachineError::Geometry(ini.file().into(), fault);
+        let geometry = read.geometry(&load);
+        let machine = Machine::freeze(&geometry, &read.offsets).map_err(refused)?;
         let boxes = boxes::read(ini, &load)?;
-        boxes::check(&boxes, &geometry)
-            .map_err(|fault| MachineError::Geometry(ini.file().into(), fault))?;
-        let speed = |key| positive(ini, "TRAJ", key, Some(f64::INFINITY));
+        boxes::check(&boxes, &geometry).map_err(refused)?;
+        let [
+            max_linear_velocity,
+            max_angular_velocity,
+            max_linear_acceleration,
+            max_angular_acceleration,
+        ] = read.speeds;
         Ok(Self {
             file: ini.file().into(),
             machine,
             geometry,
-            home,
-            spindle: Vector3::new(0.0, 0.0, ini.number_or("PKM", "SPINDLE_OFFSET", 0.0)?),
-            solver: solver(ini)?,
-            base_cone: each(legs, |n| cone(ini, n, "BASE_CONE"))?,
-            platform_cone: each(legs, |n| cone(ini, n, "PLATFORM_CONE"))?,
-            joints: each(load.layout.joints(), |n| joint(ini, n, &load))?,
-            axes: each(AXES.len(), |i| axis(ini, AXES[i]))?,
-            units_per_mm: units_per_mm(ini)?,
-            max_linear_velocity: speed("MAX_LINEAR_VELOCITY")?,
-            max_angular_velocity: speed("MAX_ANGULAR_VELOCITY")?,
-            max_linear_acceleration: speed("MAX_LINEAR_ACCELERATION")?,
-            max_angular_acceleration: speed("MAX_ANGULAR_ACCELERATION")?,
-            period: positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6))? * 1e-9,
+            home: read.home,
+            spindle: Vector3::new(0.0, 0.0, read.spindle),
+            solver: read.solver,
+            base_cone: read.cones.iter().map(|[base, _]| *base).collect(),
+            platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),
+            conditioning_limit: read.conditioning_limit,
+            clearance: read.clearance,
+            joints: read.joints,
+            axes: read.axes,
+            units_per_mm: read.units_per_mm,
+            max_linear_velocity,
+            max_angular_velocity,
+            max_linear_acceleration,
+            max_angular_acceleration,
+            period: read.period * 1e-9,
             program: program(ini),
             boxes,
         })
@@ -395,13 +455,8 @@ fn drive(leg: &LegGeometry, segment: &Segment) -> Option<f64> {
     Some(direction(segment).dot(&motion.normalize()).abs())
 }
 
-fn leg(n: usize) -> String {
+fn leg_section(n: usize) -> String {
     format!("LEG_{n}")
-}
-
-/// `count` values; the first error wins.
-fn each<T>(count: usize, value: impl Fn(usize) -> Result<T, IniError>) -> Result<Vec<T>, IniError> {
-    (0..count).map(value).collect()
 }
 
 /// The load parameters in `[KINS]KINEMATICS`.
@@ -449,13 +504,13 @@ fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
 /// Exactly the sections LEG_0 to that of the last leg.
 fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
     for n in 0..legs {
-        if !ini.sections().any(|name| name == leg(n)) {
+        if !ini.sections().any(|name| name == leg_section(n)) {
             let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
-            return Err(ini.refuse_section(&leg(n), &text));
+            return Err(ini.refuse_section(&leg_section(n), &text));
         }
     }
     for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
-        if !(0..legs).any(|n| name == leg(n)) {
+        if !(0..legs).any(|n| name == leg_section(n)) {
             let expected =
                 format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
             return Err(ini.refuse_section(name, &expected));
@@ -493,65 +548,138 @@ fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
     Ok(home)
 }
 
-fn geometry(ini: &Ini, load: &Load, home: [f64; 6]) -> Result<Geometry, IniError> {
-    let legs = each(load.layout.legs(), |n| leg_geometry(ini, n, load.kinds()[n]))?;
-    let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
-    let mut geometry = Geometry::new(&legs, coordinates, table)
-        .expect("the layout of the load parameters is consistent");
-    geometry.centre = ini.numbers("PKM", "CENTRE")?.unwrap_or_default();
-    geometry.home = Some(home);
-    Ok(geometry)
+/// The values of a file, before the machine is made of them.
+struct Values {
+    home: [f64; 6],
+    centre: [f64; 3],
+    spindle: f64,
+    legs: Vec<LegGeometry>,
+    offsets: PerLeg,
+    cones: Vec<[Option<f64>; 2]>,
+    solver: Solver,
+    conditioning_limit: f64,
+    clearance: Option<f64>,
+    joints: Vec<Joint>,
+    axes: Vec<Axis>,
+    units_per_mm: f64,
+    speeds: [f64; 4],
+    period: f64,
 }
 
-fn offsets(ini: &Ini, legs: usize) -> Result<PerLeg, IniError> {
-    let mut offsets = [0.0; MAX_LEGS];
-    for (n, offset) in offsets.iter_mut().enumerate().take(legs) {
-        *offset = ini.number_or(&leg(n), "OFFSET", 0.0)?;
+impl Values {
+    /// Everything is read, also where something is wrong before it.
+    fn read(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Self> {
+        let legs = load.layout.legs();
+        errors.of(ini.check_section("PKM", MACHINE_KEYS));
+        // Only the module uses these; the second one where a strut has no lead of its own.
+        for key in ["MAX_ERROR", "SCREW_LEAD"] {
+            errors.of(ini.numbers::<1>("PKM", key));
+        }
+        errors.of(share(ini, "FEED_FLOOR", 1.0));
+        let home = errors.of(home(ini));
+        let centre = errors.of(ini.numbers("PKM", "CENTRE"));
+        let spindle = errors.of(ini.number_or("PKM", "SPINDLE_OFFSET", 0.0));
+        let leg = |n, errors: &mut Errors| leg_geometry(ini, n, load.kinds()[n], errors);
+        let of_legs = errors.each(legs, leg);
+        let offset =
+            |n, errors: &mut Errors| errors.of(ini.number_or(&leg_section(n), "OFFSET", 0.0));
+        let offsets = errors.each(legs, offset);
+        let cones = errors.each(legs, |n, errors| {
+            let base = errors.of(cone(ini, n, "BASE_CONE"));
+            Some([base?, errors.of(cone(ini, n, "PLATFORM_CONE"))?])
+        });
+        let solver = solver(ini, errors);
+        let conditioning_limit = errors.of(share(ini, "CONDITIONING_LIMIT", HOLD));
+        let clearance = errors.of(clearance(ini));
+        let joints = errors.each(load.layout.joints(), |n, errors| joint(ini, n, load, errors));
+        let axes = errors.each(AXES.len(), |n, errors| axis(ini, AXES[n], errors));
+        let units_per_mm = errors.of(units_per_mm(ini));
+        let speeds = errors.each(SPEEDS.len(), |n, errors| {
+            errors.of(positive(ini, "TRAJ", SPEEDS[n], Some(f64::INFINITY)))
+        });
+        let period = errors.of(positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6)));
+        let mut padded = [0.0; MAX_LEGS];
+        padded.iter_mut().zip(offsets?).for_each(|(to, offset)| *to = offset);
+        Some(Self {
+            home: home?,
+            centre: centre?.unwrap_or_default(),
+            spindle: spindle?,
+            legs: of_legs?,
+            offsets: padded,
+            cones: cones?,
+            solver: solver?,
+            conditioning_limit: conditioning_limit?,
+            clearance: clearance?,
+            joints: joints?,
+            axes: axes?,
+            units_per_mm: units_per_mm?,
+            speeds: speeds?.try_into().ok()?,
+            period: period?,
+        })
     }
-    Ok(offsets)
+
+    fn geometry(&self, load: &Load) -> Geometry {
+        let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
+        let mut geometry = Geometry::new(&self.legs, coordinates, table)
+            .expect("the layout of the load parameters is consistent");
+        geometry.centre = self.centre;
+        geometry.home = Some(self.home);
+        geometry
+    }
 }
 
-fn leg_geometry(ini: &Ini, n: usize, kind: Kind) -> Result<LegGeometry, IniError> {
-    let section = leg(n);
-    ini.check_section(&section, &[LEG_KEYS, own_keys(kind)].concat())?;
-    let base = ini.require_numbers(&section, "BASE")?;
-    let platform = ini.require_numbers(&section, "PLATFORM")?;
-    let kind = match kind {
-        Kind::Strut => return Ok(LegGeometry::strut(base, platform, strut(ini, &section)?)),
-        Kind::Slider => LegKind::Slider(slider(ini, &section)?),
-        Kind::Crank => LegKind::Crank(crank(ini, &section)?),
-    };
-    Ok(LegGeometry { base, platform, kind })
+fn leg_geometry(ini: &Ini, n: usize, kind: Kind, errors: &mut Errors) -> Option<LegGeometry> {
+    let section = leg_section(n);
+    errors.of(ini.check_section(&section, &[LEG_KEYS, own_keys(kind)].concat()));
+    let base = errors.of(ini.require_numbers(&section, "BASE"));
+    let platform = errors.of(ini.require_numbers(&section, "PLATFORM"));
+    match kind {
+        Kind::Strut => {
+            let strut = strut(ini, &section, errors);
+            Some(LegGeometry::strut(base?, platform?, strut?))
+        }
+        Kind::Slider => {
+            let kind = LegKind::Slider(slider(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+        Kind::Crank => {
+            let kind = LegKind::Crank(crank(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+    }
 }
 
-fn strut(ini: &Ini, section: &str) -> Result<StrutGeometry, IniError> {
-    let lead = match ini.numbers(section, "LEAD")? {
+fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
+    let lead = match errors.of(ini.numbers(section, "LEAD"))? {
         Some([own]) => own,
         // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
-        None => ini.require_numbers::<1>("PKM", "SCREW_LEAD")?[0],
+        None => errors.of(ini.require_numbers::<1>("PKM", "SCREW_LEAD"))?[0],
     };
     let axis = |key| match ini.numbers(section, key)? {
         None if lead != 0.0 => ini.require_numbers(section, key),
         axis => Ok(axis.unwrap_or_default()),
     };
-    Ok(StrutGeometry { base_axis: axis("BASE_N")?, platform_axis: axis("PLATFORM_N")?, lead })
-}
-
-fn slider(ini: &Ini, section: &str) -> Result<SliderGeometry, IniError> {
-    Ok(SliderGeometry {
-        guide: ini.require_numbers(section, "GUIDE")?,
-        rod: positive(ini, section, "ROD", None)?,
-        side: side(ini, section)?,
+    let base_axis = errors.of(axis("BASE_N"));
+    Some(StrutGeometry {
+        platform_axis: errors.of(axis("PLATFORM_N"))?,
+        base_axis: base_axis?,
+        lead,
     })
 }
 
-fn crank(ini: &Ini, section: &str) -> Result<CrankGeometry, IniError> {
-    Ok(CrankGeometry {
-        axis: ini.require_numbers(section, "AXIS")?,
-        arm: ini.require_numbers(section, "ARM")?,
-        rod: positive(ini, section, "ROD", None)?,
-        side: side(ini, section)?,
-    })
+fn slider(ini: &Ini, section: &str, errors: &mut Errors) -> Option<SliderGeometry> {
+    let guide = errors.of(ini.require_numbers(section, "GUIDE"));
+    let rod = errors.of(positive(ini, section, "ROD", None));
+    let side = errors.of(side(ini, section));
+    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? })
+}
+
+fn crank(ini: &Ini, section: &str, errors: &mut Errors) -> Option<CrankGeometry> {
+    let axis = errors.of(ini.require_numbers(section, "AXIS"));
+    let arm = errors.of(ini.require_numbers(section, "ARM"));
+    let rod = errors.of(positive(ini, section, "ROD", None));
+    let side = errors.of(side(ini, section));
+    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? })
 }
 
 /// A sign that tells which of two places the carriage or crank takes, hence no decimal number.
@@ -566,7 +694,7 @@ fn side(ini: &Ini, section: &str) -> Result<i32, IniError> {
 }
 
 fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
-    let section = leg(n);
+    let section = leg_section(n);
     let Some([angle]) = ini.numbers::<1>(&section, key)? else { return Ok(None) };
     if !(angle > 0.0 && angle <= 180.0) {
         let expected = "expected more than 0 and at most 180 degrees";
@@ -575,13 +703,16 @@ fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
     Ok(Some(angle))
 }
 
-fn solver(ini: &Ini) -> Result<Solver, IniError> {
+fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
     let solver = Solver::default();
     let criterion = solver.convergence_criterion;
-    Ok(Solver {
-        convergence_criterion: positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(criterion))?,
-        limit_iterations: limit_iterations(ini)?.unwrap_or(solver.limit_iterations),
-        residual_limit: residual_limit(ini)?,
+    let criterion = errors.of(positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(criterion)));
+    let iterations = errors.of(limit_iterations(ini));
+    let residual_limit = errors.of(residual_limit(ini));
+    Some(Solver {
+        convergence_criterion: criterion?,
+        limit_iterations: iterations?.unwrap_or(solver.limit_iterations),
+        residual_limit: residual_limit?,
         ..solver
     })
 }
@@ -605,44 +736,53 @@ fn residual_limit(ini: &Ini) -> Result<f64, IniError> {
     }
 }
 
-/// Keys that only the module's watch over the motion uses.
-fn check_guard(ini: &Ini) -> Result<(), IniError> {
-    positive(ini, "PKM", "ROD_CLEARANCE", Some(1.0))?;
-    for key in ["CONDITIONING_LIMIT", "FEED_FLOOR"] {
-        if positive(ini, "PKM", key, Some(1.0))? > 1.0 {
-            let expected = "expected more than 0 and at most 1";
-            return Err(ini.refuse(ini.require("PKM", key, expected)?, expected));
-        }
+fn clearance(ini: &Ini) -> Result<Option<f64>, IniError> {
+    match ini.first("PKM", "ROD_CLEARANCE") {
+        None => Ok(None),
+        Some(_) => positive(ini, "PKM", "ROD_CLEARANCE", None).map(Some),
     }
-    Ok(())
 }
 
-fn joint(ini: &Ini, n: usize, load: &Load) -> Result<Joint, IniError> {
+/// A share that the module's guard uses.
+fn share(ini: &Ini, key: &str, default: f64) -> Result<f64, IniError> {
+    let share = positive(ini, "PKM", key, Some(default))?;
+    if share <= 1.0 {
+        return Ok(share);
+    }
+    let expected = "expected more than 0 and at most 1";
+    Err(ini.refuse(ini.require("PKM", key, expected)?, expected))
+}
+
+fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
     let section = format!("JOINT_{n}");
-    let [min] = ini.require_numbers(&section, "MIN_LIMIT")?;
-    let [max] = ini.require_numbers(&section, "MAX_LIMIT")?;
-    if min >= max {
-        let expected = format!("expected less than MAX_LIMIT = {max}");
-        return Err(ini.refuse(ini.require(&section, "MIN_LIMIT", &expected)?, &expected));
-    }
+    let min = errors.of(ini.require_numbers::<1>(&section, "MIN_LIMIT"));
+    let max = errors.of(ini.require_numbers::<1>(&section, "MAX_LIMIT"));
     let (kind, name) = kind_and_name(n, load);
-    if kind == JointKind::Arm {
-        check_turn(ini, n, &section)?;
+    if let (Some([min]), Some([max])) = (min, max) {
+        errors.of(check_range(ini, &section, min, max));
+        if kind == JointKind::Arm {
+            errors.of(check_turn(ini, n, &section));
+        }
     }
-    Ok(Joint {
-        kind,
-        name,
-        min,
-        max,
-        max_velocity: positive(ini, &section, "MAX_VELOCITY", None)?,
-        max_acceleration: positive(ini, &section, "MAX_ACCELERATION", None)?,
-        home: ini.number_or(&section, "HOME", 0.0)?,
-    })
+    let max_velocity = errors.of(positive(ini, &section, "MAX_VELOCITY", None));
+    let max_acceleration = errors.of(positive(ini, &section, "MAX_ACCELERATION", None));
+    let home = errors.of(ini.number_or(&section, "HOME", 0.0));
+    let ([min], [max]) = (min?, max?);
+    let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
+    Some(Joint { kind, name, min, max, max_velocity, max_acceleration, home: home? })
+}
+
+fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniError> {
+    if min < max {
+        return Ok(());
+    }
+    let expected = format!("expected less than MAX_LIMIT = {max}");
+    Err(ini.refuse(ini.require(section, "MIN_LIMIT", &expected)?, &expected))
 }
 
 /// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
 fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
-    let offset = ini.number_or(&leg(n), "OFFSET", 0.0)?;
+    let offset = ini.number_or(&leg_section(n), "OFFSET", 0.0)?;
     for key in ["MIN_LIMIT", "MAX_LIMIT"] {
         let [limit] = ini.require_numbers::<1>(section, key)?;
         if (limit + offset).abs() < 180.0 {
@@ -673,13 +813,13 @@ fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
     }
 }
 
-fn axis(ini: &Ini, section: &str) -> Result<Axis, IniError> {
-    Ok(Axis {
-        min: ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY)?,
-        max: ini.number_or(section, "MAX_LIMIT", f64::INFINITY)?,
-        max_velocity: positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY))?,
-        max_acceleration: positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION))?,
-    })
+fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
+    let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
+    let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
+    let velocity = errors.of(positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY)));
+    let acceleration =
+        errors.of(positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION)));
+    Some(Axis { min: min?, max: max?, max_velocity: velocity?, max_acceleration: acceleration? })
 }
 
 /// A number above 0; without a default the key is needed.

@@ -119,14 +119,14 @@ pub fn of_places(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot>, 
     let mut plots = vec![
         Plot {
             file: "path-by-margin.svg".into(),
-            caption:
-                "Path of the control point (isometric), by its margin to joint ranges and cones"
-                    .into(),
+            caption: "Path of the control point (isometric), by its margin to the limits of joint \
+                      ranges, cones, conditioning and rod distance"
+                .into(),
             svg: path_by_margin(places, config.length_unit())?,
         },
         Plot {
             file: "margin.svg".into(),
-            caption: "Least margin to joint ranges and cones".into(),
+            caption: "Least margin to joint ranges, cones, conditioning and rod distance".into(),
             svg: margins(places)?,
         },
     ];

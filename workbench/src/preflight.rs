@@ -17,7 +17,7 @@ use crate::cell::{Course, Reach, Way};
 use crate::interpreter::Move;
 use crate::machine::MachineConfig;
 use crate::replay::duration;
-use kinematics::{Fault, Joints, Letter, MAX_JOINTS, Pose, Vector3};
+use kinematics::{Fault, Joints, Letter, MAX_JOINTS, MAX_LEGS, Pose, Vector3};
 use serde::Serialize;
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
@@ -29,6 +29,9 @@ const MOST_HALVINGS: i32 = 40;
 
 /// Least margins are told within this share of the limit's range.
 const ACCURACY: f64 = 0.01;
+
+/// The same of the conditioning, whose bound is one of first order.
+const HOLD_ACCURACY: f64 = 0.05;
 
 /// Speeds below this share of their limit are told as a bound, without [`ACCURACY`].
 const SLOW: f64 = 0.5;
@@ -56,8 +59,10 @@ pub enum Limit {
     BaseCone,
     /// `PLATFORM_CONE` of the legs.
     PlatformCone,
-    /// The legs hold the platform: no singular pose.
+    /// The legs hold the platform: no singular pose, and `[PKM]CONDITIONING_LIMIT`.
     Hold,
+    /// `[PKM]ROD_CLEARANCE` of the legs' centre lines.
+    Clearance,
     /// `[JOINT_N]MAX_VELOCITY`.
     Speed,
     /// `[JOINT_N]MAX_ACCELERATION`.
@@ -66,13 +71,14 @@ pub enum Limit {
 
 impl Limit {
     /// All of them, in the order they are told in.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Axis,
         Self::Reach,
         Self::Joint,
         Self::BaseCone,
         Self::PlatformCone,
         Self::Hold,
+        Self::Clearance,
         Self::Speed,
         Self::Acceleration,
     ];
@@ -86,6 +92,7 @@ impl Limit {
             Self::BaseCone => "base cones",
             Self::PlatformCone => "platform cones",
             Self::Hold => "conditioning",
+            Self::Clearance => "rod distance",
             Self::Speed => "joint speed",
             Self::Acceleration => "joint acceleration",
         }
@@ -231,11 +238,12 @@ struct Check {
 impl Check {
     /// How far the pieces of a move have to be cut for the figures that are told.
     fn is_coarse(&self, least: f64) -> bool {
-        self.proved < least - ACCURACY * self.range
+        let accuracy = if self.limit == Limit::Hold { HOLD_ACCURACY } else { ACCURACY };
+        self.proved < least - accuracy * self.range
             && match self.limit {
                 Limit::Speed => self.proved < (1.0 - SLOW) * self.range,
-                Limit::Joint | Limit::BaseCone | Limit::PlatformCone => true,
-                _ => false,
+                Limit::Axis | Limit::Reach | Limit::Acceleration => false,
+                _ => true,
             }
     }
 }
@@ -517,11 +525,16 @@ impl<'a> Pilot<'a> {
                 add(limit, i, margin(course.middle), proved, cone);
             }
         }
-        let conditioning = self.config.machine.conditioning(&Pose::from_degrees(*pose), &self.tool);
-        let seen = conditioning.unwrap_or(0.0);
+        for gap in &way.gaps {
+            let Some(limit) = config.clearance else { continue };
+            let [i, j] = gap.pair;
+            let part = i * MAX_LEGS + j;
+            add(Limit::Clearance, part, gap.middle - limit, gap.least - limit, limit);
+        }
+        let seen = self.reach.conditioning(pose) - config.conditioning_limit;
         let known = way.joints.iter().all(|course| course.bend.is_finite());
         let proved = match way.holds {
-            true => seen,
+            true => seen - way.drift,
             false if known => -1.0,
             false => UNKNOWN,
         };
@@ -570,9 +583,8 @@ impl<'a> Pilot<'a> {
         if !self.keep {
             return;
         }
-        let shares = checks.iter().filter(|check| {
-            matches!(check.limit, Limit::Joint | Limit::BaseCone | Limit::PlatformCone)
-        });
+        let shares =
+            checks.iter().filter(|check| !check.limit.is_of_feed() && check.limit != Limit::Reach);
         let mut joints = [0.0; MAX_JOINTS];
         joints
             .iter_mut()
@@ -621,7 +633,11 @@ impl<'a> Pilot<'a> {
         let bound = self.bound(limit, found.part);
         match limit {
             Limit::Reach => format!("{part} comes too near to a dead point"),
-            Limit::Hold => "the legs do not hold the platform: a singular pose".into(),
+            Limit::Hold if worst < 0.0 => format!(
+                "the legs hardly hold the platform: conditioning {:.4} on this move (0: a singular \
+                 pose), where pkmkins stops the machine at {bound}",
+                worst + self.config.conditioning_limit
+            ),
             _ if worst < 0.0 => {
                 let unit = self.unit(limit, found.part);
                 format!("{part} leaves its limit of {bound}, on this move by {:.4} {unit}", -worst)
@@ -649,9 +665,11 @@ impl<'a> Pilot<'a> {
             Limit::PlatformCone => cone(&config.platform_cone),
             Limit::Speed => config.joints[part].max_velocity,
             Limit::Acceleration => config.joints[part].max_acceleration,
-            Limit::Reach | Limit::Hold => 0.0,
+            Limit::Hold => config.conditioning_limit,
+            Limit::Clearance => config.clearance.unwrap_or(0.0),
+            Limit::Reach => 0.0,
         };
-        format!("{value} {unit}")
+        format!("{value} {unit}").trim_end().into()
     }
 
     fn part(&self, limit: Limit, part: usize) -> String {
@@ -661,7 +679,10 @@ impl<'a> Pilot<'a> {
             Limit::Reach | Limit::Joint => joint(),
             Limit::BaseCone => format!("the base joint of leg {part}"),
             Limit::PlatformCone => format!("the platform joint of leg {part}"),
-            Limit::Hold => "the platform".into(),
+            Limit::Hold => "the conditioning".into(),
+            Limit::Clearance => {
+                format!("the distance of legs {} and {}", part / MAX_LEGS, part % MAX_LEGS)
+            }
             Limit::Speed => format!("the speed of {}", joint()),
             Limit::Acceleration => format!("the acceleration of {}", joint()),
         }
@@ -672,6 +693,7 @@ impl<'a> Pilot<'a> {
         match limit {
             Limit::Axis if Letter::ALL[part].is_angle() => "degrees".into(),
             Limit::Axis => self.config.length_unit().into(),
+            Limit::Clearance => self.config.length_unit().into(),
             Limit::Joint => joint().into(),
             Limit::BaseCone | Limit::PlatformCone => "degrees".into(),
             Limit::Speed => format!("{}/s", joint()),

@@ -175,6 +175,12 @@ pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
     }
 }
 
+/// Seconds that all moves take, from `[TRAJ]HOME` on.
+pub fn duration_of_all(config: &MachineConfig, moves: &[Move]) -> f64 {
+    let starts = std::iter::once(config.home).chain(moves.iter().map(|step| step.end));
+    starts.zip(moves).map(|(from, step)| duration(config, &from, step)).sum()
+}
+
 struct Player<'a> {
     config: &'a MachineConfig,
     period: f64,

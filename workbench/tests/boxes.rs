@@ -2,7 +2,7 @@
 //! Boxes of the shipped configurations: proved, over the whole workspace, and enough to
 //! find every pose from the joints alone.
 
-use crate::shipped::{MACHINES, config};
+use crate::shipped::{MACHINES, cases, config};
 use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
@@ -18,11 +18,6 @@ use std::path::Path;
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
 const SAME: f64 = 1e-9;
-
-fn cases(usual: usize) -> usize {
-    let factor = std::env::var("PKMKINS_CASES").ok().and_then(|n| n.parse::<usize>().ok());
-    usual * factor.unwrap_or(1)
-}
 
 /// Any pose within the axis limits, table letters included; every fifth value is a limit.
 fn random_pose(config: &MachineConfig, rng: &mut Pcg64) -> Pose {

@@ -3,11 +3,14 @@
 
 use crate::shipped::{MACHINES, config, ini};
 use kinematics::Letter;
-use pkm::axis_box::{AxisBox, range};
+use pkm::axis_box::{AxisBox, at_tilt, range};
 use pkm::cell::{Cell, Reach, Verdict};
 use pkm::check::check;
 use pkm::conditioning;
+use pkm::interpreter;
 use pkm::machine::MachineConfig;
+use pkm::preflight::{Limit, preflight};
+use pkm::tools::Tool;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -29,6 +32,12 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
     for cone in config.base_cone.iter_mut().chain(&mut config.platform_cone) {
         *cone = Some(rng.random_range(5.0..40.0));
     }
+    // Any limit of the distance has the distances looked at.
+    config.clearance = Some(1.0);
+    let way = Reach::new(&config).unwrap().way(&config.home, &[0.0; 6]).unwrap();
+    let distance = way.gaps.iter().map(|gap| gap.middle).fold(f64::INFINITY, f64::min);
+    let share = rng.random_range(0.5..1.0);
+    config.clearance = distance.is_finite().then_some(share * distance);
     config
 }
 
@@ -99,6 +108,7 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
         let report = check(&ini(machine), |_| ()).unwrap();
         assert!(report.fits(), "{machine}: {:?}", report.findings);
         let limits = report.suggestion.unwrap();
+        go_over_corners(machine, &limits, &report.proved_tools);
         let config = config(machine);
         let reach = Reach::new(&config).unwrap();
         let side = |pose: &[f64; 6]| {
@@ -107,10 +117,19 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
                 .assembly(&kinematics::Pose::from_degrees(*pose), &config.spindle)
                 .unwrap()
         };
+        let reaches = report
+            .proved_tools
+            .iter()
+            .map(|t| Reach::with_tool(&config, config.spindle + t.offset));
+        let tools: Vec<Reach> = reaches.map(Result::unwrap).collect();
         let mut rng = Pcg64::seed_from_u64(6);
-        for _ in 0..POSES {
+        for n in 0..POSES {
             let pose = pose(&mut rng, &limits);
             assert_eq!(reach.check(&pose), Ok(()), "{machine} {pose:?}");
+            let with = n % (tools.len() + 1);
+            if with > 0 {
+                assert_eq!(tools[with - 1].check(&pose), Ok(()), "{machine} {with} {pose:?}");
+            }
             // No singular pose lies between this one and home.
             assert_eq!(side(&pose), side(&config.home), "{machine} {pose:?}");
         }
@@ -122,6 +141,66 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
             assert!(share > 0.25, "{machine}: {share} of axis {k}");
         }
     }
+}
+
+/// What a smaller tilt is told to gain can be taken.
+#[test]
+fn boxes_of_a_tilt_can_be_taken() {
+    let config = config("four-rod-lathe");
+    let whole = range(&config);
+    let reach = Reach::new(&config).unwrap();
+    let mut rng = Pcg64::seed_from_u64(7);
+    let widths = [0.0, 0.5, 1.0].map(|share| {
+        let tilt = share * whole.high[4].max(-whole.low[4]);
+        let found = at_tilt(&config, &whole, tilt).unwrap();
+        assert_eq!([found.low[4], found.high[4]], [-tilt, tilt]);
+        for _ in 0..2_000 {
+            let pose = pose(&mut rng, &found);
+            assert_eq!(reach.check(&pose), Ok(()), "{tilt} {pose:?}");
+        }
+        (0..3).map(|k| found.high[k] - found.low[k]).sum::<f64>()
+    });
+    assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
+}
+
+/// The suggested limits put into the machine, and a program that goes from corner to corner of them
+/// with every tool, read by LinuxCNC's interpreter.
+fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("corners.ngc");
+    let mut config = config(machine);
+    for (k, axis) in config.axes.iter_mut().enumerate() {
+        (axis.min, axis.max) = (limits.low[k], limits.high[k]);
+    }
+    let block = |pose: &[f64; 6]| {
+        let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
+        let word = |letter: &Letter| format!(" {}{}", letter.name(), pose[letter.index()]);
+        let words: String = Letter::ALL.iter().filter(moved).map(word).collect();
+        format!("G53 G0{words}\n")
+    };
+    let corners = |text: &mut String| {
+        for n in 0..64_usize {
+            let end = |k: usize| if n >> k & 1 == 0 { limits.low[k] } else { limits.high[k] };
+            *text += &block(&std::array::from_fn(end));
+        }
+        *text += &block(&config.home);
+    };
+    let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
+    let mut text = format!("{units} G90 G49\nM52 P1\n");
+    corners(&mut text);
+    for tool in tools {
+        text += &format!("T{} M6 G43\n", tool.number);
+        corners(&mut text);
+    }
+    std::fs::write(&program, text + "G49\nM2\n").unwrap();
+    let moves = interpreter::moves(&config, &program, None).unwrap();
+    assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
+    let found = preflight(&config, &moves, false, |_| ()).unwrap();
+    // Rapids between the corners may be too fast for the joints, and near the corners the legs
+    // may be told to hold badly: neither is what the box promises.
+    let broken: Vec<_> =
+        found.breaks.iter().filter(|b| !b.limit.is_of_feed() && b.limit != Limit::Hold).collect();
+    assert!(broken.is_empty(), "{machine}: {broken:?}");
 }
 
 #[test]

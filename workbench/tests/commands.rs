@@ -186,10 +186,96 @@ error: [LEG_0]GUIDES = 0 0 1
    |
 75 | GUIDES = 0 0 1
    | ^^^^^^ unknown key; known keys are BASE PLATFORM OFFSET BASE_CONE PLATFORM_CONE GUIDE ROD SIDE
+
+error: [LEG_0]GUIDE is missing
+--> linear-delta.ini
+ = help: expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
 exit 2
 
 "#]]
     );
+}
+
+#[test]
+fn everything_that_is_wrong_is_told_at_once() {
+    let bench = Bench::new()
+        .spoilt("GUIDE = 0 0 1", "GUIDE = 0 0 up")
+        .spoilt("ROD = 269", "ROD = -269")
+        .spoilt("HOME = 0 0 90", "HOME = here")
+        .spoilt("MAX_LIMIT = 375", "MAX_LIMIT = -375");
+    assert_data_eq!(
+        bench.answer("check linear-delta.ini", ""),
+        str![[r#"
+error: [TRAJ]HOME = here
+  --> linear-delta.ini:64:8
+   |
+64 | HOME = here
+   |        ^^^^ expected 3 to 9 decimal numbers separated by blanks
+
+error: [LEG_0]GUIDE = 0 0 up
+  --> linear-delta.ini:75:13
+   |
+75 | GUIDE = 0 0 up
+   |             ^^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
+
+error: [LEG_0]ROD = -269
+  --> linear-delta.ini:76:7
+   |
+76 | ROD = -269
+   |       ^^^^ expected more than 0
+
+error: [JOINT_0]MIN_LIMIT = 0
+   --> linear-delta.ini:112:13
+    |
+112 | MIN_LIMIT = 0
+    |             ^ expected less than MAX_LIMIT = -375
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn a_tool_table_that_is_none() {
+    let bench = Bench::new().with("linear-delta.tbl", "T1 P1 Z1\nT2 Zlong\n");
+    let told = bench.answer("check linear-delta.ini", "");
+    let told: Vec<&str> = told.lines().skip_while(|line| !line.starts_with("warning")).collect();
+    assert_data_eq!(
+        told[..5].join("\n"),
+        str![[r#"
+warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
+  --> linear-delta.ini:49:14
+   |
+49 | TOOL_TABLE = linear-delta.tbl
+   |              ^^^^^^^^^^^^^^^^ linear-delta.tbl:2: expected a letter and a number, such as T1 or Z40.5, not Zlong; LinuxCNC needs it, if only with a line T1 P1 Z0
+"#]]
+    );
+}
+
+/// A line that fits only along the diagonal.
+#[test]
+fn a_work_offset_that_is_turned() {
+    let bench =
+        Bench::new().with("slot.ngc", "G21 G90\nM52 P1\nG0 X-95 Y0 Z60\nG1 X95 F3000\nM2\n");
+    let told = bench.answer("preflight linear-delta.ini slot.ngc", "");
+    let help: Vec<&str> = told.lines().skip_while(|line| !line.starts_with("help")).collect();
+    assert_data_eq!(
+        help.join("\n"),
+        str![[r#"
+help: the program fits with its work offset turned by [..] degrees about Z and then shifted by X [..] Y [..] Z 0 mm: checked, with the whole program.
+  Clamp the workpiece there, and once before the program run:
+  G10 L2 P0 X[..]*COS[..]
+
+The program does not fit the machine.
+exit 1
+"#]]
+    );
+    let block = help[2].trim();
+    // As the operator would do it.
+    let turned = format!("{block}\nG21 G90\nM52 P1\nG0 X-95 Y0 Z60\nG1 X95 F3000\nM2\n");
+    let bench = bench.with("turned.ngc", &turned);
+    let told = bench.answer("preflight linear-delta.ini turned.ngc", "");
+    assert!(told.ends_with("The program fits the machine.\nexit 0\n"), "{told}");
 }
 
 #[test]
@@ -509,6 +595,7 @@ fn a_program_that_leaves_the_limits() {
 fn programs_that_are_none() {
     let bench = Bench::new()
         .with("empty.ngc", "")
+        .with("nothing.ngc", "%\n%\n")
         .with("bad.ngc", "G21\nG1 X1 F100\nG1 G2 X3\n")
         .with("line.ngc", "G21 G90\nG1 X10 F6000\nM2\n")
         .with("file", "");
@@ -539,11 +626,29 @@ exit 2
     assert_data_eq!(
         bench.answer("replay linear-delta.ini line.ngc --period 0", ""),
         str![[r#"
-pkm: --period 0: expected more than 0 seconds
+pkm: --period 0: expected at least 0.000001 seconds
 exit 2
 
 "#]]
     );
+    assert_data_eq!(
+        bench.answer("replay linear-delta.ini line.ngc --period 1e-300", ""),
+        str![[r#"
+pkm: --period 0.000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000001: expected at least 0.000001 seconds
+exit 2
+
+"#]]
+    );
+    for command in ["replay", "preflight"] {
+        assert_data_eq!(
+            bench.answer(&format!("{command} linear-delta.ini nothing.ngc"), ""),
+            str![[r#"
+pkm: nothing.ngc: the program moves nothing
+exit 2
+
+"#]]
+        );
+    }
     let before = bench.files();
     let answer = bench.answer("replay linear-delta.ini line.ngc --plots file/plots", "");
     assert_data_eq!(
@@ -579,6 +684,8 @@ Commands:
   joints       Joint values of poses (inverse kinematics)
   pose         Poses of joint values (forward kinematics)
   replay       Writes the joint values that a program asks for
+  boxes        Finds and proves boxes of poses for the start without a seed
+  random       Writes a program of random moves and tool changes that the machine can run
   man          Writes the manual pages of pkm
   completions  Writes completions of pkm for a shell to standard output
   help         Print this message or the help of the given subcommand(s)
@@ -600,9 +707,11 @@ Checks that a machine's INI file fits together
 
 Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints and
 mobility, geometry hash, HOME of joints and axes against the kinematics, homing order against the
-cones, joint ranges, how well the legs hold the platform at home and at worst. At the end stand
-[AXIS_*] limits in which, without a tool, every pose is proved to be within reach, joint limits and
-cones, with legs that hold the platform. They stay within the axis limits that the file gives
+cones, whether HAL files wire the module's guard, joint ranges, how well the legs hold the platform
+at home and at worst. At the end stand [AXIS_*] limits in which, without a tool, every pose is
+proved to be within reach, joint limits, cones and the distance of rods, with legs that hold the
+platform; of a machine that tilts also whether that is proved with every tool of the tool table, and
+what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
 already; where it gives none, the machine sets the end.
 
 Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2 where the
@@ -639,7 +748,8 @@ exit 2
 
 #[test]
 fn a_program_that_fits() {
-    let bench = Bench::new().with("good.ngc", "G21 G90\nG0 X-70 Y45 Z60\nG1 X70 F3000\nM2\n");
+    let bench =
+        Bench::new().with("good.ngc", "G21 G90\nM52 P1\nG0 X-70 Y45 Z60\nG1 X70 F3000\nM2\n");
     assert_data_eq!(
         bench.answer("preflight linear-delta.ini good.ngc", ""),
         str![[r#"
@@ -647,12 +757,12 @@ good.ngc on linear-delta.ini
   moves              3, 228.5 mm long
   time               3.7 s at the programmed feed, without acceleration
   axis limits        10.0000 mm to spare: axis Z, before the program
-  joint range        49.6351 mm to spare: carriage 2, line 2
-  base cones         16.3126 degrees to spare: the base joint of leg 2, line 3
-  conditioning       0.5930 to spare: the platform, line 3
-  joint speed        141.5942 mm/s to spare: the speed of carriage 2, line 2
-  joint acceleration 2989.1822 mm/s² to spare: the acceleration of carriage 2, line 2
-  feed               joint speeds allow 1.894 times the programmed one, in line 2
+  joint range        49.6351 mm to spare: carriage 2, line 3
+  base cones         16.3126 degrees to spare: the base joint of leg 2, line 4
+  conditioning       0.5106 to spare: the conditioning, line 4
+  joint speed        141.5942 mm/s to spare: the speed of carriage 2, line 3
+  joint acceleration 2989.1822 mm/s² to spare: the acceleration of carriage 2, line 3
+  feed               joint speeds allow 1.894 times the programmed one, in line 3
 
 The program fits the machine.
 exit 0
@@ -664,7 +774,7 @@ exit 0
     let json: serde_json::Value =
         serde_json::from_str(told.strip_suffix("exit 0\n").unwrap()).unwrap();
     assert_eq!(json["fits"], true);
-    assert_eq!(json["lines"][1]["line"], 3);
+    assert_eq!(json["lines"][1]["line"], 4);
     let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
     assert!(page.contains("The program fits the machine.") && page.contains("<svg"));
     // A page that stands alone names no other file.
@@ -686,7 +796,7 @@ middle.ngc on linear-delta.ini
   axis limits        5.0000 mm to spare: axis X, line 2
   joint range        3.2551 mm beyond: carriage 0, line 4
   base cones         7.8904 degrees to spare: the base joint of leg 2, line 4
-  conditioning       0.5928 to spare: the platform, line 4
+  conditioning       0.5054 to spare: the conditioning, line 4
   joint speed        107.3164 mm/s to spare: the speed of carriage 2, line 2
   joint acceleration 2375.3215 mm/s² to spare: the acceleration of carriage 2, line 2
   feed               joint speeds allow 1.557 times the programmed one, in line 2
@@ -696,7 +806,11 @@ error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this 
   G1 X75 F3000
   at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
-help: the program fits with its work offset shifted by X 0 Y -35.04 Z 0 mm: checked, with the whole program
+warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
+
+help: the program fits with its work offset shifted by X 0 Y -35.04 Z 0 mm: checked, with the whole program.
+  Clamp the workpiece there, and once before the program run:
+  G10 L2 P0 X[#[5201 + 20*#5220]] Y[#[5202 + 20*#5220] + -35.04] Z[#[5203 + 20*#5220]]
 
 The program does not fit the machine.
 exit 1
@@ -712,7 +826,7 @@ far.ngc on linear-delta.ini
   axis limits        120.0000 mm beyond: axis Y, line 1
   joint range        12.4713 mm beyond: carriage 0, line 1
   base cones         18.4491 degrees beyond: the base joint of leg 1, line 1
-  conditioning       0.5930 to spare: the platform, line 1
+  conditioning       0.5009 to spare: the conditioning, line 1
   joint speed        4.0061 mm/s beyond: the speed of carriage 1, line 1
   joint acceleration 1080.1215 mm/s² beyond: the acceleration of carriage 1, line 1
   feed               joint speeds allow 0.332 times the programmed one, in line 1
@@ -746,9 +860,13 @@ warning: line 2: M52 P0 switches adaptive feed off: the guard cannot slow down a
 
 warning: line 4: G33 follows the spindle: neither feed override nor the guard slows it
 
+warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
+
 warning: the program says neither G20 nor G21: its lengths are read in the units of RS274NGC_STARTUP_CODE, else in mm
 
-help: the program fits with its work offset shifted by X 0 Y -124.36 Z 0 mm: checked, with the whole program
+help: the program fits with its work offset shifted by X 0 Y -124.36 Z 0 mm: checked, with the whole program.
+  Clamp the workpiece there, and once before the program run:
+  G10 L2 P0 X[#[5201 + 20*#5220]] Y[#[5202 + 20*#5220] + -124.36] Z[#[5203 + 20*#5220]]
 
 The program does not fit the machine.
 exit 1
@@ -802,7 +920,9 @@ fn every_subcommand_has_a_manual_page_and_completions() {
     let bench = Bench::new();
     assert_eq!(bench.answer("man pages", ""), "exit 0\n");
     let help = bench.answer("--help", "");
-    for name in ["check", "preflight", "joints", "pose", "replay", "man", "completions"] {
+    for name in
+        ["check", "preflight", "joints", "pose", "replay", "boxes", "random", "man", "completions"]
+    {
         assert!(help.contains(&format!("\n  {name} ")), "{name}: {help}");
         let page = fs::read_to_string(bench.0.path().join(format!("pages/pkm-{name}.1"))).unwrap();
         assert!(page.contains(".SH SYNOPSIS"), "{page}");
@@ -820,6 +940,49 @@ fn a_folder_that_cannot_be_written() {
         bench.answer("man file/pages", ""),
         str![[r#"
 pkm: file/pages: Not a directory (os error 20)
+exit 2
+
+"#]]
+    );
+}
+
+#[test]
+fn boxes_are_proved_and_found() {
+    let bench = Bench::new();
+    assert_data_eq!(
+        bench.answer("boxes linear-delta.ini", ""),
+        str![[r#"
+[BOX_0] proved with 19 cells: contraction [..]
+exit 0
+
+"#]]
+    );
+    let bench = bench.spoilt(" boxes=1", "").spoilt("[BOX_0]", "[OLD_BOX]");
+    let found = bench.answer("boxes linear-delta.ini", "");
+    assert!(found.starts_with("# boxes=1 in [KINS]KINEMATICS\n"), "{found}");
+    assert!(found.contains("[BOX_0]\nLOW = ") && found.ends_with("exit 0\n"), "{found}");
+    let bench = bench.spoilt("[AXIS_Z]\nTYPE = LINEAR\nMIN_LIMIT", "[AXIS_Z]\nOLD");
+    assert_data_eq!(
+        bench.answer("boxes linear-delta.ini", ""),
+        str![[r#"
+pkm: linear-delta.ini: an axis that the legs move lacks MIN_LIMIT or MAX_LIMIT
+exit 1
+
+"#]]
+    );
+}
+
+#[test]
+fn a_random_program_runs_through_preflight() {
+    let bench = Bench::new();
+    let program = bench.answer("random linear-delta.ini --seed 3 --seconds 20", "");
+    let bench = bench.with("random.ngc", program.strip_suffix("exit 0\n").unwrap());
+    let told = bench.answer("preflight linear-delta.ini random.ngc", "");
+    assert!(told.ends_with("The program fits the machine.\nexit 0\n"), "{told}");
+    assert_data_eq!(
+        bench.answer("random linear-delta.ini --seconds nan", ""),
+        str![[r#"
+pkm: --seconds NaN: expected more than 0 and at most 86400
 exit 2
 
 "#]]

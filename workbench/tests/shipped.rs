@@ -15,6 +15,12 @@ pub const MACHINES: [&str; 8] = [
     "tripod",
 ];
 
+/// `usual` cases, times PKMKINS_CASES where that is set.
+pub fn cases(usual: usize) -> usize {
+    let factor = std::env::var("PKMKINS_CASES").ok().and_then(|n| n.parse::<usize>().ok());
+    usual * factor.unwrap_or(1)
+}
+
 pub fn folder(machine: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
 }

@@ -254,9 +254,9 @@ causes! {
     TwoPoses = -102, "two poses are legal for these joint values (their distance is shown): the joints alone cannot tell which",
         "move the joints in joint mode to a place where only one is";
     BoxInvalid = -103, "a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0)",
-        "let pkm-boxes write the [BOX_K] sections again";
+        "let pkm boxes write the [BOX_K] sections again";
     BoxOfOther = -104, "a box of the workspace was proved for another geometry (its number is shown unless it is 0)",
-        "let pkm-boxes write the [BOX_K] sections again, or leave them out";
+        "let pkm boxes write the [BOX_K] sections again, or leave them out";
 }
 
 impl Cause {

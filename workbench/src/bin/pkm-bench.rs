@@ -1,14 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Poses a second of inverse over a whole workspace: in a loop, and in batches on one core and
-//! more. Times are printed, never asserted; what stays are the ratios of one run.
+//! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
+//! and lines a second of programs followed before cutting. Times are printed, never asserted; what
+//! stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
 use pkm::batch;
+use pkm::fit::Offset;
+use pkm::interpreter::{self, LINUXCNC_PROGRAMS};
 use pkm::machine::MachineConfig;
+use pkm::preflight::preflight;
+use std::fmt::Write;
+use std::fs;
 use std::hint::black_box;
 use std::num::NonZero;
 use std::path::Path;
 use std::time::Instant;
+
+/// Lines of the long program.
+const LINES: u32 = 1_000_000;
 
 /// Poses a scan, and scans of each kind in turns; the median counts.
 const POSES: u32 = 200_000;
@@ -64,6 +73,57 @@ fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
     println!("| {name} | {found} of {POSES} | {} |", rates.join(" | "));
 }
 
+/// Straight lines about the middle of the workspace, of half a millimetre each: a spiral that goes
+/// out and in again.
+fn long_program() -> String {
+    let mut text = String::from("G21 G90 G64\nM52 P1\nG0 X0 Y0 Z220\n");
+    for n in 0..LINES {
+        let turn = f64::from(n) * 0.02;
+        let radius = 25.0 + 20.0 * (f64::from(n) * 1e-4).sin();
+        let (x, y) = (radius * turn.cos(), radius * turn.sin());
+        let z = 220.0 + 10.0 * (turn * 0.1).sin();
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F1200");
+    }
+    text + "M2\n"
+}
+
+/// Largest memory of this process so far, MB.
+fn memory() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
+}
+
+fn followed(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
+    let start = Instant::now();
+    let moves = interpreter::moves_after(config, program, &offset.block()).unwrap();
+    let read = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let found = preflight(config, &moves, false, |_| ()).unwrap();
+    let time = start.elapsed().as_secs_f64();
+    let lines = moves.last().map_or(0, |step| step.line);
+    println!(
+        "| {name} | {lines} | {} | {read:.1} s | {time:.1} s | {:.0} | {:.0} MB |",
+        found.pieces,
+        f64::from(lines) / time,
+        memory().unwrap_or(f64::NAN)
+    );
+}
+
+fn programs(configs: &Path) {
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let long = folder.path().join("long.ngc");
+    fs::write(&long, long_program()).unwrap();
+    println!("\nPrograms followed by preflight on the hexapod; memory is the most so far:\n");
+    println!("| program | lines | pieces | interpreter | preflight | lines a second | memory |");
+    println!("|---|--:|--:|--:|--:|--:|--:|");
+    let chips = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
+    followed(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
+    followed(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });
+}
+
 fn main() {
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
     let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
@@ -77,4 +137,5 @@ fn main() {
         let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         row(&config, name, &cores);
     }
+    programs(&configs);
 }

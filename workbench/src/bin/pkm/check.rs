@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm check`.
 
-use super::{Failure, MachineFile, Verdict};
-use indicatif::{ProgressBar, ProgressStyle};
-use pkm::check::{Report, axis_lines, check};
+use super::{Bar, Failure, MachineFile, Verdict};
+use pkm::check::{Report, axis_lines, check, tilt_table};
 use pkm::diagnostic::rendered;
 use std::io::Write;
-
-/// Steps of the progress bar.
-const STEPS: u64 = 100;
 
 /// Checks that a machine's INI file fits together
 ///
 /// Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints
 /// and mobility, geometry hash, HOME of joints and axes against the kinematics, homing order
-/// against the cones, joint ranges, how well the legs hold the platform at home and at worst. At
-/// the end stand [AXIS_*] limits in which, without a tool, every pose is proved to be within reach,
-/// joint limits and cones, with legs that hold the platform. They stay within the axis limits that the file
-/// gives already; where it gives none, the machine sets the end.
+/// against the cones, whether HAL files wire the module's guard, joint ranges, how well the legs
+/// hold the platform at home and at worst. At the end stand [AXIS_*] limits in which, without a tool,
+/// every pose is proved to be within reach, joint limits, cones and the distance of rods, with legs
+/// that hold the platform; of a machine that tilts also whether that is proved with every tool of
+/// the tool table, and what a smaller tilt gains in X, Y and Z. They stay within the axis limits that
+/// the file gives already; where it gives none, the machine sets the end.
 ///
 /// Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2
 /// where the file describes no machine.
@@ -29,13 +27,9 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let file = &arguments.machine.machine;
-    // Hidden where standard error is no terminal.
-    let bar = ProgressBar::new(STEPS).with_message("looking for a box of poses");
-    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
-        bar.set_style(style);
-    }
-    let report = check(file, |share| bar.set_position((share * STEPS as f64) as u64))?;
-    bar.finish_and_clear();
+    let bar = Bar::new("looking for boxes of poses");
+    let report = check(file, |share| bar.set(share))?;
+    drop(bar);
     let verdict = if report.fits() { Verdict::Fits } else { Verdict::Misfit };
     // A reader that has gone away does not change the verdict.
     match write(&report) {
@@ -58,13 +52,18 @@ fn write(report: &Report) -> std::io::Result<()> {
         writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
     }
     if let Some(limits) = &report.suggestion {
-        let text = match report.is_whole {
-            true => {
-                "Proved: without a tool the machine can take every pose within its axis limits:"
-            }
-            false => "Proved: without a tool the machine can take every pose within these limits:",
-        };
-        write!(out, "\n{text}\n\n{}", axis_lines(config, limits))?;
+        let limited = if report.is_whole { "its axis limits" } else { "these limits" };
+        let text = "Proved: without a tool the machine can take every pose within";
+        writeln!(out, "\n{text} {limited}:\n")?;
+        write!(out, "{}", axis_lines(config, limits))?;
+    }
+    if !report.tilts.is_empty() {
+        let unit = config.length_unit();
+        writeln!(
+            out,
+            "\nBoxes in {unit} about home proved for A and B up to a tilt, without a tool:\n"
+        )?;
+        write!(out, "{}", tilt_table(config, &report.tilts))?;
     }
     writeln!(out, "\n{}", verdict(report))?;
     out.flush()

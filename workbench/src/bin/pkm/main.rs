@@ -4,23 +4,34 @@
 //! A module has `Arguments`, whose documentation is the help, manual page and completion, and
 //! `run`. Results go to standard output, what is wrong with the input to standard error.
 
+mod boxes;
 mod check;
 mod completions;
 mod joints;
 mod man;
 mod pose;
 mod preflight;
+mod random;
 mod replay;
 mod rows;
 
 use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
 use kinematics::Fault;
 use pkm::diagnostic::{Severity, rendered};
 use pkm::ini::{Ini, IniError};
+use pkm::interpreter::Move;
 use pkm::machine::{MachineConfig, MachineError};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
+
+/// Steps of a progress bar.
+const STEPS: u64 = 1000;
+
+/// Of what shows that something goes on.
+const TICK: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
     Cli::parse().run()
@@ -82,7 +93,11 @@ impl From<IniError> for Failure {
 impl From<MachineError> for Failure {
     fn from(error: MachineError) -> Self {
         match error {
-            MachineError::Ini(error) => error.into(),
+            MachineError::Ini(errors) => {
+                let shown: Vec<String> =
+                    errors.iter().map(|error| rendered(Severity::Error, &error.0)).collect();
+                Self::Shown(shown.join("\n\n"))
+            }
             MachineError::Geometry(file, fault) => Self::of_geometry(&file, fault),
         }
     }
@@ -110,6 +125,8 @@ commands! {
     Joints => joints,
     Pose => pose,
     Replay => replay,
+    Boxes => boxes,
+    Random => random,
     Man => man,
     Completions => completions,
 }
@@ -139,6 +156,44 @@ struct MachineFile {
 impl MachineFile {
     fn read(&self) -> Result<MachineConfig, Failure> {
         Ok(MachineConfig::read(&self.machine)?)
+    }
+}
+
+/// Whether a program leaves the machine where it is.
+fn is_still(config: &MachineConfig, moves: &[Move]) -> bool {
+    moves.iter().all(|step| step.end == config.home)
+}
+
+/// What shows how much of a long work is done; hidden where standard error is no terminal, and
+/// gone with its owner.
+struct Bar(ProgressBar);
+
+impl Bar {
+    /// Of work whose length is known.
+    fn new(message: &'static str) -> Self {
+        let bar = ProgressBar::new(STEPS).with_message(message);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
+            bar.set_style(style);
+        }
+        Self(bar)
+    }
+
+    /// Of work that takes as long as it takes.
+    fn spinner(message: &'static str) -> Self {
+        let bar = ProgressBar::new_spinner().with_message(message);
+        bar.enable_steady_tick(TICK);
+        Self(bar)
+    }
+
+    /// The share that is done.
+    fn set(&self, share: f64) {
+        self.0.set_position((share * STEPS as f64) as u64);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
     }
 }
 

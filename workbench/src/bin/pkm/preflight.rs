@@ -1,21 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm preflight`.
 
-use super::{Failure, MachineFile, Verdict};
-use indicatif::{ProgressBar, ProgressStyle};
-use kinematics::Letter;
+use super::{Bar, Failure, MachineFile, Verdict, is_still};
+use kinematics::{Fault, Letter};
 use pkm::cautions::{Caution, cautions};
+use pkm::fit::{self, Offset};
 use pkm::ini::Ini;
 use pkm::interpreter::{self, Move};
 use pkm::machine::MachineConfig;
 use pkm::preflight::{Break, LineLoad, Preflight, preflight};
-use pkm::{fit, plots, report};
+use pkm::{plots, report};
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
-
-/// Steps of the progress bar.
-const STEPS: u64 = 1000;
 
 /// Checks before cutting that a program fits a machine
 ///
@@ -26,7 +23,8 @@ const STEPS: u64 = 1000;
 /// accelerations are those of the programmed feed, as LinuxCNC's planner limits it, at a feed
 /// override of 100 %. Every limit is told with the first line that breaks it, and with how near
 /// the program comes to it. Where it does not fit, a shift of the work offset is searched that
-/// makes it fit, and checked by running the interpreter again.
+/// makes it fit, and where the program leaves the platform level also a turn about Z; both are
+/// checked by running the interpreter again.
 ///
 /// Exit status: 0 where the program fits (warnings may be told), 1 where it does not, 2 where that
 /// could not be judged.
@@ -60,8 +58,16 @@ struct Answer<'a> {
     #[serde(flatten)]
     found: &'a Preflight,
     warnings: Vec<Caution>,
-    /// Shift of the work offset, X Y Z in machine units, under which the program fits.
-    shift: Option<[f64; 3]>,
+    /// Another work offset, under which the program fits.
+    offset: Option<Suggestion>,
+}
+
+/// A work offset that was checked, and the block that sets it.
+#[derive(Serialize)]
+struct Suggestion {
+    #[serde(flatten)]
+    offset: Offset,
+    block: String,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -72,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let text = String::from_utf8_lossy(&bytes);
     let moves = interpreter::moves(&config, &arguments.program, None)
         .map_err(|error| Failure::Told(error.to_string()))?;
-    if moves.iter().all(|step| step.line == 0) {
+    if is_still(&config, &moves) {
         return Err(Failure::at(&arguments.program, "the program moves nothing"));
     }
     let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
@@ -84,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         fits: found.fits(),
         found: &found,
         warnings,
-        shift: if found.fits() { None } else { shift(&config, arguments, &moves)? },
+        offset: offset(&config, arguments, &moves, &found)?,
     };
     let blocks: Vec<&str> = text.lines().collect();
     if let Some(file) = &arguments.report {
@@ -104,15 +110,9 @@ fn followed(
     keep: bool,
     message: &'static str,
 ) -> Result<Preflight, Failure> {
-    // Hidden where standard error is no terminal.
-    let bar = ProgressBar::new(STEPS).with_message(message);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
-        bar.set_style(style);
-    }
-    let found =
-        preflight(config, moves, keep, |share| bar.set_position((share * STEPS as f64) as u64));
-    bar.finish_and_clear();
-    found.map_err(|fault| Failure::Told(fault.to_string()))
+    let bar = Bar::new(message);
+    preflight(config, moves, keep, |share| bar.set(share))
+        .map_err(|fault| Failure::Told(fault.to_string()))
 }
 
 fn tilted(line: u32) -> Caution {
@@ -121,21 +121,47 @@ fn tilted(line: u32) -> Caution {
     Caution { line: Some(line), text: text.into() }
 }
 
-/// A shift that the interpreter and the whole check confirm.
-fn shift(
+/// Another work offset that the interpreter and the whole check confirm: a shift where one will
+/// do, else one that is turned as well.
+fn offset(
     config: &MachineConfig,
     arguments: &Arguments,
     moves: &[Move],
-) -> Result<Option<[f64; 3]>, Failure> {
-    let found = fit::shift(config, moves).map_err(|fault| Failure::Told(fault.to_string()))?;
-    let Some(shift) = found.filter(|shift| shift.iter().any(|x| *x != 0.0)) else {
+    found: &Preflight,
+) -> Result<Option<Suggestion>, Failure> {
+    if found.breaks.iter().all(|told| told.limit.is_of_feed()) {
+        // Another place does not make a program slower.
         return Ok(None);
-    };
-    let Ok(moves) = interpreter::shifted_moves(config, &arguments.program, shift) else {
+    }
+    let fault = |fault: Fault| Failure::Told(fault.to_string());
+    let bar = Bar::spinner("looking for another work offset");
+    let shifted = fit::shift(config, moves).map_err(fault)?;
+    drop(bar);
+    if let Some(found) = confirmed(config, arguments, shifted)? {
+        return Ok(Some(found));
+    }
+    if !fit::may_turn(config, moves) {
+        return Ok(None);
+    }
+    let bar = Bar::spinner("looking for a turned work offset");
+    let turned = fit::turn(config, moves).map_err(fault)?;
+    drop(bar);
+    confirmed(config, arguments, turned)
+}
+
+fn confirmed(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    offset: Option<Offset>,
+) -> Result<Option<Suggestion>, Failure> {
+    let Some(offset) = offset else { return Ok(None) };
+    let block = offset.block();
+    // Under another offset the interpreter may refuse the program: cutter radii, arcs.
+    let Ok(moves) = interpreter::moves_after(config, &arguments.program, &block) else {
         return Ok(None);
     };
     let checked = followed(config, &moves, false, "trying another work offset")?;
-    Ok(checked.fits().then_some(shift))
+    Ok(checked.fits().then_some(Suggestion { offset, block }))
 }
 
 fn tell(
@@ -189,10 +215,16 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[&str]) -> String 
         let place = line.map_or(String::new(), |line| format!("line {line}: "));
         text.push_str(&format!("\nwarning: {place}{caution}\n"));
     }
-    if let Some([x, y, z]) = answer.shift {
+    if let Some(Suggestion { offset: Offset { shift: [x, y, z], turn }, block }) = &answer.offset {
+        let how = match *turn {
+            0.0 => format!("shifted by X {x} Y {y} Z {z} {unit}"),
+            _ => format!(
+                "turned by {turn} degrees about Z and then shifted by X {x} Y {y} Z {z} {unit}"
+            ),
+        };
         text.push_str(&format!(
-            "\nhelp: the program fits with its work offset shifted by X {x} Y {y} Z {z} {unit}: \
-             checked, with the whole program\n"
+            "\nhelp: the program fits with its work offset {how}: checked, with the whole program.\n  \
+             Clamp the workpiece there, and once before the program run:\n  {block}\n"
         ));
     }
     let verdict = match (answer.fits, answer.warnings.is_empty()) {

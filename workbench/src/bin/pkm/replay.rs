@@ -2,11 +2,11 @@
 //! `pkm replay`.
 
 use super::joints::{coordinates, joint_names};
-use super::{Failure, MachineFile, Verdict};
+use super::{Bar, Failure, MachineFile, Verdict, is_still};
 use pkm::interpreter;
 use pkm::machine::MachineConfig;
 use pkm::plots;
-use pkm::replay::{Visit, replay_seen};
+use pkm::replay::{Visit, duration_of_all, replay_seen};
 use pkm::report::write_whole;
 use pkm::trace::Sample;
 use std::io::{BufWriter, Write};
@@ -37,17 +37,21 @@ pub struct Arguments {
     plots: Option<PathBuf>,
 }
 
+/// Shortest time between poses, seconds: far below any servo period.
+const SHORTEST_PERIOD: f64 = 1e-6;
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let period = arguments.period.unwrap_or(config.period);
-    if !(period > 0.0 && period.is_finite()) {
-        return Err(Failure::Told(format!("--period {period}: expected more than 0 seconds")));
+    if !(period >= SHORTEST_PERIOD && period.is_finite()) {
+        let text = format!("--period {period}: expected at least {SHORTEST_PERIOD} seconds");
+        return Err(Failure::Told(text));
     }
     std::fs::File::open(&arguments.program)
         .map_err(|error| Failure::at(&arguments.program, error))?;
     let moves = interpreter::moves(&config, &arguments.program, None)
         .map_err(|error| Failure::Told(error.to_string()))?;
-    if moves.iter().all(|step| step.line == 0) {
+    if is_still(&config, &moves) {
         return Err(Failure::at(&arguments.program, "the program moves nothing"));
     }
     if let Some(folder) = &arguments.plots {
@@ -58,7 +62,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     writeln!(out, "{}", names.concat().join(","))?;
     let mut samples = vec![];
     let mut unwritten = None;
+    let whole = duration_of_all(&config, &moves);
+    let bar = Bar::new("replaying");
     let replayed = replay_seen(&config, &moves, period, |visit| {
+        bar.set(visit.time / whole);
         if unwritten.is_none() {
             unwritten = write_row(&mut out, &config, visit).err();
         }
@@ -66,6 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             samples.push(sample(visit));
         }
     });
+    drop(bar);
     match unwritten {
         Some(error) => return Err(error.into()),
         None => out.flush()?,
