@@ -445,14 +445,20 @@ fn direction(leg: &Segment) -> Vector3<f64> {
 }
 
 fn drive(leg: &LegGeometry, segment: &Segment) -> Option<f64> {
-    let motion = match leg.kind {
-        LegKind::Strut(_) => return None,
-        LegKind::Slider(slider) => Vector3::from(slider.guide),
+    Some(direction(segment).dot(&drive_rate(leg, segment)?.normalize()).abs())
+}
+
+/// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
+pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
+    match leg.kind {
+        LegKind::Strut(_) => None,
+        LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
         LegKind::Crank(crank) => {
-            Vector3::from(crank.axis).cross(&(segment.base - Vector3::from(leg.base)))
+            let arm = segment.base - Vector3::from(leg.base);
+            let axis = Vector3::from(crank.axis).normalize();
+            Some(axis.cross(&arm) * (std::f64::consts::PI / 180.0))
         }
-    };
-    Some(direction(segment).dot(&motion.normalize()).abs())
+    }
 }
 
 fn leg_section(n: usize) -> String {

@@ -13,18 +13,19 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use std::ops::Range;
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(crate) type Chart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-const SIZE: (u32, u32) = (960, 600);
-const TIME: &str = "time in s";
-const FONT: &str = "sans-serif";
+pub(crate) const SIZE: (u32, u32) = (960, 600);
+pub(crate) const TIME: &str = "time in s";
+pub(crate) const FONT: &str = "sans-serif";
 /// Marks of a dashed line are placed by pixels; more points than pixels only cost size.
 const MOST_POINTS: usize = 1500;
 /// Tool axes drawn along the path.
 const NEEDLES: usize = 60;
 /// Plots of joints are this much longer than the data: the legend covers nothing.
-const LEGEND_ROOM: f64 = 1.2;
+pub(crate) const LEGEND_ROOM: f64 = 1.2;
 /// A path does not move along a coordinate that changes by less than this share of the others.
 const LEAST_EXTENT: f64 = 1e-6;
 /// Isometric view: X to the right and down, Y to the right and up, Z up.
@@ -39,7 +40,7 @@ const LEFT: u32 = 64;
 const CAPTION: u32 = 28;
 
 /// Dark shades that print apart, and (dash, gap) in pixels.
-const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
+pub(crate) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
     (RGBColor(0, 0, 0), (40, 1)),
     (RGBColor(0, 90, 160), (12, 5)),
     (RGBColor(180, 40, 20), (5, 4)),
@@ -51,18 +52,18 @@ const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
 ];
 
 /// One named line of a plot.
-struct Line {
-    name: String,
-    points: Vec<(f64, f64)>,
+pub(crate) struct Line {
+    pub name: String,
+    pub points: Vec<(f64, f64)>,
 }
 
 /// What stands around the lines.
-struct Frame<'a> {
-    title: &'a str,
-    x: &'a str,
-    y: &'a str,
+pub(crate) struct Frame<'a> {
+    pub title: &'a str,
+    pub x: &'a str,
+    pub y: &'a str,
     /// Horizontal lines, named.
-    limits: Vec<(String, f64)>,
+    pub limits: Vec<(String, f64)>,
 }
 
 /// A plot: its file name and its SVG text.
@@ -173,7 +174,7 @@ fn margins(places: &[Place]) -> Result<String, String> {
 }
 
 /// As [`thin`], keeping the lowest points.
-fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+pub(crate) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let points: Vec<(f64, f64)> = points.filter(|point| point.1.is_finite()).collect();
     let group = points.len().div_ceil(MOST_POINTS).max(1);
     let least = |group: &[(f64, f64)]| {
@@ -343,7 +344,7 @@ fn lines<'a, const N: usize>(
 }
 
 /// Few enough points; every group keeps its point of largest amount, so that peaks stay.
-fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+pub(crate) fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let points: Vec<(f64, f64)> = points.collect();
     let group = points.len().div_ceil(MOST_POINTS).max(1);
     let peak = |group: &[(f64, f64)]| {
@@ -352,7 +353,7 @@ fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     points.chunks(group).map(peak).collect()
 }
 
-fn drawn_lines(frame: &Frame, lines: &[Line]) -> Result<String, String> {
+pub(crate) fn drawn_lines(frame: &Frame, lines: &[Line]) -> Result<String, String> {
     drawn(|root| {
         let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1));
         let y = padded(values.chain(frame.limits.iter().map(|limit| limit.1)));
@@ -460,7 +461,7 @@ fn needle(sample: &Sample, length: f64) -> [(f64, f64); 2] {
     [project(pose.position.into()), project(end.into())]
 }
 
-fn project([x, y, z]: [f64; 3]) -> (f64, f64) {
+pub(crate) fn project([x, y, z]: [f64; 3]) -> (f64, f64) {
     ((x + y) * COS_30, z + (y - x) * 0.5)
 }
 
@@ -480,7 +481,7 @@ fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
 }
 
 /// Both axes at one scale.
-fn path_axes<'a, 'b>(
+pub(crate) fn path_axes<'a, 'b>(
     area: &'a Area<'b>,
     frame: &Frame,
     points: &[(f64, f64)],
@@ -496,7 +497,7 @@ fn path_axes<'a, 'b>(
     axes(area, frame, around(x, width), around(y, height))
 }
 
-fn axes<'a, 'b>(
+pub(crate) fn axes<'a, 'b>(
     area: &'a Area<'b>,
     frame: &Frame,
     x: Range<f64>,
@@ -528,7 +529,7 @@ fn tick(value: &f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0)
 }
 
-fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Result<(), String> {
+pub(crate) fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Result<(), String> {
     for (line, (colour, (dash, gap))) in lines.iter().zip(STYLES) {
         let style = colour.stroke_width(2);
         let sample = move |(x, y)| DashedPathElement::new([(x, y), (x + 34, y)], dash, gap, style);
@@ -539,7 +540,7 @@ fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Result<(), String> {
     Ok(())
 }
 
-fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), String> {
+pub(crate) fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), String> {
     chart
         .configure_series_labels()
         .background_style(WHITE.mix(0.85))
@@ -557,14 +558,14 @@ fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// The range of the values with a margin; a flat line gets one unit around it.
-fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
+pub(crate) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = span(values);
     let span = high - low;
     let margin = if span > 1e-9 * high.abs() { 0.06 * span } else { 1.0 };
     low - margin..high + margin
 }
 
-fn drawn(draw: impl FnOnce(&Area) -> Result<(), String>) -> Result<String, String> {
+pub(crate) fn drawn(draw: impl FnOnce(&Area) -> Result<(), String>) -> Result<String, String> {
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
@@ -575,7 +576,7 @@ fn drawn(draw: impl FnOnce(&Area) -> Result<(), String>) -> Result<String, Strin
     Ok(svg)
 }
 
-fn text(error: impl std::fmt::Display) -> String {
+pub(crate) fn text(error: impl std::fmt::Display) -> String {
     format!("the plot cannot be drawn: {error}")
 }
 

@@ -12,10 +12,10 @@ use std::process::{Command, Stdio};
 const PKM: &str = env!("CARGO_BIN_EXE_pkm");
 
 /// A folder with the linear delta in it, to be spoilt.
-struct Bench(tempfile::TempDir);
+pub struct Bench(pub tempfile::TempDir);
 
 impl Bench {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let bench = Self(tempfile::tempdir().unwrap());
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/linear-delta");
         for file in ["linear-delta.ini", "linear-delta.tbl"] {
@@ -25,7 +25,7 @@ impl Bench {
     }
 
     /// Writes a file.
-    fn with(self, name: &str, text: &str) -> Self {
+    pub fn with(self, name: &str, text: &str) -> Self {
         fs::write(self.0.path().join(name), text).unwrap();
         self
     }
@@ -48,7 +48,7 @@ impl Bench {
     }
 
     /// What the command answers, with its exit code.
-    fn answer(&self, words: &str, input: &str) -> String {
+    pub fn answer(&self, words: &str, input: &str) -> String {
         let mut child = self.command(words).spawn().unwrap();
         // A command that does not read it may have ended already.
         let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
@@ -64,7 +64,7 @@ impl Bench {
         shown.replace(&folder, "FOLDER")
     }
 
-    fn files(&self) -> usize {
+    pub fn files(&self) -> usize {
         fs::read_dir(self.0.path()).unwrap().count()
     }
 }
@@ -684,6 +684,10 @@ Commands:
   joints       Joint values of poses (inverse kinematics)
   pose         Poses of joint values (forward kinematics)
   replay       Writes the joint values that a program asks for
+  rods         Where the legs are along a program or a list of poses
+  sensitivity  What errors of the joints do to the pose, and where singular poses are
+  stiffness    How stiffly the legs hold the tool
+  workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
   man          Writes the manual pages of pkm
@@ -920,9 +924,21 @@ fn every_subcommand_has_a_manual_page_and_completions() {
     let bench = Bench::new();
     assert_eq!(bench.answer("man pages", ""), "exit 0\n");
     let help = bench.answer("--help", "");
-    for name in
-        ["check", "preflight", "joints", "pose", "replay", "boxes", "random", "man", "completions"]
-    {
+    for name in [
+        "check",
+        "preflight",
+        "joints",
+        "pose",
+        "replay",
+        "rods",
+        "sensitivity",
+        "stiffness",
+        "workspace",
+        "boxes",
+        "random",
+        "man",
+        "completions",
+    ] {
         assert!(help.contains(&format!("\n  {name} ")), "{name}: {help}");
         let page = fs::read_to_string(bench.0.path().join(format!("pages/pkm-{name}.1"))).unwrap();
         assert!(page.contains(".SH SYNOPSIS"), "{page}");

@@ -10,18 +10,26 @@ mod completions;
 mod joints;
 mod man;
 mod pose;
+mod poses;
 mod preflight;
 mod random;
 mod replay;
+mod rods;
 mod rows;
+mod sensitivity;
+mod stiffness;
+mod workspace;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use kinematics::Fault;
+use kinematics::{Fault, Letter, Pose};
 use pkm::diagnostic::{Severity, rendered};
 use pkm::ini::{Ini, IniError};
 use pkm::interpreter::Move;
 use pkm::machine::{MachineConfig, MachineError};
+use pkm::plots::Plot;
+use pkm::report::write_whole;
+use pkm::study::Study;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -125,6 +133,10 @@ commands! {
     Joints => joints,
     Pose => pose,
     Replay => replay,
+    Rods => rods,
+    Sensitivity => sensitivity,
+    Stiffness => stiffness,
+    Workspace => workspace,
     Boxes => boxes,
     Random => random,
     Man => man,
@@ -195,6 +207,36 @@ impl Drop for Bar {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
+}
+
+/// What LinuxCNC does not know of the machine.
+#[derive(clap::Args, Clone, Debug)]
+struct StudyFile {
+    /// A TOML file with what studies need: stiffnesses, errors, diameters, limits
+    #[arg(long = "study", value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: Option<PathBuf>,
+}
+
+impl StudyFile {
+    /// The file, or a study in which every value is missing.
+    fn read(&self) -> Result<Study, Failure> {
+        self.study.as_deref().map_or(Ok(Study::default()), Study::read).map_err(Failure::Told)
+    }
+}
+
+/// A pose as a block of a program would name it.
+fn in_words(pose: &Pose) -> String {
+    let word = |(letter, value): (&Letter, f64)| format!("{}{:.4}", letter.name(), value + 0.0);
+    Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// Pictures into a folder, which is made if needed.
+fn write_plots(folder: &Path, plots: &[Plot]) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+    for plot in plots {
+        write_whole(&folder.join(&plot.file), &plot.svg).map_err(Failure::Told)?;
+    }
+    Ok(())
 }
 
 impl Cli {

@@ -45,19 +45,12 @@ fn stream(
     named: &[String],
     mut reply: impl FnMut(&[f64]) -> Answer,
 ) -> Result<Verdict, Failure> {
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::stdin().lock());
-    let header = reader.headers().map_err(|error| unread(&error))?.clone();
-    let places = places(&header, columns)?;
+    let rows = Rows::open(columns)?;
     let mut out = csv::Writer::from_writer(anstream::stdout().lock());
     out.write_record(named).map_err(unwritten)?;
     let mut verdict = Verdict::Fits;
-    for record in reader.into_records() {
-        let record = record.map_err(|error| unread(&error))?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let values = numbers(&record, &places)
-            .map_err(|word| Failure::Told(format!("{INPUT}:{line}: \"{word}\" is no number")))?;
-        let cells = match reply(&values) {
+    rows.each(|line, values| {
+        let cells = match reply(values) {
             Ok(values) => values.iter().map(f64::to_string).collect(),
             Err(text) => {
                 let _ = writeln!(anstream::stderr(), "pkm: {INPUT}:{line}: {text}");
@@ -65,10 +58,43 @@ fn stream(
                 vec![String::new(); named.len()]
             }
         };
-        out.write_record(cells).map_err(unwritten)?;
-    }
+        out.write_record(cells).map_err(unwritten)
+    })?;
     out.flush()?;
     Ok(verdict)
+}
+
+/// Rows of standard input, whose header has named the columns wanted.
+pub struct Rows {
+    reader: csv::Reader<std::io::StdinLock<'static>>,
+    places: Vec<usize>,
+}
+
+impl Rows {
+    /// Reads the header, which has to name all `columns`; others are left alone.
+    pub fn open(columns: &[String]) -> Result<Self, Failure> {
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::stdin().lock());
+        let header = reader.headers().map_err(|error| unread(&error))?;
+        let places = places(header, columns)?;
+        Ok(Self { reader, places })
+    }
+
+    /// Shows every row with its line.
+    pub fn each(
+        self,
+        mut see: impl FnMut(u64, &[f64]) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        for record in self.reader.into_records() {
+            let record = record.map_err(|error| unread(&error))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let values = numbers(&record, &self.places).map_err(|word| {
+                Failure::Told(format!("{INPUT}:{line}: \"{word}\" is no number"))
+            })?;
+            see(line, &values)?;
+        }
+        Ok(())
+    }
 }
 
 fn places(header: &csv::StringRecord, columns: &[String]) -> Result<Vec<usize>, Failure> {
@@ -95,7 +121,8 @@ fn unread(error: &csv::Error) -> Failure {
     Failure::Told(format!("{INPUT}: {error}"))
 }
 
-fn unwritten(error: csv::Error) -> Failure {
+/// A failure of writing CSV to standard output.
+pub fn unwritten(error: csv::Error) -> Failure {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error.into(),
         other => Failure::Told(format!("standard output: {other:?}")),

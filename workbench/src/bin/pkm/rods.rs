@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm rods`.
+
+use super::joints::{coordinates, joint_names};
+use super::poses::{Source, Stop};
+use super::{Failure, MachineFile, StudyFile, Verdict, write_plots};
+use kinematics::Vector3;
+use pkm::machine::MachineConfig;
+use pkm::rods::{Rods, View};
+use pkm::study_plots::{Course, of_rods};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Where the legs are along a program or a list of poses
+///
+/// Writes CSV to standard output, a row a pose: joint values, both ends of every leg (that at
+/// the base moves with its carriage or arm), its length, its elevation above the XY plane and its
+/// azimuth about Z, its angles to its direction at home at both joints and to its guide, the
+/// angles between all legs, the gap of the two nearest legs with their numbers, and points of
+/// the platform. Machine units and degrees. The gap is the distance of the centre lines less
+/// `rod_diameter_mm` of the study file.
+///
+/// Exit status: 0, 1 where a pose has no joint values (told on standard error), 2 where input or
+/// output failed.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    source: Source,
+    /// A point of the platform to follow, in its frame; may be given several times
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    point: Vec<f64>,
+    #[command(flatten)]
+    study: StudyFile,
+    /// Also draws angles, gaps and points as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = arguments.study.read()?;
+    let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
+    let points = arguments.point.chunks(3).map(Vector3::from_column_slice).collect();
+    let view = View::new(&config, points, diameter);
+    let mut source = arguments.source.read(&config)?;
+    let mut told: Vec<String> = source.end.take().into_iter().collect();
+    let mut seen = vec![];
+    for stop in &source.stops {
+        match view.at(&stop.pose, &stop.tool) {
+            Ok(rods) => seen.push((*stop, rods)),
+            Err(fault) => told.push(format!("line {}: {fault}", stop.line)),
+        }
+    }
+    if let Some(folder) = arguments.plots.as_ref().filter(|_| !seen.is_empty()) {
+        let course = match source.is_program {
+            true => Course::in_time(seen.iter().map(|(stop, _)| stop.time).collect()),
+            false => Course::by_number(seen.len()),
+        };
+        let rods: Vec<Rods> = seen.iter().map(|(_, rods)| rods.clone()).collect();
+        write_plots(folder, &of_rods(&config, &course, &rods).map_err(Failure::Told)?)?;
+    }
+    for text in &told {
+        let _ = writeln!(anstream::stderr(), "pkm: {text}");
+    }
+    write_rows(&config, &view, &seen)?;
+    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
+    let mut out = csv::Writer::from_writer(std::io::stdout().lock());
+    let names =
+        [vec!["time".into(), "line".into()], coordinates(), joint_names(config), view.names()];
+    out.write_record(names.concat()).map_err(super::rows::unwritten)?;
+    for (stop, rods) in seen {
+        let joints = config.machine.inverse(&stop.pose, &stop.tool);
+        let joints = joints.map_err(|fault| Failure::Told(fault.to_string()))?;
+        let own = [vec![stop.time.to_string(), stop.line.to_string()]];
+        let numbers =
+            stop.pose.to_degrees().into_iter().chain(joints).take(6 + config.joints.len());
+        let values = rods.values().into_iter().map(|v| v.map_or(String::new(), |v| v.to_string()));
+        let cells = own.concat().into_iter().chain(numbers.map(|x| x.to_string())).chain(values);
+        out.write_record(cells.collect::<Vec<_>>()).map_err(super::rows::unwritten)?;
+    }
+    out.flush()?;
+    Ok(())
+}

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm workspace`.
+
+use super::joints::Tool;
+use super::{Bar, Failure, MachineFile, StudyFile, Verdict, write_plots};
+use kinematics::Vector3;
+use pkm::machine::MachineConfig;
+use pkm::report::write_whole;
+use pkm::study_plots::of_workspace;
+use pkm::workspace::{
+    Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
+};
+use std::io::Write;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Directions of a tilt.
+const DIRECTIONS: usize = 12;
+/// Rays of a slice.
+const SLICE_RAYS: usize = 720;
+/// Steps along a ray.
+const STEPS: f64 = 300.0;
+
+/// Where a machine can put its tool, and what limits it
+///
+/// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
+/// cones and reach of the INI file; of a study file the diameter of the rods, a smallest conditioning,
+/// and the turns of cardan base joints about their two axes. [AXIS_*] limits do not count. In one
+/// orientation, or at every one of a set: several --orientation, or --tilt for an angle in twelve
+/// directions. Tells how far it goes along X Y Z, the volume by the boundary and by counting a
+/// grid, which limit ends which share of the directions, and of each slice its area and the
+/// angles between which it is seen from the machine's origin. What is thinner than a step along a
+/// ray can be missed.
+///
+///     [legs]
+///     rod_diameter_mm = 30
+///     [limits]
+///     conditioning = 0.1
+///     base_pyramid_deg = [40, 30]  # about the fixed axis of the base joint, and across it
+///     base_axes = [[0, 1, 0], ...] # one a leg; without them BASE_N of the INI file
+///
+/// Exit status: 0, or 2 where there is no workspace around the place, or input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    study: StudyFile,
+    #[command(flatten)]
+    tool: Tool,
+    /// X Y Z of a place inside, from which the rays begin, instead of home
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    from: Option<Vec<f64>>,
+    /// A B C that every place has to allow; may be given several times
+    #[arg(long, num_args = 3, value_names = ["A", "B", "C"], allow_negative_numbers = true)]
+    orientation: Vec<f64>,
+    /// Every place has to allow a level platform and this tilt in every direction
+    #[arg(long, value_name = "DEGREES", conflicts_with = "orientation")]
+    tilt: Option<f64>,
+    /// A slice: xy, xz, yz, or a normal such as 1,1,0; may be given several times
+    #[arg(long, value_name = "PLANE", default_values = ["xz", "yz"])]
+    plane: Vec<String>,
+    /// Rays from pole to pole; twice as many go around
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(4..=2000))]
+    bands: u16,
+    /// Points of the grid along the longest side
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(4..=2000))]
+    grid: u16,
+    /// Threads instead of as many as there are cores
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZero<usize>>,
+    /// Writes the points of the boundary as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Writes the surface around the place as a Wavefront OBJ file
+    #[arg(long, value_name = "FILE.obj", value_hint = clap::ValueHint::FilePath)]
+    mesh: Option<PathBuf>,
+    /// Draws body and slices as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = arguments.study.read()?;
+    let orientations = orientations(arguments, &config)?;
+    let planes = planes(&arguments.plane)?;
+    let tool = arguments.tool.vector(&config);
+    let workspace = Workspace::new(&config, tool, orientations, &study).map_err(Failure::Told)?;
+    let from = match arguments.from.as_deref() {
+        Some(from) => Vector3::from_column_slice(from),
+        None => config.home_pose().position,
+    };
+    let bar = Bar::new("looking along rays");
+    let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let effort = Effort {
+        bands: arguments.bands.into(),
+        step: workspace.extent() / STEPS,
+        grid: arguments.grid.into(),
+        threads: arguments.threads.unwrap_or(most),
+        progress: &|share| bar.set(share),
+    };
+    let start = Instant::now();
+    let body = Body::seen(&workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
+    let counted = counted(&workspace, &body.corners(), &effort);
+    let slices: Vec<Slice> = planes
+        .into_iter()
+        .map(|plane| Slice::seen(&workspace, plane, from, SLICE_RAYS, &effort))
+        .collect();
+    let seconds = start.elapsed().as_secs_f64();
+    drop(bar);
+    if let Some(file) = &arguments.csv {
+        write_whole(file, &csv(&body)).map_err(Failure::Told)?;
+    }
+    if let Some(file) = &arguments.mesh {
+        write_whole(file, &obj(config.length_unit(), &body.mesh())).map_err(Failure::Told)?;
+    }
+    if let Some(folder) = &arguments.plots {
+        let plots = of_workspace(config.length_unit(), &body, &slices).map_err(Failure::Told)?;
+        write_plots(folder, &plots)?;
+    }
+    tell(&config, &workspace, &body, &counted, &slices, &effort)?;
+    let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
+    let looked = (body.looked() + counted.points + rays) as f64;
+    let _ = writeln!(
+        anstream::stderr(),
+        "{looked} positions, {:.2} million a second, threads: {}",
+        looked / seconds * 1e-6,
+        effort.threads
+    );
+    Ok(Verdict::Fits)
+}
+
+fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
+    Failure::Told(format!(
+        "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
+         for less tilt",
+        from.x, from.y, from.z
+    ))
+}
+
+fn orientations(arguments: &Arguments, config: &MachineConfig) -> Result<Vec<[f64; 3]>, Failure> {
+    match arguments.tilt {
+        Some(tilt) if (0.0..90.0).contains(&tilt) => Ok(tilts(config, tilt, DIRECTIONS)),
+        Some(tilt) => {
+            Err(Failure::Told(format!("--tilt {tilt}: expected 0 or more, and less than 90")))
+        }
+        None if arguments.orientation.is_empty() => Ok(vec![[0.0; 3]]),
+        None => Ok(arguments.orientation.chunks(3).map(|abc| [abc[0], abc[1], abc[2]]).collect()),
+    }
+}
+
+fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
+    let plane = |name: &String| {
+        let text = format!("--plane {name}: expected xy, xz, yz or a normal such as 1,1,0");
+        Plane::parse(name).ok_or(Failure::Told(text))
+    };
+    names.iter().map(plane).collect()
+}
+
+fn tell(
+    config: &MachineConfig,
+    workspace: &Workspace,
+    body: &Body,
+    counted: &Counted,
+    slices: &[Slice],
+    effort: &Effort,
+) -> Result<(), Failure> {
+    let unit = config.length_unit();
+    let mut out = anstream::stdout().lock();
+    let from = &body.from;
+    writeln!(out, "{} from X{} Y{} Z{}", config.file.display(), from.x, from.y, from.z)?;
+    for (name, direction) in [
+        ("+X", Vector3::x()),
+        ("-X", -Vector3::x()),
+        ("+Y", Vector3::y()),
+        ("-Y", -Vector3::y()),
+        ("+Z", Vector3::z()),
+        ("-Z", -Vector3::z()),
+    ] {
+        let ray: Ray = workspace.ray(from, &direction, effort.step);
+        writeln!(out, "  {name}      {:>14.6} {unit}: {}", ray.exit(), ray.limit)?;
+    }
+    let [boundary, grid] = [body.volume(), counted.volume];
+    writeln!(
+        out,
+        "  volume  {boundary:>14.0} {unit}^3 by the boundary, {grid:.0} on a grid of {} points: \
+         {:.2} % apart",
+        counted.points,
+        100.0 * (boundary / grid - 1.0).abs()
+    )?;
+    for slice in slices {
+        let seen = match slice.sector() {
+            Some([low, high]) => {
+                format!(
+                    "seen from the origin between {low:.2} and {high:.2} degrees, {:.2} wide",
+                    high - low
+                )
+            }
+            None => "around the origin".into(),
+        };
+        writeln!(out, "  {:<7} {:>14.0} {unit}^2, {seen}", slice.plane.name, slice.area())?;
+    }
+    writeln!(out, "  directions that each limit ends:")?;
+    for (limit, share) in body.shares() {
+        writeln!(out, "  {:>13.1} %  {limit}", 100.0 * share)?;
+    }
+    out.flush()?;
+    Ok(())
+}

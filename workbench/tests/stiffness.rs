@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Stiffness at the tool tip, against independent figures, the formulas of paper 004, differences
+//! of the core, and symmetry.
+
+use crate::shipped::{MACHINES, config};
+use kinematics::{Matrix3, Pose, Solver, Vector3};
+use nalgebra::Matrix6;
+use pkm::axis_box;
+use pkm::machine::MachineConfig;
+use pkm::stance::{Stance, rate_map};
+use pkm::stiffness::{Map, Stiffness, with_platform};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// N/mm.
+const STRUT: f64 = 1e4;
+const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
+
+fn at(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
+    let joints = vec![STRUT; config.joints.len()];
+    Stiffness::at(config, pose, tool, &joints).unwrap().unwrap()
+}
+
+fn close(found: f64, expected: f64) {
+    // Figures of 13 digits; roundings of an inverse whose condition is 1e5.
+    assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+}
+
+#[test]
+fn the_hexapod_at_home_is_as_stiff_as_in_an_independent_calculation() {
+    let config = config("hexapod");
+    let home = config.home_pose();
+    let matrix = at(&config, &home, &NO_TOOL).matrix.unwrap();
+    let diagonal = [
+        5428.243196703,
+        5428.243196703,
+        49143.51360659,
+        6.107245172758e8,
+        6.107245172758e8,
+        2.133066555990e8,
+    ];
+    for (k, expected) in diagonal.into_iter().enumerate() {
+        close(matrix[(k, k)], expected);
+    }
+    close(matrix[(0, 4)], -833367.6097677);
+    // A tool that ends 100 mm below the control point.
+    let tip = at(&config, &home, &Vector3::new(0.0, 0.0, 100.0)).translation();
+    for (found, expected) in
+        tip.stiffness.into_iter().zip([5258.847770271, 5258.847770271, 49143.51360659])
+    {
+        close(found, expected);
+    }
+}
+
+fn cross(r: &Vector3<f64>) -> Matrix3<f64> {
+    r.cross_matrix()
+}
+
+#[test]
+fn the_tip_is_reached_by_the_blocks_of_paper_004_as_well() {
+    let config = config("hexapod");
+    let pose = Pose::from_degrees([60.0, -40.0, 300.0, 12.0, -9.0, 15.0]);
+    let tool = Vector3::new(5.0, -8.0, 100.0);
+    let matrix = at(&config, &pose, &NO_TOOL).matrix.unwrap();
+    let block = |i, j| matrix.fixed_view::<3, 3>(i, j).into_owned();
+    let (kp, kc, kk) = (block(0, 0), block(0, 3), block(3, 3));
+    let inverse = |m: Matrix3<f64>| m.try_inverse().unwrap();
+    let c11 = inverse(kp - kc * inverse(kk) * kc.transpose());
+    let c22 = inverse(kk - kc.transpose() * inverse(kp) * kc);
+    let c12 = -inverse(kp) * kc * c22;
+    // The platform stands where it stood: only the point that is asked about moves.
+    let x = cross(&(pose.rotation() * -tool));
+    let expected = c11 + c12 * x + x.transpose() * c12.transpose() + x.transpose() * c22 * x;
+    let mut moved = pose;
+    // With a tool o the control point is given as tip + o, see the core's `inverse`.
+    moved.position = pose.position - pose.rotation() * tool + tool;
+    let found = at(&config, &moved, &tool).compliance.fixed_view::<3, 3>(0, 0).into_owned();
+    assert!((found - expected).abs().max() < 1e-9 * expected.abs().max(), "{found} {expected}");
+}
+
+#[test]
+fn a_force_moves_the_tool_as_forward_kinematics_of_the_yielding_struts_say() {
+    // Without a lead, so that a joint is a strut; forces of struts by duality, W = Gᵀ f.
+    let config = config("lab-hexapod");
+    let pose = Pose::from_degrees([30.0, -20.0, 680.0, 6.0, -7.0, 9.0]);
+    let stiffness = at(&config, &pose, &NO_TOOL);
+    let rows = Stance::new(&config, pose, NO_TOOL).unwrap().rows();
+    let joints = config.machine.inverse(&pose, &NO_TOOL).unwrap();
+    let map = rate_map(&pose);
+    let mut to_twist = Matrix6::identity();
+    to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
+    for k in 0..6 {
+        let mut wrench = nalgebra::Vector6::zeros();
+        // So much that struts yield by micrometres.
+        wrench[k] = if k < 3 { 10.0 } else { 1e3 };
+        let g = rows.fixed_rows::<6>(0) * to_twist.try_inverse().unwrap();
+        let forces = g.transpose().try_inverse().unwrap() * wrench;
+        let side = |sign: f64| {
+            let mut off = joints;
+            (0..6).for_each(|j| off[j] += sign * forces[j] / STRUT);
+            config.machine.forward(&off, &pose, &NO_TOOL, &Solver::default()).unwrap().pose
+        };
+        let (more, less) = (side(1.0), side(-1.0));
+        let moved = (more.position - less.position) / 2.0;
+        let turned = map * ((more.angles - less.angles) / 2.0);
+        let expected = stiffness.compliance * wrench;
+        let scale = expected.fixed_rows::<3>(0).norm() + 100.0 * expected.fixed_rows::<3>(3).norm();
+        for i in 0..3 {
+            // Curvature: micrometres squared over the size, 1e-8 of the displacement.
+            assert!((moved[i] - expected[i]).abs() < 1e-6 * scale, "{k} {i}");
+            assert!(100.0 * (turned[i] - expected[i + 3]).abs() < 1e-6 * scale, "{k} {i}");
+        }
+    }
+}
+
+#[test]
+fn a_compliance_is_symmetric_and_nowhere_negative_on_any_machine() {
+    for machine in MACHINES {
+        let config = config(machine);
+        let range = axis_box::range(&config);
+        let mut rng = Pcg64::seed_from_u64(4);
+        for _ in 0..20 {
+            let pose = Pose::from_degrees(range.at(std::array::from_fn(|_| rng.random())));
+            let joints = vec![STRUT; config.joints.len()];
+            let Ok(Some(found)) = Stiffness::at(&config, &pose, &config.spindle, &joints) else {
+                continue;
+            };
+            let c = found.compliance;
+            assert!((c - c.transpose()).abs().max() <= 1e-12 * c.abs().max(), "{machine}");
+            let least = c.symmetric_eigenvalues().min();
+            assert!(least > -1e-12 * c.abs().max(), "{machine} {least}");
+            let twice: Vec<f64> = joints.iter().map(|k| 2.0 * k).collect();
+            let stiffer = Stiffness::at(&config, &pose, &config.spindle, &twice).unwrap().unwrap();
+            close(stiffer.least()[0], 2.0 * found.least()[0]);
+        }
+    }
+}
+
+#[test]
+fn a_symmetric_machine_has_symmetric_maps() {
+    let config = config("hexapod");
+    let home = config.home_pose();
+    let joints = [STRUT; 6];
+    let (low, high) = ([-100.0; 6], [100.0; 6]);
+    let map = Map::over(&home, [0, 1], [&low, &high], 9, |pose| {
+        Stiffness::at(&config, pose, &NO_TOOL, &joints).unwrap()
+    });
+    for j in 0..9 {
+        for i in 0..9 {
+            let (here, mirrored) = (map.least[j * 9 + i], map.least[(8 - j) * 9 + i]);
+            close(here[0], mirrored[0]);
+            close(here[1], mirrored[1]);
+        }
+    }
+    // By a third of a turn.
+    let place = |angle: f64| {
+        let mut pose = home;
+        pose.position += Vector3::new(angle.cos(), angle.sin(), 0.0) * 80.0;
+        at(&config, &pose, &NO_TOOL).least()
+    };
+    let third = 2.0 * std::f64::consts::PI / 3.0;
+    let [one, other] = [0.3, 0.3 + third].map(place);
+    close(one[0], other[0]);
+    close(one[1], other[1]);
+}
+
+#[test]
+fn a_larger_platform_resists_turns_more() {
+    // What paper 004 found.
+    let config = config("hexapod");
+    let home = config.home_pose();
+    let joints = [STRUT; 6];
+    let least = |factor: f64| {
+        let config = with_platform(&config, factor).unwrap();
+        Stiffness::at(&config, &home, &NO_TOOL, &joints).unwrap().unwrap().least()[1]
+    };
+    assert!(least(0.5) < least(1.0) && least(1.0) < least(1.5));
+}
+
+#[test]
+fn at_a_singular_pose_there_is_no_stiffness() {
+    let config = config("tripod");
+    // All three struts in the plane of the base.
+    let pose = Pose::from_degrees([0.0; 6]);
+    let joints = [STRUT; 3];
+    let found = Stiffness::at(&config, &pose, &config.spindle, &joints);
+    assert!(matches!(found, Ok(None) | Err(_)), "{found:?}");
+}
