@@ -283,7 +283,7 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], String> {
         let file = format!("stiffness-{what}-{}.svg", plane.to_lowercase());
         Ok(Plot { file, caption: caption.clone(), svg })
     };
-    Ok([of(0, "translation", "N/um", 1e-3)?, of(1, "rotation", "N m/rad", 1e-3)?])
+    Ok([of(0, "translation", "N/um", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
 }
 
 fn contoured(frame: &Frame, sides: &[Vec<f64>; 2], values: &[f64]) -> Result<String, String> {

@@ -186,7 +186,7 @@ fn tell(
     let [boundary, grid] = [body.volume(), counted.volume];
     writeln!(
         out,
-        "  volume  {boundary:>14.0} {unit}^3 by the boundary, {grid:.0} on a grid of {} points: \
+        "  volume  {boundary:>14.3} {unit}^3 by the boundary, {grid:.3} on a grid of {} points: \
          {:.2} % apart",
         counted.points,
         100.0 * (boundary / grid - 1.0).abs()
@@ -201,7 +201,7 @@ fn tell(
             }
             None => "around the origin".into(),
         };
-        writeln!(out, "  {:<7} {:>14.0} {unit}^2, {seen}", slice.plane.name, slice.area())?;
+        writeln!(out, "  {:<7} {:>14.3} {unit}^2, {seen}", slice.plane.name, slice.area())?;
     }
     writeln!(out, "  directions that each limit ends:")?;
     for (limit, share) in body.shares() {
