@@ -169,7 +169,8 @@ impl<'a> Workspace<'a> {
         }
         let stance = Stance::new(config, config.home_pose(), tool).map_err(|f| f.to_string())?;
         let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
-        let gap = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
+        let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
+        let gap = diameter.max(config.clearance.unwrap_or(0.0));
         Ok(Self {
             config,
             watch: Watch::new(&config.machine, &config.geometry),

@@ -25,8 +25,8 @@ const STEPS: f64 = 300.0;
 /// Where a machine can put its tool, and what limits it
 ///
 /// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
-/// cones and reach of the INI file; of a study file the diameter of the rods, a smallest conditioning,
-/// and the turns of cardan base joints about their two axes. [AXIS_*] limits do not count. In one
+/// cones, ROD_CLEARANCE and reach of the INI file; of a study file the diameter of the rods, a
+/// smallest conditioning, and the turns of cardan base joints about their two axes. [AXIS_*] limits do not count. In one
 /// orientation, or at every one of a set: several --orientation, or --tilt for an angle in twelve
 /// directions. Tells how far it goes along X Y Z, the volume by the boundary and by counting a
 /// grid, which limit ends which share of the directions, and of each slice its area and the
@@ -93,44 +93,61 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Some(from) => Vector3::from_column_slice(from),
         None => config.home_pose().position,
     };
-    let bar = Bar::new("looking along rays");
     let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let effort = Effort {
-        bands: arguments.bands.into(),
-        step: workspace.extent() / STEPS,
-        grid: arguments.grid.into(),
-        threads: arguments.threads.unwrap_or(most),
-        progress: &|share| bar.set(share),
-    };
+    let threads = arguments.threads.unwrap_or(most);
     let start = Instant::now();
-    let body = Body::seen(&workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
-    let counted = counted(&workspace, &body.corners(), &effort);
-    let slices: Vec<Slice> = planes
-        .into_iter()
-        .map(|plane| Slice::seen(&workspace, plane, from, SLICE_RAYS, &effort))
-        .collect();
+    let seen = look(arguments, &workspace, from, planes, threads)?;
     let seconds = start.elapsed().as_secs_f64();
-    drop(bar);
+    let Seen { body, counted, slices } = &seen;
     if let Some(file) = &arguments.csv {
-        write_whole(file, &csv(&body)).map_err(Failure::Told)?;
+        write_whole(file, &csv(body)).map_err(Failure::Told)?;
     }
     if let Some(file) = &arguments.mesh {
         write_whole(file, &obj(config.length_unit(), &body.mesh())).map_err(Failure::Told)?;
     }
     if let Some(folder) = &arguments.plots {
-        let plots = of_workspace(config.length_unit(), &body, &slices).map_err(Failure::Told)?;
+        let plots = of_workspace(config.length_unit(), body, slices).map_err(Failure::Told)?;
         write_plots(folder, &plots)?;
     }
-    tell(&config, &workspace, &body, &counted, &slices, &effort)?;
+    tell(&config, &workspace, &seen)?;
     let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
     let looked = (body.looked() + counted.points + rays) as f64;
     let _ = writeln!(
         anstream::stderr(),
         "{looked} positions, {:.2} million a second, threads: {}",
         looked / seconds * 1e-6,
-        effort.threads
+        threads
     );
     Ok(Verdict::Fits)
+}
+
+/// What was looked at.
+struct Seen {
+    body: Body,
+    counted: Counted,
+    slices: Vec<Slice>,
+}
+
+fn look(
+    arguments: &Arguments,
+    workspace: &Workspace,
+    from: Vector3<f64>,
+    planes: Vec<Plane>,
+    threads: NonZero<usize>,
+) -> Result<Seen, Failure> {
+    let bar = Bar::new("looking along rays");
+    let effort = Effort {
+        bands: arguments.bands.into(),
+        step: workspace.extent() / STEPS,
+        grid: arguments.grid.into(),
+        threads,
+        progress: &|share| bar.set(share),
+    };
+    let body = Body::seen(workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
+    let counted = counted(workspace, &body.corners(), &effort);
+    let slice = |plane| Slice::seen(workspace, plane, from, SLICE_RAYS, &effort);
+    let slices = planes.into_iter().map(slice).collect();
+    Ok(Seen { body, counted, slices })
 }
 
 fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
@@ -160,14 +177,8 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
     names.iter().map(plane).collect()
 }
 
-fn tell(
-    config: &MachineConfig,
-    workspace: &Workspace,
-    body: &Body,
-    counted: &Counted,
-    slices: &[Slice],
-    effort: &Effort,
-) -> Result<(), Failure> {
+fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<(), Failure> {
+    let Seen { body, counted, slices } = seen;
     let unit = config.length_unit();
     let mut out = anstream::stdout().lock();
     let from = &body.from;
@@ -180,7 +191,7 @@ fn tell(
         ("+Z", Vector3::z()),
         ("-Z", -Vector3::z()),
     ] {
-        let ray: Ray = workspace.ray(from, &direction, effort.step);
+        let ray: Ray = workspace.ray(from, &direction, workspace.extent() / STEPS);
         writeln!(out, "  {name}      {:>14.6} {unit}: {}", ray.exit(), ray.limit)?;
     }
     let [boundary, grid] = [body.volume(), counted.volume];
