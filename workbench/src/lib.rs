@@ -5,6 +5,7 @@
 pub mod axis_box;
 pub mod batch;
 pub mod boxes;
+pub mod calibrate;
 pub mod case;
 pub mod cautions;
 pub mod cell;

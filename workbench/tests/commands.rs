@@ -690,6 +690,7 @@ Commands:
   workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
+  calibrate    Finds a machine's true geometry from what it measured of itself
   man          Writes the manual pages of pkm
   completions  Writes completions of pkm for a shell to standard output
   help         Print this message or the help of the given subcommand(s)
@@ -936,6 +937,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "workspace",
         "boxes",
         "random",
+        "calibrate",
         "man",
         "completions",
     ] {

@@ -3,6 +3,8 @@
 
 mod batch;
 mod boxes;
+mod calibrate;
+mod calibrate_command;
 mod cell;
 mod commands;
 mod configs;

@@ -5,6 +5,7 @@
 //! `run`. Results go to standard output, what is wrong with the input to standard error.
 
 mod boxes;
+mod calibrate;
 mod check;
 mod completions;
 mod joints;
@@ -139,6 +140,7 @@ commands! {
     Workspace => workspace,
     Boxes => boxes,
     Random => random,
+    Calibrate => calibrate,
     Man => man,
     Completions => completions,
 }

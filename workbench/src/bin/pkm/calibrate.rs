@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm calibrate`.
+
+use super::{Failure, MachineFile, Verdict};
+use indicatif::{ProgressBar, ProgressStyle};
+use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
+use pkm::calibrate::model::{Place, Tolerance};
+use pkm::calibrate::rewrite;
+use pkm::calibrate::study::{self, Study, Wishes};
+use pkm::machine::MachineConfig;
+use pkm::report::write_whole;
+use statrs::distribution::{ContinuousCDF, Normal};
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Steps of the progress bar.
+const STEPS: u64 = 100;
+
+/// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
+/// fifth that is held out has places of its own.
+const HELD_OUT: f64 = 1.5;
+
+/// A change by more of its deviations happens once in 16000 times.
+const FAR: f64 = 4.0;
+
+/// Finds a machine's true geometry from what it measured of itself
+///
+/// Reads logs of the calibration program, which probes the holes of a plate (--plate), or tables
+/// of a tracker or ball-bar as CSV (columns x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below
+/// lines "# geometry HASH" and "# tool X Y Z"). Each file is one place of plate or instrument,
+/// which is found as well. All files belong to the geometry of MACHINE.ini: others are refused.
+///
+/// Told are: what the measurements determine and what not, and why; every changed value with the
+/// half width of its 95 % interval; where the tip then is with 95 %; how well measurements are met
+/// that were not used. What they do not determine keeps the value of the file. Measurements that
+/// do not agree with the others are named and left out.
+///
+/// Exit status: 0 where all is well, 1 where something should be looked at (a measurement left
+/// out, a machine unlike its drawing), 2 where there is no result.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// Logs of the calibration program, or tables
+    #[arg(value_name = "LOG", required = true, value_hint = clap::ValueHint::FilePath)]
+    files: Vec<PathBuf>,
+    /// The plate that was probed
+    #[arg(long, value_name = "FILE.toml", value_hint = clap::ValueHint::FilePath)]
+    plate: Option<PathBuf>,
+    /// Writes the machine's file with the new geometry to another file
+    #[arg(long, value_name = "NEW.ini", value_hint = clap::ValueHint::FilePath)]
+    write: Option<PathBuf>,
+    /// Writes the new geometry into MACHINE.ini itself
+    #[arg(long, conflicts_with = "write")]
+    in_place: bool,
+    /// Proves new [BOX_K] for the start without a seed (minutes); without it they are taken out
+    #[arg(long)]
+    boxes: bool,
+    /// Standard deviation of an anchor's coordinate and of a length from the drawing, machine
+    /// units [default: 1 mm]
+    #[arg(long, value_name = "LENGTH")]
+    tolerance: Option<f64>,
+    /// Standard deviation of one measured number; without it the measurements tell
+    #[arg(long, value_name = "LENGTH")]
+    noise: Option<f64>,
+    /// Standard deviation of the screw lead as a share of it; 0 leaves it alone
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    lead: f64,
+    /// Standard deviation of the way by which the probe trips late, machine units; 0 leaves it out
+    /// [default: 0.05 mm]
+    #[arg(long, value_name = "LENGTH")]
+    trigger: Option<f64>,
+    /// Also tells so many poses to measure next, best first
+    #[arg(long, value_name = "COUNT", default_value_t = 0)]
+    next: usize,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let wishes = wishes(arguments, &config)?;
+    if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
+        return Err(Failure::at(
+            &config.file,
+            "is the machine's own file: --in-place writes into it",
+        ));
+    }
+    let (model, readings) =
+        study::read(&config, &arguments.files, &wishes).map_err(Failure::Told)?;
+    // Hidden where standard error is no terminal.
+    let bar = ProgressBar::new(STEPS).with_message("calibrating");
+    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
+        bar.set_style(style);
+    }
+    let study = study::study(&config, model, readings, wishes.noise, |share| {
+        bar.set_position((share * STEPS as f64) as u64);
+    })
+    .map_err(|misfit| Failure::Told(misfit.to_string()))?;
+    let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
+    let new = new_text(arguments, &config, &study)?;
+    bar.finish_and_clear();
+    let mut text = in_words(&config, &study);
+    if arguments.next > 0 {
+        text += &next(&config, &study, arguments.next)?;
+    }
+    if let Some(target) = target {
+        let old = std::fs::read_to_string(&config.file)
+            .map_err(|error| Failure::at(&config.file, error))?;
+        let names = (config.file.display().to_string(), target.display().to_string());
+        write_whole(target, &new).map_err(Failure::Told)?;
+        text += &format!(
+            "\n{}\nwritten: {}\n",
+            rewrite::difference(&old, &new, (&names.0, &names.1)),
+            names.1
+        );
+    }
+    let concerns = concerns(&config, &study);
+    for concern in &concerns {
+        let _ = write!(text, "\nwarning: {concern}\n");
+    }
+    let verdict = if concerns.is_empty() { Verdict::Fits } else { Verdict::Misfit };
+    let mut out = anstream::stdout().lock();
+    // A reader that has gone away does not change the verdict.
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::from) {
+        Ok(()) | Err(Failure::Unread) => Ok(verdict),
+        Err(failure) => Err(failure),
+    }
+}
+
+fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
+    let real = |file: &std::path::Path| std::fs::canonicalize(file).ok();
+    real(a).is_some() && real(a) == real(b)
+}
+
+fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failure> {
+    let Arguments { tolerance, noise, lead, trigger, .. } = arguments;
+    for (name, value) in [("tolerance", *tolerance), ("noise", *noise)] {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+            return Err(Failure::Told(format!("--{name} {value}: expected more than 0")));
+        }
+    }
+    let trigger = trigger.unwrap_or(0.05 * config.units_per_mm);
+    for (name, value) in [("lead", *lead), ("trigger", trigger)] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(Failure::Told(format!("--{name} {value}: expected 0 or more")));
+        }
+    }
+    let lengths = tolerance.unwrap_or(config.units_per_mm);
+    let is_probed = arguments.plate.is_some();
+    let tolerance = Tolerance {
+        lead: *lead,
+        trigger: if is_probed { trigger } else { 0.0 },
+        ..Tolerance::of_lengths(lengths)
+    };
+    Ok(Wishes { tolerance, noise: *noise, plate: arguments.plate.clone() })
+}
+
+/// The new file; nothing is written yet.
+fn new_text(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    study: &Study,
+) -> Result<String, Failure> {
+    let new =
+        rewrite::calibrated(config, &study.model, &study.found.changes).map_err(Failure::Told)?;
+    match arguments.boxes {
+        true => rewrite::with_boxes(&config.file, &new).map_err(Failure::Told),
+        false => Ok(new),
+    }
+}
+
+fn in_words(config: &MachineConfig, study: &Study) -> String {
+    let Study { model, readings, found, .. } = study;
+    let unit = config.length_unit();
+    let mut text = format!("{}\n", config.file.display());
+    let mut row = |name: &str, value: String| {
+        let _ = writeln!(text, "  {name:<14} {value}");
+    };
+    row(
+        "measured",
+        format!("{} readings, {} numbers in use", readings.len(), found.residuals.len()),
+    );
+    row(
+        "residuals",
+        format!(
+            "rms {:.6} {unit} as drawn, {:.6} calibrated, {:.6} where not used",
+            study.as_drawn,
+            found.rms(),
+            study.held_out
+        ),
+    );
+    row("noise", format!("{:.6} {unit} of one number", found.noise));
+    if let Some(worst) = study.holes.first() {
+        let rms = (study.holes.iter().map(|hole| hole.miss * hole.miss).sum::<f64>()
+            / study.holes.len() as f64)
+            .sqrt();
+        row(
+            "holes",
+            format!(
+                "as the control saw them off by {:.4} {unit} at most, rms {rms:.4} ({})",
+                worst.miss, worst.name
+            ),
+        );
+    }
+    let all = model.parameters.len();
+    row(
+        "determined",
+        format!("{} of {all} values; {} better than by the drawing", study.rank, study.improved),
+    );
+    for (count, why) in &study.unseen {
+        row("", format!("{count} not: {why}"));
+    }
+    for k in 0..model.frames.len() {
+        let [x, y, z] = model.frame(k, &found.changes).origin.into();
+        row("instrument", format!("of file {} at {x:.4} {y:.4} {z:.4} {unit}", k + 1));
+    }
+    for (name, (before, after)) in ["tip at home", "tip at worst"].iter().zip(&study.at_tool) {
+        row(name, ellipsoid(before, after, unit));
+    }
+    text += &values(study);
+    text
+}
+
+fn ellipsoid(before: &Ellipsoid, after: &Ellipsoid, unit: &str) -> String {
+    let axes = |e: &Ellipsoid| e.half_axes.map(|axis| format!("{axis:.5}")).join(" x ");
+    let [x, y, z] = after.direction.into();
+    format!(
+        "with {:.0} % within {} {unit} (longest along {x:.2} {y:.2} {z:.2}); by the drawing {}",
+        100.0 * CONFIDENCE,
+        axes(after),
+        axes(before)
+    )
+}
+
+fn name(place: Place) -> String {
+    let axis = |k: usize| ["X", "Y", "Z"][k % 3];
+    match place {
+        Place::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
+        Place::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
+        Place::Length(leg) => format!("LEG_{leg} length"),
+        Place::Lead => "lead".into(),
+        Place::Trigger => "probe late by".into(),
+        Place::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
+    }
+}
+
+fn values(study: &Study) -> String {
+    let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
+    let mut text = "\n  value                    change       +-   of the drawing's\n".to_string();
+    let is_frame = |place| matches!(place, Place::Frame(..));
+    let parameters = study.model.parameters.iter().enumerate();
+    for (k, parameter) in parameters.filter(|(_, p)| !is_frame(p.place)) {
+        let half = reach * study.found.deviation(k);
+        let share = study.found.deviation(k) / parameter.deviation;
+        let _ = writeln!(
+            text,
+            "  {:<22} {:>10.5} {half:>9.5}   {:>3.0} %",
+            name(parameter.place),
+            study.found.changes[k],
+            100.0 * share
+        );
+    }
+    text
+}
+
+fn concerns(config: &MachineConfig, study: &Study) -> Vec<String> {
+    let Study { found, readings, .. } = study;
+    let unit = config.length_unit();
+    let left_out = |outlier: &pkm::calibrate::fit::Outlier| {
+        let name = &readings[outlier.reading].name;
+        format!(
+            "{name} is left out: {:.4} {unit} from what the others say, {:.0} standard deviations",
+            outlier.miss, outlier.deviations
+        )
+    };
+    let mut all: Vec<String> = found.outliers.iter().map(left_out).collect();
+    if study.held_out > HELD_OUT * expected_held_out(study) {
+        all.push("readings that were not used are met much worse than those that were: measure at more places".into());
+    }
+    for (k, parameter) in study.model.parameters.iter().enumerate() {
+        if parameter.place.is_of_machine() && found.changes[k].abs() > FAR * parameter.deviation {
+            all.push(format!(
+                "{} changes by {:.4}, more than {FAR} times the tolerance: a larger --tolerance, or not this machine",
+                name(parameter.place),
+                found.changes[k]
+            ));
+        }
+    }
+    all
+}
+
+/// Residual of what was not used, by the theory of linear least squares: n numbers, less a fifth,
+/// determine r values.
+fn expected_held_out(study: &Study) -> f64 {
+    let (n, r) = (study.found.residuals.len() as f64, study.rank as f64);
+    study.found.rms() * ((1.0 + r / (0.8 * n)) / (1.0 - r / n)).sqrt()
+}
+
+fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, Failure> {
+    let poses = study::next_poses(config, study, count)
+        .map_err(|fault| Failure::Told(fault.to_string()))?;
+    let mut text = "\n  to measure next, best first: tip X Y Z, A B C\n".to_string();
+    for pose in poses {
+        let words = pose.map(|value| format!("{:>10.3}", value + 0.0));
+        let _ = writeln!(text, "  {}", words.concat());
+    }
+    Ok(text)
+}

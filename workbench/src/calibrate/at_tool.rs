@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How sure the tip is: what the covariance of the parameters makes of its place.
+
+use super::model::{Model, Place};
+use super::reading::{Changed, Posed, unit};
+use crate::machine::MachineConfig;
+use kinematics::{Fault, Pose, Vector3};
+use nalgebra::{DMatrix, Matrix3};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Poses that stand for the workspace.
+const SAMPLES: usize = 60;
+
+/// Of confidence regions.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// Region in which the tip is with [`CONFIDENCE`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ellipsoid {
+    /// Where.
+    pub pose: Pose,
+    /// Half axes, longest first, machine units.
+    pub half_axes: [f64; 3],
+    /// Direction of the longest one, in base.
+    pub direction: Vector3<f64>,
+}
+
+/// Rates of the tip by the parameters at fixed joints, as seen from frame 0 where its place is
+/// measured as well: what base and frame do together is no error of the work.
+pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
+    let mut rates = posed.rates.rows(0, 3).into_owned();
+    let away = posed.tip - model.frames.first().map_or(Vector3::zeros(), |frame| frame.origin);
+    for (k, parameter) in model.parameters.iter().enumerate() {
+        if let Place::Frame(0, axis) = parameter.place {
+            let d = unit(axis % 3);
+            rates.set_column(k, &if axis < 3 { -d } else { -d.cross(&away) });
+        }
+    }
+    rates
+}
+
+/// Where the tip is, for parameters of this covariance.
+///
+/// # Errors
+/// As [`kinematics::Machine::inverse`].
+pub fn ellipsoid(
+    changed: &Changed,
+    model: &Model,
+    covariance: &DMatrix<f64>,
+    pose: &Pose,
+    tool: &Vector3<f64>,
+) -> Result<Ellipsoid, Fault> {
+    let rates = rates(model, &changed.at(*pose, tool)?);
+    let spread = &rates * covariance * rates.transpose();
+    let spread = Matrix3::from_fn(|i, k| spread[(i, k)]);
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let reach = ChiSquared::new(3.0).map_or(f64::NAN, |law| law.inverse_cdf(CONFIDENCE));
+    let half_axes = order.map(|k| (eigen.eigenvalues[k].max(0.0) * reach).sqrt());
+    Ok(Ellipsoid { pose: *pose, half_axes, direction: eigen.eigenvectors.column(order[0]).into() })
+}
+
+/// The largest region over poses.
+///
+/// # Errors
+/// As [`ellipsoid`].
+pub fn largest(
+    changed: &Changed,
+    model: &Model,
+    covariance: &DMatrix<f64>,
+    poses: &[Pose],
+    tool: &Vector3<f64>,
+) -> Result<Option<Ellipsoid>, Fault> {
+    let all = poses.iter().map(|pose| ellipsoid(changed, model, covariance, pose, tool));
+    let all = all.collect::<Result<Vec<_>, _>>()?;
+    Ok(all.into_iter().max_by(|a, b| a.half_axes[0].total_cmp(&b.half_axes[0])))
+}
+
+/// Poses within the axis limits that the machine can take: [`SAMPLES`] at most, always the same.
+pub fn workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
+    poses(config, tool, SAMPLES, 0)
+}
+
+/// Poses at random within the axis limits that the machine can take, with all joints within
+/// theirs.
+pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let letters = config.machine.layout().coordinates().as_slice();
+    let mut draw = || {
+        let mut pose = config.home;
+        for letter in letters {
+            let axis = &config.axes[letter.index()];
+            if axis.min.is_finite() && axis.max.is_finite() {
+                pose[letter.index()] = random.random_range(axis.min..=axis.max);
+            }
+        }
+        // Axis limits are those of the tip: LinuxCNC adds the tool to the position.
+        let mut pose = Pose::from_degrees(pose);
+        pose.position += tool - config.spindle;
+        pose
+    };
+    // A machine that takes one of a hundred poses in its axis limits still gives enough.
+    (0..100 * count)
+        .map(|_| draw())
+        .filter(|pose| is_legal(config, pose, tool))
+        .take(count)
+        .collect()
+}
+
+/// Whether every joint is within its limits.
+pub fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+    config.machine.inverse(pose, tool).is_ok_and(|joints| {
+        config.joints.iter().zip(joints).all(|(joint, q)| q >= joint.min && q <= joint.max)
+    })
+}

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Least squares on readings and drawing, and the readings that are not believed.
+//!
+//! Minimised is Σ (residual/noise)² + Σ (change/deviation)²: the most probable machine where the
+//! drawing's tolerances and the noise are normal. What no reading tells keeps the drawing's value,
+//! for only the second sum sees it.
+
+use super::least_squares::{Linear, minimum};
+use super::model::Model;
+use super::reading::{Changed, Reading};
+use kinematics::{Fault, Pose};
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Normal};
+use std::fmt;
+
+/// How often an outlier is found in readings that have none.
+const FALSE_ALARM: f64 = 1e-3;
+
+/// Largest share of outliers that can be told from a machine unlike its drawing.
+const MOST_OUTLIERS: f64 = 0.1;
+
+/// Share of a residual that is left to judge a reading by, at least: with less the machine follows
+/// it wherever it is.
+const LEAST_FREE: f64 = 1e-3;
+
+/// Median of |x| of the normal distribution, inverse.
+const MEDIAN_TO_DEVIATION: f64 = 1.4826;
+
+/// Noise to start with where none is given, in sizes of the machine.
+const FIRST_NOISE: f64 = 1e-5;
+
+/// Rounds after which the noise has settled: each changes it by the little that the drawing's
+/// weight does.
+const NOISE_ROUNDS: usize = 4;
+
+/// Parts of the readings that are held out in turns.
+const FOLDS: usize = 5;
+
+/// Why there is no fit.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Misfit {
+    /// The numbers read are not more than what they would determine.
+    TooFew {
+        /// Numbers read.
+        numbers: usize,
+        /// What they determine.
+        determined: usize,
+    },
+    /// A reading that the machine cannot have given, or a geometry that is none.
+    Unreachable(String, Fault),
+    /// So many readings are off that it is not for them.
+    TooManyOutliers(usize, usize),
+    /// The search for the minimum.
+    Search(String),
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Misfit::TooFew { numbers, determined } => write!(
+                f,
+                "too few readings: {numbers} numbers, which are no more than the {determined} \
+                 values that they determine, so that none of them can be checked; measure more"
+            ),
+            Misfit::Unreachable(name, fault) => write!(f, "{name}: {fault}"),
+            Misfit::TooManyOutliers(off, all) => write!(
+                f,
+                "{off} of {all} readings do not agree with the others: check plate, probe and the \
+                 order of the holes, or give a larger --noise"
+            ),
+            Misfit::Search(text) => write!(f, "{text}"),
+        }
+    }
+}
+
+impl std::error::Error for Misfit {}
+
+/// A reading that is not believed, and left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outlier {
+    /// Number of the reading.
+    pub reading: usize,
+    /// How far it is from what the others say, in units of length.
+    pub miss: f64,
+    /// The same in standard deviations.
+    pub deviations: f64,
+}
+
+/// What the readings made of the drawing.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Change of every parameter.
+    pub changes: Vec<f64>,
+    /// Of the changes.
+    pub covariance: DMatrix<f64>,
+    /// Standard deviation of one number read.
+    pub noise: f64,
+    /// Derivatives of the numbers read by the parameters, readings that are believed only.
+    pub jacobian: DMatrix<f64>,
+    /// Their residuals.
+    pub residuals: DVector<f64>,
+    /// Readings left out, in the order in which they were found.
+    pub outliers: Vec<Outlier>,
+}
+
+impl Fit {
+    /// Standard deviation of a parameter.
+    pub fn deviation(&self, k: usize) -> f64 {
+        self.covariance[(k, k)].max(0.0).sqrt()
+    }
+
+    /// Root mean square of the residuals.
+    pub fn rms(&self) -> f64 {
+        rms(&self.residuals)
+    }
+}
+
+/// Root mean square.
+pub fn rms(values: &DVector<f64>) -> f64 {
+    (values.norm_squared() / values.len().max(1) as f64).sqrt()
+}
+
+/// Residuals of readings, one below the other, and their derivatives.
+///
+/// # Errors
+/// A reading that this machine cannot have given.
+pub fn residuals(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<Linear, Misfit> {
+    let changed = Changed::new(model, changes)
+        .map_err(|fault| Misfit::Unreachable("this geometry is no machine".into(), fault))?;
+    let rows = readings.iter().map(|reading| reading.measured.rows()).sum();
+    let mut values = DVector::zeros(rows);
+    let mut jacobian = DMatrix::zeros(rows, model.parameters.len());
+    let mut row = 0;
+    for reading in readings {
+        let (value, by, _) = changed
+            .residual(reading, &reading.pose)
+            .map_err(|fault| Misfit::Unreachable(reading.name.clone(), fault))?;
+        values.rows_mut(row, value.len()).copy_from(&value);
+        jacobian.rows_mut(row, value.len()).copy_from(&by);
+        row += value.len();
+    }
+    Ok((values, jacobian))
+}
+
+/// The most probable changes, for this noise.
+pub(super) fn most_probable(
+    model: &Model,
+    readings: &[&Reading],
+    start: &[f64],
+    noise: f64,
+) -> Result<Vec<f64>, Misfit> {
+    let deviation: Vec<f64> = model.parameters.iter().map(|p| p.deviation).collect();
+    let scaled = |x: &[f64]| x.iter().zip(&deviation).map(|(x, d)| x * d).collect::<Vec<f64>>();
+    let mut fault = None;
+    let found =
+        minimum(&start.iter().zip(&deviation).map(|(x, d)| x / d).collect::<Vec<f64>>(), |x| {
+            match residuals(model, readings, &scaled(x)) {
+                Ok((values, jacobian)) => Some(with_prior(values, jacobian, &deviation, noise, x)),
+                Err(misfit) => {
+                    fault = Some(misfit);
+                    None
+                }
+            }
+        });
+    match (found, fault) {
+        (Ok(x), _) => Ok(scaled(&x)),
+        (Err(_), Some(misfit)) => Err(misfit),
+        (Err(text), None) => Err(Misfit::Search(text)),
+    }
+}
+
+/// Below the residuals in units of noise the changes in units of their deviation.
+fn with_prior(
+    values: DVector<f64>,
+    jacobian: DMatrix<f64>,
+    deviation: &[f64],
+    noise: f64,
+    x: &[f64],
+) -> Linear {
+    let (rows, columns) = jacobian.shape();
+    let mut all = DVector::zeros(rows + columns);
+    all.rows_mut(0, rows).copy_from(&(values / noise));
+    all.rows_mut(rows, columns).copy_from_slice(x);
+    let mut by = DMatrix::zeros(rows + columns, columns);
+    for k in 0..columns {
+        by.view_mut((0, k), (rows, 1)).copy_from(&(jacobian.column(k) * (deviation[k] / noise)));
+        by[(rows + k, k)] = 1.0;
+    }
+    (all, by)
+}
+
+/// Covariance of the changes, for readings with these derivatives.
+pub fn covariance(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> DMatrix<f64> {
+    let n = model.parameters.len();
+    let deviation = DVector::from_iterator(n, model.parameters.iter().map(|p| p.deviation));
+    let scaled =
+        DMatrix::from_fn(jacobian.nrows(), n, |i, k| jacobian[(i, k)] * deviation[k] / noise);
+    let information = DMatrix::identity(n, n) + scaled.transpose() * &scaled;
+    let inverse = information.cholesky().map(|factor| factor.inverse());
+    // Identity plus a square has a factor, unless a number is none.
+    let inverse = inverse.unwrap_or_else(|| DMatrix::from_element(n, n, f64::NAN));
+    DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] * deviation[i] * deviation[k])
+}
+
+/// Fits a model to readings. Without a `noise` that of the readings is estimated; readings that
+/// do not agree with the others are left out one by one.
+///
+/// # Errors
+/// See [`Misfit`].
+pub fn fit(model: &Model, readings: &[Reading], noise: Option<f64>) -> Result<Fit, Misfit> {
+    let mut believed: Vec<usize> = (0..readings.len()).collect();
+    let mut outliers = vec![];
+    let mut start = vec![0.0; model.parameters.len()];
+    loop {
+        let chosen: Vec<&Reading> = believed.iter().map(|i| &readings[*i]).collect();
+        let mut found = settled(model, &chosen, &start, noise)?;
+        let Some((place, outlier)) = worst(&found, &chosen, &believed) else {
+            found.outliers = outliers;
+            return Ok(found);
+        };
+        outliers.push(outlier);
+        if outliers.len() as f64 > MOST_OUTLIERS * readings.len() as f64 {
+            return Err(Misfit::TooManyOutliers(outliers.len(), readings.len()));
+        }
+        believed.remove(place);
+        start = found.changes;
+    }
+}
+
+/// The fit of these readings, all believed.
+fn settled(
+    model: &Model,
+    readings: &[&Reading],
+    start: &[f64],
+    given: Option<f64>,
+) -> Result<Fit, Misfit> {
+    check_count(model, readings, start)?;
+    let mut noise = given.unwrap_or(FIRST_NOISE * model.size());
+    let mut changes = start.to_vec();
+    let rounds = if given.is_some() { 1 } else { NOISE_ROUNDS };
+    let mut left = vec![];
+    for _ in 0..rounds {
+        changes = most_probable(model, readings, &changes, noise)?;
+        let (values, jacobian) = residuals(model, readings, &changes)?;
+        let covariance = covariance(model, &jacobian, noise);
+        left.push(Fit {
+            changes: changes.clone(),
+            covariance,
+            noise,
+            jacobian,
+            residuals: values,
+            outliers: vec![],
+        });
+        if given.is_none() {
+            noise = left.last().map_or(noise, scatter).max(f64::EPSILON * model.size());
+        }
+    }
+    Ok(left.pop().expect("there is at least one round"))
+}
+
+/// Refuses readings of which none could be checked: without scatter there is no noise to find.
+fn check_count(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<(), Misfit> {
+    let (values, jacobian) = residuals(model, readings, changes)?;
+    let determined = super::observe::rank(model, &jacobian);
+    match values.len() > determined {
+        true => Ok(()),
+        false => Err(Misfit::TooFew { numbers: values.len(), determined }),
+    }
+}
+
+/// Residuals, each over the root of the share of it that the machine does not follow; nothing where
+/// that is too little.
+fn judged(found: &Fit) -> Vec<Option<f64>> {
+    let weight = &found.jacobian * &found.covariance;
+    let square = found.noise * found.noise;
+    let free = |i: usize| 1.0 - weight.row(i).dot(&found.jacobian.row(i)) / square;
+    let judge = |i: usize| {
+        let free = free(i);
+        (free > LEAST_FREE).then(|| found.residuals[i] / free.sqrt())
+    };
+    (0..found.residuals.len()).map(judge).collect()
+}
+
+/// Noise of the readings, by the median, which a tenth of outliers does not move much.
+fn scatter(found: &Fit) -> f64 {
+    let mut sizes: Vec<f64> = judged(found).into_iter().flatten().map(f64::abs).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).map_or(found.noise, |median| median * MEDIAN_TO_DEVIATION)
+}
+
+/// The reading that agrees least with the others, where noise is no explanation: its place among
+/// those believed.
+fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize, Outlier)> {
+    let noise = found.noise.max(scatter(found));
+    let rows =
+        readings.iter().enumerate().flat_map(|(i, r)| std::iter::repeat_n(i, r.measured.rows()));
+    let sizes = rows.zip(judged(found)).filter_map(|(i, size)| Some((i, size?.abs())));
+    let (place, miss) = sizes.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let deviations = miss / noise;
+    let outlier = Outlier { reading: numbers[place], miss, deviations };
+    (deviations > largest_by_chance(found.residuals.len())).then_some((place, outlier))
+}
+
+/// What the largest of `count` normal numbers exceeds once in a thousand times, in deviations.
+pub fn largest_by_chance(count: usize) -> f64 {
+    Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / (2.0 * count.max(1) as f64))
+}
+
+/// Root mean square of what a fit to the other readings says of those left out: groups of readings
+/// in turns, outliers not at all. `told` hears of each turn.
+///
+/// # Errors
+/// See [`Misfit`].
+pub fn held_out(
+    model: &Model,
+    readings: &[Reading],
+    found: &Fit,
+    mut told: impl FnMut(f64),
+) -> Result<f64, Misfit> {
+    let is_outlier = |i: usize| found.outliers.iter().any(|outlier| outlier.reading == i);
+    let believed = || readings.iter().enumerate().filter(|(i, _)| !is_outlier(*i)).map(|(_, r)| r);
+    let mut left: Vec<f64> = vec![];
+    for fold in 0..FOLDS {
+        let (out, rest): (Vec<&Reading>, Vec<&Reading>) =
+            believed().partition(|reading| reading.group % FOLDS == fold);
+        if !out.is_empty() && !rest.is_empty() {
+            let changes = most_probable(model, &rest, &found.changes, found.noise)?;
+            left.extend(residuals(model, &out, &changes)?.0.iter());
+        }
+        told((fold + 1) as f64 / FOLDS as f64);
+    }
+    Ok(rms(&DVector::from_vec(left)))
+}
+
+/// Poses that a machine with these changes takes the readings' joints to be.
+///
+/// # Errors
+/// As [`residuals`].
+pub fn poses(model: &Model, readings: &[Reading], changes: &[f64]) -> Result<Vec<Pose>, Misfit> {
+    let changed = Changed::new(model, changes)
+        .map_err(|fault| Misfit::Unreachable("this geometry is no machine".into(), fault))?;
+    let pose = |reading: &Reading| {
+        let posed = changed.posed(&reading.joints, &reading.pose, &reading.tool);
+        posed
+            .map(|posed| posed.pose)
+            .map_err(|fault| Misfit::Unreachable(reading.name.clone(), fault))
+    };
+    readings.iter().map(pose).collect()
+}

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Least squares by Levenberg and Marquardt's method: the library's interface on our types.
+//!
+//! The library speaks another version of nalgebra than the rest of the crate; matrices cross
+//! here as slices.
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
+use nalgebra::{DMatrix, DVector};
+use nalgebra_of_lm as lm;
+
+/// Residuals and their derivatives at some place.
+pub type Linear = (DVector<f64>, DMatrix<f64>);
+
+struct Problem<F> {
+    evaluate: F,
+    place: lm::DVector<f64>,
+    here: Option<Linear>,
+}
+
+impl<F: FnMut(&[f64]) -> Option<Linear>> LeastSquaresProblem<f64, lm::Dyn, lm::Dyn> for Problem<F> {
+    type ResidualStorage = lm::VecStorage<f64, lm::Dyn, lm::U1>;
+    type JacobianStorage = lm::VecStorage<f64, lm::Dyn, lm::Dyn>;
+    type ParameterStorage = lm::VecStorage<f64, lm::Dyn, lm::U1>;
+
+    fn set_params(&mut self, place: &lm::DVector<f64>) {
+        self.place.copy_from(place);
+        self.here = (self.evaluate)(place.as_slice());
+    }
+
+    fn params(&self) -> lm::DVector<f64> {
+        self.place.clone()
+    }
+
+    fn residuals(&self) -> Option<lm::DVector<f64>> {
+        let (residuals, _) = self.here.as_ref()?;
+        Some(lm::DVector::from_column_slice(residuals.as_slice()))
+    }
+
+    fn jacobian(&self) -> Option<lm::DMatrix<f64>> {
+        let (_, jacobian) = self.here.as_ref()?;
+        let (rows, columns) = jacobian.shape();
+        Some(lm::DMatrix::from_column_slice(rows, columns, jacobian.as_slice()))
+    }
+}
+
+/// The place of least squares near `start`, or why none was found. `evaluate` gives nothing where
+/// there are no residuals.
+pub fn minimum(
+    start: &[f64],
+    evaluate: impl FnMut(&[f64]) -> Option<Linear>,
+) -> Result<Vec<f64>, String> {
+    let place = lm::DVector::from_column_slice(start);
+    let mut problem = Problem { evaluate, place: place.clone(), here: None };
+    problem.set_params(&place);
+    let (found, report) = LevenbergMarquardt::new().minimize(problem);
+    match report.termination {
+        // The last one: rounding, not the tolerance, ends the search.
+        TerminationReason::ResidualsZero
+        | TerminationReason::Orthogonal
+        | TerminationReason::Converged { .. }
+        | TerminationReason::NoImprovementPossible(_) => Ok(found.place.as_slice().to_vec()),
+        other => Err(format!("least squares did not converge: {other:?}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_minimum_is_found_and_what_cannot_be_evaluated_is_an_error() {
+        // (x² − 2)² has its minimum at √2.
+        let square = |x: &[f64]| {
+            Some((
+                DVector::from_element(1, x[0] * x[0] - 2.0),
+                DMatrix::from_element(1, 1, 2.0 * x[0]),
+            ))
+        };
+        let found = minimum(&[1.0], square).unwrap();
+        // Two roundings of f64 at 1.4.
+        assert!((found[0] - 2.0_f64.sqrt()).abs() < 1e-15);
+        assert!(minimum(&[1.0], |_| None).is_err());
+    }
+}

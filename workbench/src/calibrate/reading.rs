@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What was measured: a reading of the tip at known joints, its residual and how that follows
+//! the tip and the frame it was measured in.
+
+use super::model::{Frame, Model, Place};
+use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3};
+
+/// What a reading says of the tip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measured {
+    /// The probe's ball touched the wall of a bore along Z of the frame: its axis X, Y there, and
+    /// the distance of ball centre and axis.
+    Bore {
+        /// Where the axis is.
+        axis: [f64; 2],
+        /// Radius of the bore less that of the ball.
+        radius: f64,
+    },
+    /// The ball touched a face square to Z of the frame from above: height of its centre.
+    Face(f64),
+    /// Place of the tip in the frame.
+    Position(Vector3<f64>),
+    /// Place of the tip, and platform orientation, in the frame.
+    Pose(Vector3<f64>, Matrix3<f64>),
+    /// Distance of the tip from the frame's origin.
+    Distance(f64),
+}
+
+impl Measured {
+    /// How many numbers it is.
+    pub fn rows(&self) -> usize {
+        match self {
+            Measured::Bore { .. } | Measured::Face(_) | Measured::Distance(_) => 1,
+            Measured::Position(_) => 3,
+            Measured::Pose(..) => 6,
+        }
+    }
+}
+
+/// One reading.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Where it stands in the input, for people.
+    pub name: String,
+    /// Readings of one place of the machine: held out together.
+    pub group: usize,
+    /// Joints while it was taken.
+    pub joints: Joints,
+    /// Pose that the control took the machine to be in.
+    pub pose: Pose,
+    /// Tool vector, spindle offset included.
+    pub tool: Vector3<f64>,
+    /// Number of the frame.
+    pub frame: usize,
+    /// What was measured.
+    pub measured: Measured,
+}
+
+/// Machines beside the one at hand, for the derivatives by the parameters.
+pub struct Beside {
+    /// For every parameter of the machine its number, and what differs of a joint: the machine's
+    /// own leg, or all.
+    entries: Vec<(usize, Option<usize>, usize)>,
+    /// Pairs of machines, a little more and a little less, and the difference.
+    pairs: Vec<(Machine, Machine)>,
+    step: f64,
+}
+
+/// Step of the derivatives by the parameters, in sizes of the machine: rounding of 1e-16 over it
+/// and its square over the size both stay below 1e-8 of the derivative.
+const STEP: f64 = 1e-7;
+
+impl Beside {
+    /// Of the machine with these changes: legs are independent, so that the same parameter of all
+    /// legs makes one pair.
+    fn new(model: &Model, changes: &[f64]) -> Result<Self, Fault> {
+        let step = STEP * model.size();
+        let mut kinds: Vec<(usize, usize)> = vec![];
+        let mut entries = vec![];
+        for (k, parameter) in model.parameters.iter().enumerate() {
+            let (kind, leg) = match parameter.place {
+                Place::Base(leg, axis) => (axis, Some(leg)),
+                Place::Platform(leg, axis) => (3 + axis, Some(leg)),
+                Place::Length(leg) => (6, Some(leg)),
+                Place::Lead => (7, None),
+                Place::Trigger | Place::Frame(..) => continue,
+            };
+            let pair = kinds.iter().position(|(other, _)| *other == kind).unwrap_or_else(|| {
+                kinds.push((kind, entries.len()));
+                kinds.len() - 1
+            });
+            entries.push((k, leg, pair));
+        }
+        let moved = |pair: usize, step: f64| {
+            let mut changes = changes.to_vec();
+            for (k, _, _) in entries.iter().filter(|entry| entry.2 == pair) {
+                changes[*k] += step;
+            }
+            model.machine(&changes)
+        };
+        let pairs = (0..kinds.len())
+            .map(|pair| Ok((moved(pair, step)?, moved(pair, -step)?)))
+            .collect::<Result<_, Fault>>()?;
+        Ok(Self { entries, pairs, step })
+    }
+
+    /// ∂f/∂H at a pose: joints by the parameters of the machine.
+    fn joint_rates(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        legs: usize,
+        parameters: usize,
+    ) -> Result<DMatrix<f64>, Fault> {
+        let mut rates = DMatrix::zeros(legs, parameters);
+        let by = |(more, less): &(Machine, Machine)| -> Result<Vec<f64>, Fault> {
+            let (more, less) = (more.inverse(pose, tool)?, less.inverse(pose, tool)?);
+            Ok((0..legs).map(|i| (more[i] - less[i]) / (2.0 * self.step)).collect())
+        };
+        let by: Vec<Vec<f64>> = self.pairs.iter().map(by).collect::<Result<_, Fault>>()?;
+        for (k, leg, pair) in &self.entries {
+            let own = leg.map_or(0..legs, |leg| leg..leg + 1);
+            own.for_each(|i| rates[(i, *k)] = by[*pair][i]);
+        }
+        Ok(rates)
+    }
+}
+
+/// A machine with changes, and what is needed for derivatives by them.
+pub struct Changed<'a> {
+    model: &'a Model,
+    changes: &'a [f64],
+    /// The machine.
+    pub machine: Machine,
+    beside: Beside,
+}
+
+/// Pose of a reading and how it follows the parameters at fixed joints.
+pub struct Posed {
+    /// True pose, if these changes are the true ones.
+    pub pose: Pose,
+    /// The tip, in base.
+    pub tip: Vector3<f64>,
+    /// Rows x y z (machine units) and the rotation about base axes (radians), columns parameters.
+    pub rates: DMatrix<f64>,
+}
+
+impl<'a> Changed<'a> {
+    /// The machine of a model with these changes.
+    ///
+    /// # Errors
+    /// They make no machine.
+    pub fn new(model: &'a Model, changes: &'a [f64]) -> Result<Self, Fault> {
+        let beside = Beside::new(model, changes)?;
+        Ok(Self { model, changes, machine: model.machine(changes)?, beside })
+    }
+
+    /// The pose of these joints near `seed`.
+    ///
+    /// # Errors
+    /// As [`Machine::forward`].
+    pub fn posed(&self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
+        let solver = Solver { residual_limit: self.model.size(), ..Solver::default() };
+        let pose = self.machine.forward(joints, seed, tool, &solver)?.pose;
+        self.at(pose, tool)
+    }
+
+    /// As [`Changed::posed`], at a pose.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn at(&self, pose: Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
+        let legs = self.model.geometry.legs().len();
+        let letters = self.machine.layout().coordinates().as_slice();
+        let jacobian = self.machine.pose_jacobian(&pose, tool)?;
+        let active =
+            DMatrix::from_fn(legs, letters.len(), |i, k| jacobian[(i, letters[k].index())]);
+        let by = self.beside.joint_rates(&pose, tool, legs, self.model.parameters.len())?;
+        let normal = active.transpose() * &active;
+        let solved = normal.lu().solve(&(active.transpose() * by));
+        let solved =
+            solved.unwrap_or_else(|| DMatrix::zeros(letters.len(), self.model.parameters.len()));
+        Ok(Posed { tip: pose.position - tool, rates: twist(&pose, letters, &-solved), pose })
+    }
+
+    /// Residuals of a reading, and their derivatives by all parameters.
+    ///
+    /// # Errors
+    /// As [`Machine::forward`].
+    pub fn residual(
+        &self,
+        reading: &Reading,
+        seed: &Pose,
+    ) -> Result<(DVector<f64>, DMatrix<f64>, Pose), Fault> {
+        let posed = self.posed(&reading.joints, seed, &reading.tool)?;
+        let seen = self.seen(reading, &posed);
+        Ok((seen.0, seen.1, posed.pose))
+    }
+
+    /// As [`Changed::residual`], of a reading whose pose is known.
+    pub fn seen(&self, reading: &Reading, posed: &Posed) -> (DVector<f64>, DMatrix<f64>) {
+        let frame = self.model.frame(reading.frame, self.changes);
+        let away = posed.tip - frame.origin;
+        let (residual, by_tip) = self.by_tip(reading, posed, &frame);
+        let mut jacobian = by_tip.columns(0, 3) * posed.rates.rows(0, 3)
+            + by_tip.columns(3, 3) * posed.rates.rows(3, 3);
+        for (k, parameter) in self.model.parameters.iter().enumerate() {
+            match parameter.place {
+                Place::Frame(number, axis) if number == reading.frame => {
+                    // The frame moved is the tip moved the other way.
+                    let (shift, turn) = match axis {
+                        0..3 => (unit(axis), Vector3::zeros()),
+                        _ => {
+                            let turn = self.model.turn_axis(number, axis - 3, self.changes);
+                            (turn.cross(&away), turn)
+                        }
+                    };
+                    let column = by_tip.columns(0, 3) * shift + by_tip.columns(3, 3) * turn;
+                    jacobian.set_column(k, &-column);
+                }
+                Place::Trigger => jacobian.set_column(k, &by_trigger(&reading.measured)),
+                _ => {}
+            }
+        }
+        (residual, jacobian)
+    }
+
+    /// Residuals, and their derivatives by the tip's place and the rotation about it, in base.
+    fn by_tip(
+        &self,
+        reading: &Reading,
+        posed: &Posed,
+        frame: &Frame,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let local = frame.seen(&posed.tip);
+        let trigger = self.model.trigger(self.changes);
+        let one = |value: f64, direction: Vector3<f64>| {
+            let direction = frame.rotation * direction;
+            let row = DMatrix::from_fn(1, 6, |_, k| if k < 3 { direction[k] } else { 0.0 });
+            (DVector::from_element(1, value), row)
+        };
+        match &reading.measured {
+            Measured::Bore { axis, radius } => {
+                let out = Vector3::new(local.x - axis[0], local.y - axis[1], 0.0);
+                let distance = out.norm().max(f64::MIN_POSITIVE);
+                one(distance - radius - trigger, out / distance)
+            }
+            Measured::Face(height) => one(local.z - height + trigger, Vector3::z()),
+            Measured::Distance(length) => {
+                let distance = local.norm().max(f64::MIN_POSITIVE);
+                one(distance - length, local / distance)
+            }
+            Measured::Position(place) => {
+                let turned = frame.rotation.transpose();
+                let by = DMatrix::from_fn(3, 6, |i, k| if k < 3 { turned[(i, k)] } else { 0.0 });
+                (DVector::from_column_slice((local - place).as_slice()), by)
+            }
+            Measured::Pose(place, rotation) => self.of_pose(posed, frame, place, rotation),
+        }
+    }
+
+    /// Angles count by the platform's radius, so that they have the unit of lengths.
+    fn of_pose(
+        &self,
+        posed: &Posed,
+        frame: &Frame,
+        place: &Vector3<f64>,
+        rotation: &Matrix3<f64>,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let (turned, radius) = (frame.rotation.transpose(), self.machine.radius());
+        let off = turned * posed.pose.rotation() * rotation.transpose();
+        let angle = Rotation3::from_matrix_unchecked(off).scaled_axis() * radius;
+        let miss = frame.seen(&posed.tip) - place;
+        let residual = DVector::from_iterator(6, miss.iter().chain(angle.iter()).copied());
+        let by = DMatrix::from_fn(6, 6, |i, k| match (i < 3, k < 3) {
+            (true, true) => turned[(i, k)],
+            (false, false) => turned[(i - 3, k - 3)] * radius,
+            _ => 0.0,
+        });
+        (residual, by)
+    }
+}
+
+/// Unit vector of an axis.
+pub(super) fn unit(axis: usize) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)))
+}
+
+fn by_trigger(measured: &Measured) -> DVector<f64> {
+    let rate = match measured {
+        Measured::Bore { .. } => -1.0,
+        Measured::Face(_) => 1.0,
+        Measured::Position(_) | Measured::Pose(..) | Measured::Distance(_) => 0.0,
+    };
+    DVector::from_element(measured.rows(), rate)
+}
+
+/// Rates of the letters as rates of the place and of the rotation about base axes.
+fn twist(pose: &Pose, letters: &[Letter], rates: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut twist = DMatrix::zeros(6, rates.ncols());
+    let (sb, cb) = pose.angles.y.sin_cos();
+    let (sc, cc) = pose.angles.z.sin_cos();
+    // Axes of A, B and C in base: R = Rz(C) Ry(B) Rx(A).
+    let axes = [Vector3::new(cc * cb, sc * cb, -sb), Vector3::new(-sc, cc, 0.0), Vector3::z()];
+    for (row, letter) in letters.iter().enumerate() {
+        match letter.index() {
+            k @ 0..=2 => twist.set_row(k, &rates.row(row)),
+            k => {
+                for i in 0..3 {
+                    let more = rates.row(row) * (axes[k - 3][i] * std::f64::consts::PI / 180.0);
+                    let mut place = twist.row_mut(3 + i);
+                    place += more;
+                }
+            }
+        }
+    }
+    twist
+}

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The INI file with another geometry: every other line, comments and layout stay.
+
+use super::model::{Model, Place};
+use crate::boxes;
+use crate::ini::Ini;
+use crate::machine::MachineConfig;
+use kinematics::Geometry;
+use kinematics::{LegKind, PerLeg};
+use similar::TextDiff;
+use std::path::Path;
+
+/// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.
+const DECIMALS: usize = 6;
+
+/// What a value of the file becomes.
+struct Edit {
+    section: String,
+    key: &'static str,
+    value: String,
+}
+
+/// The text of a machine's file with these changes of a model. `[BOX_K]` sections, which were
+/// proved for the old geometry, are taken out with `boxes=`.
+///
+/// # Errors
+/// A sentence: the values stand in an included file, or the new text is no machine.
+pub fn calibrated(
+    config: &MachineConfig,
+    model: &Model,
+    changes: &[f64],
+) -> Result<String, String> {
+    let text = std::fs::read_to_string(&config.file)
+        .map_err(|error| format!("{}: {error}", config.file.display()))?;
+    let (geometry, offsets) = model.changed(changes);
+    let mut lines: Vec<String> = without_boxes(&text);
+    let mut edits = of_legs(model, &geometry, &offsets);
+    edits.extend(of_home(config, model, changes)?);
+    for edit in &edits {
+        enter(&mut lines, edit).map_err(|text| format!("{}: {text}", config.file.display()))?;
+    }
+    let new = lines.join("\n") + "\n";
+    read_back(&config.file, &new)?;
+    Ok(new)
+}
+
+/// The machine of the new text.
+///
+/// # Errors
+/// It is none.
+pub fn read_back(file: &Path, text: &str) -> Result<MachineConfig, String> {
+    let ini = Ini::parse(file, text).map_err(|error| error.to_string())?;
+    MachineConfig::from_ini(&ini).map_err(|error| error.to_string())
+}
+
+/// The text with boxes proved for its machine; `told` in words where there are none.
+pub fn with_boxes(file: &Path, text: &str) -> Result<String, String> {
+    let config = read_back(file, text)?;
+    let found = boxes::found(&config).map_err(|doubt| doubt.to_string())?;
+    let letters = config.machine.layout().coordinates().as_slice();
+    let mut text = text
+        .lines()
+        .map(|line| match line.trim_start().starts_with("KINEMATICS") {
+            true => format!("{line} boxes={}\n", found.len()),
+            false => format!("{line}\n"),
+        })
+        .collect::<String>();
+    for (k, (section, _)) in found.iter().enumerate() {
+        text += &format!("\n{}", boxes::text(k, section, letters, config.legs()));
+    }
+    read_back(file, &text)?;
+    Ok(text)
+}
+
+/// Both texts as a difference that people read.
+pub fn difference(old: &str, new: &str, names: (&str, &str)) -> String {
+    TextDiff::from_lines(old, new)
+        .unified_diff()
+        .context_radius(1)
+        .header(names.0, names.1)
+        .to_string()
+}
+
+fn decimal(value: f64) -> String {
+    // Plus 0: no "-0".
+    format!("{:.DECIMALS$}", value + 0.0)
+}
+
+fn list(values: &[f64; 3]) -> String {
+    values.map(decimal).join(" ")
+}
+
+/// What of the legs differs from what the file says.
+fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
+    let mut edits = vec![];
+    for (n, (old, new)) in model.geometry.legs().iter().zip(geometry.legs()).enumerate() {
+        let mut edit = |key, value| edits.push(Edit { section: format!("LEG_{n}"), key, value });
+        if old.base != new.base {
+            edit("BASE", list(&new.base));
+        }
+        if old.platform != new.platform {
+            edit("PLATFORM", list(&new.platform));
+        }
+        if model.offsets[n] != offsets[n] {
+            edit("OFFSET", decimal(offsets[n]));
+        }
+        match (&old.kind, &new.kind) {
+            (LegKind::Slider(old), LegKind::Slider(new)) if old.rod != new.rod => {
+                edit("ROD", decimal(new.rod))
+            }
+            (LegKind::Crank(old), LegKind::Crank(new)) if old.rod != new.rod => {
+                edit("ROD", decimal(new.rod))
+            }
+            (LegKind::Strut(old), LegKind::Strut(new)) if old.lead != new.lead => {
+                edit("LEAD", decimal(new.lead))
+            }
+            _ => {}
+        }
+    }
+    edits
+}
+
+/// HOME of the joints: the same pose, by the new geometry.
+fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, String> {
+    if model.number(Place::Length(0)).is_none() {
+        return Ok(vec![]);
+    }
+    let machine = model.machine(changes).map_err(|fault| fault.to_string())?;
+    let joints =
+        machine.inverse(&config.home_pose(), &config.spindle).map_err(|fault| fault.to_string())?;
+    let edit =
+        |n: usize| Edit { section: format!("JOINT_{n}"), key: "HOME", value: decimal(joints[n]) };
+    Ok((0..config.joints.len())
+        .filter(|n| decimal(config.joints[*n].home) != decimal(joints[*n]))
+        .map(edit)
+        .collect())
+}
+
+/// Lines of a section behind its heading, to the next heading.
+fn section(lines: &[String], name: &str) -> Option<std::ops::Range<usize>> {
+    let heading = format!("[{name}]");
+    let first = lines.iter().position(|line| line.trim() == heading)? + 1;
+    let next = lines[first..].iter().position(|line| line.trim_start().starts_with('['));
+    Some(first..next.map_or(lines.len(), |next| first + next))
+}
+
+fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), String> {
+    let Edit { section: name, key, value } = edit;
+    let range = section(lines, name).ok_or_else(|| {
+        format!("[{name}] is not in the file itself: calibrate where its values stand")
+    })?;
+    let is_own = |line: &String| line.split_once('=').is_some_and(|(word, _)| word.trim() == *key);
+    match lines[range.clone()].iter().position(is_own) {
+        Some(at) => {
+            let line = &mut lines[range.start + at];
+            let (before, after) = line.split_once('=').unwrap_or((line.as_str(), ""));
+            let blank: String = after.chars().take_while(|c| c.is_whitespace()).collect();
+            *line = format!("{before}={blank}{value}");
+        }
+        None => {
+            let own = lines[range.clone()].iter().rposition(|line| line.contains('='));
+            lines.insert(range.start + own.map_or(0, |at| at + 1), format!("{key} = {value}"));
+        }
+    }
+    Ok(())
+}
+
+/// The lines without `[BOX_K]` and `boxes=`; comments stay.
+fn without_boxes(text: &str) -> Vec<String> {
+    let mut is_box = false;
+    let mut lines = vec![];
+    for line in text.lines() {
+        if line.trim_start().starts_with('[') {
+            is_box = line.trim_start().starts_with("[BOX_");
+        }
+        let is_kept = !is_box || line.trim().is_empty() || line.trim_start().starts_with('#');
+        if is_kept && !(is_box && line.trim().is_empty()) {
+            lines.push(without_count(line));
+        }
+    }
+    lines
+}
+
+fn without_count(line: &str) -> String {
+    if !line.trim_start().starts_with("KINEMATICS") {
+        return line.into();
+    }
+    let kept: Vec<&str> = line.split(' ').filter(|word| !word.starts_with("boxes=")).collect();
+    kept.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_change_and_all_else_stays() {
+        let text = "# a comment\n[LEG_0]\nBASE=1 2 3\n  PLATFORM =  4 5 6\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9\n";
+        let mut lines: Vec<String> = text.lines().map(Into::into).collect();
+        let edit = |key, value: &str| Edit { section: "LEG_0".into(), key, value: value.into() };
+        enter(&mut lines, &edit("BASE", "1.5 2 3")).unwrap();
+        enter(&mut lines, &edit("PLATFORM", "0 0 0")).unwrap();
+        enter(&mut lines, &edit("OFFSET", "0.25")).unwrap();
+        let new = "# a comment\n[LEG_0]\nBASE=1.5 2 3\n  PLATFORM =  0 0 0\nOFFSET = 0.25\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9";
+        assert_eq!(lines.join("\n"), new);
+        let other = Edit { section: "LEG_7".into(), key: "BASE", value: String::new() };
+        assert!(
+            enter(&mut lines, &other).unwrap_err().contains("[LEG_7] is not in the file itself")
+        );
+    }
+
+    #[test]
+    fn boxes_of_the_old_geometry_go() {
+        let text = "[KINS]\nKINEMATICS = pkmkins legs=strut:6 boxes=1\n\n# Start\n[BOX_0]\nLOW = 1\n\n[JOINT_0]\nHOME = 1\n";
+        let lines = without_boxes(text).join("\n");
+        assert_eq!(
+            lines,
+            "[KINS]\nKINEMATICS = pkmkins legs=strut:6\n\n# Start\n[JOINT_0]\nHOME = 1"
+        );
+    }
+}

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A calibration from files to findings.
+
+use super::at_tool::{self, Ellipsoid};
+use super::fit::{Fit, Misfit, fit, held_out, residuals, rms};
+use super::log::{self, HEADER};
+use super::model::{Frame, Model, Tolerance};
+use super::observe;
+use super::plan;
+use super::plate::Plate;
+use super::reading::{Changed, Measured, Reading};
+use super::table;
+use crate::ini::Ini;
+use crate::machine::MachineConfig;
+use kinematics::{Fault, MAX_LEGS, PerLeg, Pose, Vector3};
+use nalgebra::{DMatrix, DVector};
+use std::path::{Path, PathBuf};
+
+/// Places that may be measured next.
+const CANDIDATES: usize = 200;
+
+/// How a machine is to be calibrated.
+#[derive(Clone, Debug)]
+pub struct Wishes {
+    /// How far the machine may be from its drawing.
+    pub tolerance: Tolerance,
+    /// Noise of one number read; estimated where it is not given.
+    pub noise: Option<f64>,
+    /// Plate of the logs.
+    pub plate: Option<PathBuf>,
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Study {
+    /// The machine as drawn, and what of it may change.
+    pub model: Model,
+    /// What was read.
+    pub readings: Vec<Reading>,
+    /// The result.
+    pub found: Fit,
+    /// Root mean square residual with the machine as drawn, only frames fitted.
+    pub as_drawn: f64,
+    /// Root mean square of what was not used, see [`held_out`].
+    pub held_out: f64,
+    /// Independent changes that the readings tell, in principle.
+    pub rank: usize,
+    /// Independent changes that they know better than the drawing.
+    pub improved: usize,
+    /// How many changes no reading sees, and why.
+    pub unseen: Vec<(usize, &'static str)>,
+    /// Where the tip may be, by the drawing alone and now: at home, and where it is worst.
+    pub at_tool: [(Ellipsoid, Ellipsoid); 2],
+    /// Errors of the holes as the control saw them, largest first.
+    pub holes: Vec<HoleError>,
+}
+
+/// Where the control saw a hole, at one orientation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HoleError {
+    /// A touch of it, for people.
+    pub name: String,
+    /// Distance of its axis from where the plate has it.
+    pub miss: f64,
+}
+
+/// Readings of files, and the model with a frame for each file.
+///
+/// # Errors
+/// A sentence that names file and line.
+pub fn read(
+    config: &MachineConfig,
+    files: &[PathBuf],
+    wishes: &Wishes,
+) -> Result<(Model, Vec<Reading>), String> {
+    let plate = match &wishes.plate {
+        Some(file) => Some(Plate::read(file, config.units_per_mm)?),
+        None => None,
+    };
+    let offsets = offsets(config)?;
+    let mut model = Model::new(config.geometry, offsets, &wishes.tolerance)
+        .map_err(|fault| format!("{}: {fault}", config.file.display()))?;
+    let mut readings = vec![];
+    for (k, file) in files.iter().enumerate() {
+        let (mut own, frame) = of_file(config, file, plate.as_ref(), k)?;
+        let groups = readings.iter().map(|reading: &Reading| reading.group + 1).max().unwrap_or(0);
+        own.iter_mut().for_each(|reading| reading.group += groups);
+        model = model.with_unknown_frame(frame);
+        readings.extend(own);
+    }
+    Ok((model, readings))
+}
+
+fn of_file(
+    config: &MachineConfig,
+    file: &Path,
+    plate: Option<&Plate>,
+    frame: usize,
+) -> Result<(Vec<Reading>, Frame), String> {
+    let named = |text: &dyn std::fmt::Display| format!("{}: {text}", file.display());
+    let text = std::fs::read_to_string(file).map_err(|error| named(&error))?;
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let at = |bad: log::BadLog| format!("{}:{bad}", file.display());
+    let is_table = text.lines().any(|line| line.contains(','));
+    match (text.lines().next().map(str::trim) == Some(HEADER), is_table, plate) {
+        (false, true, _) => {
+            let readings = table::readings(config, &text, frame, &name).map_err(at)?;
+            let frame = table::frame(&readings);
+            Ok((readings, frame))
+        }
+        (true, _, Some(plate)) => {
+            let readings = log::readings(config, plate, &text, frame, &name).map_err(at)?;
+            let frame =
+                plate.found_at(&log::centres(plate, &readings)).map_err(|text| named(&text))?;
+            Ok((readings, frame))
+        }
+        (true, _, None) => {
+            Err(named(&"a log of touches needs the plate that was probed: --plate FILE.toml"))
+        }
+        (false, false, _) => Err(named(&format!(
+            "is neither a log of the calibration program (\"{HEADER}\") nor a table of CSV; points of \
+             PROBEOPEN alone do not say which machine, tool and hole they belong to"
+        ))),
+    }
+}
+
+fn offsets(config: &MachineConfig) -> Result<PerLeg, String> {
+    let ini = Ini::read(&config.file).map_err(|error| error.to_string())?;
+    let mut offsets = [0.0; MAX_LEGS];
+    for (n, offset) in offsets.iter_mut().enumerate().take(config.legs()) {
+        *offset =
+            ini.number_or(&format!("LEG_{n}"), "OFFSET", 0.0).map_err(|error| error.to_string())?;
+    }
+    Ok(offsets)
+}
+
+/// Calibrates; `told` hears how far it is.
+///
+/// # Errors
+/// See [`Misfit`].
+pub fn study(
+    config: &MachineConfig,
+    model: Model,
+    readings: Vec<Reading>,
+    noise: Option<f64>,
+    mut told: impl FnMut(f64),
+) -> Result<Study, Misfit> {
+    let found = fit(&model, &readings, noise)?;
+    told(0.4);
+    let (as_drawn, holes) = as_drawn(&model, &readings, &found)?;
+    let held_out = held_out(&model, &readings, &found, |share| told(0.4 + 0.5 * share))?;
+    let at_tool = at_tool(config, &model, &readings, &found)
+        .map_err(|fault| Misfit::Unreachable("the workspace".into(), fault))?;
+    let used = believed(&readings, &found);
+    let [rank, improved] = [
+        observe::rank(&model, &found.jacobian),
+        observe::improved(&model, &found.jacobian, found.noise),
+    ];
+    let unseen = observe::unseen(&model, &used, &found.jacobian);
+    told(1.0);
+    Ok(Study { as_drawn, held_out, rank, improved, unseen, at_tool, holes, model, readings, found })
+}
+
+/// The readings that were not left out.
+fn believed(readings: &[Reading], found: &Fit) -> Vec<Reading> {
+    let is_out = |i: usize| found.outliers.iter().any(|outlier| outlier.reading == i);
+    let kept = readings.iter().enumerate().filter(|(i, _)| !is_out(*i));
+    kept.map(|(_, reading)| reading.clone()).collect()
+}
+
+/// The residuals that the drawing leaves, only frames and probe fitted, and the holes as the
+/// control saw them.
+fn as_drawn(
+    model: &Model,
+    readings: &[Reading],
+    found: &Fit,
+) -> Result<(f64, Vec<HoleError>), Misfit> {
+    let mut frames = model.clone();
+    frames.parameters.retain(|parameter| !parameter.place.is_of_machine());
+    let believed = believed(readings, found);
+    let all: Vec<&Reading> = believed.iter().collect();
+    let changes =
+        super::fit::most_probable(&frames, &all, &vec![0.0; frames.parameters.len()], found.noise)?;
+    let (left, _) = residuals(&frames, &all, &changes)?;
+    Ok((rms(&left), holes(&frames, &believed, &changes)))
+}
+
+/// Axes of the holes by least squares through the touches of their walls, at each orientation.
+fn holes(frames: &Model, readings: &[Reading], changes: &[f64]) -> Vec<HoleError> {
+    let groups = readings.iter().map(|reading| reading.group + 1).max().unwrap_or(0);
+    let of = |group: usize| {
+        let walls = readings.iter().filter(|r| r.group == group);
+        let walls: Vec<(&Reading, [f64; 2])> = walls
+            .filter_map(|r| match r.measured {
+                Measured::Bore { axis, .. } => Some((r, axis)),
+                _ => None,
+            })
+            .collect();
+        let points: Vec<Vector3<f64>> = walls
+            .iter()
+            .map(|(r, _)| frames.frame(r.frame, changes).seen(&(r.pose.position - r.tool)))
+            .collect();
+        let (first, axis) = walls.first()?;
+        let [x, y] = circle(&points)?;
+        Some(HoleError { name: first.name.clone(), miss: (x - axis[0]).hypot(y - axis[1]) })
+    };
+    let mut all: Vec<HoleError> = (0..groups).filter_map(of).collect();
+    all.sort_by(|a, b| b.miss.total_cmp(&a.miss));
+    all
+}
+
+/// Centre of the circle through points, least squares: |p|² = 2 p·c + r² − |c|² is linear.
+fn circle(points: &[Vector3<f64>]) -> Option<[f64; 2]> {
+    if points.len() < 3 {
+        return None;
+    }
+    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let rows = DMatrix::from_fn(points.len(), 3, |i, k| match k {
+        0 | 1 => 2.0 * (points[i] - mean)[k],
+        _ => 1.0,
+    });
+    let right =
+        nalgebra::DVector::from_fn(points.len(), |i, _| (points[i] - mean).xy().norm_squared());
+    let solved = rows.svd(true, true).solve(&right, 1e-12).ok()?;
+    Some([mean.x + solved[0], mean.y + solved[1]])
+}
+
+/// The tip by the drawing and by the readings, at home and where it is worst.
+fn at_tool(
+    config: &MachineConfig,
+    model: &Model,
+    readings: &[Reading],
+    found: &Fit,
+) -> Result<[(Ellipsoid, Ellipsoid); 2], Fault> {
+    let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
+    let changed = Changed::new(model, &found.changes)?;
+    // Of the machine alone: by the drawing nobody asks where the plate lies.
+    let drawn = DMatrix::from_diagonal(&DVector::from_iterator(
+        model.parameters.len(),
+        model
+            .parameters
+            .iter()
+            .map(|p| if p.place.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
+    ));
+    let mut home = config.home_pose();
+    home.position += tool - config.spindle;
+    let mut poses = at_tool::workspace(config, &tool);
+    poses.push(home);
+    let both = |poses: &[Pose]| -> Result<(Ellipsoid, Ellipsoid), Fault> {
+        let largest = |covariance| at_tool::largest(&changed, model, covariance, poses, &tool);
+        let before = largest(&drawn)?;
+        let after = largest(&found.covariance)?;
+        Ok(before.zip(after).expect("there is the pose at home"))
+    };
+    Ok([both(&[home])?, both(&poses)?])
+}
+
+/// Poses to measure next, best first: the tip's place is read at each. Tip and angles, machine
+/// units and degrees.
+///
+/// # Errors
+/// As [`kinematics::Machine::inverse`].
+pub fn next_poses(
+    config: &MachineConfig,
+    study: &Study,
+    count: usize,
+) -> Result<Vec<[f64; 6]>, Fault> {
+    let Study { model, readings, found, .. } = study;
+    let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
+    let changed = Changed::new(model, &found.changes)?;
+    let poses = at_tool::poses(config, &tool, CANDIDATES, 1);
+    let rows = |pose: &Pose| -> Result<DMatrix<f64>, Fault> {
+        let reading = Reading {
+            name: String::new(),
+            group: 0,
+            joints: changed.machine.inverse(pose, &tool)?,
+            pose: *pose,
+            tool,
+            frame: 0,
+            measured: Measured::Position(Vector3::zeros()),
+        };
+        Ok(changed.seen(&reading, &changed.at(*pose, &tool)?).1)
+    };
+    let candidates = poses.iter().map(rows).collect::<Result<Vec<_>, Fault>>()?;
+    let tips = at_tool::workspace(config, &tool)
+        .iter()
+        .map(|pose| Ok(at_tool::rates(model, &changed.at(*pose, &tool)?)))
+        .collect::<Result<Vec<_>, Fault>>()?;
+    let best = plan::next_best(model, &found.jacobian, &candidates, &tips, found.noise, count);
+    let shown = |k: usize| {
+        let mut pose = poses[k];
+        pose.position -= tool;
+        pose.to_degrees()
+    };
+    Ok(best.into_iter().map(shown).collect())
+}
