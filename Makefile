@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -28,6 +28,7 @@ PROGRAM :=
 help:
 	@echo "make demo       a machine runs its program under LinuxCNC; MACHINE=hexapod (default)"
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
+	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
@@ -50,6 +51,14 @@ demo:
 	    echo "pkmkins: no machine $(MACHINE); there are:" $(notdir $(wildcard configs/*)); exit 2; }
 	@$(MAKE) --no-print-directory install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
+
+# The component that plays the true machine is for this alone: it goes again at the end.
+TRUTH := $(MODULES)/pkmkins_truth.so
+calibration-demo: install
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkmkins_truth -p pkm --lib --bin pkm
+	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(TRUTH)"; \
+	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
+	code=$$?; $$root rm -f "$(TRUTH)"; exit $$code
 
 test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast

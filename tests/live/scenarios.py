@@ -26,6 +26,13 @@ def program(machine: Machine, out, path, lines, seconds):
     return recorded_program(machine, out, path, lines, seconds)[0]
 
 
+def probing(machine: Machine, out, path, lines, seconds):
+    """Runs the calibration program; what it logs is the result."""
+    machine.start()
+    machine.run_program(path, Progress(out / "progress", lines), seconds)
+    expect_quiet(machine)
+
+
 def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     """What was found, and the recorder with `more_columns` beside those of the trace."""
     columns = program_columns(machine.layout)

@@ -79,7 +79,7 @@ pub fn largest(
     Ok(all.into_iter().max_by(|a, b| a.half_axes[0].total_cmp(&b.half_axes[0])))
 }
 
-/// Poses within the axis limits that the machine can take: [`SAMPLES`] at most, always the same.
+/// Poses within the axis limits that the machine can take: sixty at most, always the same.
 pub fn workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, SAMPLES, 0)
 }
