@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak mutants setup module header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak truth mutants setup module header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -39,6 +39,7 @@ help:
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
+	@echo "make truth      preflight beside LinuxCNC itself: 108 programs, ends in a table"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
@@ -67,6 +68,7 @@ test: check install prove counts
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/live_test.py --judge target/host/pkm-report
 	tests/live/soak.py --minutes 1
+	tests/live/truth.py --short
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
 test-long: install
@@ -116,6 +118,11 @@ fuzz: setup
 soak: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/soak.py --minutes $(MINUTES) --out build/soak
+
+TRUTH :=
+truth: install
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
+	tests/live/truth.py $(TRUTH)
 
 # Debug builds: a mutant takes about a minute of one core, most of it to build.
 MUTANTS := target/tools/bin/cargo-mutants

@@ -29,7 +29,7 @@ def rerun_unprivileged(script, arguments, timeout, out=None, given=(), lanes=1):
     largest of all lanes.
 
     Every lane runs the same script with the same arguments in the same folder: they share out the
-    work with `claimed`. The script finds the files `given` in its folder `given`. What it writes
+    work with `claimed`. The script finds the files and folders `given` in its folder `given`. What it writes
     into its folder `out` is copied to the folder `out` names.
     """
     # Not in /tmp: there the lanes have folders of their own.
@@ -40,8 +40,9 @@ def rerun_unprivileged(script, arguments, timeout, out=None, given=(), lanes=1):
                             ignore=shutil.ignore_patterns("__pycache__"))
         (folder / "out").mkdir()
         (folder / "given").mkdir()
-        for file in given:
-            shutil.copy(file, folder / "given")
+        for path in map(Path, given):
+            copy = shutil.copytree if path.is_dir() else shutil.copy
+            copy(path, folder / "given" / path.name)
         code = _run_as_user(folder, script, arguments, timeout, lanes)
         if out is not None:
             shutil.copytree(folder / "out", out, dirs_exist_ok=True)

@@ -18,7 +18,11 @@ The process must own its HOME: LinuxCNC keeps its tool data in $HOME/.tool.mmap.
 Output: one line a move, lengths in millimetres, angles in degrees, rates per
 minute, 17 digits. Positions are commanded ones, as motion receives them: they
 hold work offset, G92, rotation and tool length. U V W move no leg and are left
-out. Exit status 1 and a sentence on standard error when the interpreter refuses
+out. Behind them stands what the planner makes of a move: path control mode (the
+interpreter's 610, 611 or 640) with its two tolerances, number, least radius and
+normal (0 to 2 for X to Z) of the arc that it is a piece of (number 0 for none), and
+1 where motion has to stand still before it, and the file that its line belongs to, where
+that is a subroutine's own. Exit status 1 and a sentence on standard error when the interpreter refuses
 the program.
 """
 
@@ -26,6 +30,8 @@ import ctypes
 import json
 import linecache
 import math
+import os
+import re
 import sys
 
 try:
@@ -41,6 +47,17 @@ SCALE = (MM, MM, MM, 1.0, 1.0, 1.0, MM, MM, MM)
 # Codes in the interpreter's state: G21, M61.
 UNITS_MM = 210
 SET_TOOL = 61
+# Axis square to a plane, by LinuxCNC's numbers of planes.
+NORMALS = {1: 2, 2: 0, 3: 1}
+# What a state object holds before its settings, and which of them are tolerances; the module does not
+# show them otherwise.
+OBJECT_HEAD = 16
+FILES = "/proc/self/fd"
+# The interpreter leaves blending in canned cycles, and tells the module nothing of it.
+EXACT_PATH = 610
+CYCLE = re.compile(r"[Gg]\s*0*(73|8[1-9])(?![\d.])")
+CYCLES = (730, *range(810, 900, 10))
+FEED_RATE, TOLERANCE, MERGING = 1, 3, 4
 
 
 class Pose(ctypes.Structure):
@@ -105,6 +122,29 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
         self.refused = ""
+        self.arc, self.arcs = (0, 0.0, 2), 0
+        self.path = (640, 0.0, 0.0)
+        self.stands = True
+        self.turning = None
+        self.file, self.reading = "", None
+        self.others = set(os.listdir(FILES))
+
+    def read_from(self):
+        """The file that is read: the interpreter keeps that of the running subroutine open, and the
+        module tells its name to nobody."""
+        try:
+            path = os.readlink(f"{FILES}/{self.reading}")
+        except OSError:
+            path = self.opened()
+        self.file = "" if path == self.program else path
+
+    def opened(self):
+        for number in set(os.listdir(FILES)) - self.others:
+            path = os.path.join(FILES, number)
+            if os.path.isfile(path):
+                self.reading = number
+                return os.readlink(path)
+        return self.program
 
     def move(self, kind, end):
         """One straight move from the last point to `end` (inches, degrees)."""
@@ -113,7 +153,20 @@ class Canon(Translated, ArcsToSegmentsMixin):
         tool = [t * s for t, s in zip(self.tool, SCALE)][:3]
         values = position + [self.feed, self.angular_feed] + tool
         line = self.state.sequence_number if self.state else 0
-        self.out.write(f"{kind},{line}," + ",".join(repr(v) for v in values) + "\n")
+        self.read_from()
+        path = (EXACT_PATH, 0.0, 0.0) if kind != "probe" and self.is_in_cycle(line) else self.path
+        values += [*path, *self.arc, int(self.stands)]
+        self.stands = False
+        file = self.file.replace('"', '""')
+        self.out.write(f"{kind},{line}," + ",".join(repr(v) for v in values) + f',"{file}"\n')
+
+    def is_in_cycle(self, line):
+        """The state is that before the block, so that a cycle's first block has to be looked at."""
+        if line == 0:
+            return False
+        block = linecache.getline(self.file or self.program, line)
+        other = re.search(r"[Gg]\s*0*(?:[0-3]|80)(?![\d.])", block)
+        return bool(CYCLE.search(block)) or (self.state.motion_mode in CYCLES and not other)
 
     def straight_traverse_translated(self, *end):
         self.move("rapid", end)
@@ -135,7 +188,10 @@ class Canon(Translated, ArcsToSegmentsMixin):
         radius = math.hypot(x1 - cx, y1 - cy)
         step = math.sqrt(8 * self.chord_error / max(radius, self.chord_error))
         self.arcdivision = max(16, math.ceil(math.pi / step))
+        self.arcs += 1
+        self.arc = (self.arcs, radius * MM, NORMALS.get(self.plane, 2))
         super().arc_feed(x1, y1, cx, cy, rot, z1, a, b, c, u, v, w)
+        self.arc = (0, 0.0, 2)
 
     def straight_arcsegments(self, segments):
         for end in segments:
@@ -152,6 +208,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         # The commanded position stays where it is; only its meaning changes.
         self.lo = tuple(p + t - o for p, t, o in zip(self.lo, self.tool, offset))
         self.tool = tuple(offset)
+        self.stands = True
 
     def next_line(self, state):
         if state.toolchange == SET_TOOL:
@@ -161,8 +218,14 @@ class Canon(Translated, ArcsToSegmentsMixin):
             self.refused = f"{self.program}:{line}: M61 cannot be replayed; use T and M6"
             raise ValueError(self.refused)
         self.state = state
+        self.path = path_of(state)
+        # Motion waits for a spindle that starts or changes its speed.
+        turning = (state.spindle, state.speed)
+        self.stands |= self.turning not in (None, turning)
+        self.turning = turning
 
     def change_tool(self, index):
+        self.stands = True
         self.tools.put_in_spindle(index)
 
     def get_tool(self, index):
@@ -187,6 +250,10 @@ class Canon(Translated, ArcsToSegmentsMixin):
 
     def user_defined_function(self, number, p, q):
         """M100 to M199 are the machine's own programs; none of them moves it."""
+        self.stands = True
+
+    def dwell(self, seconds):
+        self.stands = True
 
     def message(self, text):
         print(text, file=sys.stderr)
@@ -194,13 +261,23 @@ class Canon(Translated, ArcsToSegmentsMixin):
     def comment(self, text):
         pass
 
-    dwell = set_traverse_rate = comment
+    set_traverse_rate = comment
+
+
+def path_of(state):
+    """Path control mode with its tolerance and that of merging, millimetres."""
+    settings = (ctypes.c_double * 5).from_address(id(state) + OBJECT_HEAD)
+    if settings[FEED_RATE] != state.feed_rate:
+        raise ValueError("this version of LinuxCNC keeps its settings elsewhere")
+    unit = 1.0 if state.gcodes[5] == UNITS_MM else MM
+    return state.path_mode, max(settings[TOLERANCE], 0.0) * unit, max(settings[MERGING], 0.0) * unit
 
 
 def main():
     request = json.load(sys.stdin)
     out = sys.stdout
-    out.write("kind,line,x,y,z,a,b,c,feed,angular_feed,tool_x,tool_y,tool_z\n")
+    out.write("kind,line,x,y,z,a,b,c,feed,angular_feed,tool_x,tool_y,tool_z,"
+              "mode,tolerance,merging,arc,radius,normal,stands,file\n")
     canon = Canon(request, out)
     program = canon.program
     try:
@@ -209,8 +286,11 @@ def main():
         # The module drops the exceptions of its callbacks.
         raise SystemExit(canon.refused or f"{program}: {error}")
     if result > gcode.MIN_ERROR:
-        block = linecache.getline(program, line).strip()
-        raise SystemExit(f"{program}:{line}: {gcode.strerror(result)}: {block}")
+        # The module counts a block that it cannot read twice; the last state names it.
+        line = max(canon.state.sequence_number, 1) if canon.state else line
+        file = canon.file or program
+        block = linecache.getline(file, line).strip()
+        raise SystemExit(f"{file}:{line}: {gcode.strerror(result)}: {block}")
 
 
 main()

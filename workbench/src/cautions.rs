@@ -14,24 +14,30 @@ const SYNCHRONISED: [&str; 6] = ["G33", "G33.1", "G74", "G76", "G84", "G95"];
 pub struct Caution {
     /// Line of the program; none where the machine is meant.
     pub line: Option<u32>,
+    /// Number of the file that the line is in, 0 for the program itself.
+    pub file: usize,
     /// A sentence.
     pub text: String,
 }
 
-/// What the text of a program and its machine's file make one look out for.
-pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution> {
+/// What the texts of a program, of the files of its subroutines and of its machine's file make one look out
+/// for.
+pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     let mut found = vec![];
     let forced = ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
     if forced {
         let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
-        found.push(Caution { line: None, text: text.into() });
+        found.push(Caution { line: None, file: 0, text: text.into() });
     }
     let mut names_units = false;
     let mut is_guarded = false;
-    for (n, line) in program.lines().enumerate() {
+    let lines = texts.iter().enumerate().flat_map(|(file, text)| {
+        text.as_ref().lines().enumerate().map(move |(n, line)| (file, n, line))
+    });
+    for (file, n, line) in lines {
         let words = words(line);
         let has = |word: &str| words.iter().any(|w| w == word);
-        let mut tell = |text: String| found.push(Caution { line: Some(n as u32 + 1), text });
+        let mut tell = |text: String| found.push(Caution { line: Some(n as u32 + 1), file, text });
         if has("M52") && has("P0") {
             tell("M52 P0 switches adaptive feed off: the guard cannot slow down any more".into());
         }
@@ -46,7 +52,7 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution
     if !is_guarded {
         let text = "the program does not say M52 P1: without it the guard cannot slow the feed down, \
                     and LinuxCNC 2.9 loses it in the startup code";
-        found.push(Caution { line: None, text: text.into() });
+        found.push(Caution { line: None, file: 0, text: text.into() });
     }
     if !names_units {
         let unit = config.length_unit();
@@ -54,7 +60,7 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, program: &str) -> Vec<Caution
             "the program says neither G20 nor G21: its lengths are read in the units of \
              RS274NGC_STARTUP_CODE, else in {unit}"
         );
-        found.push(Caution { line: None, text });
+        found.push(Caution { line: None, file: 0, text });
     }
     found
 }
@@ -96,7 +102,7 @@ mod tests {
         let ini = Ini::read(&file).unwrap();
         let config = MachineConfig::from_ini(&ini).unwrap();
         let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
-        cautions(&config, &ini, program).into_iter().map(|c| (c.line, first(c.text))).collect()
+        cautions(&config, &ini, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
     }
 
     #[test]
@@ -108,5 +114,15 @@ mod tests {
         assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
         assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
         assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
+    }
+
+    #[test]
+    fn files_of_subroutines_are_read_as_well() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let ini = Ini::read(&file).unwrap();
+        let config = MachineConfig::from_ini(&ini).unwrap();
+        let found =
+            cautions(&config, &ini, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
+        assert_eq!(found.iter().map(|c| (c.file, c.line)).collect::<Vec<_>>(), [(1, Some(2))]);
     }
 }

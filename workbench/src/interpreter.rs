@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::{self, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 /// LinuxCNC's Python modules belong to the system's Python.
@@ -23,6 +23,10 @@ pub const LINUXCNC_PROGRAMS: &str = "/usr/share/linuxcnc/ncfiles";
 /// Largest distance of an arc from its straight moves, in mm: far below what any
 /// machine reaches, and only a few hundred moves a turn.
 const CHORD_ERROR_MM: f64 = 1e-4;
+
+/// Path control modes as the interpreter numbers them: G61 and G61.1.
+const EXACT_PATH: u32 = 610;
+const EXACT_STOP: u32 = 611;
 
 /// Kind of a straight move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -52,6 +56,77 @@ pub struct Move {
     pub angular_feed: f64,
     /// Tool length offset x y z in force, machine units.
     pub tool: [f64; 3],
+    /// What LinuxCNC's planner makes of it.
+    pub path: Path,
+}
+
+/// How LinuxCNC's planner goes on from a move to the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PathMode {
+    /// G61.1: every move ends at rest.
+    Stop,
+    /// G61: the path is kept, and slowed down at corners as far as needed; the interpreter's own default.
+    #[default]
+    Exact,
+    /// G64.
+    Blend {
+        /// P: distance from the path at corners, machine units; 0 for no limit.
+        tolerance: f64,
+        /// Q: moves within this distance of a straight line become one; 0 for none.
+        merging: f64,
+    },
+}
+
+/// The arc that a straight move is a piece of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arc {
+    /// Number among the arcs of the program; the pieces of an arc share it.
+    pub number: u32,
+    /// Machine units.
+    pub radius: f64,
+    /// Axis square to its plane: 0 to 2 for X to Z.
+    pub normal: usize,
+}
+
+/// What the planner needs to know of a move beside its places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Path {
+    /// Path control mode in force.
+    pub mode: PathMode,
+    /// None for a move that is straight in the program.
+    pub arc: Option<Arc>,
+    /// Motion stands still before it: a tool change, a dwell, a spindle that starts.
+    pub stands: bool,
+    /// Number of the file that its line belongs to ([`Reading::files`]).
+    pub file: usize,
+}
+
+/// What the interpreter makes of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// All moves, the first one ending at `[TRAJ]HOME`.
+    pub moves: Vec<Move>,
+    /// The program, and the files of subroutines that move anything.
+    pub files: Vec<PathBuf>,
+}
+
+impl Reading {
+    fn new(program: &path::Path) -> Self {
+        Self { moves: vec![], files: vec![program.to_path_buf()] }
+    }
+
+    fn add(&mut self, row: Row, units: f64) {
+        let file = match row.file.as_str() {
+            "" => 0,
+            name => {
+                self.files.iter().position(|file| file.as_os_str() == name).unwrap_or_else(|| {
+                    self.files.push(name.into());
+                    self.files.len() - 1
+                })
+            }
+        };
+        self.moves.push(row.into_move(units, file));
+    }
 }
 
 /// Why a program could not be read; the interpreter's words, with file and line.
@@ -94,10 +169,29 @@ struct Row {
     tool_x: f64,
     tool_y: f64,
     tool_z: f64,
+    mode: u32,
+    tolerance: f64,
+    merging: f64,
+    arc: u32,
+    radius: f64,
+    normal: usize,
+    stands: u8,
+    file: String,
 }
 
 impl Row {
-    fn into_move(self, units: f64) -> Move {
+    fn path(&self, units: f64, file: usize) -> Path {
+        let Self { tolerance, merging, arc: number, normal, .. } = *self;
+        let mode = match self.mode {
+            EXACT_STOP => PathMode::Stop,
+            EXACT_PATH => PathMode::Exact,
+            _ => PathMode::Blend { tolerance: tolerance * units, merging: merging * units },
+        };
+        let arc = (number > 0).then_some(Arc { number, radius: self.radius * units, normal });
+        Path { mode, arc, stands: self.stands != 0, file }
+    }
+
+    fn into_move(self, units: f64, file: usize) -> Move {
         Move {
             kind: self.kind,
             line: self.line,
@@ -105,6 +199,7 @@ impl Row {
             feed: self.feed * units / 60.0,
             angular_feed: self.angular_feed / 60.0,
             tool: [self.tool_x * units, self.tool_y * units, self.tool_z * units],
+            path: self.path(units, file),
         }
     }
 }
@@ -119,10 +214,19 @@ impl Row {
 /// own files are never written.
 pub fn moves(
     config: &MachineConfig,
-    program: &Path,
+    program: &path::Path,
     work_offset: Option<[f64; 6]>,
 ) -> Result<Vec<Move>, InterpreterError> {
-    read(config, program, work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset))))
+    let offset = work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset)));
+    Ok(read(config, program, offset)?.moves)
+}
+
+/// As [`moves`] with the stored work offset, and the files that the lines belong to.
+///
+/// # Errors
+/// As [`moves`].
+pub fn reading(config: &MachineConfig, program: &path::Path) -> Result<Reading, InterpreterError> {
+    read(config, program, None)
 }
 
 /// As [`moves`], with the work offset in force at the start changed by a block.
@@ -131,31 +235,33 @@ pub fn moves(
 /// As [`moves`].
 pub fn moves_after(
     config: &MachineConfig,
-    program: &Path,
+    program: &path::Path,
     block: &str,
 ) -> Result<Vec<Move>, InterpreterError> {
-    read(config, program, Some(block.into()))
+    Ok(read(config, program, Some(block.into()))?.moves)
 }
 
 fn read(
     config: &MachineConfig,
-    program: &Path,
+    program: &path::Path,
     offset: Option<String>,
-) -> Result<Vec<Move>, InterpreterError> {
+) -> Result<Reading, InterpreterError> {
     let output = run(config, program, offset)
         .map_err(|error| InterpreterError(format!("{PYTHON}: {error}")))?;
     if !output.status.success() {
         let text = String::from_utf8_lossy(&output.stderr).trim().to_string();
         return Err(InterpreterError(text));
     }
-    csv::Reader::from_reader(output.stdout.as_slice())
-        .deserialize()
-        .map(|row| row.map(|row: Row| row.into_move(config.units_per_mm)))
-        .collect::<Result<_, _>>()
-        .map_err(|error| InterpreterError(format!("{}: {error}", program.display())))
+    let mut found = Reading::new(program);
+    for row in csv::Reader::from_reader(output.stdout.as_slice()).deserialize() {
+        let row =
+            row.map_err(|error| InterpreterError(format!("{}: {error}", program.display())))?;
+        found.add(row, config.units_per_mm);
+    }
+    Ok(found)
 }
 
-fn run(config: &MachineConfig, program: &Path, offset: Option<String>) -> io::Result<Output> {
+fn run(config: &MachineConfig, program: &path::Path, offset: Option<String>) -> io::Result<Output> {
     let scratch = tempfile::tempdir()?;
     let parameter_file = scratch.path().join("parameters.var");
     match &config.program.parameter_file {
@@ -193,12 +299,12 @@ fn run(config: &MachineConfig, program: &Path, offset: Option<String>) -> io::Re
     child.wait_with_output()
 }
 
-fn named(path: &Path, error: &io::Error) -> io::Error {
+fn named(path: &path::Path, error: &io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("{}: {error}", path.display()))
 }
 
 /// The path for a process that runs in another folder; empty for none.
-fn absolute(path: Option<&Path>) -> io::Result<PathBuf> {
+fn absolute(path: Option<&path::Path>) -> io::Result<PathBuf> {
     path.map_or(Ok(PathBuf::new()), |path| path.canonicalize().map_err(|error| named(path, &error)))
 }
 

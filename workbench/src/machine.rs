@@ -376,22 +376,6 @@ impl MachineConfig {
         if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
     }
 
-    /// Largest acceleration along a straight move, in moves per second squared; infinite for a move
-    /// without a length.
-    ///
-    /// LinuxCNC's rule, as for speeds: that of X Y Z together where one of them moves, else that of
-    /// A B C together, and no axis beyond its own.
-    pub fn path_acceleration(&self, delta: &[f64; 6]) -> f64 {
-        let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
-        let (linear, angular) = (norm(&delta[..3]), norm(&delta[3..]));
-        let whole = match linear > 0.0 {
-            true => self.max_linear_acceleration / linear,
-            false => self.max_angular_acceleration / angular,
-        };
-        let own = |(d, axis): (&f64, &Axis)| axis.max_acceleration / d.abs();
-        delta.iter().zip(&self.axes).map(own).fold(whole, f64::min)
-    }
-
     /// Angle of every leg to its direction at home: at the base joints (in base), and
     /// at the platform joints (in the platform frame). Degrees.
     ///

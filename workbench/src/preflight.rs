@@ -8,13 +8,13 @@
 //! short to matter: then the move touches the limit. So every limit has the first place where it
 //! breaks, and a move without one is proved to keep all of them everywhere.
 //!
-//! Speeds are those of the programmed feed as LinuxCNC's planner allows it ([`duration`]), taken
-//! as reached on every move; accelerations are those of the planner along the path, with the
-//! bound of the curvature at that speed. What blending adds where two moves overlap is left out:
-//! the planner halves the accelerations of both.
+//! Joint speeds and accelerations are those of LinuxCNC's planner and of its interpolation of joints,
+//! cycle by cycle ([`crate::loads`]). How much faster a line may be programmed is told for the feed
+//! as the axes allow it ([`duration`]), taken as reached on every move.
 
 use crate::cell::{Course, Reach, Way};
 use crate::interpreter::Move;
+use crate::loads::{Load, Peak, loads};
 use crate::machine::MachineConfig;
 use crate::replay::duration;
 use kinematics::{Fault, Joints, Letter, MAX_JOINTS, MAX_LEGS, Pose, Vector3};
@@ -111,6 +111,8 @@ pub struct Break {
     pub limit: Limit,
     /// Line of the program, counted from 1; 0 for what runs before it.
     pub line: u32,
+    /// Number of the file that the line is in, 0 for the program itself.
+    pub file: usize,
     /// X Y Z A B C there, machine units and degrees.
     pub pose: [f64; 6],
     /// Number of the move, from 0.
@@ -171,7 +173,7 @@ pub struct Preflight {
     pub moves: usize,
     /// Length of the path of the control point, machine units.
     pub length: f64,
-    /// Seconds at the programmed feed, without acceleration.
+    /// Seconds of motion.
     pub time: f64,
     /// Pieces that the moves were cut into.
     pub pieces: usize,
@@ -185,8 +187,12 @@ pub struct Preflight {
     pub feed_factor: f64,
     /// The same of every line.
     pub lines: Vec<LineLoad>,
-    /// Lines before which the tool offset changes while the platform is tilted.
-    pub tilted_tool_changes: Vec<u32>,
+    /// Largest speeds of the joints.
+    pub speeds: Vec<Peak>,
+    /// Largest accelerations of the joints.
+    pub accelerations: Vec<Peak>,
+    /// Files and lines before which the tool offset changes while the platform is tilted.
+    pub tilted_tool_changes: Vec<(usize, u32)>,
     /// Places, where they were asked for.
     #[serde(skip)]
     pub places: Vec<Place>,
@@ -219,6 +225,7 @@ pub fn preflight(
         pilot.change_tool(n, step)?;
         pilot.go(n, step);
     }
+    pilot.drive(moves);
     Ok(pilot.finish(moves))
 }
 
@@ -253,12 +260,11 @@ struct Leg {
     /// Number of the move.
     number: usize,
     line: u32,
+    file: usize,
     from: [f64; 6],
     delta: [f64; 6],
     /// Seconds; 0 where nothing is said of speeds.
     duration: f64,
-    /// Largest acceleration along the path, moves per second squared.
-    acceleration: f64,
 }
 
 impl Leg {
@@ -313,6 +319,8 @@ impl<'a> Pilot<'a> {
                 runnable: 1.0,
                 feed_factor: f64::INFINITY,
                 lines: vec![],
+                speeds: vec![],
+                accelerations: vec![],
                 tilted_tool_changes: vec![],
                 places: vec![],
             },
@@ -328,14 +336,14 @@ impl<'a> Pilot<'a> {
         let change = tool - self.tool;
         let shift = Pose::from_degrees(self.at).rotation() * change - change;
         if shift.norm() > ROUNDING * self.config.machine.size() {
-            self.result.tilted_tool_changes.push(step.line);
+            self.result.tilted_tool_changes.push((step.path.file, step.line));
             // As a motion of the old tool. Where a table takes part of it, only its end is judged,
             // with the next move.
             let active = |letter| self.config.machine.layout().coordinates().contains(letter);
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
-                let (from, line) = (self.at, step.line);
-                let leg = Leg { number, line, from, delta, duration: 0.0, acceleration: 0.0 };
+                let (from, line, file) = (self.at, step.line, step.path.file);
+                let leg = Leg { number, line, file, from, delta, duration: 0.0 };
                 self.follow(&leg);
             }
         }
@@ -350,10 +358,10 @@ impl<'a> Pilot<'a> {
         let leg = Leg {
             number,
             line: step.line,
+            file: step.path.file,
             from,
             delta,
             duration: duration(self.config, &from, step),
-            acceleration: self.config.path_acceleration(&delta),
         };
         self.check_axes(&leg, &step.end);
         self.follow(&leg);
@@ -361,6 +369,37 @@ impl<'a> Pilot<'a> {
         self.result.time += leg.duration;
         self.result.length += length(&delta);
         self.at = step.end;
+    }
+
+    /// Speeds and accelerations of the joints.
+    fn drive(&mut self, moves: &[Move]) {
+        let found = loads(self.config, moves);
+        self.result.time = found.time;
+        self.judge_load(Limit::Speed, &found.speed, moves);
+        self.judge_load(Limit::Acceleration, &found.acceleration, moves);
+        self.result.speeds = found.speed.peaks;
+        self.result.accelerations = found.acceleration.peaks;
+    }
+
+    fn judge_load(&mut self, limit: Limit, load: &Load, moves: &[Move]) {
+        for (joint, Peak { value, limit: most, line, .. }) in load.peaks.iter().enumerate() {
+            self.note(limit, most - value, joint, *line);
+        }
+        let Some(beyond) = load.beyond else { return };
+        let unit = self.unit(limit, beyond.joint);
+        let Peak { value, limit: most, .. } = load.peaks[beyond.joint];
+        let part = self.part(limit, beyond.joint);
+        self.result.breaks.push(Break {
+            limit,
+            line: moves[beyond.at.number].line,
+            file: moves[beyond.at.number].path.file,
+            pose: beyond.at.pose,
+            step: beyond.at.number,
+            share: beyond.at.share,
+            text: format!(
+                "{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}"
+            ),
+        });
     }
 
     /// Axis limits hold on a straight line that ends within them.
@@ -441,6 +480,8 @@ impl<'a> Pilot<'a> {
             let first = &mut firsts[kind];
             if check.limit == Limit::Speed {
                 *load = load.max(1.0 - check.seen / check.range);
+                done &= is_short || !check.is_coarse((1.0 - *load) * check.range);
+                continue;
             }
             if check.seen < 0.0 {
                 earlier(first, Found { share: middle, part: check.part, fault: None });
@@ -453,10 +494,7 @@ impl<'a> Pilot<'a> {
             if fails && is_short && check.proved.is_finite() {
                 earlier(first, Found { share: from, part: check.part, fault: None });
             }
-            let least = match check.limit {
-                Limit::Speed => (1.0 - *load) * check.range,
-                _ => self.least[kind].min(check.seen),
-            };
+            let least = self.least[kind].min(check.seen);
             done &= is_short || !(fails || check.is_coarse(least));
         }
         if done {
@@ -478,6 +516,7 @@ impl<'a> Pilot<'a> {
         self.least[kind] = self.least[kind].min(check.seen);
         if check.limit == Limit::Speed {
             *load = load.max(1.0 - check.proved / check.range);
+            return;
         }
         if check.limit != Limit::Reach && check.proved.is_finite() {
             self.note(check.limit, check.proved.min(check.seen), check.part, leg.line);
@@ -505,11 +544,6 @@ impl<'a> Pilot<'a> {
                 let limit = joint.max_velocity;
                 let seen = limit - course.slope * per_second;
                 add(Limit::Speed, i, seen, seen - course.bend * per_second, limit);
-                let limit = joint.max_acceleration;
-                let along = leg.acceleration / half;
-                let seen = limit - course.slope * along;
-                let bend = course.bend * (along + per_second * per_second);
-                add(Limit::Acceleration, i, seen, seen - bend, limit);
             }
         }
         let cones = [
@@ -571,7 +605,7 @@ impl<'a> Pilot<'a> {
             for check in std::mem::take(&mut self.checks) {
                 let worst = &mut worst[check.limit as usize];
                 *worst = worst.min(check.seen);
-                if check.seen < 0.0 {
+                if check.seen < 0.0 && check.limit != Limit::Speed {
                     self.note(check.limit, check.seen, check.part, leg.line);
                 }
             }
@@ -618,6 +652,7 @@ impl<'a> Pilot<'a> {
         self.result.breaks.push(Break {
             limit,
             line: leg.line,
+            file: leg.file,
             pose: leg.at(found.share),
             step: leg.number,
             share: found.share,

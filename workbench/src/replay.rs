@@ -449,7 +449,15 @@ mod tests {
 
     fn rapid(line: u32, end: [f64; 6], tool_z: f64) -> Move {
         let tool = [0.0, 0.0, tool_z];
-        Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool }
+        Move {
+            kind: MoveKind::Rapid,
+            line,
+            end,
+            feed: 0.0,
+            angular_feed: 0.0,
+            tool,
+            path: Default::default(),
+        }
     }
 
     #[test]

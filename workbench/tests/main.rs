@@ -14,6 +14,7 @@ mod inivar;
 mod interpreter;
 mod mobility;
 mod path;
+mod planner;
 mod preflight;
 mod random_program;
 mod replay;

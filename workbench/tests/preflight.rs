@@ -21,7 +21,15 @@ fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
 }
 
 fn rapid(line: u32, end: [f64; 6]) -> Move {
-    Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool: [0.0; 3] }
+    Move {
+        kind: MoveKind::Rapid,
+        line,
+        end,
+        feed: 0.0,
+        angular_feed: 0.0,
+        tool: [0.0; 3],
+        path: Default::default(),
+    }
 }
 
 fn between(from: &[f64; 6], to: &[f64; 6], share: f64) -> [f64; 6] {
@@ -186,6 +194,8 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
             let config = narrowed(&mut rng, machine, &ends);
             let moves = [rapid(1, ends[0]), rapid(2, ends[1])];
             let found = follow(&config, &moves);
+            // Speeds between are those of the feed, which the acceleration may not let it reach.
+            let fits = found.fits() && found.feed_factor >= 1.0;
             let reach = Reach::new(&config).unwrap();
             let (mut poses, mut seen) = (0, false);
             for (from, step) in [config.home, ends[0]].iter().zip(&moves) {
@@ -193,11 +203,11 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
                 poses += looked_at;
                 seen |= beyond;
             }
-            assert!(!(found.fits() && seen), "{machine}: {ends:?}");
-            looked_at += if found.fits() { poses } else { 0 };
-            fitting += usize::from(found.fits());
+            assert!(!(fits && seen), "{machine}: {ends:?}");
+            looked_at += if fits { poses } else { 0 };
+            fitting += usize::from(fits);
             broken += usize::from(seen);
-            alarms += usize::from(!found.fits() && !seen);
+            alarms += usize::from(!fits && !seen);
         }
     }
     println!("{fitting} fit ({looked_at} poses), {broken} broken, {alarms} told but not seen");
@@ -283,7 +293,7 @@ fn a_tool_offset_at_a_tilt_is_told_and_followed() {
     let level = [0.0, 0.0, 220.0, 0.0, 0.0, 0.0];
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0), rapid(3, level)]);
     assert!(found.fits(), "{:?}", found.breaks);
-    assert_eq!(found.tilted_tool_changes, [2, 3]);
+    assert_eq!(found.tilted_tool_changes, [(0, 2), (0, 3)]);
     let found =
         follow(&config, &[rapid(1, level), Move { tool: [0.0, 0.0, 60.0], ..rapid(2, level) }]);
     assert!(found.tilted_tool_changes.is_empty());

@@ -6,7 +6,7 @@ use kinematics::{Fault, Letter};
 use pkm::cautions::{Caution, cautions};
 use pkm::fit::{self, Offset};
 use pkm::ini::Ini;
-use pkm::interpreter::{self, Move};
+use pkm::interpreter::{self, Move, Reading};
 use pkm::machine::MachineConfig;
 use pkm::preflight::{Break, LineLoad, Preflight, preflight};
 use pkm::{plots, report};
@@ -54,6 +54,8 @@ enum Format {
 struct Answer<'a> {
     machine: String,
     program: String,
+    /// Files that lines belong to, by the numbers told with them.
+    files: &'a [PathBuf],
     fits: bool,
     #[serde(flatten)]
     found: &'a Preflight,
@@ -73,26 +75,27 @@ struct Suggestion {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let ini = Ini::read(&arguments.machine.machine)?;
-    let bytes = std::fs::read(&arguments.program)
-        .map_err(|error| Failure::at(&arguments.program, error))?;
-    let text = String::from_utf8_lossy(&bytes);
-    let moves = interpreter::moves(&config, &arguments.program, None)
+    // Told before the interpreter, in the system's words.
+    std::fs::read(&arguments.program).map_err(|error| Failure::at(&arguments.program, error))?;
+    let Reading { moves, files } = interpreter::reading(&config, &arguments.program)
         .map_err(|error| Failure::Told(error.to_string()))?;
+    let texts = texts(&files)?;
     if is_still(&config, &moves) {
         return Err(Failure::at(&arguments.program, "the program moves nothing"));
     }
     let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
-    let mut warnings = cautions(&config, &ini, &text);
-    warnings.extend(found.tilted_tool_changes.iter().map(|line| tilted(*line)));
+    let mut warnings = cautions(&config, &ini, &texts);
+    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     let answer = Answer {
         machine: config.file.display().to_string(),
         program: arguments.program.display().to_string(),
+        files: &files,
         fits: found.fits(),
         found: &found,
         warnings,
         offset: offset(&config, arguments, &moves, &found)?,
     };
-    let blocks: Vec<&str> = text.lines().collect();
+    let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
         write_report(file, &config, &answer, &blocks)?;
     }
@@ -115,10 +118,26 @@ fn followed(
         .map_err(|fault| Failure::Told(fault.to_string()))
 }
 
-fn tilted(line: u32) -> Caution {
+fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+    let text = |file: &PathBuf| {
+        let bytes = std::fs::read(file).map_err(|error| Failure::at(file, error))?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    };
+    files.iter().map(text).collect()
+}
+
+/// Where a line is: its number, behind the name of its file where that is not the program.
+fn place(files: &[PathBuf], file: usize, line: u32) -> String {
+    match file {
+        0 => format!("line {line}"),
+        _ => format!("{}, line {line}", files[file].display()),
+    }
+}
+
+fn tilted((file, line): (usize, u32)) -> Caution {
     let text = "the tool offset changes while the platform is tilted: the program waits while \
                 pkmkins moves it";
-    Caution { line: Some(line), text: text.into() }
+    Caution { line: Some(line), file, text: text.into() }
 }
 
 /// Another work offset that the interpreter and the whole check confirm: a shift where one will
@@ -168,7 +187,7 @@ fn tell(
     format: Format,
     config: &MachineConfig,
     answer: &Answer,
-    blocks: &[&str],
+    blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let mut out = anstream::stdout().lock();
     match format {
@@ -183,13 +202,13 @@ fn tell(
     Ok(())
 }
 
-fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[&str]) -> String {
+fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
     let found = answer.found;
     let mut text = format!("{} on {}\n", answer.program, answer.machine);
     let mut row = |name: &str, value: String| text.push_str(&format!("  {name:<18} {value}\n"));
     let unit = config.length_unit();
     row("moves", format!("{}, {:.1} {unit} long", found.moves, found.length));
-    row("time", format!("{:.1} s at the programmed feed, without acceleration", found.time));
+    row("time", format!("{:.1} s of motion", found.time));
     for margin in &found.margins {
         let place = match margin.line {
             0 => format!("{}, before the program", margin.part),
@@ -209,10 +228,10 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[&str]) -> String 
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
     }
     for told in &found.breaks {
-        text.push_str(&format!("\nerror: {}", in_a_sentence(told, blocks)));
+        text.push_str(&format!("\nerror: {}", in_a_sentence(told, answer.files, blocks)));
     }
-    for Caution { line, text: caution } in &answer.warnings {
-        let place = line.map_or(String::new(), |line| format!("line {line}: "));
+    for Caution { line, file, text: caution } in &answer.warnings {
+        let place = line.map_or(String::new(), |line| place(answer.files, *file, line) + ": ");
         text.push_str(&format!("\nwarning: {place}{caution}\n"));
     }
     if let Some(Suggestion { offset: Offset { shift: [x, y, z], turn }, block }) = &answer.offset {
@@ -235,20 +254,20 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[&str]) -> String 
     text + "\n" + verdict + "\n"
 }
 
-fn in_a_sentence(told: &Break, blocks: &[&str]) -> String {
-    let place: Vec<String> = Letter::ALL
+fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> String {
+    let words: Vec<String> = Letter::ALL
         .iter()
         .zip(told.pose)
         .map(|(letter, value)| format!("{}{:.4}", letter.name(), value + 0.0))
         .collect();
-    let block = (told.line as usize).checked_sub(1).and_then(|n| blocks.get(n));
+    let block = (told.line as usize).checked_sub(1).and_then(|n| blocks[told.file].get(n));
     let block = block.map_or(String::new(), |block| format!("  {}\n", block.trim()));
     format!(
-        "line {}: {}: {}\n{block}  at {}\n",
-        told.line,
+        "{}: {}: {}\n{block}  at {}\n",
+        place(files, told.file, told.line),
         told.limit.name(),
         told.text,
-        place.join(" ")
+        words.join(" ")
     )
 }
 
@@ -256,7 +275,7 @@ fn write_report(
     file: &std::path::Path,
     config: &MachineConfig,
     answer: &Answer,
-    blocks: &[&str],
+    blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let plots = plots::of_places(config, &answer.found.places).map_err(Failure::Told)?;
     let page = report::single_page(&answer.program, &in_words(config, answer, blocks), &plots);

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Rows of the table of `truth.py`: what LinuxCNC did beside what preflight said."""
+
+import re
+
+import ini_edit
+
+# Shares of a limit or a peak by which figures recorded and predicted may differ.
+AGREE = 0.01
+# Joints that stay below this share of their speed limit tell nothing about the planner: their speed is
+# that of rounding in the places of the program.
+LEAST_SPEED = 0.01
+
+# Which limits of preflight tell of an error of LinuxCNC with these words.
+CAUSES = [
+    (re.compile("following error"), {"speed", "acceleration"}),
+    (re.compile(r"would exceed|soft limit|limit on joint"), {"axis", "joint", "reach"}),
+    (re.compile("kinematicsInverse"), {"reach", "joint"}),
+    (re.compile("hardly hold"), {"hold"}),
+]
+
+
+def row(machine, ini, program, kind, outcome, flight):
+    """One program; `right` is false where prediction and outcome disagree."""
+    told = {"machine": machine, "program": program, "kind": kind, "linuxcnc": "", "preflight": "",
+            "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
+    if outcome is None or "failed" in outcome:
+        return {**told, "linuxcnc": "not run: " + (outcome or {}).get("failed", "")[:60]}
+    if "refused" in flight:
+        told["preflight"] = flight["refused"][:60]
+        told["linuxcnc"] = said(outcome)
+        told["missed"] = not outcome["errors"]
+        return {**told, "right": bool(outcome["errors"])}
+    told["linuxcnc"] = said(outcome)
+    told["preflight"] = first_break(flight)
+    if outcome["errors"]:
+        told["missed"] = not is_predicted(outcome, flight)
+        return {**told, "right": not told["missed"]}
+    unseen = [found for found in flight["breaks"] if not is_seen(found, ini, outcome, flight)]
+    told["alarm"] = bool(unseen)
+    told["ratio"], told["joint"] = worst_ratio(ini, outcome, flight)
+    near = told["ratio"] is None or abs(told["ratio"] - 1) <= AGREE
+    return {**told, "right": near and not unseen}
+
+
+def error_line(outcome):
+    """The line that LinuxCNC names, else the one that moved last."""
+    for text in outcome["errors"]:
+        if found := re.search(r"on line (\d+)", text):
+            return int(found[1])
+    return outcome["stopped_line"]
+
+
+def said(outcome):
+    if not outcome["errors"]:
+        return "runs"
+    return f"{error_line(outcome)}: {outcome['errors'][0]}"
+
+
+def first_break(flight):
+    if not flight["breaks"]:
+        return "fits"
+    found = flight["breaks"][0]
+    return f"{found['line']}: {found['limit']}"
+
+
+def is_predicted(outcome, flight):
+    """Whether a limit that such an error comes from breaks in its line."""
+    line, text = error_line(outcome), " ".join(outcome["errors"])
+    limits = set().union(*(limits for words, limits in CAUSES if words.search(text)))
+    broken = {(found["limit"], found["line"]) for found in flight["breaks"]}
+    broken |= {("speed", load["line"]) for load in flight["lines"]
+               if load["factor"] is not None and load["factor"] < 1}
+    return any((limit, line) in broken for limit in limits)
+
+
+def is_seen(found, ini, outcome, flight):
+    """Whether the recorded run went beyond the limit as well; what it cannot show counts as seen."""
+    limits = {"speed": "MAX_VELOCITY", "acceleration": "MAX_ACCELERATION"}
+    if found["limit"] not in limits:
+        return found["limit"] in ("base-cone", "platform-cone", "hold")
+    peaks = outcome[found["limit"]]
+    of = [float(ini_edit.value(ini, f"JOINT_{n}", limits[found["limit"]])) for n in range(len(peaks))]
+    return any(peak >= (1 - AGREE) * limit for (peak, _), limit in zip(peaks, of))
+
+
+def worst_ratio(ini, outcome, flight):
+    """Predicted to recorded peak speed, of the joint where they differ most."""
+    ratios = []
+    for joint, ((recorded, _), predicted) in enumerate(zip(outcome["speed"], flight.get("speeds", []))):
+        if recorded > LEAST_SPEED * float(ini_edit.value(ini, f"JOINT_{joint}", "MAX_VELOCITY")):
+            ratios.append((predicted["value"] / recorded, joint))
+    return max(ratios, key=lambda ratio: abs(ratio[0] - 1), default=(None, None))
+
+
+def table(rows):
+    lines = ["| machine | program | kind | LinuxCNC | preflight | peak ratio | |",
+             "| --- | --- | --- | --- | --- | --: | --- |"]
+    for told in rows:
+        ratio = "" if told["ratio"] is None else f"{told['ratio']:.4f}"
+        verdict = "" if told["right"] else "missed" if told["missed"] else "false alarm" if told["alarm"] else "off"
+        did = " ".join(told["linuxcnc"].split())[:60]
+        lines.append(f"| {told['machine']} | {told['program']} | {told['kind']} | {did} "
+                     f"| {told['preflight']} | {ratio} | {verdict} |")
+    return "\n".join(lines)
+
+
+def summary(rows):
+    compared = [told["ratio"] for told in rows if told["ratio"] is not None]
+    near = sum(abs(ratio - 1) <= AGREE for ratio in compared)
+    stopped = [told for told in rows if told["linuxcnc"] not in ("", "runs")]
+    return (f"truth: {len(rows)} programs; {len(stopped)} stopped by LinuxCNC, "
+            f"{sum(told['missed'] for told in rows)} of them not predicted with their line; "
+            f"{sum(told['alarm'] for told in rows)} false alarms; peaks of {len(compared)} compared, "
+            f"{near} within {100 * AGREE:.0f} %")

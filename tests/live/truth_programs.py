@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The programs of `truth.py`: shipped ones, those that come with LinuxCNC, generated and seeded bad ones.
+
+Everything is generated from a seed; the same seed gives the same programs.
+"""
+
+import csv
+import io
+import random
+import re
+import subprocess
+from math import cos, hypot, pi, sin
+from pathlib import Path
+from typing import NamedTuple
+
+import ini_edit
+
+LETTERS = "XYZABC"
+NC_FILES = Path("/usr/share/linuxcnc/ncfiles")
+
+# Programs of LinuxCNC that are short enough, with the machine and the work offset that they run with.
+LINUXCNC = [
+    ("polar", "hexapod", {"Z": 112.8}),
+    ("hole-circle", "hexapod", {"Z": 150}),
+    ("daisy", "hexapod", {"Z": 130}),
+    ("3dtest", "hexapod", {"Z": 160}),
+    ("b-index", "hexapod", {"Z": 160}),
+    ("comp", "hexapod", {"Z": 160}),
+    ("polar", "pyramid", {"Z": 170}),
+    ("hole-circle", "four-rod-lathe", {"Y": 450, "Z": 1000}),
+    ("daisy", "lab-hexapod", {"Z": 600}),
+]
+
+# Those of every test run: some seconds each, in few starts of LinuxCNC.
+SHORT = {"hexapod": ("short-rapids", "far-rapids", "bad-end", "too-fast", "broken-middle"),
+         "linear-delta": ("short-rapids", "far-rapids", "bad-end", "broken-middle"),
+         "rotary-delta": ("short-rapids", "far-rapids", "bad-end")}
+
+
+class Program(NamedTuple):
+    """A program, and the machine that it runs on."""
+    name: str
+    machine: str
+    kind: str
+    text: str
+    edits: tuple = ()  # of the INI file
+    offset: tuple = ()  # pairs of a letter and its value: the stored G54
+    seconds: float = 120.0
+
+
+def is_short(program):
+    return program.name in SHORT.get(program.machine, ())
+
+
+class Config:
+    """What is needed of a shipped configuration."""
+
+    def __init__(self, folder):
+        self.name = folder.name
+        self.file = folder / f"{folder.name}.ini"
+        self.text = self.file.read_text()
+        coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
+        self.letters = [letter for letter in LETTERS if letter in coordinates]
+        home = [float(word) for word in self.value("TRAJ", "HOME").split()]
+        self.home = dict(zip(LETTERS, home + [0.0] * 6))
+        self.low, self.high, self.fastest = ({
+            letter: float(self.value(f"AXIS_{letter}", key)) for letter in self.letters}
+            for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
+        self.joints = int(self.value("KINS", "JOINTS"))
+        self.speed = float(self.value("TRAJ", "MAX_LINEAR_VELOCITY"))
+        self.acceleration = float(self.value("TRAJ", "MAX_LINEAR_ACCELERATION"))
+        inch = self.value("TRAJ", "LINEAR_UNITS") == "inch"
+        self.start = f"{'G20' if inch else 'G21'} G17 G40 G49 G54 G80 G90 G94"
+        # Room about the home pose in X Y Z, from which programs are scaled.
+        self.room = min(min(self.high[l] - self.home[l], self.home[l] - self.low[l])
+                        for l in self.letters if l in "XY")
+
+    def value(self, section, key):
+        return ini_edit.value(self.text, section, key)
+
+    def joint_value(self, joint, key):
+        return float(self.value(f"JOINT_{joint}", key))
+
+    def joint_values(self, pkm, poses):
+        """Joint values of poses, one list each; None where there are none."""
+        rows = io.StringIO()
+        writer = csv.writer(rows)
+        writer.writerow([letter.lower() for letter in LETTERS])
+        writer.writerows([[pose.get(letter, 0.0) for letter in LETTERS] for pose in poses])
+        done = subprocess.run([pkm, "joints", self.file], input=rows.getvalue(), text=True,
+                              capture_output=True)
+        found = list(csv.reader(io.StringIO(done.stdout)))[1:]
+        if len(found) != len(poses):
+            return None
+        return [[float(value) for value in row] for row in found]
+
+    def between(self, share, letter):
+        return self.low[letter] + share * (self.high[letter] - self.low[letter])
+
+
+def words(place):
+    return " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
+
+
+def all_programs(configs, pkm):
+    """Every program, in a fixed order."""
+    machines = {config.name: config for config in configs}
+    programs = []
+    for config in configs:
+        programs += shipped(config)
+        for generated in (random_moves, short_rapids, circles, corners, far_rapids, too_fast, broken_middle,
+                          narrow_cone, bad_end):
+            programs += generated(config, pkm)
+    programs += [from_linuxcnc(*entry, machines[entry[1]]) for entry in LINUXCNC]
+    programs += singular(machines["hexapod"]) + singular(machines["lab-hexapod"])
+    return programs
+
+
+def shipped(config):
+    """The programs of the configuration, with the guard off: it would make them slower."""
+    files = sorted((config.file.parent / "programs").glob("*.ngc"))
+    return [Program(f"shipped-{file.stem}", config.name, "shipped",
+                    file.read_text().replace("M52 P1", "M52 P0")) for file in files]
+
+
+def from_linuxcnc(name, machine, offset, config):
+    text = (NC_FILES / f"{name}.ngc").read_text(errors="replace")
+    return Program(f"linuxcnc-{name}", machine, "linuxcnc", text, offset=tuple(offset.items()))
+
+
+def random_moves(config, pkm):
+    """Straight moves of `pkm random` with and without blending, without the guard."""
+    made = []
+    for seed, mode in ((11, "G64"), (12, "G61")):
+        done = subprocess.run([pkm, "random", config.file, "--seed", str(seed), "--seconds", "6"], check=True, text=True,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+        text = done.stdout.replace("M52 P1", "M52 P0").replace("G94 G64", f"G94 {mode}")
+        made.append(Program(f"random-{mode}", config.name, "random", text))
+    return made
+
+
+def short_rapids(config, pkm):
+    """Rapids that never reach their speed, of the length of a speed ramp and far below."""
+    draw = random.Random(f"rapids {config.name}")
+    ramp = config.speed ** 2 / config.acceleration
+    lines = [f"{config.start} G61", "M52 P0"]
+    for n in range(24):
+        length = min(ramp, config.room) * 10 ** draw.uniform(-2, 0)
+        there = dict(config.home)
+        for letter in config.letters:
+            turn = letter in "ABC"
+            there[letter] += length * draw.uniform(-0.5, 0.5) * (10 / config.room if turn else 1)
+        place = {letter: there[letter] for letter in config.letters}
+        lines += [f"G0 {words(place)}", f"G0 {words({l: config.home[l] for l in config.letters})}"]
+    return [Program("short-rapids", config.name, "rapids", "\n".join(lines + ["M2", ""]))]
+
+
+def circles(config, pkm):
+    """Full circles and helices from small to large, at feeds that curvature limits and that it does not."""
+    x, y, z = (config.home[l] for l in "XYZ")
+    lines = [f"{config.start} G64", "M52 P0", f"G0 X{x:.4f} Y{y:.4f}"]
+    for share in (0.02, 0.1, 0.3):
+        radius = share * config.room
+        for feed in (0.3, 1.0):
+            lines.append(f"G2 I{radius:.4f} J0 F{60 * feed * config.speed:.2f}")
+            lines.append(f"G3 X{x:.4f} Y{y:.4f} I{radius:.4f} J0 Z{z - 0.5 * radius:.4f} P2")
+            lines.append(f"G1 Z{z:.4f}")
+    return [Program("circles", config.name, "arcs", "\n".join(lines + ["M2", ""]))]
+
+
+def corners(config, pkm):
+    """Polygons with few and with many corners, blended with several tolerances and not at all."""
+    x, y = config.home["X"], config.home["Y"]
+    radius = 0.2 * config.room
+    lines = [config.start, "M52 P0"]
+    for mode in ("G61", "G64", f"G64 P{0.02 * radius:.5f}", f"G64 P{0.0005 * radius:.6f}"):
+        for count in (3, 5, 24, 120):
+            lines += [mode, f"G1 F{60 * 0.5 * config.speed:.3f} X{x + radius:.4f} Y{y:.4f}"]
+            lines += [f"X{x + radius * cos(2 * pi * n / count):.4f} Y{y + radius * sin(2 * pi * n / count):.4f}"
+                      for n in range(1, count + 1)]
+    return [Program("corners", config.name, "corners", "\n".join(lines + ["M2", ""]))]
+
+
+def far_rapids(config, pkm):
+    """Long rapids in place and angles through the whole range, one after another and blended."""
+    draw = random.Random(f"far {config.name}")
+    lines = [f"{config.start} G64", "M52 P0"]
+    for _ in range(6):
+        place = {l: config.home[l] + 0.5 * (config.between(draw.random(), l) - config.home[l])
+                 for l in config.letters}
+        lines.append(f"G0 {words(place)}")
+    return [Program("far-rapids", config.name, "rapids", "\n".join(lines + ["M2", ""]), seconds=240)]
+
+
+def swept(config, pkm, wanted, tries=40, at_once=50):
+    """A move with its joint values at 33 places: the first that `wanted` likes. The way to it from
+    home comes as a second list."""
+    draw = random.Random(f"sweep {config.name} {wanted.__name__}")
+    for _ in range(tries):
+        moves = [random_ends(config, draw) for _ in range(at_once)]
+        places = [place for ends in moves for way in (ends, (config.home, ends[0]))
+                  for place in along(config, *way)]
+        values = config.joint_values(pkm, places)
+        for n, ends in enumerate(moves):
+            first = 66 * n
+            if values and (found := wanted(config, values[first:first + 33], values[first + 33:first + 66])):
+                return ends, found
+    raise RuntimeError(f"{config.name}: no move for {wanted.__name__}")
+
+
+def random_ends(config, draw):
+    """Far in some letters and near in others, so that joints go there and back."""
+    begin, end = ({l: config.home[l] + 0.8 * (config.between(draw.random(), l) - config.home[l])
+                   for l in config.letters} for _ in range(2))
+    for letter in config.letters:
+        end[letter] = begin[letter] + draw.choice((0, 0.1, 0.3, 1)) * (end[letter] - begin[letter])
+    return begin, end
+
+
+def along(config, begin, end):
+    return [{l: begin[l] + n / 32 * (end[l] - begin[l]) for l in config.letters} for n in range(33)]
+
+
+def bulge(config, way, there):
+    """A joint farther out in the middle than at the ends, and the limit between."""
+    for joint in range(config.joints):
+        span = config.joint_value(joint, "MAX_LIMIT") - config.joint_value(joint, "MIN_LIMIT")
+        for side, key in ((1, "MAX_LIMIT"), (-1, "MIN_LIMIT")):
+            most = max(side * row[joint] for row in way)
+            before = max(side * row[joint] for row in [way[0], way[-1], *there])
+            if most - before > 0.001 * span:
+                return joint, key, side * (most + before) / 2
+    return None
+
+
+def back_and_forth(config, ends):
+    lines = [f"{config.start} G61", "M52 P0"]
+    for place in (ends[0], ends[1], ends[0]):
+        lines.append(f"G1 F{60 * 0.5 * config.speed:.3f} {words(place)}")
+    return "\n".join(lines + ["M2", ""])
+
+
+def broken_middle(config, pkm):
+    """Both ends fine, the middle beyond a joint's range: the INI file's limit is narrowed to between."""
+    ends, (joint, key, value) = swept(config, pkm, bulge)
+    edit = {"section": f"JOINT_{joint}", "key": key, "lines": [f"{key} = {value:.6f}"]}
+    return [Program("broken-middle", config.name, "middle", back_and_forth(config, ends), (edit,))]
+
+
+def too_fast(config, pkm):
+    """A joint slower than the feed asks for, on one line of three."""
+    def busy(config, way, there):
+        joint = max(range(config.joints), key=lambda j: max(abs(a[j] - b[j]) for a, b in zip(way, way[1:])))
+        return joint, max(abs(a[joint] - b[joint]) for a, b in zip(way, way[1:])) * 32
+    ends, (joint, travel) = swept(config, pkm, busy)
+    length = hypot(*(ends[1][l] - ends[0][l] for l in config.letters if l in "XYZ"))
+    turn = max([abs(ends[1][l] - ends[0][l]) / config.fastest[l] for l in config.letters])
+    seconds = max(length / (0.8 * config.speed), turn)
+    limit = 0.7 * travel / seconds
+    edit = {"section": f"JOINT_{joint}", "key": "MAX_VELOCITY", "lines": [f"MAX_VELOCITY = {limit:.6f}"]}
+    slow, fast = 0.4 * 60 * length / seconds, 60 * length / seconds
+    lines = [f"{config.start} G61", "M52 P0", f"G1 F{60 * 0.3 * config.speed:.3f} {words(ends[0])}",
+             f"G1 F{slow:.3f} {words(ends[1])}", f"G1 F{fast:.3f} {words(ends[0])}"]
+    return [Program("too-fast", config.name, "speed", "\n".join(lines + ["M2", ""]), (edit,))]
+
+
+def narrow_cone(config, pkm):
+    """A base joint whose cone is too narrow: nothing that LinuxCNC would notice."""
+    sections = re.findall(r"^\[(LEG_\d+)\]", config.text, re.M)
+    edit = {"section": sections[0], "key": "BASE_CONE", "lines": ["BASE_CONE = 2"]}
+    place = {l: config.home[l] + 0.6 * (config.between(0.9, l) - config.home[l])
+             for l in config.letters if l in "XYZ"}
+    lines = [f"{config.start} G61", "M52 P0", f"G0 {words(place)}"]
+    return [Program("narrow-cone", config.name, "cone", "\n".join(lines + ["M2", ""]), (edit,))]
+
+
+def bad_end(config, pkm):
+    """An end beyond the axis limits, which LinuxCNC looks at itself."""
+    letter = config.letters[0]
+    room = config.high[letter] - config.home[letter]
+    lines = [f"{config.start} G61", "M52 P0",
+             f"G1 F{60 * 0.5 * config.speed:.3f} {letter}{config.home[letter] + 0.2 * room:.4f}",
+             f"{letter}{config.home[letter]:.4f}", f"{letter}{config.high[letter] + 0.1 * room:.4f}",
+             f"{letter}{config.home[letter]:.4f}"]
+    return [Program("bad-end", config.name, "end", "\n".join(lines + ["M2", ""]))]
+
+
+def singular(config):
+    """Turned about Z until the legs lose their hold: axis and joint limits made wide."""
+    edits = [{"section": "AXIS_C", "key": "MAX_LIMIT", "lines": ["MAX_LIMIT = 180"]}]
+    edits += [{"section": f"LEG_{n}", "key": "BASE_CONE", "lines": ["BASE_CONE = 89"]} for n in range(6)]
+    edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
+              for n in range(6) for key, value in (("MIN_LIMIT", 10), ("MAX_LIMIT", 3000))]
+    lines = [f"{config.start} G61", "M52 P0", "G1 F600 C10", "G1 F600 C130", "G1 F600 C0", "M2", ""]
+    return [Program("singular", config.name, "singular", "\n".join(lines), tuple(edits))]
