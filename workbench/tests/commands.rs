@@ -765,8 +765,8 @@ good.ngc on linear-delta.ini
   joint range        49.6351 mm to spare: carriage 2, line 3
   base cones         16.3126 degrees to spare: the base joint of leg 2, line 4
   conditioning       0.5106 to spare: the conditioning, line 4
-  joint speed        141.5942 mm/s to spare: the speed of carriage 2, line 3
-  joint acceleration 2989.1822 mm/s² to spare: the acceleration of carriage 2, line 3
+  joint speed        149.2800 mm/s to spare: the speed of carriage 2, line 3
+  joint acceleration 3023.0556 mm/s² to spare: the acceleration of carriage 2, line 3
   feed               joint speeds allow 1.894 times the programmed one, in line 3
 
 The program fits the machine.
@@ -802,8 +802,8 @@ middle.ngc on linear-delta.ini
   joint range        3.2551 mm beyond: carriage 0, line 4
   base cones         7.8904 degrees to spare: the base joint of leg 2, line 4
   conditioning       0.5054 to spare: the conditioning, line 4
-  joint speed        107.3164 mm/s to spare: the speed of carriage 2, line 2
-  joint acceleration 2375.3215 mm/s² to spare: the acceleration of carriage 2, line 2
+  joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2
+  joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2
   feed               joint speeds allow 1.557 times the programmed one, in line 2
   runs               54.9 % of the path before the first limit
 
@@ -831,10 +831,10 @@ far.ngc on linear-delta.ini
   axis limits        120.0000 mm beyond: axis Y, line 1
   joint range        12.4713 mm beyond: carriage 0, line 1
   base cones         18.4491 degrees beyond: the base joint of leg 1, line 1
-  conditioning       0.5009 to spare: the conditioning, line 1
-  joint speed        4.0061 mm/s beyond: the speed of carriage 1, line 1
-  joint acceleration 1080.1215 mm/s² beyond: the acceleration of carriage 1, line 1
-  feed               joint speeds allow 0.332 times the programmed one, in line 1
+  conditioning       0.4948 to spare: the conditioning, line 1
+  joint speed        498.0656 mm/s beyond: the speed of carriage 1, line 1
+  joint acceleration 33332.0380 mm/s² beyond: the acceleration of carriage 1, line 1
+  feed               joint speeds allow 0.000 times the programmed one, in line 1
   runs               6.0 % of the path before the first limit
 
 error: line 1: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 12.4713 mm
