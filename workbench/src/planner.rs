@@ -889,7 +889,7 @@ fn nearly_straight(step: &Move, begin: &[f64; 6], places: &[[f64; 6]]) -> Option
     let flat = |a: &[f64; 6], b: &[f64; 6]| (b[0] - a[0]).hypot(b[1] - a[1]);
     let half = flat(begin, last) / 2.0;
     let deviation = (flat(begin, middle).powi(2) - half * half).max(0.0).sqrt();
-    (step.path.arc.is_some_and(|arc| arc.normal == 2) && deviation < merging).then(|| *middle)
+    (step.path.arc.is_some_and(|arc| arc.normal == 2) && deviation < merging).then_some(*middle)
 }
 
 fn on_one_line(begin: &[f64; 6], chain: &[[f64; 6]], end: &[f64; 6], within: f64) -> bool {
