@@ -66,8 +66,8 @@ pub fn range(config: &MachineConfig) -> AxisBox {
 /// The box, without a tool; `progress` is told the share of the work that is done.
 ///
 /// Growing from home leaves a box in six coordinates small; growing from the box in X Y Z with all of
-/// the tilt, where the caller has one ([`at_tilt`]), may leave it larger. The one with more of the
-/// range is taken.
+/// the tilt, where the caller has one ([`at_tilt`]), may leave it larger. The one whose narrowest
+/// side has more of its range is taken: a box without a turn is of little use, be it ever so large.
 ///
 /// # Errors
 /// Home itself is outside.
@@ -105,10 +105,10 @@ pub fn find(
     Ok(found)
 }
 
-/// What a box has of another one.
+/// What the narrowest side of a box has of that of another one.
 fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
     let share = |k: usize| (part.high[k] - part.low[k]) / (of.high[k] - of.low[k]);
-    (0..6).filter(|k| moved[*k]).map(share).product()
+    (0..6).filter(|k| moved[*k]).map(share).fold(1.0, f64::min)
 }
 
 /// Whether a box is proved with a tool offset.
