@@ -207,7 +207,7 @@ fn what_is_wrong_with_a_log_is_told_and_nothing_is_written() {
     }
     .log(&TILTS[..1]);
     let (text, code) = answer(folder.path(), &few, &[]);
-    assert!(code == 2 && text.contains("too few readings"), "{text}");
+    assert!(code == 2 && text.contains("probe three at least"), "{text}");
     let own = shipped::ini("hexapod");
     let (text, code) = answer(folder.path(), &log, &["--write", own.to_str().unwrap()]);
     assert!(code == 2 && text.contains("--in-place writes into it"), "{text}");

@@ -208,9 +208,12 @@ impl Model {
         let part = |i: usize| self.number(Place::Frame(k, i)).map_or(0.0, |n| changes[n]);
         let turn = Vector3::new(part(3), part(4), part(5));
         let d = unit(axis);
-        // The left Jacobian of the rotation group to its third term: for a tenth of a radian the
-        // fourth is 4e-5.
-        d + turn.cross(&d) / 2.0 + turn.cross(&turn.cross(&d)) / 6.0
+        // The left Jacobian of the rotation group, its (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series,
+        // which need no case of their own at 0: good to 1e-9 for a third of a radian.
+        let square = turn.norm_squared();
+        let first = 1.0 / 2.0 - square / 24.0 + square * square / 720.0;
+        let second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0;
+        d + first * turn.cross(&d) + second * turn.cross(&turn.cross(&d))
     }
 
     /// How late the probe trips.
