@@ -243,10 +243,11 @@ struct Check {
 }
 
 impl Check {
-    /// How far the pieces of a move have to be cut for the figures that are told.
-    fn is_coarse(&self, least: f64) -> bool {
+    /// How far the pieces of a move have to be cut for the figures that are told, to a share of `scale`
+    /// times the range.
+    fn is_coarse(&self, least: f64, scale: f64) -> bool {
         let accuracy = if self.limit == Limit::Hold { HOLD_ACCURACY } else { ACCURACY };
-        self.proved < least - accuracy * self.range
+        self.proved < least - accuracy * self.range * scale
             && match self.limit {
                 Limit::Speed => self.proved < (1.0 - SLOW) * self.range,
                 Limit::Axis | Limit::Reach | Limit::Acceleration => false,
@@ -480,7 +481,7 @@ impl<'a> Pilot<'a> {
             let first = &mut firsts[kind];
             if check.limit == Limit::Speed {
                 *load = load.max(1.0 - check.seen / check.range);
-                done &= is_short || !check.is_coarse((1.0 - *load) * check.range);
+                done &= is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
                 continue;
             }
             if check.seen < 0.0 {
@@ -495,7 +496,7 @@ impl<'a> Pilot<'a> {
                 earlier(first, Found { share: from, part: check.part, fault: None });
             }
             let least = self.least[kind].min(check.seen);
-            done &= is_short || !(fails || check.is_coarse(least));
+            done &= is_short || !(fails || check.is_coarse(least, 1.0));
         }
         if done {
             for check in &checks {
