@@ -12,6 +12,7 @@ mod golden;
 mod ini_cases;
 mod inivar;
 mod interpreter;
+mod lathe_loops;
 mod mobility;
 mod path;
 mod planner;
