@@ -4,9 +4,12 @@
 
 use crate::shipped;
 use kinematics::{Machine, Pose, Solver, Vector3};
+use pkm::calibrate::fit::fit;
 use pkm::calibrate::log::HEADER;
 use pkm::calibrate::model::{Frame, Model, Tolerance};
 use pkm::calibrate::plate::Plate;
+use pkm::calibrate::reading::Reading;
+use pkm::calibrate::study::{self, Wishes};
 use pkm::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -91,7 +94,8 @@ impl Shop {
         let seen =
             self.config.machine.forward(&joints, &wanted, &TOOL, &Solver::default()).unwrap();
         let mut at = seen.pose.to_degrees();
-        at[2] -= TOOL.z;
+        // What the spindle is offset by is no part of LinuxCNC's own tool offset.
+        at[2] -= TOOL.z - self.config.spindle.z;
         let list =
             |values: &[f64]| values.iter().map(|x| format!("{x:.6}")).collect::<Vec<_>>().join(" ");
         writeln!(
@@ -177,7 +181,7 @@ fn what_is_wrong_with_a_log_is_told_and_nothing_is_written() {
     let elsewhere = log.replace(" hole 5.", " hole 55.");
     let moved = shifted(&log, [10.0, 0.0, -200.0]);
     let cases = [
-        ("".to_string(), "is neither a log of the calibration program"),
+        ("".to_string(), ":1: neither a log of the calibration program"),
         (without(4, 6), "touch 2 is missing, 3 follows"),
         (without(5, 6), "expected \"joints 2 …"),
         (twice, "touch 2 is there twice"),
@@ -193,7 +197,7 @@ fn what_is_wrong_with_a_log_is_told_and_nothing_is_written() {
         ),
         (log.replace(" 60.000000 geometry", " 61.000000 geometry"), "another tool offset"),
         (log.clone() + "touch 1", "two logs in one file?"),
-        ("1 2 3 4 5 6 0 0 0\n".into(), "points of PROBEOPEN alone do not say"),
+        ("1 2 3 4 5 6 0 0 0\n".into(), "expected a line \"# machine hexapod.ini\""),
     ];
     for (log, expected) in cases {
         let (text, code) = answer(folder.path(), &log, &["--write", "new.ini"]);
@@ -225,6 +229,139 @@ fn shifted(log: &str, by: [f64; 3]) -> String {
         None => line.into(),
     };
     log.lines().map(shift).collect::<Vec<_>>().join("\n")
+}
+
+const HEADING: &str = "; probed on a Monday\n# machine hexapod.ini\n# geometry 1844604530\n\
+    # tool 0 0 60\n# coordinates machine\n# plate 0.9 -0.7 200.4 0 0 0.4\n";
+
+/// What PROBEOPEN would have written of the touches of a log: each met fast as well.
+fn points(log: &str) -> String {
+    let mut text = String::from(HEADING);
+    for at in log.lines().filter_map(|line| Some(line.split_once(" at ")?.1)) {
+        let mut slow: Vec<f64> = at.split(' ').map(|word| word.parse().unwrap()).collect();
+        slow.extend([0.0; 3]);
+        let mut fast = slow.clone();
+        // F900 over a cycle of 1 ms, on whichever side.
+        fast[2] += 0.015;
+        for line in [fast, slow] {
+            let words: Vec<String> = line.iter().map(|x| format!("{x:.6}")).collect();
+            writeln!(text, "{}", words.join(" ")).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn points_of_probeopen_tell_what_the_log_of_the_same_touches_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shop = Shop::new();
+    let log = shop.log(&TILTS);
+    let tolerance = Tolerance { trigger: 0.05, ..Tolerance::of_lengths(1.0) };
+    let wishes = Wishes { tolerance, noise: None, plate: Some(plate_file()) };
+    let of = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        fs::write(&file, text).unwrap();
+        let (model, readings) = study::read(&shop.config, &[file], &wishes).unwrap();
+        let found = fit(&model, &readings, None).unwrap();
+        let told = |r: &Reading| (r.measured, r.name.split_once(": ").unwrap().1.to_string());
+        (readings.iter().map(told).collect::<Vec<_>>(), found)
+    };
+    let (touches, by_log) = of("probe.log", &log);
+    let (same, by_points) = of("probe.txt", &points(&log));
+    assert_eq!(touches, same);
+    for (k, (a, b)) in by_log.changes.iter().zip(&by_points.changes).enumerate() {
+        // Both are rounded to 1e-6, a six hundredth of the noise; ten times that.
+        assert!((a - b).abs() < 0.02 * by_log.deviation(k), "{k}: {a} {b}");
+    }
+    let (text, code) = answer(folder.path(), &points(&log), &[]);
+    assert_eq!(code, 0, "{text}");
+}
+
+#[test]
+fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hexapod.ini");
+    let text = fs::read_to_string(shipped::ini("hexapod")).unwrap();
+    fs::write(&file, text.replace("[PKM]\n", "[PKM]\nSPINDLE_OFFSET = 20\n")).unwrap();
+    let mut shop = Shop { config: MachineConfig::read(&file).unwrap(), ..Shop::new() };
+    assert_eq!(shop.config.spindle.z, 20.0);
+    let log = shop.log(&TILTS);
+    let points = points(&log).replace("200.4 0 0 0.4", "220.4 0 0 0.4");
+    let wishes =
+        Wishes { tolerance: Tolerance::of_lengths(1.0), noise: None, plate: Some(plate_file()) };
+    for text in [log, points] {
+        let probed = folder.path().join("probed");
+        fs::write(&probed, text).unwrap();
+        let (model, readings) = study::read(&shop.config, &[probed], &wishes).unwrap();
+        // 20 mm off, joints would be those of a pose that is not theirs.
+        assert!(fit(&model, &readings, None).unwrap().rms() < NOISE);
+    }
+}
+
+#[test]
+fn what_is_wrong_with_points_of_probeopen_is_told_with_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = points(&Shop::new().log(&TILTS[..2]));
+    let changed = |from: &str, to: &str| {
+        assert!(points.contains(from), "{from}");
+        points.replacen(from, to, 1)
+    };
+    // Line 8 is the first slow touch of all, in hole 1.
+    let lines: Vec<&str> = points.lines().collect();
+    let with = |line: &str| [&lines[..8], &[line], &lines[8..]].concat().join("\n");
+    let scaled = |by: f64| {
+        let scale = |line: &&str| match line.starts_with(['#', ';']) {
+            true => line.to_string(),
+            false => {
+                let mut x: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+                x[..3].iter_mut().for_each(|x| *x *= by);
+                x.iter().map(|x| format!("{x:.6}")).collect::<Vec<_>>().join(" ")
+            }
+        };
+        lines.iter().map(scale).collect::<Vec<_>>().join("\n")
+    };
+    let cases = [
+        (changed("# machine hexapod.ini\n", ""), ":1: expected a line \"# machine hexapod.ini\""),
+        (changed("machine hexapod", "machine lathe"), ":2: points of lathe.ini: expected those of"),
+        (changed("# geometry 1844604530\n", ""), ":1: expected a line \"# geometry HASH\""),
+        (changed("y 1844604530", "y 1844604531"), ":3: measured with geometry 1844604531"),
+        (changed("y 1844604530", "y lost"), ":3: \"lost\": expected a line \"# geometry HASH\""),
+        (changed("# tool 0 0 60\n", ""), ":1: expected a line \"# tool X Y Z\""),
+        (changed("tool 0 0 60", "tool 0 60"), ":4: \"0 60\": expected a line \"# tool X Y Z\""),
+        (changed("# tool", "# tool 0 0 50\n# tool"), ":5: \"tool\" is there twice"),
+        (changed("# coordinates machine\n", ""), ":1: expected a line \"# coordinates machine\""),
+        (
+            changed("coordinates machine", "coordinates G54"),
+            ":5: coordinates G54: expected machine",
+        ),
+        (
+            changed("# plate 0.9 -0.7 200.4 0 0 0.4\n", ""),
+            ":1: expected a line \"# plate X Y Z A B C\"",
+        ),
+        (
+            changed("plate 0.9 -0.7 200.4", "plate 0.9 -0.7 100"),
+            "is neither on the face nor down in a hole",
+        ),
+        (changed("plate 0.9 -0.7", "plate 9 9"), " is no wall: the axis of hole 1 is "),
+        (scaled(1.0 / 25.4), ":7: in another unit than the machine's"),
+        (with("1 2 3 4 5 6"), ":9: \"1 2 3 4 5 6\" is no line of PROBEOPEN"),
+        (with("1 2 3 4 5 6 0 0 nan"), "is no line of PROBEOPEN"),
+        (with("hello"), ":9: \"hello\" is no line of PROBEOPEN"),
+        (with("1 2 3 4 5 6 0 0 1"), ":9: U, V and W are not 0"),
+        (with(lines[7]), ":9: line 8 is here again"),
+        (with("-50 0 197 0 0 0 0 0 0"), " on the plate is no wall"),
+        (with("-75 0 203 0 0 0 0 0 0"), "is over hole 4 or its edge"),
+        (with("-72 0 201 0 0 0 0 0 0"), "is neither on the face nor down in a hole"),
+        (with("-72 0 240 0 0 0 0 0 0"), "is neither on the face nor down in a hole"),
+        (lines[..26].join("\n"), "touches in 2 holes do not tell where the plate lies"),
+        (lines[..6].join("\n"), ":1: neither a log"),
+    ];
+    for (text, expected) in cases {
+        let (told, code) = answer(folder.path(), &text, &["--write", "new.ini"]);
+        assert_eq!(code, 2, "{expected}: {told}");
+        assert!(told.contains(expected), "{expected}: {told}");
+        assert!(!folder.path().join("new.ini").exists());
+    }
 }
 
 #[test]

@@ -195,15 +195,24 @@ pub fn readings(
         );
         return Err(BadLog { line: 2, text });
     }
+    readings_of(plate, &touches, frame, named, |touch| checked(config, touch))
+}
+
+/// Touches as readings; `taken` makes pose, tool and joints of one, or tells why it cannot.
+pub(super) fn readings_of(
+    plate: &Plate,
+    touches: &[Touch],
+    frame: usize,
+    named: &str,
+    taken: impl Fn(&Touch) -> Result<(Pose, Vector3<f64>, [f64; MAX_JOINTS]), String>,
+) -> Result<Vec<Reading>, BadLog> {
     let mut groups: Vec<(u32, [i64; 3])> = vec![];
     let mut readings = vec![];
-    for touch in &touches {
+    for touch in touches {
         let bad = |text| BadLog { line: touch.line, text };
-        let (pose, tool, joints) = checked(config, touch).map_err(bad)?;
+        let (pose, tool, joints) = taken(touch).map_err(bad)?;
         let measured = measured(plate, touch).map_err(bad)?;
-        // Tilts to a hundredth of a degree.
-        let tilt = [3, 4, 5].map(|k| (touch.at[k] * 100.0).round() as i64);
-        let place = (touch.hole, tilt);
+        let place = (touch.hole, tilt(&touch.at));
         let group = groups.iter().position(|other| *other == place).unwrap_or_else(|| {
             groups.push(place);
             groups.len() - 1
@@ -212,6 +221,18 @@ pub fn readings(
         readings.push(Reading { name, group, joints, pose, tool, frame, measured });
     }
     Ok(readings)
+}
+
+/// The orientation of a touch, to a hundredth of a degree.
+pub(super) fn tilt(at: &[f64; 6]) -> [i64; 3] {
+    [3, 4, 5].map(|k| (at[k] * 100.0).round() as i64)
+}
+
+/// The pose at which LinuxCNC shows a tip: its own tool offsets do not hold the spindle's.
+pub(super) fn shown(config: &MachineConfig, at: [f64; 6], tool: &Vector3<f64>) -> Pose {
+    let mut pose = Pose::from_degrees(at);
+    pose.position += tool - config.spindle;
+    pose
 }
 
 /// An approach in words.
@@ -255,8 +276,7 @@ fn checked(
         return Err(format!("{found} joints, the machine has {expected}"));
     }
     let tool = Vector3::from(touch.tool);
-    let mut pose = Pose::from_degrees(touch.at);
-    pose.position += tool;
+    let pose = shown(config, touch.at, &tool);
     let mut joints = [0.0; MAX_JOINTS];
     joints[..touch.joints.len()].copy_from_slice(&touch.joints);
     let mine = config.machine.inverse(&pose, &tool).ok();
@@ -281,8 +301,8 @@ fn disagreement(
     let Ok(there) = there else {
         return "these joints are no pose of this machine".into();
     };
-    let (tip, at) =
-        (there.pose.position - tool, Vector3::new(touch.at[0], touch.at[1], touch.at[2]));
+    let tip = there.pose.position - tool + config.spindle;
+    let at = Vector3::new(touch.at[0], touch.at[1], touch.at[2]);
     let ratio = tip.norm() / at.norm();
     let unit = [25.4, 1.0 / 25.4].into_iter().find(|unit| (ratio / unit - 1.0).abs() < 1e-3);
     if unit.is_some() {

@@ -12,17 +12,19 @@
 //!
 //! Rooms: [`model`] what may change, [`reading`] what was measured, [`fit`] least squares and what
 //! is not believed, [`observe`] what the data does not tell, [`at_tool`] how sure the tip is,
-//! [`plan`] where to measure next, [`plate`], [`log`] and [`table`] what is read, [`rewrite`] the new
-//! INI file.
+//! [`plan`] where to measure next, [`plate`], [`log`], [`points`] and [`table`] what is read,
+//! [`rewrite`] the new INI file.
 
 pub mod at_tool;
 pub mod fit;
+mod heading;
 mod least_squares;
 pub mod log;
 pub mod model;
 pub mod observe;
 pub mod plan;
 pub mod plate;
+pub mod points;
 pub mod reading;
 pub mod rewrite;
 pub mod study;

@@ -3,11 +3,13 @@
 
 use super::at_tool::{self, Ellipsoid};
 use super::fit::{Fit, Misfit, fit, held_out, residuals, rms};
+use super::heading;
 use super::log::{self, HEADER};
 use super::model::{Frame, Model, Tolerance};
 use super::observe;
 use super::plan;
 use super::plate::Plate;
+use super::points;
 use super::reading::{Changed, Measured, Reading};
 use super::table;
 use crate::ini::Ini;
@@ -101,26 +103,46 @@ fn of_file(
     let text = std::fs::read_to_string(file).map_err(|error| named(&error))?;
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let at = |bad: log::BadLog| format!("{}:{bad}", file.display());
-    let is_table = text.lines().any(|line| line.contains(','));
-    match (text.lines().next().map(str::trim) == Some(HEADER), is_table, plate) {
-        (false, true, _) => {
+    let plate =
+        || plate.ok_or_else(|| named(&"touches need the plate that was probed: --plate FILE.toml"));
+    let readings = match kind(&text) {
+        Some(Kind::Table) => {
             let readings = table::readings(config, &text, frame, &name).map_err(at)?;
             let frame = table::frame(&readings);
-            Ok((readings, frame))
+            return Ok((readings, frame));
         }
-        (true, _, Some(plate)) => {
-            let readings = log::readings(config, plate, &text, frame, &name).map_err(at)?;
-            let frame =
-                plate.found_at(&log::centres(plate, &readings)).map_err(|text| named(&text))?;
-            Ok((readings, frame))
-        }
-        (true, _, None) => {
-            Err(named(&"a log of touches needs the plate that was probed: --plate FILE.toml"))
-        }
-        (false, false, _) => Err(named(&format!(
-            "is neither a log of the calibration program (\"{HEADER}\") nor a table of CSV; points of \
-             PROBEOPEN alone do not say which machine, tool and hole they belong to"
-        ))),
+        Some(Kind::Log) => log::readings(config, plate()?, &text, frame, &name),
+        Some(Kind::Points) => points::readings(config, plate()?, &text, frame, &name),
+        None => Err(log::BadLog {
+            line: 1,
+            text: format!(
+                "neither a log of the calibration program (\"{HEADER}\"), nor points of PROBEOPEN, \
+                 nor a table of CSV"
+            ),
+        }),
+    };
+    let readings = readings.map_err(at)?;
+    let centres = log::centres(plate()?, &readings);
+    let frame = plate()?.found_at(&centres).map_err(|text| named(&text))?;
+    Ok((readings, frame))
+}
+
+/// What files are there.
+enum Kind {
+    Log,
+    Points,
+    Table,
+}
+
+/// Told by the first line that is no comment.
+fn kind(text: &str) -> Option<Kind> {
+    let first = text.lines().map(str::trim).find(|line| !heading::is_comment(line))?;
+    let word = first.split_ascii_whitespace().next()?;
+    match word.parse::<f64>() {
+        _ if first == HEADER => Some(Kind::Log),
+        _ if first.contains(',') => Some(Kind::Table),
+        Ok(_) => Some(Kind::Points),
+        Err(_) => None,
     }
 }
 
@@ -289,7 +311,7 @@ pub fn next_poses(
     let best = plan::next_best(model, &found.jacobian, &candidates, &tips, found.noise, count);
     let shown = |k: usize| {
         let mut pose = poses[k];
-        pose.position -= tool;
+        pose.position -= tool - config.spindle;
         pose.to_degrees()
     };
     Ok(best.into_iter().map(shown).collect())

@@ -12,7 +12,8 @@
 //! x y z a b c is the tip in machine coordinates. The joints are the inverse of it by the geometry
 //! that the table names, which is what LinuxCNC commanded.
 
-use super::log::BadLog;
+use super::heading;
+use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Measured, Reading};
@@ -35,7 +36,8 @@ pub fn readings(
     named: &str,
 ) -> Result<Vec<Reading>, BadLog> {
     let bad = |line: usize, text: String| BadLog { line, text };
-    let tool = heading(config, text).map_err(|text| bad(1, text))?;
+    heading::of_geometry(config, text)?;
+    let tool = heading::tool(text)?;
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))
         .trim(csv::Trim::All)
@@ -75,42 +77,13 @@ pub fn readings(
             (Some(tip), _, _) => Measured::Position(Vector3::from_vec(cells(tip)?)),
             (None, _, None) => unreachable!("one of them is there"),
         };
-        let mut pose = Pose::from_degrees(std::array::from_fn(|k| shown[k]));
-        pose.position += tool;
+        let pose = log::shown(config, std::array::from_fn(|k| shown[k]), &tool);
         let joints =
             config.machine.inverse(&pose, &tool).map_err(|fault| bad(line, fault.to_string()))?;
         let name = format!("{named}:{line}");
         readings.push(Reading { name, group: readings.len(), joints, pose, tool, frame, measured });
     }
     Ok(readings)
-}
-
-/// The tool vector of a table that belongs to this machine.
-fn heading(config: &MachineConfig, text: &str) -> Result<Vector3<f64>, String> {
-    let value = |key: &str| {
-        let lines = text.lines().filter_map(|line| line.trim().strip_prefix('#'));
-        lines.filter_map(|line| line.trim().strip_prefix(key)).map(str::trim).next()
-    };
-    let own = config.geometry.hash();
-    match value("geometry").map(str::parse::<u32>) {
-        Some(Ok(hash)) if hash == own => {}
-        Some(Ok(hash)) => {
-            return Err(format!(
-                "measured with geometry {hash}, {} is {own}: calibrate the file that LinuxCNC ran with",
-                config.file.display()
-            ));
-        }
-        _ => {
-            return Err(
-                "expected a line \"# geometry HASH\", as pkmkins.geometry-hash shows it".into()
-            );
-        }
-    }
-    let expected = "expected a line \"# tool X Y Z\", with the spindle offset";
-    let words = value("tool").ok_or(expected)?;
-    let numbers: Option<Vec<f64>> =
-        words.split_ascii_whitespace().map(|word| word.parse().ok()).collect();
-    numbers.filter(|n| n.len() == 3).map(Vector3::from_vec).ok_or_else(|| expected.into())
 }
 
 /// Where the instrument stands, about.

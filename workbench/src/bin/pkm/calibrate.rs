@@ -26,10 +26,18 @@ const FAR: f64 = 4.0;
 
 /// Finds a machine's true geometry from what it measured of itself
 ///
-/// Reads logs of the calibration program, which probes the holes of a plate (--plate), or tables
-/// of a tracker or ball-bar as CSV (columns x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below
-/// lines "# geometry HASH" and "# tool X Y Z"). Each file is one place of plate or instrument,
-/// which is found as well. All files belong to the geometry of MACHINE.ini: others are refused.
+/// Reads logs of the calibration program, which probes the holes of a plate (--plate), files of
+/// (PROBEOPEN) with the same touches, or tables of a tracker or ball-bar as CSV (columns
+/// x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below lines "# geometry HASH" and "# tool X Y Z").
+/// Each file is one place of plate or instrument, which is found as well. All files belong to the
+/// geometry of MACHINE.ini: others are refused.
+///
+/// A file of PROBEOPEN needs comments on top that say what it belongs to: "# machine MACHINE.ini",
+/// "# geometry HASH", "# tool X Y Z", "# coordinates machine" (probed without a work offset, in the
+/// machine's unit) and "# plate X Y Z A B C", about where the plate lies. Each line is taken for
+/// the wall or face that it is nearest to, within a quarter of the ball's diameter; of lines that
+/// follow each other within a tenth of it, at one orientation, the last counts (a slow trip after
+/// a fast one).
 ///
 /// Told are: what the measurements determine and what not, and why; every changed value with the
 /// half width of its 95 % interval; where the tip then is with 95 %; how well measurements are met
@@ -42,7 +50,7 @@ const FAR: f64 = 4.0;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Logs of the calibration program, or tables
+    /// Logs of the calibration program, files of PROBEOPEN, or tables
     #[arg(value_name = "LOG", required = true, value_hint = clap::ValueHint::FilePath)]
     files: Vec<PathBuf>,
     /// The plate that was probed

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Comment lines with which a file of measurements says what it belongs to: `# key value`.
+
+use super::log::BadLog;
+use crate::machine::MachineConfig;
+use kinematics::Vector3;
+
+const MARKS: [char; 2] = ['#', ';'];
+
+/// Whether a line says nothing beyond a comment.
+pub fn is_comment(line: &str) -> bool {
+    line.trim().is_empty() || line.trim().starts_with(MARKS)
+}
+
+/// What stands behind a key, and its line.
+///
+/// # Errors
+/// It is missing, told with `expected`, or there twice.
+pub fn value<'a>(text: &'a str, key: &str, expected: &str) -> Result<(usize, &'a str), BadLog> {
+    let behind = |line: &'a str| {
+        let words = line.trim().strip_prefix(MARKS)?.trim_start().strip_prefix(key)?;
+        words.starts_with(char::is_whitespace).then(|| words.trim())
+    };
+    let mut all = (1..).zip(text.lines()).filter_map(|(n, line)| Some((n, behind(line)?)));
+    let first = all.next();
+    let first = first.ok_or_else(|| BadLog { line: 1, text: format!("expected {expected}") })?;
+    match all.next() {
+        None => Ok(first),
+        Some((line, _)) => {
+            Err(BadLog { line, text: format!("\"{key}\" is there twice: give each file its own") })
+        }
+    }
+}
+
+/// As many numbers as wanted behind a key.
+///
+/// # Errors
+/// As [`value`], or others than these.
+pub fn numbers<const N: usize>(text: &str, key: &str, expected: &str) -> Result<[f64; N], BadLog> {
+    let (line, words) = value(text, key, expected)?;
+    finite(words)
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| BadLog { line, text: format!("\"{words}\": expected {expected}") })
+}
+
+/// Words that are all numbers.
+pub fn finite(text: &str) -> Option<Vec<f64>> {
+    text.split_ascii_whitespace()
+        .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
+        .collect()
+}
+
+/// Refuses what another geometry measured.
+///
+/// # Errors
+/// As [`value`], and the hash of another geometry than the machine's.
+pub fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+    let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
+    let (line, word) = value(text, "geometry", expected)?;
+    // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.
+    let hash = match word.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => word.parse(),
+    };
+    let own = config.geometry.hash();
+    let bad = |text| Err(BadLog { line, text });
+    match hash {
+        Ok(hash) if hash == own => Ok(()),
+        Ok(hash) => bad(format!(
+            "measured with geometry {hash}, {} is {own}: calibrate the file that LinuxCNC ran with",
+            config.file.display()
+        )),
+        Err(_) => bad(format!("\"{word}\": expected {expected}")),
+    }
+}
+
+/// The tool vector.
+///
+/// # Errors
+/// As [`numbers`].
+pub fn tool(text: &str) -> Result<Vector3<f64>, BadLog> {
+    numbers(text, "tool", "a line \"# tool X Y Z\", with the spindle offset").map(Vector3::from)
+}

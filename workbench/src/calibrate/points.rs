@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Files of LinuxCNC's (PROBEOPEN …): where the probe was at the end of each probing move, and
+//! nothing else. What they belong to stands in comments that the user adds:
+//!
+//! ```text
+//! # machine hexapod.ini
+//! # geometry 1844604530
+//! # tool 0 0 60                       with the spindle offset
+//! # coordinates machine               no work offset, the machine's unit
+//! # plate 0 0 150 0 0 0               about where the plate lies
+//! X Y Z A B C U V W                   LinuxCNC's lines, six decimals
+//! ```
+//!
+//! LinuxCNC writes the tip in the work coordinates and the unit of the program. Which wall or face
+//! a line is of follows from its place on the plate. The joints are the inverse of it by the
+//! geometry that the file names. A wall that is met fast and then slowly makes two lines: of lines
+//! that follow each other at one place of the plate and one orientation, the last one counts.
+
+use super::heading;
+use super::log::{self, BadLog, Touch};
+use super::model::Frame;
+use super::plate::{Hole, Plate};
+use super::reading::Reading;
+use crate::machine::MachineConfig;
+use kinematics::{Pose, Vector3};
+
+/// How far a ball may be from where plate and place let expect it, in its diameters: half the way
+/// from the height at which it lies on the face to that at which it dips into a bore.
+const REACH: f64 = 0.25;
+
+/// Lines no farther from each other are of one place, in diameters of the ball.
+const ONE_PLACE: f64 = 0.1;
+
+/// Depth in a bore that no probe reaches, in diameters of its ball.
+const TOO_DEEP: f64 = 10.0;
+
+/// Columns of a line.
+const COLUMNS: usize = 9;
+
+/// The touches of a file as readings in frame `frame`; `named` goes before the line in their names.
+///
+/// # Errors
+/// See [`BadLog`].
+pub fn readings(
+    config: &MachineConfig,
+    plate: &Plate,
+    text: &str,
+    frame: usize,
+    named: &str,
+) -> Result<Vec<Reading>, BadLog> {
+    of_machine(config, text)?;
+    heading::of_geometry(config, text)?;
+    in_machine_coordinates(text)?;
+    let tool = heading::tool(text)?;
+    let lying = lying(text)?;
+    let mut touches: Vec<Touch> = vec![];
+    for (line, at) in lines(text)? {
+        let (hole, approach) = placed(plate, &lying, &at).map_err(|text| BadLog { line, text })?;
+        let (joints, geometry) = (vec![], config.geometry.hash());
+        let touch = Touch { line, hole, approach, at, joints, tool: tool.into(), geometry };
+        match touches.last_mut() {
+            Some(last) if is_one_place(plate, last, &touch) => *last = touch,
+            _ => touches.push(touch),
+        }
+    }
+    log::readings_of(plate, &touches, frame, named, |touch| {
+        let pose = log::shown(config, touch.at, &tool);
+        let joints = config.machine.inverse(&pose, &tool).map_err(|fault| fault.to_string())?;
+        Ok((pose, tool, joints))
+    })
+}
+
+fn of_machine(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+    let own = config.file.file_name().unwrap_or_default().to_string_lossy();
+    let expected = format!("a line \"# machine {own}\" above the points of PROBEOPEN");
+    let (line, name) = heading::value(text, "machine", &expected)?;
+    if name == own {
+        return Ok(());
+    }
+    let text = format!("points of {name}: expected those of {own}, which is to be calibrated");
+    Err(BadLog { line, text })
+}
+
+fn in_machine_coordinates(text: &str) -> Result<(), BadLog> {
+    let expected = "a line \"# coordinates machine\"";
+    let (line, name) = heading::value(text, "coordinates", expected)?;
+    if name == "machine" {
+        return Ok(());
+    }
+    let text = format!(
+        "coordinates {name}: expected machine; probe without a work offset (G54 to G59.3, G92), as \
+         the calibration program does"
+    );
+    Err(BadLog { line, text })
+}
+
+/// About where the plate lies.
+fn lying(text: &str) -> Result<Frame, BadLog> {
+    let expected = "a line \"# plate X Y Z A B C\": about where it lies, its origin and angles in machine \
+         coordinates";
+    let pose = Pose::from_degrees(heading::numbers(text, "plate", expected)?);
+    Ok(Frame { origin: pose.position, rotation: pose.rotation() })
+}
+
+/// Tip and angles of every line, with its number.
+fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
+    let mut found: Vec<(usize, &str, [f64; 6])> = vec![];
+    let own = (1..).zip(text.lines().map(str::trim)).filter(|(_, l)| !heading::is_comment(l));
+    for (line, words) in own {
+        let bad = |text| Err(BadLog { line, text });
+        let numbers = heading::finite(words).filter(|numbers| numbers.len() == COLUMNS);
+        let Some(numbers) = numbers else {
+            return bad(format!(
+                "\"{words}\" is no line of PROBEOPEN, which has {COLUMNS} numbers: X Y Z A B C U V W"
+            ));
+        };
+        if numbers[6..].iter().any(|x| *x != 0.0) {
+            return bad("U, V and W are not 0: this machine has no such axes".into());
+        }
+        // LinuxCNC leaves out what is equal to the line before.
+        if let Some((first, ..)) = found.iter().find(|(_, other, _)| *other == words) {
+            return bad(format!("line {first} is here again"));
+        }
+        found.push((line, words, std::array::from_fn(|k| numbers[k])));
+    }
+    Ok(found.into_iter().map(|(line, _, at)| (line, at)).collect())
+}
+
+/// Hole and approach of a touch, by where it is on the plate.
+fn placed(plate: &Plate, lying: &Frame, at: &[f64; 6]) -> Result<(u32, i32), String> {
+    let tip = Vector3::new(at[0], at[1], at[2]);
+    touched(plate, lying, &tip).map_err(|text| {
+        let mut units = [25.4, 1.0 / 25.4].into_iter();
+        match units.any(|unit| touched(plate, lying, &(tip * unit)).is_ok()) {
+            true => "in another unit than the machine's: run the program in the machine's unit".into(),
+            false => format!(
+                "{text}: work coordinates, a probing move that met nothing, or another place of the \
+                 plate than \"# plate\" says?"
+            ),
+        }
+    })
+}
+
+/// The same of a tip; why it is of nothing.
+fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32), String> {
+    let reach = REACH * plate.ball;
+    let there = lying.seen(tip);
+    let from_axis =
+        |hole: &Hole| Vector3::new(there.x - hole.place[0], there.y - hole.place[1], 0.0);
+    let mut near: Vec<(f64, &Hole)> =
+        plate.hole.iter().map(|hole| (from_axis(hole).norm(), hole)).collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [x, y, z] = there.into();
+    let place = format!("{x:.3} {y:.3} {z:.3} on the plate");
+    let Some((away, hole)) = near.first() else { return Err("the plate has no hole".into()) };
+    // On the face the ball's centre is half a diameter up.
+    if (z - plate.ball / 2.0).abs() <= reach {
+        return match *away > hole.diameter / 2.0 + reach {
+            true => Ok((hole.number, -3)),
+            false => Err(format!("{place} is over hole {} or its edge", hole.number)),
+        };
+    }
+    if z > 0.0 || z < -TOO_DEEP * plate.ball {
+        return Err(format!("{place} is neither on the face nor down in a hole"));
+    }
+    let is_wall =
+        |(away, hole): &&(f64, &Hole)| (away - (hole.diameter - plate.ball) / 2.0).abs() <= reach;
+    match near.iter().filter(is_wall).collect::<Vec<_>>()[..] {
+        [(_, hole)] => Ok((hole.number, along(&(lying.rotation * from_axis(hole))))),
+        [] => Err(format!(
+            "{place} is no wall: the axis of hole {} is {away:.3} away, its walls are {:.3}",
+            hole.number,
+            (hole.diameter - plate.ball) / 2.0
+        )),
+        [(_, a), (_, b), ..] => {
+            Err(format!("{place} may be a wall of hole {} or of hole {}", a.number, b.number))
+        }
+    }
+}
+
+/// Signed number of the axis, X or Y, that a direction is nearest to.
+fn along(way: &Vector3<f64>) -> i32 {
+    let (axis, part) = if way.x.abs() >= way.y.abs() { (1, way.x) } else { (2, way.y) };
+    if part < 0.0 { -axis } else { axis }
+}
+
+/// Whether a touch is the one before once more.
+fn is_one_place(plate: &Plate, last: &Touch, touch: &Touch) -> bool {
+    let apart = (0..3).map(|k| (touch.at[k] - last.at[k]).powi(2)).sum::<f64>().sqrt();
+    let is_face = |touch: &Touch| touch.approach == -3;
+    // As far apart as the ball can go from its middle, two touches are of two walls.
+    let room = match plate.hole(touch.hole) {
+        Some(hole) if !is_face(touch) => (hole.diameter - plate.ball) / 2.0,
+        _ => f64::INFINITY,
+    };
+    (last.hole, is_face(last), log::tilt(&last.at))
+        == (touch.hole, is_face(touch), log::tilt(&touch.at))
+        && apart <= room.min(ONE_PLACE * plate.ball)
+}
