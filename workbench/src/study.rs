@@ -57,6 +57,11 @@ pub struct Limits {
     pub base_pyramid_deg: Option<[Positive; 2]>,
     /// Fixed axes of the base joints in the machine frame, one a leg; without them `BASE_N`.
     pub base_axes: Option<Vec<[f64; 3]>>,
+    /// The same turns at the platform joints.
+    pub platform_pyramid_deg: Option<[Positive; 2]>,
+    /// Fixed axes of the platform joints in the platform frame, one a leg; without them
+    /// `PLATFORM_N`.
+    pub platform_axes: Option<Vec<[f64; 3]>>,
 }
 
 /// `[law]`: the motion that Strutynsky and Yumashev (2008) give in their equation 2, with t the

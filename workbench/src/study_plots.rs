@@ -197,7 +197,7 @@ fn wire_frame(unit: &str, body: &Body) -> Result<String, String> {
 }
 
 /// A mark of its own for each kind of limit.
-const MARKS: [&str; 8] = ["o", "v", "^", "x", "+", "#", "*", "%"];
+const MARKS: [&str; Limit::KINDS.len()] = ["o", "v", "^", "x", "+", "#", "=", "*", "%"];
 
 fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
     let outline = slice.outline();
@@ -217,6 +217,7 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
         let right = points.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
         let left = points.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
         let middle = points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64;
+        let room = MARK_ROOM * (right - left);
         let roomy = points.iter().copied().chain([(right + 0.45 * (right - left), middle)]);
         let mut chart = path_axes(root, &frame, &roomy.collect::<Vec<_>>())?;
         for (kind, kind_name) in Limit::KINDS.iter().enumerate() {
@@ -228,14 +229,17 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
             if own.is_empty() {
                 continue;
             }
-            let dots = own.iter().map(|at| Circle::new(*at, 1, STYLES[kind].0.filled()));
+            let (colour, _) = STYLES[kind % STYLES.len()];
+            let dots = own.iter().map(|at| Circle::new(*at, 1, colour.filled()));
             chart.draw_series(dots).map_err(text)?;
-            let style = (FONT, 17).into_font().color(&STYLES[kind].0);
+            let style = (FONT, 17).into_font().color(&colour);
             let centred = style.pos(Pos::new(HPos::Center, VPos::Center));
             let sign = centred.clone();
             chart
                 .draw_series(
-                    apart(&own).into_iter().map(|at| Text::new(MARKS[kind], at, sign.clone())),
+                    apart(&own, room)
+                        .into_iter()
+                        .map(|at| Text::new(MARKS[kind], at, sign.clone())),
                 )
                 .map_err(text)?
                 .label(*kind_name)
@@ -252,13 +256,19 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
 }
 
 /// Points that leave room for their marks.
-fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let stride = (points.len() / MOST_MARKS).max(1);
-    points.iter().step_by(stride).copied().collect()
+fn apart(points: &[(f64, f64)], room: f64) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = vec![];
+    for point in points {
+        let is_free = |other: &(f64, f64)| (point.0 - other.0).hypot(point.1 - other.1) >= room;
+        if kept.iter().all(is_free) {
+            kept.push(*point);
+        }
+    }
+    kept
 }
 
-/// Marks of one kind on an outline.
-const MOST_MARKS: usize = 24;
+/// Room for a mark, as a share of the outline's extent.
+const MARK_ROOM: f64 = 0.035;
 
 /// Levels of a map.
 const LEVELS: usize = 8;

@@ -35,6 +35,8 @@ pub enum Limit {
     PlatformCone(usize),
     /// A leg turns too far about an axis of its base joint.
     BasePyramid(usize),
+    /// A leg turns too far about an axis of its platform joint.
+    PlatformPyramid(usize),
     /// Two legs come too near.
     Gap([usize; 2]),
     /// The legs hold the platform too badly.
@@ -43,13 +45,14 @@ pub enum Limit {
 
 impl Limit {
     /// Kinds in the order of [`Limit::kind`].
-    pub const KINDS: [&'static str; 8] = [
+    pub const KINDS: [&'static str; 9] = [
         "out of reach",
         "joint at its lowest",
         "joint at its highest",
         "base cone",
         "platform cone",
         "base pyramid",
+        "platform pyramid",
         "gap of legs",
         "conditioning",
     ];
@@ -63,8 +66,9 @@ impl Limit {
             Self::BaseCone(_) => 3,
             Self::PlatformCone(_) => 4,
             Self::BasePyramid(_) => 5,
-            Self::Gap(_) => 6,
-            Self::Conditioning => 7,
+            Self::PlatformPyramid(_) => 6,
+            Self::Gap(_) => 7,
+            Self::Conditioning => 8,
         }
     }
 }
@@ -77,7 +81,8 @@ impl fmt::Display for Limit {
             Self::Reach(Some(i))
             | Self::BaseCone(i)
             | Self::PlatformCone(i)
-            | Self::BasePyramid(i) => {
+            | Self::BasePyramid(i)
+            | Self::PlatformPyramid(i) => {
                 write!(f, " (leg {i})")
             }
             Self::Gap([i, j]) => write!(f, " ({i} and {j})"),
@@ -94,13 +99,15 @@ pub struct Workspace<'a> {
     /// A B C in degrees.
     orientations: Vec<[f64; 3]>,
     home: Vec<Vector3<f64>>,
-    pyramids: Vec<Pyramid>,
+    base_pyramids: Vec<Pyramid>,
+    platform_pyramids: Vec<Pyramid>,
     /// Least distance of the centre lines; 0 where nothing is asked.
     gap: f64,
     conditioning: Option<f64>,
 }
 
-/// A cardan joint: how far a leg may turn about its fixed axis and across it.
+/// A cardan joint: how far a leg may turn about its fixed axis and across it, both seen from what
+/// the axis is fixed in.
 struct Pyramid {
     axis: Vector3<f64>,
     home: Vector3<f64>,
@@ -176,7 +183,8 @@ impl<'a> Workspace<'a> {
             watch: Watch::new(&config.machine, &config.geometry),
             tool,
             orientations,
-            pyramids: pyramids(config, &study.limits, &home)?,
+            base_pyramids: pyramids(config, &study.limits, End::Base, &home)?,
+            platform_pyramids: pyramids(config, &study.limits, End::Platform, &home)?,
             home,
             gap,
             conditioning: study.limits.conditioning.map(|c| c.0),
@@ -232,8 +240,12 @@ impl<'a> Workspace<'a> {
             if !(leg.dot(&(rotation * home)) >= least_cosine(self.config.platform_cone[i])) {
                 return Err(Limit::PlatformCone(i));
             }
-            if !self.pyramids.get(i).is_none_or(|pyramid| pyramid.holds(&leg)) {
+            if !self.base_pyramids.get(i).is_none_or(|pyramid| pyramid.holds(&leg)) {
                 return Err(Limit::BasePyramid(i));
+            }
+            let seen = rotation.tr_mul(&leg);
+            if !self.platform_pyramids.get(i).is_none_or(|pyramid| pyramid.holds(&seen)) {
+                return Err(Limit::PlatformPyramid(i));
             }
         }
         Ok(())
@@ -303,27 +315,41 @@ fn least_cosine(cone: Option<f64>) -> f64 {
     cone.map_or(-2.0, |degrees| degrees.to_radians().cos())
 }
 
+/// The two ends of a leg.
+#[derive(Clone, Copy)]
+enum End {
+    Base,
+    Platform,
+}
+
 fn pyramids(
     config: &MachineConfig,
     limits: &study::Limits,
+    end: End,
     home: &[Vector3<f64>],
 ) -> Result<Vec<Pyramid>, String> {
-    let Some(most) = limits.base_pyramid_deg else { return Ok(vec![]) };
-    let given = limits.base_axes.as_deref().unwrap_or(&[]);
+    let (name, most, axes) = match end {
+        End::Base => ("base", limits.base_pyramid_deg, &limits.base_axes),
+        End::Platform => ("platform", limits.platform_pyramid_deg, &limits.platform_axes),
+    };
+    let given = axes.as_deref().unwrap_or(&[]);
+    if !given.is_empty() && given.len() != home.len() {
+        return Err(format!("{name}_axes: expected {} axes; found {}", home.len(), given.len()));
+    }
+    let Some(most) = most else { return Ok(vec![]) };
     let axis = |i: usize| -> Result<Vector3<f64>, String> {
-        let strut = match config.geometry.legs()[i].kind {
-            LegKind::Strut(strut) => Some(strut.base_axis),
+        let strut = match (config.geometry.legs()[i].kind, end) {
+            (LegKind::Strut(strut), End::Base) => Some(strut.base_axis),
+            (LegKind::Strut(strut), End::Platform) => Some(strut.platform_axis),
             _ => None,
         };
         let axis = Vector3::from(given.get(i).copied().or(strut).unwrap_or_default());
         match axis.norm() > 0.0 {
             true => Ok(axis.normalize()),
-            false => Err(format!("base_pyramid_deg: leg {i} has no axis; name base_axes")),
+            false => Err(format!("{name}_pyramid_deg: leg {i} has no axis; name {name}_axes")),
         }
     };
-    if !given.is_empty() && given.len() != home.len() {
-        return Err(format!("base_axes: expected {} axes; found {}", home.len(), given.len()));
-    }
+    // The platform is level at home: there both ends see the leg alike.
     let pyramid = |(i, home): (usize, &Vector3<f64>)| {
         axis(i).map(|axis| Pyramid { axis, home: *home, most: most.map(|m| m.0) })
     };

@@ -182,6 +182,51 @@ fn a_pyramid_ends_a_ray_where_the_leg_turns_too_far_about_the_axis_of_its_joint(
 }
 
 #[test]
+fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
+    let config = config("hexapod");
+    let text = "[limits]\nplatform_pyramid_deg = [20, 20]\n";
+    let study = Study::parse(text).unwrap();
+    // Tilted, so that base and platform see different turns.
+    let tilt = [9.0, -6.0, 0.0];
+    let space = Workspace::new(&config, config.spindle, vec![tilt], &study).unwrap();
+    let home = config.home_pose();
+    let ray = space.ray(&home.position, &Vector3::x(), 5.0);
+    let Limit::PlatformPyramid(leg) = ray.limit else { panic!("{}", ray.limit) };
+    let [a, b, c] = tilt.map(f64::to_radians);
+    let position = home.position + ray.direction * ray.exit();
+    let pose = kinematics::Pose { position, angles: Vector3::new(a, b, c) };
+    let seen = |pose: &kinematics::Pose| {
+        let segment = config.machine.segments(pose, &config.spindle).unwrap()[leg];
+        pose.rotation().transpose() * (segment.platform - segment.base).normalize()
+    };
+    let kinematics::LegKind::Strut(strut) = config.geometry.legs()[leg].kind else { panic!() };
+    let axis = Vector3::from(strut.platform_axis).normalize();
+    let (now, then) = (seen(&pose), seen(&home));
+    let about = axis.dot(&then.cross(&now)).atan2(now.dot(&then)).to_degrees().abs();
+    let across = now.dot(&axis).asin().to_degrees().abs();
+    assert!((about.max(across) - 20.0).abs() < 1e-9, "{about} {across}");
+    // Named axes go before those of the file.
+    let own: Vec<String> = (0..6)
+        .map(|i| {
+            let kinematics::LegKind::Strut(strut) = config.geometry.legs()[i].kind else {
+                panic!()
+            };
+            format!("{:?}", strut.platform_axis)
+        })
+        .collect();
+    let named = format!("{text}platform_axes = [{}]\n", own.join(", "));
+    let named = Study::parse(&named).unwrap();
+    let same = Workspace::new(&config, config.spindle, vec![tilt], &named).unwrap();
+    assert_eq!(same.ray(&home.position, &Vector3::x(), 5.0), ray);
+    let turned = Study::parse(&format!("{text}platform_axes = {}\n", "[[1, 0, 0]]")).unwrap();
+    let told = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
+    assert_eq!(told, "platform_axes: expected 6 axes; found 1");
+    let rods = crate::shipped::config("linear-delta");
+    let told = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
+    assert_eq!(told, "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
+}
+
+#[test]
 fn slices_have_their_area_and_the_angles_they_are_seen_under() {
     let config = config("lab-hexapod");
     let workspace = level(&config, &Study::default());

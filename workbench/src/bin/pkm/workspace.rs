@@ -26,12 +26,12 @@ const STEPS: f64 = 300.0;
 ///
 /// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
 /// cones, ROD_CLEARANCE and reach of the INI file; of a study file the diameter of the rods, a
-/// smallest conditioning, and the turns of cardan base joints about their two axes. [AXIS_*] limits do not count. In one
-/// orientation, or at every one of a set: several --orientation, or --tilt for an angle in twelve
-/// directions. Tells how far it goes along X Y Z, the volume by the boundary and by counting a
-/// grid, which limit ends which share of the directions, and of each slice its area and the
-/// angles between which it is seen from the machine's origin. What is thinner than a step along a
-/// ray can be missed.
+/// smallest conditioning, and the turns of cardan joints, at base and platform, about their two
+/// axes. [AXIS_*] limits do not count. In one orientation, or at every one of a set: several
+/// --orientation, or --tilt for an angle in twelve directions. Tells how far it goes along X Y Z,
+/// the volume by the boundary and by counting a grid, which limit ends which share of the
+/// directions, and of each slice its area and the angles between which it is seen from the
+/// machine's origin. What is thinner than a step along a ray can be missed.
 ///
 ///     [legs]
 ///     rod_diameter_mm = 30
@@ -39,6 +39,8 @@ const STEPS: f64 = 300.0;
 ///     conditioning = 0.1
 ///     base_pyramid_deg = [40, 30]  # about the fixed axis of the base joint, and across it
 ///     base_axes = [[0, 1, 0], ...] # one a leg; without them BASE_N of the INI file
+///     platform_pyramid_deg = [40, 30] # the same of the platform joints, as the platform sees them
+///     platform_axes = [[1, 0, 0], ...] # one a leg; without them PLATFORM_N
 ///
 /// Exit status: 0, or 2 where there is no workspace around the place, or input or output failed.
 #[derive(clap::Args, Debug)]
