@@ -45,9 +45,9 @@ pub(crate) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
     (RGBColor(0, 90, 160), (12, 5)),
     (RGBColor(180, 40, 20), (5, 4)),
     (RGBColor(0, 120, 70), (2, 4)),
-    (RGBColor(120, 60, 140), (18, 4)),
+    (RGBColor(120, 60, 140), (30, 6)),
     (RGBColor(150, 100, 0), (9, 9)),
-    (RGBColor(90, 90, 90), (26, 10)),
+    (RGBColor(90, 90, 90), (18, 16)),
     (RGBColor(0, 110, 120), (3, 9)),
 ];
 
