@@ -95,6 +95,8 @@ pub struct Model {
     pub parameters: Vec<Parameter>,
     /// Largest length of the machine.
     size: f64,
+    /// Radius of the platform.
+    radius: f64,
 }
 
 impl Model {
@@ -103,7 +105,8 @@ impl Model {
     /// # Errors
     /// The drawing makes no machine.
     pub fn new(geometry: Geometry, offsets: PerLeg, tolerance: &Tolerance) -> Result<Self, Fault> {
-        let size = Machine::freeze(&geometry, &offsets)?.size();
+        let drawn = Machine::freeze(&geometry, &offsets)?;
+        let (size, radius) = (drawn.size(), drawn.radius());
         let mut parameters = vec![];
         let mut add = |place, deviation| parameters.push(Parameter { place, deviation });
         for leg in 0..geometry.legs().len() {
@@ -122,7 +125,7 @@ impl Model {
         if tolerance.trigger > 0.0 {
             add(Place::Trigger, tolerance.trigger);
         }
-        Ok(Self { geometry, offsets, frames: vec![], parameters, size })
+        Ok(Self { geometry, offsets, frames: vec![], parameters, size, radius })
     }
 
     /// A frame that stays where it is.
@@ -146,6 +149,12 @@ impl Model {
     /// Largest length of the machine.
     pub fn size(&self) -> f64 {
         self.size
+    }
+
+    /// Radius of the platform as drawn: what weighs angles against lengths must not follow the
+    /// parameters.
+    pub fn radius(&self) -> f64 {
+        self.radius
     }
 
     /// Number of a parameter, if it may change.

@@ -4,7 +4,7 @@
 
 use super::model::{Frame, Model, Place};
 use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
-use nalgebra::{DMatrix, DVector, Matrix3, Rotation3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion};
 
 /// What a reading says of the tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,17 +110,17 @@ impl Beside {
         &self,
         pose: &Pose,
         tool: &Vector3<f64>,
-        legs: usize,
+        joints: usize,
         parameters: usize,
     ) -> Result<DMatrix<f64>, Fault> {
-        let mut rates = DMatrix::zeros(legs, parameters);
+        let mut rates = DMatrix::zeros(joints, parameters);
         let by = |(more, less): &(Machine, Machine)| -> Result<Vec<f64>, Fault> {
             let (more, less) = (more.inverse(pose, tool)?, less.inverse(pose, tool)?);
-            Ok((0..legs).map(|i| (more[i] - less[i]) / (2.0 * self.step)).collect())
+            Ok((0..joints).map(|i| (more[i] - less[i]) / (2.0 * self.step)).collect())
         };
         let by: Vec<Vec<f64>> = self.pairs.iter().map(by).collect::<Result<_, Fault>>()?;
         for (k, leg, pair) in &self.entries {
-            let own = leg.map_or(0..legs, |leg| leg..leg + 1);
+            let own = leg.map_or(0..joints, |leg| leg..leg + 1);
             own.for_each(|i| rates[(i, *k)] = by[*pair][i]);
         }
         Ok(rates)
@@ -171,17 +171,31 @@ impl<'a> Changed<'a> {
     /// # Errors
     /// As [`Machine::inverse`].
     pub fn at(&self, pose: Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
-        let legs = self.model.geometry.legs().len();
-        let letters = self.machine.layout().coordinates().as_slice();
+        let layout = self.machine.layout();
+        // A table keeps its place, not the tip's over it.
+        let letters = [layout.coordinates().as_slice(), layout.table().as_slice()].concat();
+        let joints = layout.joints();
         let jacobian = self.machine.pose_jacobian(&pose, tool)?;
         let active =
-            DMatrix::from_fn(legs, letters.len(), |i, k| jacobian[(i, letters[k].index())]);
-        let by = self.beside.joint_rates(&pose, tool, legs, self.model.parameters.len())?;
-        let normal = active.transpose() * &active;
-        let solved = normal.lu().solve(&(active.transpose() * by));
+            DMatrix::from_fn(joints, letters.len(), |i, k| jacobian[(i, letters[k].index())]);
+        let by = self.beside.joint_rates(&pose, tool, joints, self.model.parameters.len())?;
+        let weighted = self.weighted(&active, &by);
+        let normal = weighted.transpose() * &active;
+        let solved = normal.lu().solve(&(weighted.transpose() * by));
         let solved =
             solved.unwrap_or_else(|| DMatrix::zeros(letters.len(), self.model.parameters.len()));
-        Ok(Posed { tip: pose.position - tool, rates: twist(&pose, letters, &-solved), pose })
+        Ok(Posed { tip: pose.position - tool, rates: twist(&pose, &letters, &-solved), pose })
+    }
+
+    /// Rows weighted as forward weighs legs that contradict each other, by their lengths: a
+    /// joint's error counts by the square of how fast its leg's length follows it.
+    fn weighted(&self, rows: &DMatrix<f64>, by: &DMatrix<f64>) -> DMatrix<f64> {
+        let joint_by_length = |leg: usize| {
+            self.model.number(Place::Length(leg)).map_or(1.0, |number| by[(leg, number)])
+        };
+        DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, k| {
+            rows[(i, k)] / joint_by_length(i).powi(2)
+        })
     }
 
     /// Residuals of a reading, and their derivatives by all parameters.
@@ -268,9 +282,11 @@ impl<'a> Changed<'a> {
         place: &Vector3<f64>,
         rotation: &Matrix3<f64>,
     ) -> (DVector<f64>, DMatrix<f64>) {
-        let (turned, radius) = (frame.rotation.transpose(), self.machine.radius());
+        let (turned, radius) = (frame.rotation.transpose(), self.model.radius());
         let off = turned * posed.pose.rotation() * rotation.transpose();
-        let turn = Rotation3::from_matrix_unchecked(off).scaled_axis();
+        // By way of the quaternion: the angle of a matrix is an arc cosine, blind below 1e-8.
+        let off = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(off));
+        let turn = off.scaled_axis();
         let miss = frame.seen(&posed.tip) - place;
         let residual =
             DVector::from_iterator(6, miss.iter().copied().chain((turn * radius).iter().copied()));
