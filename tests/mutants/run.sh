@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-2.0-or-later
+# Which changes of the core its tests do not notice: tests/mutants/run.sh CARGO_MUTANTS PART
+#
+# Two stages, for a small part of the tests notices most mutants within seconds: first the quick
+# tests with few cases, then everything for the mutants that survived. Ends in a table; fails where
+# fewer than LEAST of a hundred are noticed.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+tool=$1 part=$2
+out=build/mutants
+LEAST=90
+
+host=$(rustc -vV | sed -n 's/^host: //p' | tr 'a-z-' 'A-Z_')
+export "CARGO_TARGET_${host}_RUNNER=$PWD/tests/mutants/first_failure.sh"
+
+# Mutants of one stage; 2 and 3 tell of mutants that survived or ran out of time, which is the result.
+stage() {
+    local name=$1
+    shift
+    "$tool" mutants --output "$out/$name" --jobs 2 "$@" || [ $? -le 3 ]
+}
+
+lines() { cat "$@" 2>/dev/null | wc -l; }
+
+rm -rf "$out"
+mkdir -p "$out"
+# Unoptimised: building a mutant would take longer than the tests save. Four minutes for a loop
+# that a mutant keeps from ending; the tests left in take ten seconds.
+CARGO_PROFILE_DEV_OPT_LEVEL=0 PKMKINS_CASES=0.01 stage quick \
+    --shard "$part" --sharding round-robin --baseline skip --timeout 240 \
+    -- --locked --test core -- --skip tracking:: --skip certified:: \
+    --skip properties::a_machine --skip dead_points::a_platform
+quick=$out/quick/mutants.out all=$out/all/mutants.out
+if [ -s "$quick/missed.txt" ]; then
+    mapfile -t survivors < <(sed 's/[][\\.|$(){}?+*^]/\\&/g; s/^/--re=^/; s/$/$/' "$quick/missed.txt")
+    PKMKINS_CASES=0.1 stage all "${survivors[@]}" -- --locked
+fi
+
+caught=$(lines "$quick"/{caught,timeout}.txt "$all"/{caught,timeout}.txt)
+missed=$(lines "$all/missed.txt")
+unviable=$(lines "$quick/unviable.txt")
+echo "mutants of part $part: $caught caught, $missed missed, $unviable do not build"
+[ "$missed" = 0 ] || sed 's/^/  missed: /' "$all/missed.txt"
+[ $((100 * caught)) -ge $((LEAST * (caught + missed))) ] || {
+    echo "mutants: fewer than $LEAST of 100 caught" >&2
+    exit 1
+}
