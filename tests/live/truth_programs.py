@@ -6,9 +6,11 @@ Everything is generated from a seed; the same seed gives the same programs.
 
 import csv
 import io
+import json
 import random
 import re
 import subprocess
+import tempfile
 from math import cos, hypot, pi, sin
 from pathlib import Path
 from typing import NamedTuple
@@ -32,8 +34,8 @@ LINUXCNC = [
 ]
 
 # Those of every test run: some seconds each, in few starts of LinuxCNC.
-SHORT = {"hexapod": ("short-rapids", "far-rapids", "bad-end", "too-fast", "broken-middle"),
-         "linear-delta": ("short-rapids", "far-rapids", "bad-end", "broken-middle"),
+SHORT = {"hexapod": ("short-rapids", "far-rapids", "bad-end", "too-fast", "broken-middle", "turned"),
+         "linear-delta": ("short-rapids", "far-rapids", "bad-end", "broken-middle", "shifted"),
          "rotary-delta": ("short-rapids", "far-rapids", "bad-end")}
 
 
@@ -111,6 +113,8 @@ def all_programs(configs, pkm):
         for generated in (random_moves, short_rapids, circles, corners, far_rapids, too_fast, broken_middle,
                           narrow_cone, bad_end):
             programs += generated(config, pkm)
+    for name in ("hexapod", "linear-delta"):
+        programs += misplaced(machines[name], pkm)
     programs += [from_linuxcnc(*entry, machines[entry[1]]) for entry in LINUXCNC]
     programs += singular(machines["hexapod"]) + singular(machines["lab-hexapod"])
     return programs
@@ -293,3 +297,26 @@ def singular(config):
               for n in range(6) for key, value in (("MIN_LIMIT", 10), ("MAX_LIMIT", 3000))]
     lines = [f"{config.start} G61", "M52 P0", "G1 F600 C10", "G1 F600 C130", "G1 F600 C0", "M2", ""]
     return [Program("singular", config.name, "singular", "\n".join(lines), tuple(edits))]
+
+
+def misplaced(config, pkm):
+    """Programs that fit elsewhere only, each with the work offset that preflight suggests for it."""
+    side = config.high["X"] - config.low["X"]
+    # Along X too long for the box, along its diagonal not.
+    turned = [{"X": 0.58 * side}, {"X": -0.58 * side}]
+    shifted = [{"X": 0.7 * side, "Y": 0.2 * side}, {"X": 0.9 * side, "Y": 0.2 * side}]
+    return [Program(name, config.name, name, suggested(config, pkm, places))
+            for name, places in (("turned", turned), ("shifted", shifted))]
+
+
+def suggested(config, pkm, places):
+    begun = [config.start, "M52 P0"]
+    moves = [f"G1 F{60 * 0.5 * config.speed:.3f} {words(place)}" for place in (*places, places[0])]
+    with tempfile.NamedTemporaryFile("w", suffix=".ngc") as file:
+        file.write("\n".join([*begun, *moves, "M2", ""]))
+        file.flush()
+        done = subprocess.run([pkm, "preflight", config.file, file.name, "--format", "json"], text=True,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+    block = json.loads(done.stdout)["offset"]["block"]
+    # The programs after this one have their old offset again.
+    return "\n".join([*begun, block, *moves, "G10 L2 P1 X0 Y0 Z0 R0", "M2", ""])
