@@ -25,12 +25,13 @@ lines() { cat "$@" 2>/dev/null | wc -l; }
 
 rm -rf "$out"
 mkdir -p "$out"
-# Unoptimised: building a mutant would take longer than the tests save. Four minutes for a loop
-# that a mutant keeps from ending; the tests left in take ten seconds.
-CARGO_PROFILE_DEV_OPT_LEVEL=0 PKMKINS_CASES=0.01 stage quick \
-    --shard "$part" --sharding round-robin --baseline skip --timeout 240 \
+# Unoptimised: building a mutant would take longer than the tests save. Left out are tests that take
+# minutes, and those that with so few cases do not meet what they look for; the unchanged core has to
+# pass what is left, or everything would seem to be caught.
+CARGO_PROFILE_DEV_OPT_LEVEL=0 PKMKINS_CASES=0.01 stage quick --shard "$part" --sharding round-robin \
     -- --locked --test core -- --skip tracking:: --skip certified:: \
-    --skip properties::a_machine --skip dead_points::a_platform
+    --skip properties::a_machine --skip dead_points::a_platform \
+    --skip ahead::the_speed_allowed --skip jacobian::both_jacobians --skip jacobian::the_nut_gradient
 quick=$out/quick/mutants.out all=$out/all/mutants.out
 if [ -s "$quick/missed.txt" ]; then
     mapfile -t survivors < <(sed 's/[][\\.|$(){}?+*^]/\\&/g; s/^/--re=^/; s/$/$/' "$quick/missed.txt")
