@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Calibration on machines whose truth is known.
 
-use crate::shipped;
+use crate::shipped::{self, cases};
 use kinematics::{Machine, Pose, Solver, Vector3};
 use nalgebra::DMatrix;
 use pkm::calibrate::at_tool;
@@ -24,11 +24,6 @@ const NOISE: f64 = 1e-3;
 const TOLERANCE: f64 = 0.2;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
-
-fn cases(count: usize) -> usize {
-    let factor = std::env::var("PKMKINS_CASES").map_or(1.0, |text| text.parse().unwrap());
-    (count as f64 * factor).ceil() as usize
-}
 
 struct Dice(Pcg64);
 

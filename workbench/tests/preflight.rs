@@ -4,6 +4,7 @@
 use crate::shipped::{MACHINES, cases, config, folder};
 use kinematics::{MAX_JOINTS, Pose, Vector3};
 use pkm::axis_box::range;
+use pkm::batch;
 use pkm::cell::{Course, Reach, Way};
 use pkm::fit::{self, Offset};
 use pkm::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
@@ -13,6 +14,7 @@ use pkm::replay::duration;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
+use std::num::NonZero;
 use std::path::Path;
 use std::time::Instant;
 
@@ -183,33 +185,38 @@ fn hunted(
     (ANYWHERE + NEARER, least < 0.0)
 }
 
+/// A machine, two moves of it and limits near to them: whether preflight has them fit, the poses
+/// looked at, and whether one was beyond a limit.
+fn trial(machine: &str, seed: u64) -> (bool, usize, bool) {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let whole = range(&config(machine));
+    let ends = [(); 2].map(|()| whole.at(std::array::from_fn(|_| rng.random())));
+    let config = narrowed(&mut rng, machine, &ends);
+    let moves = [rapid(1, ends[0]), rapid(2, ends[1])];
+    let found = follow(&config, &moves);
+    // Speeds between are those of the feed, which the acceleration may not let it reach.
+    let fits = found.fits() && found.feed_factor >= 1.0;
+    let reach = Reach::new(&config).unwrap();
+    let (mut poses, mut seen) = (0, false);
+    for (from, step) in [config.home, ends[0]].iter().zip(&moves) {
+        let (looked_at, beyond) = hunted(&mut rng, &config, &reach, from, step);
+        poses += looked_at;
+        seen |= beyond;
+    }
+    assert!(!(fits && seen), "{machine}, seed {seed}: {ends:?}");
+    (fits, poses, seen)
+}
+
 #[test]
 fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
-    let mut rng = Pcg64::seed_from_u64(52);
-    let (mut looked_at, mut fitting, mut broken, mut alarms) = (0, 0, 0, 0);
-    for machine in MACHINES {
-        let whole = range(&config(machine));
-        for _ in 0..cases(100) {
-            let ends = [(); 2].map(|()| whole.at(std::array::from_fn(|_| rng.random())));
-            let config = narrowed(&mut rng, machine, &ends);
-            let moves = [rapid(1, ends[0]), rapid(2, ends[1])];
-            let found = follow(&config, &moves);
-            // Speeds between are those of the feed, which the acceleration may not let it reach.
-            let fits = found.fits() && found.feed_factor >= 1.0;
-            let reach = Reach::new(&config).unwrap();
-            let (mut poses, mut seen) = (0, false);
-            for (from, step) in [config.home, ends[0]].iter().zip(&moves) {
-                let (looked_at, beyond) = hunted(&mut rng, &config, &reach, from, step);
-                poses += looked_at;
-                seen |= beyond;
-            }
-            assert!(!(fits && seen), "{machine}: {ends:?}");
-            looked_at += if fits { poses } else { 0 };
-            fitting += usize::from(fits);
-            broken += usize::from(seen);
-            alarms += usize::from(!fits && !seen);
-        }
-    }
+    let trials: Vec<(&str, u64)> =
+        (0..cases(100) as u64).flat_map(|seed| MACHINES.map(|machine| (machine, seed))).collect();
+    let threads = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let found = batch::each(&trials, threads, |(machine, seed)| trial(machine, *seed));
+    let fitting = found.iter().filter(|(fits, ..)| *fits).count();
+    let looked_at: usize = found.iter().filter(|(fits, ..)| *fits).map(|(_, poses, _)| poses).sum();
+    let broken = found.iter().filter(|(.., seen)| *seen).count();
+    let alarms = found.iter().filter(|(fits, _, seen)| !fits && !seen).count();
     println!("{fitting} fit ({looked_at} poses), {broken} broken, {alarms} told but not seen");
     assert!(looked_at >= 20_000 && broken > 100, "{looked_at} {broken}");
 }

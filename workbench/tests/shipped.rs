@@ -17,8 +17,8 @@ pub const MACHINES: [&str; 8] = [
 
 /// `usual` cases, times PKMKINS_CASES where that is set.
 pub fn cases(usual: usize) -> usize {
-    let factor = std::env::var("PKMKINS_CASES").ok().and_then(|n| n.parse::<usize>().ok());
-    usual * factor.unwrap_or(1)
+    let factor = std::env::var("PKMKINS_CASES").map_or(1.0, |text| text.parse().unwrap());
+    (usual as f64 * factor).ceil() as usize
 }
 
 pub fn folder(machine: &str) -> PathBuf {

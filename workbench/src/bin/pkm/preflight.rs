@@ -140,6 +140,9 @@ fn tilted((file, line): (usize, u32)) -> Caution {
     Caution { line: Some(line), file, text: text.into() }
 }
 
+/// Share of the programmed feed below which no machine runs.
+const LEAST_FEED: f64 = 5e-4;
+
 /// Another work offset that the interpreter and the whole check confirm: a shift where one will
 /// do, else one that is turned as well.
 fn offset(
@@ -219,10 +222,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         row(margin.limit.name(), format!("{} {side}: {place}", amount.trim_end()));
     }
     if let Some(least) = found.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor)) {
-        let LineLoad { line, factor } = least;
-        let feed =
-            format!("joint speeds allow {factor:.3} times the programmed one, in line {line}");
-        row("feed", feed);
+        row("feed", feed(least));
     }
     if !found.fits() {
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
@@ -252,6 +252,14 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         (false, _) => "The program does not fit the machine.",
     };
     text + "\n" + verdict + "\n"
+}
+
+/// The greatest feed that the joint speeds allow.
+fn feed(LineLoad { line, factor }: &LineLoad) -> String {
+    if *factor < LEAST_FEED {
+        return format!("a dead point, where joint speeds allow none, in line {line}");
+    }
+    format!("joint speeds allow {factor:.3} times the programmed one, in line {line}")
 }
 
 fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> String {
