@@ -4,6 +4,7 @@
 
 mod ahead;
 mod bad_input;
+mod boxes;
 mod certified;
 mod common;
 mod dead_points;
