@@ -13,6 +13,7 @@ use kinematics::{
     Fault, Geometry, LegGeometry, MAX_JOINTS, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
 };
 use nalgebra::{Matrix6, SMatrix, SVector};
+use std::f64::consts::PI;
 
 /// Stiffness at a pose, in N, mm and rad, about the tool tip, in machine axes.
 #[derive(Clone, Debug)]
@@ -101,6 +102,28 @@ impl Ellipsoid {
         });
         let columns = order.map(|k| eigen.eigenvectors.column(k).into_owned());
         Self { stiffness, axes: Matrix3::from_columns(&columns) }
+    }
+}
+
+impl Ellipsoid {
+    /// Outline of what loads of one amount do, whichever way they point, seen in a plane of two
+    /// axes: `count` points, and the first one again.
+    pub fn outline(&self, plane: [usize; 2], load: f64, count: usize) -> Vec<(f64, f64)> {
+        let yields = Matrix3::from_diagonal(&Vector3::from(self.stiffness.map(|k| load / k)));
+        // C² of the compliance: farthest along w of all C u is C² w/|C w|.
+        let square = self.axes * yields * yields * self.axes.transpose();
+        let point = |k: usize| {
+            let (up, across) = (2.0 * PI * k as f64 / count as f64).sin_cos();
+            let mut along = Vector3::zeros();
+            (along[plane[0]], along[plane[1]]) = (across, up);
+            let far = square * along;
+            let reach = along.dot(&far).sqrt();
+            match reach > 0.0 {
+                true => (far[plane[0]] / reach, far[plane[1]] / reach),
+                false => (0.0, 0.0),
+            }
+        };
+        (0..=count).map(point).collect()
     }
 }
 

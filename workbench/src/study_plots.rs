@@ -3,12 +3,12 @@
 
 use crate::machine::MachineConfig;
 use crate::plots::{
-    FONT, Frame, Line, Plot, STYLES, TIME, drawn, drawn_lines, legend, path_axes, project, text,
-    thin, thin_low,
+    Area, FONT, Frame, Line, Plot, STYLES, TIME, drawn, drawn_lines, legend, path_axes, project,
+    text, thin, thin_low,
 };
 use crate::rods::Rods;
 use crate::sensitivity::{Point, Sensitivity};
-use crate::stiffness::Map;
+use crate::stiffness::{Ellipsoid, Map, Stiffness};
 use crate::workspace::{Body, Limit, Ray, Slice};
 use kinematics::Letter;
 use plotters::element::DashedPathElement;
@@ -50,10 +50,8 @@ pub fn of_rods(
             .filter(|i| rods.first().is_some_and(|first| value(first, *i).is_some()))
             .map(|i| {
                 let points = rods.iter().map(|rods| value(rods, i).unwrap_or(f64::NAN));
-                Line {
-                    name: config.joints[i].name.clone(),
-                    points: thin(course.at.iter().copied().zip(points)),
-                }
+                let points = course.at.iter().copied().zip(without_turns(points));
+                Line { name: config.joints[i].name.clone(), points: thin(points) }
             })
             .collect();
         if !lines.is_empty() {
@@ -88,6 +86,15 @@ const ANGLES: [(&str, &str, &str, Angle); 5] = [
     ),
     ("guide-angles.svg", "Rods to their guides", "angle in degrees", |r, i| r.rods[i].guide),
 ];
+
+/// Angles in degrees, each within half a turn of the one before.
+fn without_turns(angles: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+    angles.scan(None, |last: &mut Option<f64>, angle| {
+        let turns = last.map_or(0.0, |last| ((angle - last) / 360.0).round());
+        *last = Some(angle - 360.0 * turns);
+        *last
+    })
+}
 
 fn lines_over(
     course: &Course,
@@ -217,7 +224,9 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
         let right = points.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
         let left = points.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
         let middle = points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64;
-        let room = MARK_ROOM * (right - left);
+        let high = points.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
+        let low = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
+        let room = MARK_ROOM * (right - left).max(ASPECT * (high - low));
         let roomy = points.iter().copied().chain([(right + 0.45 * (right - left), middle)]);
         let mut chart = path_axes(root, &frame, &roomy.collect::<Vec<_>>())?;
         for (kind, kind_name) in Limit::KINDS.iter().enumerate() {
@@ -267,8 +276,10 @@ fn apart(points: &[(f64, f64)], room: f64) -> Vec<(f64, f64)> {
     kept
 }
 
-/// Room for a mark, as a share of the outline's extent.
-const MARK_ROOM: f64 = 0.035;
+/// Room for a mark, as a share of a sheet's width that the outline fills.
+const MARK_ROOM: f64 = 0.03;
+/// Width of a sheet over its height.
+const ASPECT: f64 = 1.6;
 
 /// Levels of a map.
 const LEVELS: usize = 8;
@@ -294,6 +305,117 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], String> {
         Ok(Plot { file, caption: caption.clone(), svg })
     };
     Ok([of(0, "translation", "N/um", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
+}
+
+/// A part of a stiffness as it is drawn: what a load does, whichever way it points.
+struct Loaded {
+    file: &'static str,
+    what: &'static str,
+    unit: &'static str,
+    /// Amount in that unit times stiffness, N and mm.
+    load: f64,
+    stiffness: &'static str,
+    /// Stiffness in that unit for one in N and mm.
+    scale: f64,
+}
+
+const LOADED: [Loaded; 2] = [
+    Loaded {
+        file: "ellipsoid-translation.svg",
+        what: "Displacement of the tip under a force of 1 kN, whichever way it points",
+        unit: "um",
+        load: 1e6,
+        stiffness: "N/um",
+        scale: 1e-3,
+    },
+    Loaded {
+        file: "ellipsoid-rotation.svg",
+        what: "Turn of the platform under a moment of 1 kN m, about whichever axis",
+        unit: "mrad",
+        load: 1e9,
+        stiffness: "kN m/rad",
+        scale: 1e-6,
+    },
+];
+
+/// The ellipsoids of displacements under a force and of turns under a moment, where there are any,
+/// seen along the machine's axes.
+///
+/// # Errors
+/// A sentence of the drawing library.
+pub fn of_ellipsoids(found: &Stiffness) -> Result<Vec<Plot>, String> {
+    let both = LOADED.iter().zip([found.translation(), found.rotation()]);
+    let yielding = both.filter(|(_, ellipsoid)| ellipsoid.stiffness[0].is_finite());
+    yielding
+        .map(|(loaded, ellipsoid)| {
+            let svg = seen_along_axes(loaded, &ellipsoid)?;
+            Ok(Plot { file: loaded.file.into(), caption: loaded.what.into(), svg })
+        })
+        .collect()
+}
+
+fn seen_along_axes(loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<String, String> {
+    let most = loaded.load / ellipsoid.stiffness[0];
+    let corners = [(-most, -most), (most, most)];
+    drawn(|root| {
+        let root = root.titled(loaded.what, (FONT, 20)).map_err(text)?;
+        let panels = root.split_evenly((2, 2));
+        for (panel, plane) in panels.iter().zip([[0, 1], [0, 2], [1, 2]]) {
+            let [across, up] = plane.map(|k| Letter::ALL[k].name());
+            let frame = Frame {
+                title: "",
+                x: &format!("{across} in {}", loaded.unit),
+                y: &format!("{up} in {}", loaded.unit),
+                limits: vec![],
+            };
+            let mut chart = path_axes(panel, &frame, &corners)?;
+            let outline = ellipsoid.outline(plane, loaded.load, OUTLINE);
+            let bold = BLACK.stroke_width(2);
+            chart.draw_series([PathElement::new(outline, bold)]).map_err(text)?;
+            for k in 0..3 {
+                let half = loaded.load / ellipsoid.stiffness[k];
+                let [x, y] = plane.map(|i| ellipsoid.axes[(i, k)] * half);
+                let (colour, (dash, gap)) = AXES[k];
+                let line = [(-x, -y), (x, y)];
+                let style = colour.stroke_width(2);
+                chart
+                    .draw_series([DashedPathElement::new(line, dash, gap, style)])
+                    .map_err(text)?;
+            }
+        }
+        named_axes(&panels[3], loaded, ellipsoid)
+    })
+}
+
+/// Points of an outline.
+const OUTLINE: usize = 180;
+
+/// Of the three principal axes: shades and dashes that print apart, and apart from the outline.
+const AXES: [(RGBColor, (u32, u32)); 3] = [STYLES[2], STYLES[1], STYLES[3]];
+
+/// What the lines are, in a panel of their own.
+fn named_axes(panel: &Area, loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<(), String> {
+    let put = |row: i32, words: &str| {
+        let at = (120, 60 + 40 * row);
+        let label = Text::new(words.to_string(), (at.0, at.1 - 8), (FONT, 16).into_font());
+        panel.draw(&label).map_err(text)?;
+        Ok::<_, String>([(at.0 - 60, at.1), (at.0 - 14, at.1)])
+    };
+    let line = put(0, "outline of the ellipsoid")?;
+    panel.draw(&PathElement::new(line, BLACK.stroke_width(2))).map_err(text)?;
+    for (k, (colour, (dash, gap))) in AXES.into_iter().enumerate() {
+        let axis = ellipsoid.axes.column(k).map(|part| format!("{:.2}", part + 0.0));
+        let stiffness = ellipsoid.stiffness[k];
+        let value = match stiffness.is_finite() {
+            true => format!("{:.3} {}", stiffness * loaded.scale, loaded.stiffness),
+            false => "rigid".into(),
+        };
+        let words = format!("along {} {} {}: {value}", axis[0], axis[1], axis[2]);
+        let line = put(1 + k as i32, &words)?;
+        let style = colour.stroke_width(2);
+        panel.draw(&DashedPathElement::new(line, dash, gap, style)).map_err(text)?;
+    }
+    Ok(())
 }
 
 fn contoured(frame: &Frame, sides: &[Vec<f64>; 2], values: &[f64]) -> Result<String, String> {

@@ -52,6 +52,31 @@ fn the_hexapod_at_home_is_as_stiff_as_in_an_independent_calculation() {
     }
 }
 
+#[test]
+fn outlines_of_the_ellipsoids_are_the_farthest_that_a_load_moves_the_tip() {
+    let config = config("hexapod");
+    let pose = Pose::from_degrees([60.0, -40.0, 300.0, 12.0, -9.0, 15.0]);
+    let found = at(&config, &pose, &Vector3::new(0.0, 0.0, 80.0));
+    let load = 1e6;
+    for (ellipsoid, first) in [(found.translation(), 0), (found.rotation(), 3)] {
+        let compliance = found.compliance.fixed_view::<3, 3>(first, first).into_owned();
+        for plane in [[0, 1], [0, 2], [1, 2]] {
+            let outline = ellipsoid.outline(plane, load, 12);
+            assert_eq!(outline.len(), 13);
+            for (k, point) in outline.into_iter().enumerate() {
+                let (up, across) = (k as f64 * std::f64::consts::PI / 6.0).sin_cos();
+                let mut along = Vector3::zeros();
+                (along[plane[0]], along[plane[1]]) = (across, up);
+                // Of all C u the one farthest along w is that under u = C w/|C w|.
+                let moved = compliance * (compliance * along).normalize() * load;
+                let miss = (moved[plane[0]] - point.0).hypot(moved[plane[1]] - point.1);
+                // Rounding of eigenvectors.
+                assert!(miss < 1e-12 * load * compliance.abs().max(), "{plane:?} {k} {miss}");
+            }
+        }
+    }
+}
+
 fn cross(r: &Vector3<f64>) -> Matrix3<f64> {
     r.cross_matrix()
 }

@@ -9,7 +9,7 @@ use pkm::machine::MachineConfig;
 use pkm::report::write_whole;
 use pkm::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
 use pkm::study::Study;
-use pkm::study_plots::{of_platform_sizes, of_stiffness};
+use pkm::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
 use pkm::workspace::Workspace;
 use std::io::Write;
 use std::path::PathBuf;
@@ -22,8 +22,9 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 /// Takes the stiffness of every leg (joints, rod and drive in series) and of the table's axes
 /// from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal
 /// axes of displacements under a force and of turns under a moment, and how the smallest of them
-/// change with the size of the platform. With --plots it draws maps of both over the axis limits,
-/// in three planes through the pose; what the machine cannot reach stays empty.
+/// change with the size of the platform. With --plots it draws both ellipsoids, and maps of both
+/// over the axis limits, in three planes through the pose; what the machine cannot reach stays
+/// empty.
 ///
 /// N/um, N m/rad, mm, degrees; machine axes. Coordinates that guides hold count as rigid.
 ///
@@ -44,7 +45,7 @@ pub struct Arguments {
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Draws the maps as SVG files into this folder, made if needed
+    /// Draws ellipsoids and maps as SVG files into this folder, made if needed
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
     /// Writes the maps as CSV
@@ -70,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Ok(Verdict::Misfit);
     };
     if arguments.plots.is_some() || arguments.csv.is_some() {
-        draw(arguments, &config, &study, &pose, &tool, &joints)?;
+        draw(arguments, &config, &study, &pose, &tool, &joints, &found)?;
     }
     tell(&config, &pose, &found, &sizes(&config, &pose, &tool, &joints))?;
     Ok(Verdict::Fits)
@@ -83,6 +84,7 @@ fn draw(
     pose: &Pose,
     tool: &Vector3<f64>,
     joints: &[f64],
+    found: &Stiffness,
 ) -> Result<(), Failure> {
     let [_, _, _, a, b, c] = pose.to_degrees();
     let workspace = Workspace::new(config, *tool, vec![[a, b, c]], study).map_err(Failure::Told)?;
@@ -109,6 +111,7 @@ fn draw(
         plots.extend(of_stiffness(config.length_unit(), map).map_err(Failure::Told)?);
     }
     plots.push(of_platform_sizes(&sizes(config, pose, tool, joints)).map_err(Failure::Told)?);
+    plots.extend(of_ellipsoids(found).map_err(Failure::Told)?);
     write_plots(folder, &plots)
 }
 
