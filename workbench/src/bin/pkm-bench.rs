@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! and lines a second of programs followed before cutting. Times are printed, never asserted; what
+//! positions a second of a study of the workspace, and lines a second of programs followed before cutting. Times are printed, never asserted; what
 //! stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
@@ -9,6 +9,8 @@ use pkm::fit::Offset;
 use pkm::interpreter::{self, LINUXCNC_PROGRAMS};
 use pkm::machine::MachineConfig;
 use pkm::preflight::preflight;
+use pkm::study::Study;
+use pkm::workspace::{Body, Effort, Workspace, counted};
 use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;
@@ -22,6 +24,11 @@ const LINES: u32 = 1_000_000;
 /// Poses a scan, and scans of each kind in turns; the median counts.
 const POSES: u32 = 200_000;
 const SCANS: usize = 11;
+
+/// Rays from pole to pole, steps along one, and points of the grid along its longest side.
+const BANDS: usize = 24;
+const STEPS: f64 = 300.0;
+const GRID: usize = 60;
 
 /// A raster about home: 50 units and 10 degrees either way, whatever is active.
 fn raster(config: &MachineConfig) -> Vec<Pose> {
@@ -46,6 +53,12 @@ fn timed(scan: impl FnOnce()) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
+/// Millions a second, by the median of times.
+fn millions(count: f64, times: &mut [f64]) -> String {
+    times.sort_by(f64::total_cmp);
+    format!("{:.1}", count / times[times.len() / 2] * 1e-6)
+}
+
 fn one_by_one(machine: &Machine, poses: &[Pose], tool: &Vector3<f64>) {
     for pose in poses {
         let _ = black_box(machine.inverse(pose, tool));
@@ -65,12 +78,34 @@ fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
         }
     }
     let found = poses.iter().filter(|pose| machine.inverse(pose, tool).is_ok()).count();
-    let rate = |times: &mut Vec<f64>| {
-        times.sort_by(f64::total_cmp);
-        format!("{:.1}", f64::from(POSES) / times[SCANS / 2] * 1e-6)
-    };
-    let rates: Vec<String> = seconds.iter_mut().map(rate).collect();
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(f64::from(POSES), times)).collect();
     println!("| {name} | {found} of {POSES} | {} |", rates.join(" | "));
+}
+
+/// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
+fn looked_over(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
+    let workspace =
+        Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
+    let from = config.home_pose().position;
+    let look = |threads: NonZero<usize>| {
+        let step = workspace.extent() / STEPS;
+        let effort = Effort { bands: BANDS, step, grid: GRID, threads, progress: &|_| () };
+        let body = Body::seen(&workspace, from, &effort).unwrap();
+        body.looked() + counted(&workspace, &body.corners(), &effort).points
+    };
+    let positions = look(cores[0]);
+    let mut seconds = vec![Vec::new(); cores.len()];
+    for _ in 0..SCANS {
+        for (times, threads) in seconds.iter_mut().zip(cores) {
+            times.push(timed(|| {
+                black_box(look(*threads));
+            }));
+        }
+    }
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(positions as f64, times)).collect();
+    println!("| {name} | {positions} | {} |", rates.join(" | "));
 }
 
 /// Straight lines about the middle of the workspace, of half a millimetre each: a spiral that goes
@@ -136,6 +171,14 @@ fn main() {
     for name in ["hexapod", "six-rod-lathe", "pyramid"] {
         let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         row(&config, name, &cores);
+    }
+    let columns: Vec<String> = cores.iter().map(|n| format!("threads: {n}")).collect();
+    println!("\nPositions of `pkm workspace`, every limit checked, in millions a second:\n");
+    println!("| machine | positions | {} |", columns.join(" | "));
+    println!("|---|--:|{}", "--:|".repeat(columns.len()));
+    for name in ["hexapod", "six-rod-lathe", "linear-delta"] {
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        looked_over(&config, name, &cores);
     }
     programs(&configs);
 }
