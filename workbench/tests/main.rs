@@ -5,6 +5,7 @@ mod batch;
 mod boxes;
 mod calibrate;
 mod calibrate_command;
+mod calibrate_tables;
 mod cell;
 mod commands;
 mod configs;

@@ -53,11 +53,15 @@ pub fn readings(
         return Err(bad(1, format!("expected columns {}, or distance", PLACE.join(","))));
     }
     let mut readings = vec![];
+    let mut lines: Vec<(csv::StringRecord, usize)> = vec![];
     for record in reader.into_records() {
         let record = record.map_err(|error| {
             bad(error.position().map_or(0, |p| p.line() as usize), error.to_string())
         })?;
         let line = record.position().map_or(0, |p| p.line() as usize);
+        if let Some((_, first)) = lines.iter().find(|(other, _)| *other == record) {
+            return Err(bad(line, format!("line {first} is here again: leave one of them out")));
+        }
         let cell = |at: usize| {
             let word = record.get(at).unwrap_or_default();
             let number = word.parse().ok().filter(|x: &f64| x.is_finite());
@@ -82,6 +86,10 @@ pub fn readings(
             config.machine.inverse(&pose, &tool).map_err(|fault| bad(line, fault.to_string()))?;
         let name = format!("{named}:{line}");
         readings.push(Reading { name, group: readings.len(), joints, pose, tool, frame, measured });
+        lines.push((record, line));
+    }
+    if readings.is_empty() {
+        return Err(bad(1, "no row below the names of the columns: nothing was measured".into()));
     }
     Ok(readings)
 }
