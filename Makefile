@@ -54,12 +54,12 @@ demo:
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
 # The component that plays the true machine is for this alone: it goes again at the end.
-TRUTH := $(MODULES)/pkmkins_truth.so
+PLAYER := $(MODULES)/pkmkins_truth.so
 calibration-demo: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkmkins_truth -p pkm --lib --bin pkm
-	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(TRUTH)"; \
+	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(PLAYER)" || exit 1; \
 	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
-	code=$$?; $$root rm -f "$(TRUTH)"; exit $$code
+	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
 
 test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
