@@ -105,7 +105,7 @@ fn one_orientation_is_said_to_be_one() {
 fn what_is_wrong_with_a_table_is_told_with_its_line_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let hash = shipped::config(MACHINE).geometry.hash();
-    for (columns, count) in [(TRACKER, 14), (BAR, 36)] {
+    for (columns, count) in [(TRACKER, 14), (BAR, 60)] {
         let whole = table(columns, count, true);
         let lines: Vec<&str> = whole.lines().collect();
         let without = |line: usize| [&lines[..line - 1], &lines[line..]].concat().join("\n");
