@@ -178,6 +178,22 @@ mod tests {
     }
 
     #[test]
+    fn every_reason_names_what_to_write() {
+        for (error, told) in [
+            (LoadError::LegsMalformed, "legs="),
+            (LoadError::KindUnknown, "strut, slider, crank"),
+            (LoadError::LegsWrong, "one to eight"),
+            (LoadError::CoordinatesWrong, "coordinates="),
+            (LoadError::TooManyCoordinates, "coordinates="),
+            (LoadError::TableWrong, "table="),
+            (LoadError::LetterTwice, "table="),
+            (LoadError::BoxesWrong, "boxes="),
+        ] {
+            assert!(error.text().contains(told), "{error:?}");
+        }
+    }
+
+    #[test]
     fn what_does_not_fit_is_refused_with_its_reason() {
         for (text, error) in [
             ("strut", LoadError::LegsMalformed),
