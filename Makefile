@@ -39,7 +39,7 @@ help:
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
-	@echo "make truth      preflight beside LinuxCNC itself: 112 programs, ends in a table"
+	@echo "make truth      preflight beside LinuxCNC itself: 114 programs, ends in a table"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"

@@ -9,6 +9,7 @@ import io
 import json
 import random
 import re
+import shutil
 import subprocess
 import tempfile
 from math import cos, hypot, pi, sin
@@ -114,7 +115,7 @@ def all_programs(configs, pkm):
                           narrow_cone, bad_end):
             programs += generated(config, pkm)
     for name in ("hexapod", "linear-delta"):
-        programs += misplaced(machines[name], pkm)
+        programs += misplaced(machines[name], pkm) + suggested_limits(machines[name], pkm)
     programs += [from_linuxcnc(*entry, machines[entry[1]]) for entry in LINUXCNC]
     programs += singular(machines["hexapod"]) + singular(machines["lab-hexapod"])
     return programs
@@ -320,3 +321,27 @@ def suggested(config, pkm, places):
     block = json.loads(done.stdout)["offset"]["block"]
     # The programs after this one have their old offset again.
     return "\n".join([*begun, block, *moves, "G10 L2 P1 X0 Y0 Z0 R0", "M2", ""])
+
+
+def suggested_limits(config, pkm):
+    """From corner to corner of the axis limits that check suggests where the file's are too wide."""
+    wide = [axis_limits(letter, config.between(-0.3, letter), config.between(1.3, letter))
+            for letter in config.letters]
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(shutil.copytree(config.file.parent, Path(scratch) / config.name))
+        ini = folder / config.file.name
+        ini.write_text(ini_edit.edited(config.text, sum(wide, [])))
+        done = subprocess.run([pkm, "check", ini], text=True, stdin=subprocess.DEVNULL, capture_output=True)
+    found = re.findall(r"^\[AXIS_(.)\]\nMIN_LIMIT = (\S+)\nMAX_LIMIT = (\S+)", done.stdout, re.M)
+    limits = {letter: (float(low), float(high)) for letter, low, high in found}
+    edits = sum((axis_limits(letter, *ends) for letter, ends in limits.items()), [])
+    corners = [{letter: ends[(n >> k % 3) & 1] for k, (letter, ends) in enumerate(limits.items())}
+               for n in range(8)]
+    moves = [f"G1 F{60 * 0.2 * config.speed:.3f} {words(corner)}" for corner in corners]
+    text = "\n".join([f"{config.start} G61", "M52 P0", *moves, "M2", ""])
+    return [Program("suggested-limits", config.name, "limits", text, tuple(edits))]
+
+
+def axis_limits(letter, low, high):
+    return [{"section": f"AXIS_{letter}", "key": key, "lines": [f"{key} = {value:.6f}"]}
+            for key, value in (("MIN_LIMIT", low), ("MAX_LIMIT", high))]
