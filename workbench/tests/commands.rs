@@ -834,7 +834,7 @@ far.ngc on linear-delta.ini
   conditioning       0.4948 to spare: the conditioning, line 1
   joint speed        498.0656 mm/s beyond: the speed of carriage 1, line 1
   joint acceleration 33332.0380 mm/s² beyond: the acceleration of carriage 1, line 1
-  feed               a dead point, where joint speeds allow none, in line 1
+  feed               joint speeds allow less than 0.001 times the programmed one, in line 1
   runs               6.0 % of the path before the first limit
 
 error: line 1: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 12.4713 mm

@@ -140,8 +140,8 @@ fn tilted((file, line): (usize, u32)) -> Caution {
     Caution { line: Some(line), file, text: text.into() }
 }
 
-/// Share of the programmed feed below which no machine runs.
-const LEAST_FEED: f64 = 5e-4;
+/// Least share of the programmed feed that three digits show.
+const LEAST_FEED: f64 = 1e-3;
 
 /// Another work offset that the interpreter and the whole check confirm: a shift where one will
 /// do, else one that is turned as well.
@@ -257,7 +257,9 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
 /// The greatest feed that the joint speeds allow.
 fn feed(LineLoad { line, factor }: &LineLoad) -> String {
     if *factor < LEAST_FEED {
-        return format!("a dead point, where joint speeds allow none, in line {line}");
+        return format!(
+            "joint speeds allow less than {LEAST_FEED} times the programmed one, in line {line}"
+        );
     }
     format!("joint speeds allow {factor:.3} times the programmed one, in line {line}")
 }
