@@ -334,6 +334,7 @@ def suggested_limits(config, pkm):
         done = subprocess.run([pkm, "check", ini], text=True, stdin=subprocess.DEVNULL, capture_output=True)
     found = re.findall(r"^\[AXIS_(.)\]\nMIN_LIMIT = (\S+)\nMAX_LIMIT = (\S+)", done.stdout, re.M)
     limits = {letter: (float(low), float(high)) for letter, low, high in found}
+    assert set(limits) == set(config.letters), f"{config.name}: no limits suggested: {done.stdout}{done.stderr}"
     edits = sum((axis_limits(letter, *ends) for letter, ends in limits.items()), [])
     corners = [{letter: ends[(n >> k % 3) & 1] for k, (letter, ends) in enumerate(limits.items())}
                for n in range(8)]
