@@ -359,14 +359,42 @@ impl<const N: usize> Placed<N> {
         put(&mut self.length, i, dot(&span, &span).sqrt());
     }
 
-    /// The legs after the platform has moved, written to `placed`, whose arms stay.
+    /// The legs after the platform has moved.
     #[inline(always)]
-    pub fn moved(&self, by: &Displacement, placed: &mut Self) {
+    pub fn advance(&mut self, by: &Displacement) {
         let shift = [both(by.shift.x), both(by.shift.y), both(by.shift.z)];
         for i in (0..N).step_by(2) {
-            let turned = times(&by.change, &self.arms.pair(i));
-            placed.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
+            let arm = self.arms.pair(i);
+            let turned = times(&by.change, &arm);
+            self.arms.put(i, sum(&arm, &turned));
+            self.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
         }
+    }
+
+    /// Speeds of the lengths of legs i and i + 1 while the platform moves at `v` and turns
+    /// at `omega`.
+    #[inline(always)]
+    fn stretch(&self, i: usize, v: &[f64x2; 3], omega: &[f64x2; 3]) -> f64x2 {
+        let speed = sum(v, &cross(omega, &self.arms.pair(i)));
+        dot(&self.span.pair(i), &speed) * self.curved(i)
+    }
+
+    /// How much slower the lengths change than they did at `before`, leg by leg.
+    #[inline(always)]
+    pub fn slower_than(
+        &self,
+        before: &Self,
+        v: &Vector3<f64>,
+        omega: &Vector3<f64>,
+    ) -> [f64; N] {
+        let v = [both(v.x), both(v.y), both(v.z)];
+        let omega = [both(omega.x), both(omega.y), both(omega.z)];
+        let mut slower = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let change = before.stretch(i, &v, &omega) - self.stretch(i, &v, &omega);
+            put(&mut slower, i, change);
+        }
+        slower
     }
 
     /// Unit vectors along the legs, base to platform.

@@ -128,18 +128,13 @@ impl<const N: usize> Nut<N> {
         twist
     }
 
-    /// Twist of every leg after the platform has changed its orientation R to R + `change` R,
-    /// written to `twist`: the arcs of small differences are what costs least.
+    /// Takes a twist along as the platform changes its orientation R to R + `change` R: the
+    /// arcs of small differences are what costs least.
     #[inline(always)]
-    pub fn twist_from(
-        &self,
-        from: &Twist<N>,
-        n: &Lanes3<N>,
-        change: &Matrix3<f64>,
-        twist: &mut Twist<N>,
-    ) {
+    pub fn advance(&self, twist: &mut Twist<N>, n: &Lanes3<N>, change: &Matrix3<f64>) {
+        let (sine, cosine) = (twist.sine, twist.cosine);
         for i in (0..N).step_by(2) {
-            let was = from.platform_axis.pair(i);
+            let was = twist.platform_axis.pair(i);
             twist.platform_axis.put(i, sum(&was, &times(change, &was)));
         }
         self.project(n, twist);
@@ -149,9 +144,10 @@ impl<const N: usize> Nut<N> {
         }
         for i in (0..N).step_by(2) {
             let (s, c) = (pair(&twist.sine, i), pair(&twist.cosine, i));
-            let (s0, c0) = (pair(&from.sine, i), pair(&from.cosine, i));
+            let (s0, c0) = (pair(&sine, i), pair(&cosine, i));
             let arc = arcs(s * c0 - c * s0, c * c0 + s * s0);
-            put(&mut twist.from_fold, i, pair(&from.from_fold, i) + arc);
+            let from_fold = pair(&twist.from_fold, i) + arc;
+            put(&mut twist.from_fold, i, from_fold);
         }
     }
 

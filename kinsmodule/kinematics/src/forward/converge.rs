@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One certified ball: its first step, and the way to the pose that it determines.
 
-use super::residual::{Measured, Stance, Target, along, largest, newton_step, norm};
+use super::residual::{End, Measured, Stance, Target, largest, newton_step, norm};
 use super::solver::{Certificate, Effort};
 use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
-use crate::lanes::inner;
-use crate::machine::{Mechanism, Place};
+use crate::machine::Mechanism;
 use crate::qr::Qr;
-use libm::sqrt;
 
 /// Solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;
@@ -16,72 +14,13 @@ const MAX_CORRECTIONS: u32 = 8;
 /// A step longer than this share of the radius spoils the old factorisation.
 const CHORD_STEP: f64 = 1e-2;
 
-/// Share of the tolerance that the correction after the next one may be expected to leave: beyond
-/// it another factorisation keeps a servo step to three solves.
+/// Share of the tolerance that the next step may be expected to leave: beyond it another
+/// factorisation keeps a servo step to three solves.
 const CHORD_MARGIN: f64 = 0.03;
-
-/// Steps that the secant updates of one factorisation remember.
-const SECANTS: usize = 4;
-
-/// Where a search has come to.
-pub(super) struct End<const N: usize> {
-    pub(super) place: Place,
-    pub(super) at: Measured<N>,
-}
-
-/// Broyden's updates of a factorisation by the steps made with it: what they save is a
-/// second factorisation.
-struct Secants {
-    steps: [[f64; 6]; SECANTS],
-    /// Inverse squared lengths of the steps.
-    weights: [f64; SECANTS],
-    count: usize,
-}
-
-impl Secants {
-    const NONE: Self = Self { steps: [[0.0; 6]; SECANTS], weights: [0.0; SECANTS], count: 0 };
-
-    #[inline(always)]
-    fn remember(&mut self, step: &[f64; 6], square: f64) {
-        let (steps, weights) = (&mut self.steps, &mut self.weights);
-        if square > 0.0
-            && let (Some(place), Some(weight)) =
-                (steps.get_mut(self.count), weights.get_mut(self.count))
-        {
-            (*place, *weight) = (*step, 1.0 / square);
-            self.count += 1;
-        }
-    }
-
-    /// The updated step, from that of the old factorisation (Kelley's form of Broyden's
-    /// method: only the steps are kept).
-    #[inline(always)]
-    fn updated(&self, mut step: [f64; 6]) -> [f64; 6] {
-        let mut gain = 0.0;
-        for k in 0..SECANTS {
-            if k >= self.count {
-                break;
-            }
-            gain = inner(&self.steps[k], &step) * self.weights[k];
-            match self.steps.get(k + 1) {
-                Some(next) if k + 1 < self.count => step = along(&step, gain, next),
-                _ => {}
-            }
-        }
-        // A larger gain is no update of a factorisation that still serves.
-        if !(gain.abs() < 0.5) {
-            return step;
-        }
-        let by = 1.0 / (1.0 - gain);
-        step.map(|value| value * by)
-    }
-}
 
 /// Steps within a ball.
 struct Walk {
-    /// Where they have led to in the chart at hand.
-    x: [f64; 6],
-    /// Covered in charts that were left.
+    /// Sum of their lengths.
     covered: f64,
     /// Length of the last step.
     length: f64,
@@ -90,44 +29,33 @@ struct Walk {
     corrections: u32,
     /// Whether the factorisation at hand was made for the next step.
     renewed: bool,
-    secants: Secants,
 }
 
 impl Walk {
     #[inline(always)]
     fn begun(first: &Step) -> Self {
-        let mut secants = Secants::NONE;
-        secants.remember(&first.step, first.length * first.length);
-        Self {
-            x: first.step,
-            covered: 0.0,
-            length: first.length,
-            contraction: 1.0,
-            corrections: 0,
-            renewed: false,
-            secants,
-        }
+        let length = first.length;
+        Self { covered: length, length, contraction: 1.0, corrections: 0, renewed: false }
     }
 
-    /// One more step, from that of the factorisation at hand.
+    /// One more step.
     #[inline(always)]
-    fn correct(&mut self, step: [f64; 6]) {
-        let step = self.secants.updated(step);
-        let square = inner(&step, &step);
-        self.secants.remember(&step, square);
-        let length = sqrt(square);
+    fn go(&mut self, length: f64) {
         self.contraction = length / self.length;
         self.length = length;
-        self.x = along(&self.x, 1.0, &step);
+        self.covered += length;
         self.renewed = false;
     }
 
-    /// Goes on in a chart about the place that it has led to.
-    fn renew(&mut self) {
-        self.covered += norm(&self.x);
-        self.x = [0.0; 6];
-        self.secants = Secants::NONE;
-        self.renewed = true;
+    /// Share of an error that the next step by the old factorisation may be expected to leave.
+    #[inline(always)]
+    fn leaves(&self) -> f64 {
+        match self.corrections {
+            // The first correction is what Newton's step has left, h/2 of it; refined steps
+            // leave h².
+            ..=2 => 4.0 * self.contraction * self.contraction,
+            _ => self.contraction,
+        }
     }
 }
 
@@ -184,16 +112,15 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
         let mut walk = Walk::begun(first);
-        self.measure_from(about, &walk.x, target, &mut end.at)?;
-        if self.converge(target, about, &mut walk, effort, &mut end.at)? {
-            end.place = self.moved(&about.place, &walk.x);
-        } else {
-            self.converge_anew(target, &about.place, &mut walk, effort, end)?;
+        *end = End { place: about.place, at: about.at };
+        self.advance(end, &first.step, target)?;
+        if !self.converge(target, about, &mut walk, effort, end)? {
+            self.converge_anew(target, &mut walk, effort, end)?;
         }
-        self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)
+        self.confirm(target, ball, walk.covered, &end.at)
     }
 
-    /// Corrects until the residuals `at` the end of the walk are gone; false where that wants
+    /// Corrects until the residuals at the end of the walk are gone; false where that wants
     /// another factorisation.
     #[inline(always)]
     fn converge(
@@ -202,62 +129,63 @@ impl<const N: usize> Mechanism<N> {
         about: &Stance<N>,
         walk: &mut Walk,
         effort: &mut Effort,
-        at: &mut Measured<N>,
+        end: &mut End<N>,
     ) -> Result<bool, Fault> {
         loop {
+            let residual = &end.at.residual;
             let error =
-                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(&at.residual));
-            if effort.is_converged(error, &at.residual) {
+                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(residual));
+            if effort.is_converged(error, residual) {
                 return Ok(true);
             }
-            if !walk.renewed {
+            let step = if walk.renewed {
+                newton_step(&about.qr, residual)
+            } else {
                 if walk.corrections == MAX_CORRECTIONS {
-                    return Err(Fault::with_value(Cause::NotConverged, largest(&at.residual)));
+                    return Err(Fault::with_value(Cause::NotConverged, largest(residual)));
                 }
                 walk.corrections += 1;
                 effort.spend()?;
                 if self.must_renew(walk, effort.tolerance) {
                     return Ok(false);
                 }
-            }
-            walk.correct(newton_step(&about.qr, &at.residual));
-            self.measure_from(about, &walk.x, target, at)?;
+                self.refined_step(about, end)
+            };
+            walk.go(norm(&step));
+            self.advance(end, &step, target)?;
         }
     }
 
-    /// The same with new factorisations, from the walk's end in the chart about `place`.
+    /// The same with new factorisations, from the walk's end.
     #[inline(never)]
     fn converge_anew(
         &self,
         target: &Target<N>,
-        place: &Place,
         walk: &mut Walk,
         effort: &mut Effort,
         end: &mut End<N>,
     ) -> Result<(), Fault> {
-        let mut about = Stance::new(self.moved(place, &walk.x));
         loop {
+            let mut about = Stance::new(end.place);
             self.settle(target, &mut about)?;
-            walk.renew();
-            let converged = self.converge(target, &about, walk, effort, &mut end.at)?;
-            about.place = self.moved(&about.place, &walk.x);
-            if converged {
-                end.place = about.place;
+            end.at = about.at;
+            walk.renewed = true;
+            if self.converge(target, &about, walk, effort, end)? {
                 return Ok(());
             }
         }
     }
 
-    /// Whether a factorisation no longer serves after a step of this length.
+    /// Whether a factorisation no longer serves after the last step.
     #[inline(always)]
     fn must_renew(&self, walk: &Walk, tolerance: f64) -> bool {
-        let Walk { length, contraction, .. } = *walk;
         // The first correction tells how well the factorisation still serves.
-        let known = contraction < 1.0;
+        let known = walk.contraction < 1.0;
+        let left = walk.leaves();
         // With more legs than coordinates the old one would settle elsewhere.
         self.layout.is_redundant()
-            || length > CHORD_STEP * self.radius
-            || (known && length * contraction * contraction > CHORD_MARGIN * tolerance)
+            || walk.length > CHORD_STEP * self.radius
+            || (known && walk.length * left * left > CHORD_MARGIN * tolerance)
     }
 
     /// The certificate of a pose at most `distance` from the middle of the ball.
@@ -309,7 +237,9 @@ mod tests {
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
     use crate::certificate::{CERTIFIED, leg_bow};
     use crate::leg::Leg;
+    use crate::machine::Place;
     use rand::{Rng, SeedableRng};
+    use libm::sqrt;
     use rand_pcg::Pcg64;
 
     /// Residuals `share` of the way between two targets, at a point of the chart about a

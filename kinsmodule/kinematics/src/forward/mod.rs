@@ -21,9 +21,9 @@ use crate::leg::LEAST_DRIVE;
 use crate::machine::{Chart, Mechanism, Place};
 use crate::pose::{Pose, Trigonometry, angles_near};
 use crate::qr::Qr;
-use converge::{Ball, End};
+use converge::Ball;
 use nalgebra::Vector3;
-use residual::{Measured, Stance, Target, newton_step, norm};
+use residual::{End, Measured, Stance, Target, newton_step, norm};
 use solver::Effort;
 
 /// Position error at which iteration stops, as a share of the size.

@@ -56,6 +56,12 @@ impl<const N: usize> Stance<N> {
     }
 }
 
+/// Where a search has come to.
+pub(super) struct End<const N: usize> {
+    pub(super) place: Place,
+    pub(super) at: Measured<N>,
+}
+
 impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs; lanes beyond the last leg repeat the first one.
     #[inline(always)]
@@ -162,17 +168,35 @@ impl<const N: usize> Mechanism<N> {
     /// The place at a point of the chart about another one.
     #[inline(always)]
     pub(super) fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
-        let Displacement { shift, change } = self.displacement(place, x);
-        let centre = place.centre + shift;
+        self.carried(place, x, &self.displacement(place, x))
+    }
+
+    /// The same, given how far that is away.
+    #[inline(always)]
+    fn carried(&self, place: &Place, x: &[f64; 6], by: &Displacement) -> Place {
+        let centre = place.centre + by.shift;
         match self.chart {
             Chart::Angles => {
                 let pose = self.turned(place, x);
                 Place { centre, rotation: pose.rotation(), angles: pose.angles }
             }
             Chart::Group | Chart::Level => {
-                let rotation = place.rotation + change * place.rotation;
+                let rotation = place.rotation + by.change * place.rotation;
                 Place { centre, rotation, angles: place.angles }
             }
+        }
+    }
+
+    /// Angular velocity of a platform whose point of the chart about a place moves at `x`.
+    #[inline(always)]
+    fn angular(&self, place: &Place, x: &[f64; 6]) -> Vector3<f64> {
+        match self.chart {
+            Chart::Group => self.turn(x),
+            Chart::Angles => {
+                let pose = Pose { position: place.centre, angles: place.angles };
+                pose.trigonometry().rate_map() * self.turn(x)
+            }
+            Chart::Level => Vector3::zeros(),
         }
     }
 
@@ -191,21 +215,38 @@ impl<const N: usize> Mechanism<N> {
         self.compare(target, at)
     }
 
-    /// The same at a point of the chart about a place: less work than from scratch.
+    /// Moves a measured platform to a point of the chart about its place: less work than
+    /// to measure there from scratch.
     #[inline(always)]
-    pub(super) fn measure_from(
+    pub(super) fn advance(
         &self,
-        about: &Stance<N>,
+        end: &mut End<N>,
         x: &[f64; 6],
         target: &Target<N>,
-        at: &mut Measured<N>,
     ) -> Result<(), Fault> {
-        let by = self.displacement(&about.place, x);
-        about.at.placed.moved(&by, &mut at.placed);
+        let by = self.displacement(&end.place, x);
+        end.at.placed.advance(&by);
         if let Some(nut) = &self.nut {
-            nut.twist_from(&about.at.twist, &at.placed.directions(), &by.change, &mut at.twist);
+            nut.advance(&mut end.at.twist, &end.at.placed.directions(), &by.change);
         }
-        self.compare(target, at)
+        end.place = self.carried(&end.place, x, &by);
+        self.compare(target, &mut end.at)
+    }
+
+    /// Newton's step at the end of a walk by the factorisation at its beginning.
+    ///
+    /// With the rows J there and J' here, M = J⁻¹: s = −M F, and once more with what the rows
+    /// have changed by, s + M (J − J') s. That leaves ‖1 − M J'‖² of the error, as little as
+    /// two steps by the old factorisation would, for one measurement. The nut's share of
+    /// the rows is small, and what it changes by is left out.
+    #[inline(always)]
+    pub(super) fn refined_step(&self, about: &Stance<N>, end: &End<N>) -> [f64; 6] {
+        let step = newton_step(&about.qr, &end.at.residual);
+        let v = Vector3::new(step[0], step[1], step[2]);
+        let omega = self.angular(&end.place, &step);
+        let slower = end.at.placed.slower_than(&about.at.placed, &v, &omega);
+        let more = about.qr.solve(&slower);
+        core::array::from_fn(|k| step[k] + more[k])
     }
 
     /// Residuals of lengths and twists; refuses legs that have none.
@@ -267,12 +308,6 @@ impl<const N: usize> Mechanism<N> {
 #[inline(always)]
 pub(super) fn newton_step<const N: usize>(qr: &Qr<N>, residual: &[f64; N]) -> [f64; 6] {
     qr.solve(residual).map(|x| -x)
-}
-
-/// x + share · y.
-#[inline(always)]
-pub(super) fn along(x: &[f64; 6], share: f64, y: &[f64; 6]) -> [f64; 6] {
-    core::array::from_fn(|k| x[k] + share * y[k])
 }
 
 #[inline(always)]
