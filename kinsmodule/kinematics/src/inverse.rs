@@ -2,16 +2,16 @@
 //! Inverse kinematics: pose to joints.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_finite, pair, put};
+use crate::lanes::{Lanes3, are_above, are_finite, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::machine::{Mechanism, Place, Placed, Segment};
+use crate::nut::{Nut, Turns};
 use crate::pose::{Pose, Trigonometry};
 use nalgebra::Vector3;
 
 /// A pose as the legs see it.
 pub(crate) struct Stand {
-    pub trig: Trigonometry,
     pub place: Place,
     /// The reference point in base, legs and table together.
     pub point: Vector3<f64>,
@@ -19,6 +19,7 @@ pub(crate) struct Stand {
 
 /// A pose with its legs, as Jacobian and reports see it.
 pub(crate) struct Posed<const N: usize> {
+    pub trig: Trigonometry,
     pub stand: Stand,
     /// The legs from their base anchors at joint value 0.
     pub placed: Placed<N>,
@@ -33,7 +34,67 @@ impl<const N: usize> Mechanism<N> {
         tool: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        let stand = self.stand(pose, tool)?;
+        pose.check()?;
+        self.check_tool(tool)?;
+        if self.holds || self.moving {
+            return self.inverse_of_any(*pose, tool, joints);
+        }
+        // What remains is done within registers, one pair of struts after the other.
+        let stand = self.standing(pose, &pose.trigonometry(), tool);
+        let legs = match &self.nut {
+            Some(nut) => self.corrected_struts(nut, &stand.place),
+            None => self.struts(&stand.place),
+        };
+        match legs {
+            Some(legs) => self.write_joints(&legs, &stand.point, joints),
+            None => self.inverse_of_any(*pose, tool, joints),
+        }
+    }
+
+    /// Joints of struts without nut corrections; `None` where any has no length.
+    #[inline(always)]
+    fn struts(&self, place: &Place) -> Option<[f64; N]> {
+        let mut length = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let [_, span] = self.leg(&self.base, place, i);
+            put(&mut length, i, dot(&span, &span).sqrt());
+        }
+        are_above(&length, self.least_length()).then(|| self.joints_of_lengths(&length))
+    }
+
+    /// Joints of struts with their corrections; `None` where any has no length or no twist.
+    #[inline(always)]
+    fn corrected_struts(&self, nut: &Nut<N>, place: &Place) -> Option<[f64; N]> {
+        let mut length = [0.0; N];
+        let mut turns = Turns::ZERO;
+        let mut defined = both(0.0).simd_eq(both(0.0));
+        for i in (0..N).step_by(2) {
+            let [_, span] = self.leg(&self.base, place, i);
+            let lengths = dot(&span, &span).sqrt();
+            defined &= nut.turn(i, (&span, lengths), &place.rotation, &mut turns);
+            put(&mut length, i, lengths);
+        }
+        let sound = are_above(&length, self.least_length()) && defined.all();
+        // A loop of its own: long chains that do not depend on each other overlap.
+        for i in (0..N).step_by(2) {
+            let corrected = pair(&length, i) + nut.correction(i, &turns);
+            put(&mut length, i, corrected);
+        }
+        sound.then(|| self.joints_of_lengths(&length))
+    }
+
+    /// The same for a checked pose and any kind of machine.
+    #[inline(never)]
+    fn inverse_of_any(
+        &self,
+        mut pose: Pose,
+        tool: &Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
+        if self.holds {
+            pose = self.held(&pose, true)?;
+        }
+        let stand = self.standing(&pose, &pose.trigonometry(), tool);
         self.write_joints(&self.joints_at(&stand.place)?, &stand.point, joints)
     }
 
@@ -56,28 +117,28 @@ impl<const N: usize> Mechanism<N> {
         joints: &mut [f64],
     ) -> Result<(), Fault> {
         if !(are_finite(legs) && (point * 0.0).sum() == 0.0) {
-            return Err(self.not_finite(legs, point));
+            return Err(self.not_finite(*legs, *point));
         }
         match joints.first_chunk_mut::<N>() {
             // A copy of known length is no call.
             Some(all) if self.count() == N => *all = *legs,
-            _ => self.of_first_legs(legs, joints),
+            _ => self.of_first_legs(*legs, joints),
         }
         if self.layout.joints() > self.count() {
-            self.of_table(point, joints);
+            self.of_table(*point, joints);
         }
         Ok(())
     }
 
     /// Writes the legs' joints where some lanes have none.
-    fn of_first_legs(&self, legs: &[f64; N], joints: &mut [f64]) {
+    fn of_first_legs(&self, legs: [f64; N], joints: &mut [f64]) {
         for (joint, leg) in joints.iter_mut().zip(legs).take(self.count()) {
-            *joint = *leg;
+            *joint = leg;
         }
     }
 
     /// Writes the table's joints behind those of the legs.
-    fn of_table(&self, point: &Vector3<f64>, joints: &mut [f64]) {
+    fn of_table(&self, point: Vector3<f64>, joints: &mut [f64]) {
         let table = joints.iter_mut().skip(self.count()).zip(self.layout.table().as_slice());
         for (joint, letter) in table {
             *joint = point[letter.index().min(2)];
@@ -85,7 +146,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     #[cold]
-    fn not_finite(&self, legs: &[f64; N], point: &Vector3<f64>) -> Fault {
+    fn not_finite(&self, legs: [f64; N], point: Vector3<f64>) -> Fault {
         let mut joints = [0.0; MAX_JOINTS];
         self.of_first_legs(legs, &mut joints);
         self.of_table(point, &mut joints);
@@ -116,32 +177,24 @@ impl<const N: usize> Mechanism<N> {
         segments
     }
 
-    /// Where a pose puts the platform; refuses what cannot be one.
+    /// Where a pose puts the platform.
     #[inline(always)]
-    fn stand(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Stand, Fault> {
-        pose.check()?;
-        self.check_tool(tool)?;
-        if self.holds {
-            return Ok(self.standing(&self.held(pose, true)?, tool));
-        }
-        Ok(self.standing(pose, tool))
-    }
-
-    #[inline(always)]
-    fn standing(&self, pose: &Pose, tool: &Vector3<f64>) -> Stand {
-        let trig = pose.trigonometry();
+    fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
-        let place = Place { centre: self.of_legs(point), rotation, angles: pose.angles };
-        Stand { trig, place, point }
+        Stand { place: Place { centre: self.of_legs(point), rotation, angles: pose.angles }, point }
     }
 
     /// A pose with its legs.
     pub(crate) fn posed(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Posed<N>, Fault> {
-        let stand = self.stand(pose, tool)?;
+        pose.check()?;
+        self.check_tool(tool)?;
+        let pose = &if self.holds { self.held(pose, true)? } else { *pose };
+        let trig = pose.trigonometry();
+        let stand = self.standing(pose, &trig, tool);
         let mut placed = Placed::ZERO;
         let corrections = self.corrected(&stand.place, &mut placed)?;
-        Ok(Posed { stand, placed, corrections })
+        Ok(Posed { trig, stand, placed, corrections })
     }
 
     /// Legs from their base anchors at joint value 0, and the nut corrections there.
@@ -188,10 +241,20 @@ impl<const N: usize> Mechanism<N> {
             self.native_joints(placed, &mut joints)?;
         }
         for i in (0..N).step_by(2) {
-            let native = pair(&joints, i) + pair(corrections, i);
-            put(&mut joints, i, native - pair(&self.offset, i));
+            let corrected = pair(&joints, i) + pair(corrections, i);
+            put(&mut joints, i, corrected);
         }
-        Ok(joints)
+        Ok(self.joints_of_lengths(&joints))
+    }
+
+    /// Joint values of native ones, which are the lengths of struts.
+    #[inline(always)]
+    fn joints_of_lengths(&self, native: &[f64; N]) -> [f64; N] {
+        let mut joints = [0.0; N];
+        for i in (0..N).step_by(2) {
+            put(&mut joints, i, pair(native, i) - pair(&self.offset, i));
+        }
+        joints
     }
 
     /// Native joint values where not all legs are struts.

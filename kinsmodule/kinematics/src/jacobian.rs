@@ -53,7 +53,7 @@ impl<const N: usize> Mechanism<N> {
             force[letter.index().min(2)] = 1.0;
             set(self.count() + i, &Rates { force, moment: Vector3::zeros() });
         }
-        Ok((jacobian, posed.stand.trig))
+        Ok((jacobian, posed.trig))
     }
 
     /// Rates of the legs' joints, at their values and with their base anchors there.
@@ -107,7 +107,7 @@ impl<const N: usize> Mechanism<N> {
         let joints = self.joints_of(&posed)?;
         let anchors = self.moved_anchors(&joints)?;
         let legs = self.leg_rates(&posed, &joints, &anchors)?;
-        let Posed { stand: Stand { trig, place, point }, .. } = &posed;
+        let Posed { trig, stand: Stand { place, point }, .. } = &posed;
         let [vx, vy, vz, a, b, c] = *rate;
         let omega = trig.rate_map() * (Vector3::new(a, b, c) * (core::f64::consts::PI / 180.0));
         let lever = place.rotation * (tool + self.reference);

@@ -23,6 +23,12 @@ pub(crate) fn both(value: f64) -> f64x2 {
     f64x2::splat(value)
 }
 
+/// The same vector in both lanes.
+#[inline(always)]
+pub(crate) fn wide(v: &Vector3<f64>) -> [f64x2; 3] {
+    [both(v.x), both(v.y), both(v.z)]
+}
+
 #[inline(always)]
 pub(crate) fn dot(a: &[f64x2; 3], b: &[f64x2; 3]) -> f64x2 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -42,6 +48,19 @@ pub(crate) fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     }
     let [even, odd] = sums.to_array();
     even + odd
+}
+
+/// The scalar products of two vectors with a third one.
+#[inline(always)]
+pub(crate) fn inners<const N: usize>(a: [&[f64; N]; 2], b: &[f64; N]) -> f64x2 {
+    let sums = a.map(|a| {
+        let mut sums = pair(a, 0) * pair(b, 0);
+        for i in (2..N).step_by(2) {
+            sums += pair(a, i) * pair(b, i);
+        }
+        sums.to_array()
+    });
+    f64x2::new([sums[0][0], sums[1][0]]) + f64x2::new([sums[0][1], sums[1][1]])
 }
 
 /// M v with the same matrix in both lanes.
@@ -79,6 +98,26 @@ pub(crate) fn are_within<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
         within &= pair(lanes, i).abs().simd_le(both(limit));
     }
     within.all()
+}
+
+/// Largest absolute value of the lanes; NaN if any is.
+#[inline(always)]
+pub(crate) fn largest<const N: usize>(lanes: &[f64; N]) -> f64 {
+    let mut most = f64x2::ZERO;
+    for i in (0..N).step_by(2) {
+        let lanes = pair(lanes, i).abs();
+        let stays = lanes.simd_le(most) | most.simd_ne(most);
+        most = stays.select(most, lanes);
+    }
+    let [even, odd] = most.to_array();
+    // A NaN in either place is not below the other.
+    if even <= odd {
+        odd
+    } else if odd <= even {
+        even
+    } else {
+        even + odd
+    }
 }
 
 /// Whether all lanes are above a limit; NaN is not.
@@ -133,5 +172,31 @@ impl<const N: usize> Lanes3<N> {
         self.x[i] = v.x;
         self.y[i] = v.y;
         self.z[i] = v.z;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_lane_is_found_in_any_place_and_nan_in_any() {
+        for place in 0..6 {
+            let mut lanes = [1.0, -2.0, 0.5, 3.0, -1.0, 0.0];
+            lanes[place] = -7.0;
+            assert_eq!(largest(&lanes), 7.0);
+            lanes[place] = f64::NAN;
+            assert!(largest(&lanes).is_nan());
+        }
+        assert_eq!(largest(&[0.0; 4]), 0.0);
+    }
+
+    #[test]
+    fn two_scalar_products_are_those_of_one_each() {
+        let rows: [[f64; 6]; 2] =
+            [[1.0, -2.0, 0.5, 3.0, -1.0, 0.25], [2.0, 1.0, 4.0, -3.0, 0.5, 8.0]];
+        let b = [3.0, 5.0, -7.0, 11.0, 13.0, -17.0];
+        let expected = rows.map(|row| inner(&row, &b));
+        assert_eq!(inners([&rows[0], &rows[1]], &b).to_array(), expected);
     }
 }

@@ -10,7 +10,7 @@ use crate::fault::{Cause, Fault};
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
-use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put, scaled, sum, times};
+use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put, scaled, sum, times, wide};
 use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
@@ -96,7 +96,7 @@ impl Machine {
     ///
     /// # Errors
     /// A [`Fault`] of the pose group; nothing is returned in part.
-    #[inline]
+    #[inline(never)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let mut joints = [0.0; MAX_JOINTS];
         self.inverse_into(pose, tool, &mut joints)?;
@@ -109,7 +109,7 @@ impl Machine {
     ///
     /// # Errors
     /// As [`Machine::inverse`].
-    #[inline]
+    #[inline(always)]
     pub fn inverse_into(
         &self,
         pose: &Pose,
@@ -359,42 +359,45 @@ impl<const N: usize> Placed<N> {
         put(&mut self.length, i, dot(&span, &span).sqrt());
     }
 
-    /// The legs after the platform has moved.
+    /// The legs after the platform has moved, written to `placed`.
     #[inline(always)]
-    pub fn advance(&mut self, by: &Displacement) {
-        let shift = [both(by.shift.x), both(by.shift.y), both(by.shift.z)];
+    pub fn moved(&self, by: &Displacement, placed: &mut Self) {
+        let shift = wide(&by.shift);
         for i in (0..N).step_by(2) {
             let arm = self.arms.pair(i);
             let turned = times(&by.change, &arm);
-            self.arms.put(i, sum(&arm, &turned));
-            self.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
+            placed.arms.put(i, sum(&arm, &turned));
+            placed.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
         }
     }
 
-    /// Speeds of the lengths of legs i and i + 1 while the platform moves at `v` and turns
-    /// at `omega`.
+    /// Speeds of the lengths while the platform moves at `v` and turns at `omega`.
     #[inline(always)]
-    fn stretch(&self, i: usize, v: &[f64x2; 3], omega: &[f64x2; 3]) -> f64x2 {
-        let speed = sum(v, &cross(omega, &self.arms.pair(i)));
-        dot(&self.span.pair(i), &speed) * self.curved(i)
-    }
-
-    /// How much slower the lengths change than they did at `before`, leg by leg.
-    #[inline(always)]
-    pub fn slower_than(
-        &self,
-        before: &Self,
-        v: &Vector3<f64>,
-        omega: &Vector3<f64>,
-    ) -> [f64; N] {
-        let v = [both(v.x), both(v.y), both(v.z)];
-        let omega = [both(omega.x), both(omega.y), both(omega.z)];
-        let mut slower = [0.0; N];
+    pub fn stretch(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+        let (v, omega) = (wide(v), wide(omega));
+        let mut stretch = [0.0; N];
         for i in (0..N).step_by(2) {
-            let change = before.stretch(i, &v, &omega) - self.stretch(i, &v, &omega);
-            put(&mut slower, i, change);
+            let speed = sum(&v, &cross(&omega, &self.arms.pair(i)));
+            put(&mut stretch, i, dot(&self.span.pair(i), &speed) * self.curved(i));
         }
-        slower
+        stretch
+    }
+
+    /// Second derivatives of the lengths while the platform moves at `v` and turns at `omega`,
+    /// both constant: u the speed of an arm's end, (|u|² − (n·u)²)/l + n·(ω × (ω × arm)).
+    #[inline(always)]
+    pub fn bend(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+        let (v, omega) = (wide(v), wide(omega));
+        let mut bend = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let turned = cross(&omega, &self.arms.pair(i));
+            let u = sum(&v, &turned);
+            let (span, curved) = (self.span.pair(i), self.curved(i));
+            let along = dot(&span, &u) * curved;
+            let pull = dot(&u, &u) - along * along + dot(&span, &cross(&omega, &turned));
+            put(&mut bend, i, pull * curved);
+        }
+        bend
     }
 
     /// Unit vectors along the legs, base to platform.
@@ -491,19 +494,32 @@ impl<const N: usize> Mechanism<N> {
     /// The same in a place that exists. One loop over all of it keeps values in registers.
     #[inline(always)]
     pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
-        let c = place.centre.map(both);
         for i in (0..N).step_by(2) {
-            let arm = times(&place.rotation, &self.arms.pair(i));
-            let [x, y, z] = anchors.pair(i);
+            let [arm, span] = self.leg(anchors, place, i);
             placed.arms.put(i, arm);
-            placed.put(i, [arm[0] + c.x - x, arm[1] + c.y - y, arm[2] + c.z - z]);
+            placed.put(i, span);
         }
+    }
+
+    /// Arms of legs i and i + 1 in base, and their way from `anchors` (moving base anchors) to
+    /// the platform.
+    #[inline(always)]
+    pub fn leg(&self, anchors: &Lanes3<N>, place: &Place, i: usize) -> [[f64x2; 3]; 2] {
+        let arm = times(&place.rotation, &self.arms.pair(i));
+        let (c, [x, y, z]) = (wide(&place.centre), anchors.pair(i));
+        [arm, [arm[0] + c[0] - x, arm[1] + c[1] - y, arm[2] + c[2] - z]]
+    }
+
+    /// Shortest length at which a leg has a direction.
+    #[inline(always)]
+    pub fn least_length(&self) -> f64 {
+        MIN_LENGTH * self.size
     }
 
     /// Refuses a leg without a direction.
     #[inline]
     pub fn refuse_short(&self, i: usize, length: f64) -> Result<(), Fault> {
-        if length > MIN_LENGTH * self.size {
+        if length > self.least_length() {
             return Ok(());
         }
         Err(Fault::of_leg(Cause::StrutTooShort, i, length))
@@ -512,9 +528,14 @@ impl<const N: usize> Mechanism<N> {
     /// Refuses legs without a direction.
     #[inline(always)]
     pub fn refuse_short_legs(&self, length: &[f64; N]) -> Result<(), Fault> {
-        if are_above(length, MIN_LENGTH * self.size) {
+        if are_above(length, self.least_length()) {
             return Ok(());
         }
+        self.short_leg(*length)
+    }
+
+    #[cold]
+    fn short_leg(&self, length: [f64; N]) -> Result<(), Fault> {
         for (i, l) in length.iter().enumerate() {
             self.refuse_short(i, *l)?;
         }

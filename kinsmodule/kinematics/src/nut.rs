@@ -68,6 +68,18 @@ pub(crate) struct Twist<const N: usize> {
     from_fold: [f64; N],
 }
 
+/// What nut corrections come from: gain · atan2(sine, cosine).
+#[repr(align(16))]
+pub(crate) struct Turns<const N: usize> {
+    sine: [f64; N],
+    cosine: [f64; N],
+    gain: [f64; N],
+}
+
+impl<const N: usize> Turns<N> {
+    pub const ZERO: Self = Self { sine: [0.0; N], cosine: [0.0; N], gain: [0.0; N] };
+}
+
 /// Gradient of the correction of two legs: force part along v, free moment along ω.
 pub(crate) struct Rates {
     pub along: [f64x2; 3],
@@ -128,13 +140,18 @@ impl<const N: usize> Nut<N> {
         twist
     }
 
-    /// Takes a twist along as the platform changes its orientation R to R + `change` R: the
-    /// arcs of small differences are what costs least.
+    /// Twist of every leg after the platform has changed its orientation R to R + `change` R,
+    /// written to `twist`: the arcs of small differences are what costs least.
     #[inline(always)]
-    pub fn advance(&self, twist: &mut Twist<N>, n: &Lanes3<N>, change: &Matrix3<f64>) {
-        let (sine, cosine) = (twist.sine, twist.cosine);
+    pub fn twist_from(
+        &self,
+        from: &Twist<N>,
+        n: &Lanes3<N>,
+        change: &Matrix3<f64>,
+        twist: &mut Twist<N>,
+    ) {
         for i in (0..N).step_by(2) {
-            let was = twist.platform_axis.pair(i);
+            let was = from.platform_axis.pair(i);
             twist.platform_axis.put(i, sum(&was, &times(change, &was)));
         }
         self.project(n, twist);
@@ -144,11 +161,43 @@ impl<const N: usize> Nut<N> {
         }
         for i in (0..N).step_by(2) {
             let (s, c) = (pair(&twist.sine, i), pair(&twist.cosine, i));
-            let (s0, c0) = (pair(&sine, i), pair(&cosine, i));
+            let (s0, c0) = (pair(&from.sine, i), pair(&from.cosine, i));
             let arc = arcs(s * c0 - c * s0, c * c0 + s * s0);
-            let from_fold = pair(&twist.from_fold, i) + arc;
-            put(&mut twist.from_fold, i, from_fold);
+            put(&mut twist.from_fold, i, pair(&from.from_fold, i) + arc);
         }
+    }
+
+    /// What the corrections of struts i and i + 1 come from, and where they mean anything:
+    /// [`Self::twist`] and [`Self::refuse_along_axis`] in one, for struts as vectors with
+    /// their lengths. S and C are l² times as large, which takes no division.
+    #[inline(always)]
+    pub fn turn(
+        &self,
+        i: usize,
+        (strut, length): (&[f64x2; 3], f64x2),
+        rotation: &Matrix3<f64>,
+        turns: &mut Turns<N>,
+    ) -> f64x2 {
+        let (a, b) = (self.base_axis.pair(i), times(rotation, &self.platform_axis.pair(i)));
+        let (alpha, beta) = (dot(&a, strut), dot(&b, strut));
+        let square = length * length;
+        let sine = dot(strut, &cross(&a, &b)) * length;
+        let cosine = (dot(&a, &b) + pair(&self.idle, i)) * square - alpha * beta;
+        let hand = match self.fold {
+            Fold::Fixed => pair(&self.hand, i),
+            Fold::Literal => cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0)),
+        };
+        put(&mut turns.sine, i, hand * sine);
+        put(&mut turns.cosine, i, hand * cosine);
+        put(&mut turns.gain, i, hand * pair(&self.travel, i));
+        let least = both(MIN_SIN_SQUARED) * square;
+        (square - alpha * alpha).simd_ge(least) & (square - beta * beta).simd_ge(least)
+    }
+
+    /// Lengths to add to struts i and i + 1.
+    #[inline(always)]
+    pub fn correction(&self, i: usize, turns: &Turns<N>) -> f64x2 {
+        pair(&turns.gain, i) * pair(&turns.sine, i).atan2(pair(&turns.cosine, i))
     }
 
     /// All of a twist but platform axes, which it has, and arc.

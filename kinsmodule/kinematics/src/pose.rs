@@ -4,7 +4,7 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::both;
-use core::f64::consts::FRAC_PI_2;
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use libm::{atan2, sincos, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
@@ -65,17 +65,20 @@ impl Pose {
     /// Refuses what no call may compute with.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
-        let Self { position, angles } = self;
-        let most = MAX_ANGLE_DEG * RADIANS;
-        let small = (angles.x.abs() <= most) & (angles.y.abs() <= most) & (angles.z.abs() <= most);
-        if small & ((position * 0.0).sum() == 0.0) {
+        let Self { position: p, angles: a } = self;
+        let (finite, most) = (f64::MAX, MAX_ANGLE_DEG * RADIANS);
+        let within = f64x2::new([p.x, p.y]).abs().simd_le(both(finite))
+            & f64x2::new([p.z, a.x]).abs().simd_le(f64x2::new([finite, most]))
+            & f64x2::new([a.y, a.z]).abs().simd_le(both(most));
+        if within.all() {
             return Ok(());
         }
-        self.refused()
+        // A copy: what a call has the address of stands in memory even where it is not made.
+        { *self }.refused()
     }
 
     #[cold]
-    fn refused(&self) -> Result<(), Fault> {
+    fn refused(self) -> Result<(), Fault> {
         if !self.is_finite() {
             return Err(Cause::PoseNotFinite.into());
         }
@@ -87,8 +90,21 @@ impl Pose {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn trigonometry(&self) -> Trigonometry {
+        let a = &self.angles;
+        if !((a.x.abs() <= FRAC_PI_4) & (a.y.abs() <= FRAC_PI_4) & (a.z.abs() <= FRAC_PI_4)) {
+            return { *self }.steep_trigonometry();
+        }
+        let (sines, cosines) = short_sincos(f64x2::new([a.x, a.y]));
+        let ([sa, sb], [ca, cb]) = (sines.to_array(), cosines.to_array());
+        let (sine, cosine) = short_sincos(both(a.z));
+        let ([sc, _], [cc, _]) = (sine.to_array(), cosine.to_array());
+        Trigonometry { sa, ca, sb, cb, sc, cc }
+    }
+
+    #[inline(never)]
+    fn steep_trigonometry(self) -> Trigonometry {
         let (sa, ca) = sincos(self.angles.x);
         let (sb, cb) = sincos(self.angles.y);
         let (sc, cc) = sincos(self.angles.z);
@@ -161,16 +177,12 @@ fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f6
     let cos_b = cos_c * r[(0, 0)] + sin_c * r[(1, 0)];
     let cos_a = cos_c * r[(1, 1)] - sin_c * r[(0, 1)];
     let sin_a = sin_c * r[(0, 2)] - cos_c * r[(1, 2)];
-    Vector3::new(
-        turned(seed.angles.x, trig.sa, trig.ca, sin_a, cos_a),
-        turned(seed.angles.y, trig.sb, trig.cb, -r[(2, 0)], cos_b),
-        turned(seed.angles.z, trig.sc, trig.cc, sin_c, cos_c),
-    )
-}
-
-/// `from` (of sine s0, cosine c0) turned the short way to the direction (s, c).
-fn turned(from: f64, s0: f64, c0: f64, s: f64, c: f64) -> f64 {
-    from + arc(s * c0 - c * s0, c * c0 + s * s0)
+    // The short way from the seed's directions.
+    let (s0, c0) = (f64x2::new([trig.sa, trig.sb]), f64x2::new([trig.ca, trig.cb]));
+    let (s, c) = (f64x2::new([sin_a, -r[(2, 0)]]), f64x2::new([cos_a, cos_b]));
+    let [a, b] = arcs(s * c0 - c * s0, c * c0 + s * s0).to_array();
+    let c = arc(sin_c * trig.cc - cos_c * trig.sc, cos_c * trig.cc + sin_c * trig.sc);
+    seed.angles + Vector3::new(a, b, c)
 }
 
 /// Below this share of the cosine a sine's arc is a short series: the first term left out,
@@ -200,6 +212,45 @@ fn short_arc(t: f64x2) -> f64x2 {
     let u = t * t;
     let tail = both(1.0 / 7.0) - u * (both(1.0 / 9.0) - u * both(1.0 / 11.0));
     t - t * u * (both(1.0 / 3.0) - u * (both(1.0 / 5.0) - u * tail))
+}
+
+/// Sines and cosines of two angles up to π/4, to less than one unit in the last place: half the
+/// work of two calls of libm.
+///
+/// The polynomials are those of FreeBSD's msun (k_sin.c, k_cos.c), which libm has as well.
+#[inline(always)]
+fn short_sincos(x: f64x2) -> (f64x2, f64x2) {
+    const SINE: [f64; 6] = [
+        -1.666_666_666_666_663_2e-1,
+        8.333_333_333_322_49e-3,
+        -1.984_126_982_985_795e-4,
+        2.755_731_370_707_006_8e-6,
+        -2.505_076_025_340_686_3e-8,
+        1.589_690_995_211_55e-10,
+    ];
+    const COSINE: [f64; 6] = [
+        4.166_666_666_666_66e-2,
+        -1.388_888_888_887_411e-3,
+        2.480_158_728_947_673e-5,
+        -2.755_731_435_139_066_3e-7,
+        2.087_572_321_298_175e-9,
+        -1.135_964_755_778_819_5e-11,
+    ];
+    let z = x * x;
+    let half = both(0.5) * z;
+    let rest = both(1.0) - half;
+    let rounded = (both(1.0) - rest) - half;
+    (x + z * x * polynomial(&SINE, z), rest + (rounded + z * z * polynomial(&COSINE, z)))
+}
+
+/// Sum of t_k z^k, in pairs of terms: whoever asks for it waits.
+#[inline(always)]
+fn polynomial(t: &[f64; 6], z: f64x2) -> f64x2 {
+    let square = z * z;
+    let low = both(t[0]) + both(t[1]) * z;
+    let middle = both(t[2]) + both(t[3]) * z;
+    let high = both(t[4]) + both(t[5]) * z;
+    low + square * (middle + square * high)
 }
 
 /// Rotation vector (axis times angle) of `r`, angle in [0, π].
@@ -244,6 +295,13 @@ pub(crate) fn cayley_change(w: &Vector3<f64>) -> Matrix3<f64> {
         y * z + x,
         -(x * x + y * y),
     ) * k
+}
+
+/// Angular velocity of the rotation by Cayley's formula about `w` while `w` changes at `rate`.
+#[inline(always)]
+pub(crate) fn cayley_rate(w: &Vector3<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
+    let h = w * 0.5;
+    (rate + h.cross(rate)) * (1.0 / (1.0 + h.norm_squared()))
 }
 
 #[cfg(test)]
@@ -331,6 +389,52 @@ mod tests {
         let half = pose([0.0, 0.0, 0.0, 180.0, 0.0, 0.0]).rotation();
         let v = rotation_vector(&half);
         assert!((v.norm() - core::f64::consts::PI).abs() < 1e-9, "{v:?}");
+    }
+
+    #[test]
+    fn sines_and_cosines_are_those_of_libm_to_a_unit_in_the_last_place() {
+        for k in -1000..=1000 {
+            let angle = FRAC_PI_4 * f64::from(k) / 1000.0;
+            let (sines, cosines) = short_sincos(f64x2::new([angle, -0.5 * angle]));
+            for (angle, (sine, cosine)) in [angle, -0.5 * angle]
+                .into_iter()
+                .zip(sines.to_array().into_iter().zip(cosines.to_array()))
+            {
+                let (exact_sine, exact_cosine) = sincos(angle);
+                let unit = |value: f64| value.abs() * f64::EPSILON;
+                assert!((sine - exact_sine).abs() <= unit(exact_sine), "{angle}");
+                assert!((cosine - exact_cosine).abs() <= unit(exact_cosine), "{angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn steep_and_flat_angles_have_the_same_sines() {
+        let (below, above) = (FRAC_PI_4, FRAC_PI_4 * (1.0 + f64::EPSILON));
+        for axis in 0..3 {
+            let at = |angle: f64| {
+                let mut pose = pose([0.0; 6]);
+                pose.angles[axis] = angle;
+                pose.rotation()
+            };
+            // Two roundings of values below 1.
+            assert!((at(below) - at(above)).amax() <= 2.0 * f64::EPSILON);
+            assert!(
+                (at(2.0) - nalgebra::Rotation3::new(Vector3::ith(axis, 2.0)).matrix()).amax()
+                    < 1e-15
+            );
+        }
+    }
+
+    #[test]
+    fn the_rate_of_cayleys_rotation_is_its_derivative() {
+        let (w, rate) = (Vector3::new(0.3, -0.2, 0.5), Vector3::new(-0.4, 0.7, 0.1));
+        let at = |t: f64| Matrix3::identity() + cayley_change(&(w + rate * t));
+        // Differences of step h: h² off, and rounding over h.
+        const STEP: f64 = 1e-5;
+        let derivative = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+        let omega = cayley_rate(&w, &rate);
+        assert!((omega.cross_matrix() * at(0.0) - derivative).norm() < 1e-9);
     }
 
     #[test]

@@ -9,7 +9,7 @@
 //! what is done to the columns is done to those of 1 as well, which makes them R⁻¹.
 //! Multiplied out once, the factors cost less than solving with them three times.
 
-use crate::lanes::{both, inner, pair, put};
+use crate::lanes::{both, inner, inners, pair, put};
 use wide::f64x2;
 
 /// A column this much smaller than the largest one counts as dependent.
@@ -26,8 +26,8 @@ pub(crate) struct Qr<const N: usize> {
 /// What factoring works on.
 struct Work<const N: usize> {
     q: [[f64; N]; 6],
-    /// Inverse of R, column by column.
-    r_inverse: [[f64; 6]; 6],
+    /// R above its diagonal of 1, row by row.
+    r: [[f64; 6]; 6],
     /// Squared lengths of the columns of Q.
     squares: [f64; 6],
     /// Their inverses; 0 for a column that is not active.
@@ -48,8 +48,7 @@ impl<const N: usize> Qr<N> {
     /// Factors columns in place of what was; false where [`Self::new`] gives `None`.
     #[inline(always)]
     pub fn renew(&mut self, active: &[bool; 6], columns: [[f64; N]; 6]) -> bool {
-        let mut work =
-            Work { q: columns, r_inverse: IDENTITY, squares: [0.0; 6], weight: [0.0; 6] };
+        let mut work = Work { q: columns, r: [[0.0; 6]; 6], squares: [0.0; 6], weight: [0.0; 6] };
         // Numbers of columns that the compiler knows let it unroll the loops within.
         work.orthogonalise::<0>(active);
         work.orthogonalise::<1>(active);
@@ -57,7 +56,7 @@ impl<const N: usize> Qr<N> {
         work.orthogonalise::<3>(active);
         work.orthogonalise::<4>(active);
         work.orthogonalise::<5>(active);
-        work.multiply_out(&mut self.inverse);
+        work.solve_back(&mut self.inverse);
         let squares = self.inverse.each_ref().map(|row| inner(row, row));
         self.inverse_norm = libm::sqrt(squares.iter().sum());
         is_regular(&work.squares, active)
@@ -66,7 +65,12 @@ impl<const N: usize> Qr<N> {
     /// Least-squares solution x of A x = b.
     #[inline(always)]
     pub fn solve(&self, b: &[f64; N]) -> [f64; 6] {
-        self.inverse.each_ref().map(|row| inner(row, b))
+        let mut x = [0.0; 6];
+        let [r0, r1, r2, r3, r4, r5] = &self.inverse;
+        put(&mut x, 0, inners([r0, r1], b));
+        put(&mut x, 2, inners([r2, r3], b));
+        put(&mut x, 4, inners([r4, r5], b));
+        x
     }
 
     /// Frobenius norm of the (pseudo-)inverse of A.
@@ -85,44 +89,32 @@ impl<const N: usize> Work<N> {
         let weight = if active[K] { 1.0 / square } else { 0.0 };
         (self.squares[K], self.weight[K]) = (square, weight);
         for j in K + 1..6 {
-            let along = both(inner(&column, &self.q[j]) * weight);
+            let along = inner(&column, &self.q[j]) * weight;
+            self.r[K][j] = along;
             for i in (0..N).step_by(2) {
-                let rest = pair(&self.q[j], i) - along * pair(&column, i);
+                let rest = pair(&self.q[j], i) - both(along) * pair(&column, i);
                 put(&mut self.q[j], i, rest);
-            }
-            // What lies below the diagonal is 0.
-            for i in (0..K + 1).step_by(2) {
-                let rest = pair(&self.r_inverse[j], i) - along * pair(&self.r_inverse[K], i);
-                put(&mut self.r_inverse[j], i, rest);
             }
         }
     }
 
+    /// Solves R M = D⁻¹ Qᵀ from its last row upwards.
     #[inline(always)]
-    fn multiply_out(&self, inverse: &mut [[f64; N]; 6]) {
+    fn solve_back(&self, inverse: &mut [[f64; N]; 6]) {
         for l in (0..N).step_by(2) {
-            let of_q: [f64x2; 6] =
+            let mut rows: [f64x2; 6] =
                 core::array::from_fn(|k| pair(&self.q[k], l) * both(self.weight[k]));
-            for i in 0..6 {
-                let mut sum = of_q[i];
+            for i in (0..5).rev() {
                 for k in i + 1..6 {
-                    sum += both(self.r_inverse[k][i]) * of_q[k];
+                    rows[i] -= both(self.r[i][k]) * rows[k];
                 }
-                put(&mut inverse[i], l, sum);
+            }
+            for (row, values) in inverse.iter_mut().zip(rows) {
+                put(row, l, values);
             }
         }
     }
 }
-
-const IDENTITY: [[f64; 6]; 6] = {
-    let mut columns = [[0.0; 6]; 6];
-    let mut k = 0;
-    while k < 6 {
-        columns[k][k] = 1.0;
-        k += 1;
-    }
-    columns
-};
 
 /// Whether no active column was all but a combination of those before it.
 #[inline(always)]

@@ -215,7 +215,7 @@ pub unsafe extern "C" fn kinematicsInverse(
     let pose = world.degrees();
     code(match module.kind() {
         Kind::Identity => module.identity_inverse(&pose, joints),
-        Kind::Machine => module.inverse(&Pose::from_degrees(pose), joints),
+        Kind::Machine => module.inverse(&pose, joints),
     })
 }
 

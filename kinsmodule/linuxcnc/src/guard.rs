@@ -232,15 +232,22 @@ impl Guard {
         self.forget();
     }
 
-    pub fn saw_forward(&mut self, clocks: i64) {
-        self.expects_inverse = true;
-        self.forward_clocks = clocks;
+    /// Whether the next inverse is that of the commanded pose.
+    pub fn expects_inverse(&self) -> bool {
+        self.expects_inverse
     }
 
-    pub fn saw_inverse(&mut self, pose: &Pose, clocks: i64) {
+    /// A call of forward, and the clocks it took if they were counted.
+    pub fn saw_forward(&mut self, clocks: Option<i64>) {
+        self.expects_inverse = true;
+        self.forward_clocks = clocks.unwrap_or(self.forward_clocks);
+    }
+
+    /// A call of inverse, and the clocks it took if they were counted.
+    pub fn saw_inverse(&mut self, pose: &Pose, clocks: Option<i64>) {
         if self.expects_inverse {
             self.commanded = Some(*pose);
-            self.inverse_clocks = clocks;
+            self.inverse_clocks = clocks.unwrap_or(self.inverse_clocks);
         }
         self.expects_inverse = false;
     }

@@ -48,9 +48,9 @@ pub enum Kind {
 /// Kinematics calls of one cycle.
 #[derive(Clone, Copy, Default)]
 struct Calls {
-    /// The pose that inverse was asked for last: in world mode the commanded one, because
+    /// The pose (degrees) that inverse was asked for last: in world mode the commanded one, because
     /// LinuxCNC asks for end points of queued moves before.
-    asked: Option<Pose>,
+    asked: Option<[f64; 6]>,
     /// Calls of forward. A second one without an inverse is for the commanded joints:
     /// LinuxCNC does so in joint mode and as it leaves it, to go on from that pose.
     forward: u32,
@@ -124,22 +124,39 @@ impl Module {
         &self.load.layout
     }
 
-    /// Joints of a pose, written to `joints`; left alone after an error.
+    /// Joints of a pose in degrees, written to `joints`; left alone after an error.
     ///
     /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the first call of all freezes the geometry.
-    pub fn inverse(&mut self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
-        let begin = self.clocks();
-        self.calls.asked = Some(*pose);
-        let result = self.prepared(|| !is_zero(&pose.to_degrees())).and_then(|()| {
-            let tool = self.tool_in_effect()?;
-            self.frozen()?.machine.inverse_into(pose, &tool, joints)
-        });
+    pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
+        let timed = self.report.monitored && self.guard.expects_inverse();
+        let begin = clocks_if(timed);
+        self.calls.asked = Some(*degrees);
+        let pose = Pose::from_degrees(*degrees);
+        let result = match self.prepared(|| !is_zero(degrees)) {
+            Ok(()) => self.joints_of(&pose, joints),
+            Err(fault) => Err(fault),
+        };
         if let Err(fault) = &result {
             self.record(fault);
         }
-        self.guard.saw_inverse(pose, self.clocks().wrapping_sub(begin));
+        self.guard.saw_inverse(&pose, timed.then(|| clocks().wrapping_sub(begin)));
         result
+    }
+
+    #[inline(always)]
+    fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
+        let (frozen, tool) = (self.frozen()?, self.tool.offset());
+        let request = self.pins.tool(frozen.given.spindle_offset);
+        if request == tool {
+            return frozen.machine.inverse_into(pose, &tool, joints);
+        }
+        let tool = self.tool_instead_of(frozen, request)?;
+        let found = frozen.machine.inverse(&{ *pose }, &tool)?;
+        for (joint, value) in joints.iter_mut().zip(found) {
+            *joint = value;
+        }
+        Ok(())
     }
 
     /// Pose of the joints in degrees, which takes the place of the seed's; `address` tells the
@@ -150,15 +167,11 @@ impl Module {
         pose: &mut [f64; 6],
         address: usize,
     ) -> Result<(), Fault> {
-        let begin = self.clocks();
+        let timed = self.report.monitored && !self.guard.expects_inverse();
+        let begin = clocks_if(timed);
         let result = self.pose_at(joints, pose, address);
-        self.guard.saw_forward(self.clocks().wrapping_sub(begin));
+        self.guard.saw_forward(timed.then(|| clocks().wrapping_sub(begin)));
         result
-    }
-
-    /// The processor's clock, for what the monitor shows of it; 0 where none runs.
-    fn clocks(&self) -> i64 {
-        if self.report.monitored { clocks() } else { 0 }
     }
 
     fn pose_at(
@@ -430,7 +443,7 @@ impl Module {
     /// A request takes effect at once with the machine off and before any pose is known.
     /// Otherwise the monitor brings it into effect, without which that happens where it
     /// moves no joint: while the platform is level.
-    #[inline]
+    #[inline(always)]
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
@@ -441,6 +454,7 @@ impl Module {
     }
 
     /// The tool offset to compute with where it is not the one requested.
+    #[inline(never)]
     fn tool_instead_of(
         &self,
         frozen: &Frozen,
@@ -477,7 +491,7 @@ impl Module {
             self.retool(tool);
         }
         let of_this_cycle = self.tool.offset();
-        if let Err(fault) = self.tool_advanced(asked, seconds) {
+        if let Err(fault) = self.tool_advanced(asked.map(Pose::from_degrees), seconds) {
             self.record(&fault);
         }
         let shown = if self.tool.is_busy() { of_this_cycle } else { self.tool.offset() };
@@ -519,11 +533,19 @@ impl Module {
     }
 
     /// Takes the tool offset that forward has to go by.
+    #[inline(always)]
     fn retool_for_forward(&mut self) -> Result<(), Fault> {
         self.calls.forward = self.calls.forward.saturating_add(1);
-        let frozen = self.frozen()?;
-        let request = self.pins.tool(frozen.given.spindle_offset);
-        let usable = frozen.machine.check_tool(&request).is_ok();
+        let request = self.pins.tool(self.frozen()?.given.spindle_offset);
+        if request == self.tool.offset() {
+            return Ok(());
+        }
+        self.retool_if_asked(request)
+    }
+
+    #[inline(never)]
+    fn retool_if_asked(&mut self, request: Vector3<f64>) -> Result<(), Fault> {
+        let usable = self.frozen()?.machine.check_tool(&request).is_ok();
         let of_command = self.calls.forward > 1 && self.calls.asked.is_none();
         if self.report.monitored && of_command && usable {
             self.retool(request);
@@ -664,6 +686,11 @@ impl Report {
             print_error(&message);
         }
     }
+}
+
+/// The processor's clock where it is wanted: reading it takes as long as half an inverse.
+fn clocks_if(wanted: bool) -> i64 {
+    if wanted { clocks() } else { 0 }
 }
 
 /// Whether a refusal may come from joints and seed alone, as before homing.

@@ -3,8 +3,7 @@
 //! core does many of each that do not wait for each other.
 //!
 //! Multiplications and additions count alike, two of them to a vector operation, and run beside
-//! the divider, which does divisions and square roots; sines and arcs are the functions that the
-//! module calls. Loads, copies, checks and waiting for results count nothing: no program for
+//! the divider, which does divisions and square roots; arcs are libm's function. Loads, copies, checks and waiting for results count nothing: no program for
 //! these registers can be quicker, and none comes near it.
 
 use std::hint::black_box;
@@ -19,14 +18,15 @@ pub struct Work {
     pub divisions: f64,
     /// Square roots.
     pub roots: f64,
-    /// Sines with their cosines.
-    pub sines: f64,
     /// Arcs of sine and cosine.
     pub arcs: f64,
 }
 
 /// Legs of a hexapod.
 const LEGS: f64 = 6.0;
+
+/// Three sines (15) with their cosines (18) by polynomials.
+const SINES: f64 = 3.0 * 33.0;
 
 /// Products of sines (12) and sums (4) of a rotation; 3 × 3 by a vector (15) and 6 additions of
 /// the point that the legs place.
@@ -40,11 +40,10 @@ const TWIST: f64 = 33.0;
 
 /// Inverse of a hexapod of struts.
 pub fn inverse(lead: bool) -> Work {
-    let mut work = Work { flops: PLACE + LEGS * LEG, roots: LEGS, sines: 3.0, ..Work::default() };
+    let mut work = Work { flops: SINES + PLACE + LEGS * LEG, roots: LEGS, ..Work::default() };
     if lead {
-        // n (3) and R times the platform axis (15).
+        // R times the platform axis (15), powers of the length (3).
         work.flops += LEGS * (18.0 + TWIST);
-        work.divisions += LEGS;
         work.arcs += LEGS;
     }
     work
@@ -56,8 +55,8 @@ pub fn forward(lead: bool, solves: f64) -> Work {
     // Rows: n (3), its moment (9) by 1/r (3).
     work.flops += LEGS * 15.0;
     work.divisions += LEGS;
-    // Gram-Schmidt: 6 squares, 15 products and subtractions; R⁻¹; R⁻¹ D⁻¹ Qᵀ; its norm.
-    work.flops += 6.0 * 11.0 + 15.0 * 24.0 + 40.0 + 36.0 + 15.0 * 12.0 + 71.0;
+    // Gram-Schmidt: 6 squares, 15 products and subtractions; R M = D⁻¹ Qᵀ; the norm of M.
+    work.flops += 6.0 * 11.0 + 15.0 * 24.0 + 36.0 + 15.0 * 12.0 + 71.0;
     work.divisions += 6.0;
     // k of each leg with a division; two norms.
     work.flops += LEGS * 6.0 + 22.0;
@@ -67,9 +66,9 @@ pub fn forward(lead: bool, solves: f64) -> Work {
     work.flops += 2.0 * 45.0 + 75.0;
     work.divisions += 5.0;
     work.roots += 1.0;
-    // Each solve (66), the secants and norms that go with it (60).
-    work.flops += solves * 126.0;
-    work.divisions += solves * 2.0;
+    // Each step goes through M twice (66), with what bends it or turns its rows (27 a leg); norms.
+    work.flops += solves * (132.0 + LEGS * 27.0 + 36.0);
+    work.divisions += solves * LEGS;
     work.roots += solves * 2.0;
     // Each residual after a step: C − 1 (25), its product with an arm (18) instead of R b.
     work.flops += solves * (25.0 + LEGS * LEG);
@@ -95,8 +94,6 @@ pub struct Rates {
     pub division: f64,
     /// Of a square root.
     pub root: f64,
-    /// Of a sine with its cosine.
-    pub sine: f64,
     /// Of an arc.
     pub arc: f64,
 }
@@ -120,18 +117,13 @@ impl Rates {
             flop: quickest(lanes, |x| x * scale + by) / 2.0,
             division: quickest(lanes, |x| scale / x),
             root: quickest(lanes, |x| x.sqrt()),
-            // Angles of a workspace, and both results wanted.
-            sine: quickest(lanes, |x| {
-                let (s, c) = libm::sincos(x);
-                0.3 * s + 0.2 * c
-            }),
             arc: quickest(lanes, |x| libm::atan2(x, scale)),
         }
     }
 
     /// What the work would take at least, in nanoseconds.
     pub fn least(&self, work: &Work) -> f64 {
-        let trigonometry = work.sines * self.sine + work.arcs * self.arc;
+        let trigonometry = work.arcs * self.arc;
         let divider = work.divisions * self.division + work.roots * self.root;
         (work.flops * self.flop + trigonometry).max(divider)
     }

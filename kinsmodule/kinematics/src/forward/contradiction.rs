@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Joints that contradict each other, where legs exceed coordinates: how far off, and which one.
 
-use super::residual::{Measured, Target, largest, newton_step, norm};
+use super::residual::{Measured, Target, newton_step, norm};
 use super::solver::Solver;
 use crate::fault::{Cause, Fault};
+use crate::lanes::largest;
 use crate::machine::{Mechanism, Place};
 use crate::qr::Qr;
 

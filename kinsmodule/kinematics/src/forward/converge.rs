@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One certified ball: its first step, and the way to the pose that it determines.
 
-use super::residual::{End, Measured, Stance, Target, largest, newton_step, norm};
+use super::residual::{Measured, Stance, Target, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
 use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
-use crate::machine::Mechanism;
+use crate::lanes::largest;
+use crate::machine::{Mechanism, Place};
 use crate::qr::Qr;
 
 /// Solves after the first one within a ball.
@@ -18,9 +19,17 @@ const CHORD_STEP: f64 = 1e-2;
 /// factorisation keeps a servo step to three solves.
 const CHORD_MARGIN: f64 = 0.03;
 
+/// Where a search has come to.
+pub(super) struct End<const N: usize> {
+    pub(super) place: Place,
+    pub(super) at: Measured<N>,
+}
+
 /// Steps within a ball.
 struct Walk {
-    /// Sum of their lengths.
+    /// Where they have led to in the chart at hand.
+    x: [f64; 6],
+    /// Covered in charts that were left.
     covered: f64,
     /// Length of the last step.
     length: f64,
@@ -33,29 +42,25 @@ struct Walk {
 
 impl Walk {
     #[inline(always)]
-    fn begun(first: &Step) -> Self {
-        let length = first.length;
-        Self { covered: length, length, contraction: 1.0, corrections: 0, renewed: false }
+    fn begun(x: [f64; 6], length: f64) -> Self {
+        Self { x, covered: 0.0, length, contraction: 1.0, corrections: 0, renewed: false }
     }
 
     /// One more step.
     #[inline(always)]
-    fn go(&mut self, length: f64) {
+    fn go(&mut self, step: &[f64; 6]) {
+        let length = norm(step);
         self.contraction = length / self.length;
         self.length = length;
-        self.covered += length;
+        self.x = along(&self.x, 1.0, step);
         self.renewed = false;
     }
 
-    /// Share of an error that the next step by the old factorisation may be expected to leave.
-    #[inline(always)]
-    fn leaves(&self) -> f64 {
-        match self.corrections {
-            // The first correction is what Newton's step has left, h/2 of it; refined steps
-            // leave h².
-            ..=2 => 4.0 * self.contraction * self.contraction,
-            _ => self.contraction,
-        }
+    /// Goes on in a chart about the place that it has led to.
+    fn renew(&mut self) {
+        self.covered += norm(&self.x);
+        self.x = [0.0; 6];
+        self.renewed = true;
     }
 }
 
@@ -111,16 +116,18 @@ impl<const N: usize> Mechanism<N> {
         end: &mut End<N>,
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
-        let mut walk = Walk::begun(first);
-        *end = End { place: about.place, at: about.at };
-        self.advance(end, &first.step, target)?;
-        if !self.converge(target, about, &mut walk, effort, end)? {
-            self.converge_anew(target, &mut walk, effort, end)?;
+        let mut walk = Walk::begun(self.bent_step(about, &first.step), first.length);
+        self.measure_from(about, &walk.x, target, &mut end.at)?;
+        if self.converge(target, about, &mut walk, effort, &mut end.at)? {
+            end.place = self.moved(&about.place, &walk.x);
+        } else {
+            // By value: what is lent stands in memory even where it is not.
+            walk = self.converge_anew(target, &about.place, walk, effort, end)?;
         }
-        self.confirm(target, ball, walk.covered, &end.at)
+        self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)
     }
 
-    /// Corrects until the residuals at the end of the walk are gone; false where that wants
+    /// Corrects until the residuals `at` the end of the walk are gone; false where that wants
     /// another factorisation.
     #[inline(always)]
     fn converge(
@@ -129,49 +136,51 @@ impl<const N: usize> Mechanism<N> {
         about: &Stance<N>,
         walk: &mut Walk,
         effort: &mut Effort,
-        end: &mut End<N>,
+        at: &mut Measured<N>,
     ) -> Result<bool, Fault> {
         loop {
-            let residual = &end.at.residual;
             let error =
-                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(residual));
-            if effort.is_converged(error, residual) {
+                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(&at.residual));
+            if effort.is_converged(error, &at.residual) {
                 return Ok(true);
             }
             let step = if walk.renewed {
-                newton_step(&about.qr, residual)
+                newton_step(&about.qr, &at.residual)
             } else {
                 if walk.corrections == MAX_CORRECTIONS {
-                    return Err(Fault::with_value(Cause::NotConverged, largest(residual)));
+                    return Err(Fault::with_value(Cause::NotConverged, largest(&at.residual)));
                 }
                 walk.corrections += 1;
                 effort.spend()?;
                 if self.must_renew(walk, effort.tolerance) {
                     return Ok(false);
                 }
-                self.refined_step(about, end)
+                self.refined_step(about, &walk.x, at)
             };
-            walk.go(norm(&step));
-            self.advance(end, &step, target)?;
+            walk.go(&step);
+            self.measure_from(about, &walk.x, target, at)?;
         }
     }
 
-    /// The same with new factorisations, from the walk's end.
+    /// The same with new factorisations, from the walk's end in the chart about `place`.
     #[inline(never)]
     fn converge_anew(
         &self,
         target: &Target<N>,
-        walk: &mut Walk,
+        place: &Place,
+        mut walk: Walk,
         effort: &mut Effort,
         end: &mut End<N>,
-    ) -> Result<(), Fault> {
+    ) -> Result<Walk, Fault> {
+        let mut about = Stance::new(self.moved(place, &walk.x));
         loop {
-            let mut about = Stance::new(end.place);
             self.settle(target, &mut about)?;
-            end.at = about.at;
-            walk.renewed = true;
-            if self.converge(target, &about, walk, effort, end)? {
-                return Ok(());
+            walk.renew();
+            let converged = self.converge(target, &about, &mut walk, effort, &mut end.at)?;
+            about.place = self.moved(&about.place, &walk.x);
+            if converged {
+                end.place = about.place;
+                return Ok(walk);
             }
         }
     }
@@ -179,13 +188,13 @@ impl<const N: usize> Mechanism<N> {
     /// Whether a factorisation no longer serves after the last step.
     #[inline(always)]
     fn must_renew(&self, walk: &Walk, tolerance: f64) -> bool {
+        let Walk { length, contraction, .. } = *walk;
         // The first correction tells how well the factorisation still serves.
-        let known = walk.contraction < 1.0;
-        let left = walk.leaves();
+        let known = contraction < 1.0;
         // With more legs than coordinates the old one would settle elsewhere.
         self.layout.is_redundant()
-            || walk.length > CHORD_STEP * self.radius
-            || (known && walk.length * left * left > CHORD_MARGIN * tolerance)
+            || length > CHORD_STEP * self.radius
+            || (known && length * contraction * contraction > CHORD_MARGIN * tolerance)
     }
 
     /// The certificate of a pose at most `distance` from the middle of the ball.
@@ -237,9 +246,8 @@ mod tests {
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
     use crate::certificate::{CERTIFIED, leg_bow};
     use crate::leg::Leg;
-    use crate::machine::Place;
-    use rand::{Rng, SeedableRng};
     use libm::sqrt;
+    use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
 
     /// Residuals `share` of the way between two targets, at a point of the chart about a

@@ -21,9 +21,9 @@ use crate::leg::LEAST_DRIVE;
 use crate::machine::{Chart, Mechanism, Place};
 use crate::pose::{Pose, Trigonometry, angles_near};
 use crate::qr::Qr;
-use converge::Ball;
+use converge::{Ball, End};
 use nalgebra::Vector3;
-use residual::{End, Measured, Stance, Target, newton_step, norm};
+use residual::{Measured, Stance, Target, newton_step, norm};
 use solver::Effort;
 
 /// Position error at which iteration stops, as a share of the size.
@@ -55,7 +55,8 @@ impl<const N: usize> Mechanism<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
-        let start = Place { centre, rotation, angles: seed.angles };
+        let angles = seed.angles;
+        let start = Place { centre, rotation, angles };
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             iterations: 0,
@@ -68,7 +69,9 @@ impl<const N: usize> Mechanism<N> {
                 true => f64::INFINITY,
             },
         };
-        let mut end = End { place: start, at: Measured::ZERO };
+        // Made anew: a copy would wait for what was written just now.
+        let place = Place { centre, rotation, angles };
+        let mut end = End { place, at: Measured::ZERO };
         let certificate = match solver.method {
             Method::Certified => self.search(&target, start, &mut effort, &mut end),
             Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end),
@@ -157,7 +160,11 @@ impl<const N: usize> Mechanism<N> {
         pose
     }
 
+    #[inline(always)]
     fn refuse_table_not_finite(&self, joints: &Joints) -> Result<(), Fault> {
+        if self.layout.joints() == self.count() {
+            return Ok(());
+        }
         let table = joints.iter().enumerate().take(self.layout.joints()).skip(self.count());
         for (i, joint) in table {
             if !joint.is_finite() {

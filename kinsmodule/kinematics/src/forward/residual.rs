@@ -3,11 +3,11 @@
 
 use crate::certificate::Motion;
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_above, are_finite, inner, pair, put};
+use crate::lanes::{Lanes3, are_above, are_finite, both, inner, pair, put};
 use crate::layout::Joints;
 use crate::machine::{Chart, Displacement, Mechanism, Place, Placed};
 use crate::nut::Twist;
-use crate::pose::{Pose, cayley_change};
+use crate::pose::{Pose, cayley_change, cayley_rate};
 use crate::qr::Qr;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
@@ -56,19 +56,15 @@ impl<const N: usize> Stance<N> {
     }
 }
 
-/// Where a search has come to.
-pub(super) struct End<const N: usize> {
-    pub(super) place: Place,
-    pub(super) at: Measured<N>,
-}
-
 impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs; lanes beyond the last leg repeat the first one.
     #[inline(always)]
     pub(super) fn lanes_of(&self, joints: &Joints) -> [f64; N] {
         let mut lanes = *joints.first_chunk::<N>().unwrap_or(&[f64::NAN; N]);
-        for lane in lanes.iter_mut().skip(self.count()) {
-            *lane = joints[0];
+        if self.count() < N {
+            for lane in lanes.iter_mut().skip(self.count()) {
+                *lane = joints[0];
+            }
         }
         lanes
     }
@@ -151,13 +147,15 @@ impl<const N: usize> Mechanism<N> {
             }
             Chart::Level => Matrix3::zeros(),
         };
-        Displacement { shift: Vector3::new(x[0], x[1], x[2]), change }
+        let [shift, _] = parts(x);
+        Displacement { shift, change }
     }
 
     /// Turn of a point of the chart, in radians.
     #[inline(always)]
     pub(super) fn turn(&self, x: &[f64; 6]) -> Vector3<f64> {
-        Vector3::new(x[3], x[4], x[5]) * (1.0 / self.radius)
+        let [_, turn] = parts(x);
+        turn * (1.0 / self.radius)
     }
 
     /// Pose of the reference point at a point of the chart of angles.
@@ -168,35 +166,38 @@ impl<const N: usize> Mechanism<N> {
     /// The place at a point of the chart about another one.
     #[inline(always)]
     pub(super) fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
-        self.carried(place, x, &self.displacement(place, x))
-    }
-
-    /// The same, given how far that is away.
-    #[inline(always)]
-    fn carried(&self, place: &Place, x: &[f64; 6], by: &Displacement) -> Place {
-        let centre = place.centre + by.shift;
+        let Displacement { shift, change } = self.displacement(place, x);
+        let centre = place.centre + shift;
         match self.chart {
             Chart::Angles => {
                 let pose = self.turned(place, x);
                 Place { centre, rotation: pose.rotation(), angles: pose.angles }
             }
             Chart::Group | Chart::Level => {
-                let rotation = place.rotation + by.change * place.rotation;
+                let rotation = place.rotation + change * place.rotation;
                 Place { centre, rotation, angles: place.angles }
             }
         }
     }
 
-    /// Angular velocity of a platform whose point of the chart about a place moves at `x`.
+    /// Angular velocity of a platform at the point `x` of the chart about a place that goes
+    /// on by `step` in unit time.
     #[inline(always)]
-    fn angular(&self, place: &Place, x: &[f64; 6]) -> Vector3<f64> {
+    fn angular(&self, place: &Place, x: &[f64; 6], step: &[f64; 6]) -> Vector3<f64> {
+        let rate = self.turn(step);
         match self.chart {
-            Chart::Group => self.turn(x),
-            Chart::Angles => {
-                let pose = Pose { position: place.centre, angles: place.angles };
-                pose.trigonometry().rate_map() * self.turn(x)
-            }
+            Chart::Group => cayley_rate(&self.turn(x), &rate),
+            Chart::Angles => self.turned(place, x).trigonometry().rate_map() * rate,
             Chart::Level => Vector3::zeros(),
+        }
+    }
+
+    /// The same at the middle of the chart.
+    #[inline(always)]
+    fn angular_at_middle(&self, place: &Place, step: &[f64; 6]) -> Vector3<f64> {
+        match self.chart {
+            Chart::Group => self.turn(step),
+            Chart::Angles | Chart::Level => self.angular(place, &[0.0; 6], step),
         }
     }
 
@@ -215,38 +216,63 @@ impl<const N: usize> Mechanism<N> {
         self.compare(target, at)
     }
 
-    /// Moves a measured platform to a point of the chart about its place: less work than
-    /// to measure there from scratch.
+    /// The same at a point of the chart about a place: less work than from scratch.
     #[inline(always)]
-    pub(super) fn advance(
+    pub(super) fn measure_from(
         &self,
-        end: &mut End<N>,
+        about: &Stance<N>,
         x: &[f64; 6],
         target: &Target<N>,
+        at: &mut Measured<N>,
     ) -> Result<(), Fault> {
-        let by = self.displacement(&end.place, x);
-        end.at.placed.advance(&by);
+        let by = self.displacement(&about.place, x);
+        about.at.placed.moved(&by, &mut at.placed);
         if let Some(nut) = &self.nut {
-            nut.advance(&mut end.at.twist, &end.at.placed.directions(), &by.change);
+            nut.twist_from(&about.at.twist, &at.placed.directions(), &by.change, &mut at.twist);
         }
-        end.place = self.carried(&end.place, x, &by);
-        self.compare(target, &mut end.at)
+        self.compare(target, at)
     }
 
-    /// Newton's step at the end of a walk by the factorisation at its beginning.
-    ///
-    /// With the rows J there and J' here, M = J⁻¹: s = −M F, and once more with what the rows
-    /// have changed by, s + M (J − J') s. That leaves ‖1 − M J'‖² of the error, as little as
-    /// two steps by the old factorisation would, for one measurement. The nut's share of
-    /// the rows is small, and what it changes by is left out.
+    /// A Newton step from the middle of the chart, bent as the legs' lengths are
+    /// (Chebyshev's method): s − M F''(s, s)/2 leaves the square of what s alone would.
     #[inline(always)]
-    pub(super) fn refined_step(&self, about: &Stance<N>, end: &End<N>) -> [f64; 6] {
-        let step = newton_step(&about.qr, &end.at.residual);
-        let v = Vector3::new(step[0], step[1], step[2]);
-        let omega = self.angular(&end.place, &step);
-        let slower = end.at.placed.slower_than(&about.at.placed, &v, &omega);
-        let more = about.qr.solve(&slower);
-        core::array::from_fn(|k| step[k] + more[k])
+    pub(super) fn bent_step(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; 6] {
+        let [v, _] = parts(step);
+        let omega = self.angular_at_middle(&about.place, step);
+        let more = about.qr.solve(&about.at.placed.bend(&v, &omega));
+        along(step, -0.5, &more)
+    }
+
+    /// Newton's step from a point `x` of the chart by the factorisation at its middle.
+    ///
+    /// With the rows J there and J' here, M = J⁻¹: s = −M F, and once more with what that
+    /// leaves, s − M (F + J' s). That is ‖1 − M J'‖² of the error, as little as two steps by
+    /// the old factorisation would leave, for one measurement. The nut's share of the rows
+    /// is small, and taken as it was.
+    #[inline(always)]
+    pub(super) fn refined_step(
+        &self,
+        about: &Stance<N>,
+        x: &[f64; 6],
+        at: &Measured<N>,
+    ) -> [f64; 6] {
+        let step = newton_step(&about.qr, &at.residual);
+        let [v, _] = parts(&step);
+        let mut left = at.placed.stretch(&v, &self.angular(&about.place, x, &step));
+        // J s = −F: without a nut nothing has to be known of J.
+        let was = match self.nut {
+            Some(_) => about
+                .at
+                .placed
+                .stretch(&v, &self.angular_at_middle(&about.place, &step))
+                .map(|v| -v),
+            None => at.residual,
+        };
+        for i in (0..N).step_by(2) {
+            let sum = pair(&left, i) + pair(&was, i);
+            put(&mut left, i, sum);
+        }
+        along(&step, -1.0, &about.qr.solve(&left))
     }
 
     /// Residuals of lengths and twists; refuses legs that have none.
@@ -307,7 +333,27 @@ impl<const N: usize> Mechanism<N> {
 
 #[inline(always)]
 pub(super) fn newton_step<const N: usize>(qr: &Qr<N>, residual: &[f64; N]) -> [f64; 6] {
-    qr.solve(residual).map(|x| -x)
+    along(&[0.0; 6], -1.0, &qr.solve(residual))
+}
+
+/// The translation of a point of the chart, and its turn times the radius. Taken apart in the
+/// pairs that it is written in: what is read across two stores has to wait for both.
+#[inline(always)]
+fn parts(x: &[f64; 6]) -> [Vector3<f64>; 2] {
+    let [a, b] = pair(x, 0).to_array();
+    let [c, d] = pair(x, 2).to_array();
+    let [e, f] = pair(x, 4).to_array();
+    [Vector3::new(a, b, c), Vector3::new(d, e, f)]
+}
+
+/// x + share · y.
+#[inline(always)]
+pub(super) fn along(x: &[f64; 6], share: f64, y: &[f64; 6]) -> [f64; 6] {
+    let mut sum = [0.0; 6];
+    for k in (0..6).step_by(2) {
+        put(&mut sum, k, pair(x, k) + both(share) * pair(y, k));
+    }
+    sum
 }
 
 #[inline(always)]
@@ -315,7 +361,117 @@ pub(super) fn norm<const M: usize>(v: &[f64; M]) -> f64 {
     sqrt(inner(v, v))
 }
 
-#[inline]
-pub(super) fn largest<const N: usize>(v: &[f64; N]) -> f64 {
-    v.iter().fold(0.0, |m: f64, x| if x.abs() <= m { m } else { x.abs() })
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::certificate::tests::{CHARTS, machine, random, unit};
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    /// A stance of a machine with what a step of this length from it leads to.
+    struct Trial {
+        machine: Mechanism<6>,
+        about: Stance<6>,
+        target: Target<6>,
+        step: [f64; 6],
+    }
+
+    impl Trial {
+        /// Residuals at a share of the step.
+        fn at(&self, share: f64) -> Measured<6> {
+            let mut at = Measured::ZERO;
+            let x = self.step.map(|value| share * value);
+            self.machine.measure_from(&self.about, &x, &self.target, &mut at).unwrap();
+            at
+        }
+    }
+
+    fn trial(rng: &mut Pcg64, coordinates: &[u8], length: f64) -> Option<Trial> {
+        let (machine, place) = machine(rng, coordinates, false)?;
+        let step = unit(rng, &machine).map(|value| value * length);
+        let joints = machine.joints_at(&machine.moved(&place, &step)).ok()?;
+        let target = machine.target(&joints).ok()?;
+        let mut about = Stance::new(place);
+        machine.settle(&target, &mut about).ok()?;
+        // So that what is looked at is not the condition of a random machine.
+        (about.qr.inverse_norm() < 20.0).then_some(Trial { machine, about, target, step })
+    }
+
+    #[test]
+    fn stretch_and_bend_are_the_first_and_second_derivatives_of_the_lengths() {
+        // Second differences: rounding of some hundreds over the square of the step.
+        const STEP: f64 = 1e-2;
+        for coordinates in [b"XYZABC".as_slice(), b"XYZ"] {
+            let mut rng = Pcg64::seed_from_u64(31);
+            let mut checked = 0;
+            for _ in 0..400 {
+                let Some(trial) = trial(&mut rng, coordinates, 1.0) else { continue };
+                let lengths = |share: f64| trial.at(share).placed.length;
+                let [v, _] = parts(&trial.step);
+                let omega = trial.machine.angular_at_middle(&trial.about.place, &trial.step);
+                let (low, middle, high) = (lengths(-STEP), lengths(0.0), lengths(STEP));
+                let stretch = trial.about.at.placed.stretch(&v, &omega);
+                let bend = trial.about.at.placed.bend(&v, &omega);
+                for i in 0..6 {
+                    let first = (high[i] - low[i]) / (2.0 * STEP);
+                    let second = (high[i] + low[i] - 2.0 * middle[i]) / (STEP * STEP);
+                    // What third and fourth derivatives add, even of short legs.
+                    assert!((stretch[i] - first).abs() < 1e-4, "{} {first}", stretch[i]);
+                    assert!((bend[i] - second).abs() < 1e-4 + 1e-2 * second.abs());
+                }
+                checked += 1;
+            }
+            assert!(checked > 100, "{checked}");
+        }
+    }
+
+    /// Geometric means, over random machines of a chart, of what is left after a bent first step
+    /// as a share of what Newton's leaves, and after a refined second step as a share of what
+    /// one by the old factorisation leaves; and how often either leaves more.
+    fn shares(coordinates: &[u8]) -> ([f64; 2], [u32; 2], f64) {
+        let mut rng = Pcg64::seed_from_u64(32);
+        let (mut logs, mut worse, mut count) = ([0.0; 2], [0; 2], 0.0);
+        for _ in 0..2000 {
+            let length = random(&mut rng, 0.1, 1.0);
+            let Some(trial) = trial(&mut rng, coordinates, length) else { continue };
+            let Trial { machine, about, target, step } = &trial;
+            let off = |end: &[f64; 6]| norm(&along(end, -1.0, step));
+            let first = newton_step(&about.qr, &about.at.residual);
+            let mut at = Measured::ZERO;
+            machine.measure_from(about, &first, target, &mut at).unwrap();
+            let chord = along(&first, 1.0, &newton_step(&about.qr, &at.residual));
+            let refined = along(&first, 1.0, &machine.refined_step(about, &first, &at));
+            // What rounding is no longer seen in.
+            if off(&chord) > 1e-9 {
+                let shares = [
+                    off(&machine.bent_step(about, &first)) / off(&first),
+                    off(&refined) / off(&chord),
+                ];
+                for (k, share) in shares.into_iter().enumerate() {
+                    logs[k] += libm::log(share);
+                    worse[k] += u32::from(share >= 1.0);
+                }
+                count += 1.0;
+            }
+        }
+        (logs.map(|sum| libm::exp(sum / count)), worse, count)
+    }
+
+    #[test]
+    fn bent_and_refined_steps_leave_a_small_share_of_what_plain_ones_leave() {
+        for coordinates in CHARTS {
+            let (shares, worse, count) = shares(coordinates);
+            let name = core::str::from_utf8(coordinates).unwrap();
+            let [bent, refined] = shares;
+            std::println!("{name}: {bent:.1e} {refined:.1e}, worse {worse:?} of {count}");
+            assert!(count > 500.0, "{count}");
+            assert!(refined < 0.01 && worse[1] == 0, "{name}: {refined} {worse:?}");
+            // With two angles the axis of the one turns with the other, which is left out.
+            let two = coordinates.len() == 5;
+            assert!(bent < if two { 0.5 } else { 0.01 }, "{name}: {bent}");
+            assert!(two || worse[0] == 0, "{name}: {worse:?}");
+        }
+    }
 }

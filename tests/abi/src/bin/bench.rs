@@ -333,10 +333,7 @@ fn main() {
         "wait for each other, here {:.2} ns for a multiplication or addition, {:.2} for a",
         rates.flop, rates.division
     );
-    println!(
-        "division, {:.2} for a root (all in pairs), {:.1} for a sine with its cosine, {:.1} for an arc.",
-        rates.root, rates.sine, rates.arc
-    );
+    println!("division, {:.2} for a root (all in pairs), {:.1} for an arc.", rates.root, rates.arc);
     println!("\nFrom home, all modules with their default settings:\n");
     println!("| machine | module | poses | failed | wrong | iterations |");
     println!("|---|---|--:|--:|--:|--:|");
