@@ -116,7 +116,8 @@ impl<const N: usize> Mechanism<N> {
         point: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        if !(are_finite(legs) && (point * 0.0).sum() == 0.0) {
+        let table = self.layout.joints() > self.count();
+        if !(are_finite(legs) && (!table || (point * 0.0).sum() == 0.0)) {
             return Err(self.not_finite(*legs, *point));
         }
         match joints.first_chunk_mut::<N>() {
@@ -124,7 +125,7 @@ impl<const N: usize> Mechanism<N> {
             Some(all) if self.count() == N => *all = *legs,
             _ => self.of_first_legs(*legs, joints),
         }
-        if self.layout.joints() > self.count() {
+        if table {
             self.of_table(*point, joints);
         }
         Ok(())

@@ -44,11 +44,11 @@ enum Fold {
 /// The screws of all legs; legs without lead have `travel` 0 and zero axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Nut<const N: usize> {
+    /// Once the fold is fixed times h, which makes h S of S and h C of C.
     base_axis: Lanes3<N>,
     platform_axis: Lanes3<N>,
-    /// lead / 2π: length per radian of twist.
+    /// lead / 2π, once the fold is fixed times h: length per radian of twist.
     travel: [f64; N],
-    hand: [f64; N],
     /// 1 for a leg without a screw, which gives it a twist of 0; else 0.
     idle: [f64; N],
     fold: Fold,
@@ -63,6 +63,7 @@ pub(crate) struct Twist<const N: usize> {
     beta: [f64; N],
     sine: [f64; N],
     cosine: [f64; N],
+    /// h of the arcsin at this pose; 1 once the fold is fixed, as then the axes hold h.
     hand: [f64; N],
     /// φ − φ₀, in (−π, π].
     from_fold: [f64; N],
@@ -97,7 +98,6 @@ impl<const N: usize> Nut<N> {
             base_axis: Lanes3::ZERO,
             platform_axis: Lanes3::ZERO,
             travel: lead.map(|l| l / core::f64::consts::TAU),
-            hand: [1.0; N],
             idle: lead.map(|l| f64::from(u8::from(l == 0.0))),
             fold: Fold::Literal,
         };
@@ -122,7 +122,9 @@ impl<const N: usize> Nut<N> {
             if !(cos.abs() >= MIN_FOLD_COS) {
                 return Err(Fault::of_leg(Cause::FoldUndefined, i, cos));
             }
-            self.hand[i] = cos.signum();
+            let hand = cos.signum();
+            self.base_axis.set(i, self.base_axis.get(i) * hand);
+            self.travel[i] *= hand;
         }
         self.fold = Fold::Fixed;
         Ok(())
@@ -181,15 +183,16 @@ impl<const N: usize> Nut<N> {
         let (a, b) = (self.base_axis.pair(i), times(rotation, &self.platform_axis.pair(i)));
         let (alpha, beta) = (dot(&a, strut), dot(&b, strut));
         let square = length * length;
-        let sine = dot(strut, &cross(&a, &b)) * length;
-        let cosine = (dot(&a, &b) + pair(&self.idle, i)) * square - alpha * beta;
-        let hand = match self.fold {
-            Fold::Fixed => pair(&self.hand, i),
-            Fold::Literal => cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0)),
-        };
-        put(&mut turns.sine, i, hand * sine);
-        put(&mut turns.cosine, i, hand * cosine);
-        put(&mut turns.gain, i, hand * pair(&self.travel, i));
+        let mut sine = dot(strut, &cross(&a, &b)) * length;
+        let mut cosine = (dot(&a, &b) + pair(&self.idle, i)) * square - alpha * beta;
+        let mut gain = pair(&self.travel, i);
+        if self.fold == Fold::Literal {
+            let hand = cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0));
+            (sine, cosine, gain) = (hand * sine, hand * cosine, hand * gain);
+        }
+        put(&mut turns.sine, i, sine);
+        put(&mut turns.cosine, i, cosine);
+        put(&mut turns.gain, i, gain);
         let least = both(MIN_SIN_SQUARED) * square;
         (square - alpha * alpha).simd_ge(least) & (square - beta * beta).simd_ge(least)
     }
@@ -212,7 +215,7 @@ impl<const N: usize> Nut<N> {
             put(&mut twist.sine, i, dot(&n, &cross(&a, &b)));
             put(&mut twist.cosine, i, cosine);
         }
-        twist.hand = self.hand;
+        twist.hand = [1.0; N];
         if self.fold == Fold::Literal {
             twist.hand = twist.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
         }
