@@ -16,3 +16,4 @@ mod legs;
 mod nut;
 mod properties;
 mod tracking;
+mod watch;
