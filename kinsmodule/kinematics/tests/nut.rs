@@ -44,6 +44,32 @@ fn printed(strut: &StrutGeometry, n: &Vector3<f64>, pose: &Pose) -> f64 {
     strut.lead / std::f64::consts::TAU * sine.asin()
 }
 
+/// Inverse has the correction in a form of its own, without divisions.
+#[test]
+fn joints_are_lengths_and_corrections_with_and_without_reference_pose() {
+    // One leg without a screw among the others, as it shares its vector registers.
+    let mut mixed = struts(&paper_004(10.0));
+    mixed[3].lead = 0.0;
+    let given = with_struts(&paper_004(10.0), mixed);
+    let [hexapod, _] = hexapods();
+    let mut rng = rng(7);
+    for machine in [machine(&given), machine(&without_home(&given))] {
+        for _ in 0..2000 {
+            let pose = (hexapod.sample)(&mut rng);
+            let joints = machine.inverse(&pose, &NO_TOOL).unwrap();
+            let segments = machine.segments(&pose, &NO_TOOL).unwrap();
+            let corrections = machine.corrections(&pose, &NO_TOOL).unwrap();
+            assert_eq!(corrections[3], 0.0);
+            for i in 0..6 {
+                let length = (segments[i].platform - segments[i].base).norm();
+                let off = joints[i] - length - corrections[i];
+                // 1e-11: some tens of roundings of lengths near 1000 mm.
+                assert!(off.abs() < 1e-11, "{i}: {off:e} at {pose:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn correction_equals_the_printed_arcsin_within_its_range_with_and_without_reference_pose() {
     let given = paper_004(10.0);
