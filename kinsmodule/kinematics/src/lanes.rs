@@ -42,25 +42,25 @@ pub(crate) fn cross(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
 /// Scalar product over all lanes, in two interleaved sums.
 #[inline(always)]
 pub(crate) fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let [even, odd] = products(a, b);
+    even + odd
+}
+
+/// Sums of the products of even and odd lanes.
+#[inline(always)]
+fn products<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; 2] {
     let mut sums = pair(a, 0) * pair(b, 0);
     for i in (2..N).step_by(2) {
         sums += pair(a, i) * pair(b, i);
     }
-    let [even, odd] = sums.to_array();
-    even + odd
+    sums.to_array()
 }
 
 /// The scalar products of two vectors with a third one.
 #[inline(always)]
 pub(crate) fn inners<const N: usize>(a: [&[f64; N]; 2], b: &[f64; N]) -> f64x2 {
-    let sums = a.map(|a| {
-        let mut sums = pair(a, 0) * pair(b, 0);
-        for i in (2..N).step_by(2) {
-            sums += pair(a, i) * pair(b, i);
-        }
-        sums.to_array()
-    });
-    f64x2::new([sums[0][0], sums[1][0]]) + f64x2::new([sums[0][1], sums[1][1]])
+    let [one, other] = a.map(|a| products(a, b));
+    f64x2::new([one[0], other[0]]) + f64x2::new([one[1], other[1]])
 }
 
 /// M v with the same matrix in both lanes.

@@ -55,8 +55,7 @@ impl<const N: usize> Mechanism<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
-        let angles = seed.angles;
-        let start = Place { centre, rotation, angles };
+        let start = Place { centre, rotation, angles: seed.angles };
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             iterations: 0,
@@ -69,9 +68,7 @@ impl<const N: usize> Mechanism<N> {
                 true => f64::INFINITY,
             },
         };
-        // Made anew: a copy would wait for what was written just now.
-        let place = Place { centre, rotation, angles };
-        let mut end = End { place, at: Measured::ZERO };
+        let mut end = End { place: start, at: Measured::ZERO };
         let certificate = match solver.method {
             Method::Certified => self.search(&target, start, &mut effort, &mut end),
             Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end),
