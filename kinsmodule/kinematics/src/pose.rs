@@ -417,7 +417,7 @@ mod tests {
                 pose.angles[axis] = angle;
                 pose.rotation()
             };
-            // Two roundings of values below 1.
+            // Two roundings of values below 1; below, some roundings of libm's sines.
             assert!((at(below) - at(above)).amax() <= 2.0 * f64::EPSILON);
             assert!(
                 (at(2.0) - nalgebra::Rotation3::new(Vector3::ith(axis, 2.0)).matrix()).amax()

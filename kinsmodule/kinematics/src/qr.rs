@@ -5,9 +5,8 @@
 //! No pivot search and no index that depends on data: bounded, branch-free time.
 //! Gram-Schmidt loses orthogonality by the condition number, which Newton's method
 //! repairs at the next step. Square and tall matrices alike. The columns of Q are not
-//! normalised, which keeps the square roots out of the chain that everything waits for;
-//! what is done to the columns is done to those of 1 as well, which makes them R⁻¹.
-//! Multiplied out once, the factors cost less than solving with them three times.
+//! normalised, which keeps the square roots out of the chain that everything waits for.
+//! The inverse is solved for once: a servo step goes through it four times.
 
 use crate::lanes::{both, inner, inners, pair, put};
 use wide::f64x2;

@@ -688,7 +688,7 @@ impl Report {
     }
 }
 
-/// The processor's clock where it is wanted: reading it takes as long as half an inverse.
+/// The processor's clock where it is wanted: not free beside calls of some tens of nanoseconds.
 fn clocks_if(wanted: bool) -> i64 {
     if wanted { clocks() } else { 0 }
 }

@@ -3,8 +3,9 @@
 //! core does many of each that do not wait for each other.
 //!
 //! Multiplications and additions count alike, two of them to a vector operation, and run beside
-//! the divider, which does divisions and square roots; arcs are libm's function. Loads, copies, checks and waiting for results count nothing: no program for
-//! these registers can be quicker, and none comes near it.
+//! the divider, which does divisions and square roots; arcs are libm's function. Loads, copies,
+//! checks and waiting for results count nothing: no program for these registers can be quicker,
+//! and none comes near it.
 
 use std::hint::black_box;
 use std::time::Instant;
