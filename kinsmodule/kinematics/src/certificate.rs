@@ -331,6 +331,140 @@ pub(crate) mod tests {
         Some(core::array::from_fn(|i| (a[i] - 2.0 * b[i] + c[i]) / (STEP * STEP)))
     }
 
+    /// A machine whose legs' bounds are numbers to reckon with by hand, its legs at these lengths,
+    /// and factors whose inverse has the norm √6 / 2.
+    fn by_hand(length: [f64; 6]) -> (Mechanism<6>, Placed<6>, Qr<6>) {
+        let mut rng = Pcg64::seed_from_u64(14);
+        let (mut machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
+        (machine.s1, machine.s2) = ([2.0; 6], [0.25; 6]);
+        machine.present = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let anchors = machine.base;
+        let placed = Placed { length, ..machine.placed(&anchors, &place) };
+        let twice: [_; 6] =
+            core::array::from_fn(|k| core::array::from_fn(|i| if i == k { 2.0 } else { 0.0 }));
+        (machine, placed, Qr::new(&twice, &[true; 6]).expect("regular"))
+    }
+
+    fn motion(travel: [f64; 6]) -> Motion<6> {
+        Motion { shift: Vector3::zeros(), travel, second: [0.4; 6], turn: [0.3; 6] }
+    }
+
+    /// What the norm of the inverse makes of two legs with these numbers.
+    fn of_both(one: f64, other: f64) -> f64 {
+        sqrt(6.0) / 2.0 * sqrt(one * one + other * other)
+    }
+
+    // 1e-14: some roundings of numbers below 10.
+    fn assert_near(found: f64, expected: f64) {
+        assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+    }
+
+    #[test]
+    fn flatness_is_that_of_the_legs_shortened_by_ball_and_travel() {
+        let (machine, placed, qr) = by_hand([10.0, 18.0, 10.0, 10.0, 10.0, 10.0]);
+        // 2² / (10 − 2·1) + 0.25 and 2² / (18 − 2·1) + 0.25.
+        let flat = flatness(&machine, &placed, None, &qr, 1.0, None).unwrap();
+        assert_near(flat, of_both(0.75, 0.5));
+        // The same with 3 and 11 less of them.
+        let motion = motion([3.0, 11.0, 0.0, 0.0, 0.0, 0.0]);
+        let flat = flatness(&machine, &placed, None, &qr, 1.0, Some(&motion)).unwrap();
+        assert_near(flat, of_both(4.0 / 5.0 + 0.25, 4.0 / 5.0 + 0.25));
+    }
+
+    #[test]
+    fn a_nut_adds_its_own_bend_to_that_of_the_length() {
+        let mut rng = Pcg64::seed_from_u64(20);
+        let mut added = 0;
+        for _ in 0..60 {
+            let Some((machine, place)) = machine(&mut rng, b"XYZABC", true) else { continue };
+            let placed = machine.placed(&machine.base, &place);
+            let Ok(Some(twist)) = machine.twist(&placed.directions(), &place.rotation) else {
+                continue;
+            };
+            let bare = Mechanism { nut: None, ..machine.clone() };
+            for i in [0, 2, 4] {
+                let k = |m, twist| curvature(m, &placed, twist, i, 1.0, None);
+                let (Ok(all), Ok(length)) = (k(&machine, Some(&twist)), k(&bare, None)) else {
+                    continue;
+                };
+                let (s1, s2) = (pair(&machine.s1, i), pair(&machine.s2, i));
+                let curved = both(1.0) / (pair(&placed.length, i) - s1);
+                let ball = Ball { rho: 1.0, radius: machine.radius, curved, s1, s2 };
+                let nut = machine.nut.as_ref().and_then(|nut| nut.curvature(&twist, i, &ball));
+                assert_eq!(all, length + nut.expect("as above"));
+                added += u32::from(all != length);
+            }
+        }
+        assert!(added > 20, "{added}");
+    }
+
+    #[test]
+    fn a_ball_that_reaches_a_leg_of_no_length_has_no_flatness_and_names_it() {
+        for leg in 0..6 {
+            let mut length = [10.0; 6];
+            length[leg] = 7.0;
+            let (machine, placed, qr) = by_hand(length);
+            let flat = |rho| flatness(&machine, &placed, None, &qr, rho, None);
+            assert!(flat(3.4).is_ok());
+            let fault = Fault::of_leg(Cause::StrutTooShort, leg, 0.0);
+            assert_eq!(flat(3.5), Err(fault));
+            assert_eq!(flat(3.75), Err(Fault { value: -0.5, ..fault }));
+        }
+    }
+
+    #[test]
+    fn bow_and_drift_are_those_of_travel_and_bends_at_numbers_by_hand() {
+        let (machine, placed, qr) = by_hand([12.0, 9.0, 1e9, 1e9, 1e9, 1e9]);
+        let motion = motion([4.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
+        // (4²/(12 − 4) + 0.4)/8 and (3²/(9 − 3) + 0.4)/8; the others bend by 0.4/8.
+        let expected = [0.3, 0.2375, 0.05, 0.05, 0.05, 0.05];
+        for (leg, expected) in expected.into_iter().enumerate() {
+            assert_near(leg_bow(&placed, &motion, leg), expected);
+        }
+        let sum: f64 = expected.iter().map(|bow| bow * bow).sum();
+        assert_near(bow(&machine, &placed, &qr, &motion), sqrt(6.0) / 2.0 * sqrt(sum));
+        // 2·4/(12 − 2·1.5 − 4) and 2·3/(9 − 2·1.5 − 3).
+        let drift = |rho, margin| drift(&machine, &placed, &qr, rho, &motion, |_| margin);
+        assert_near(drift(1.5, None), of_both(1.6, 2.0));
+        // Turns by (2·1.5 + 4)/5 + 0.3 and (2·1.5 + 3)/3 + 0.3 = 2.3, which the margin of a
+        // rod has to exceed.
+        assert_near(drift(1.5, Some(2.31)), of_both(1.6, 2.0));
+        assert_eq!(drift(1.5, Some(2.29)), f64::INFINITY);
+        assert_eq!(drift(1.5, Some(f64::NAN)), f64::INFINITY);
+        // The second leg may vanish.
+        assert!(drift(2.9, None).is_finite());
+        assert_eq!(drift(3.0, None), f64::INFINITY);
+        assert_eq!(drift(f64::NAN, None), f64::INFINITY);
+    }
+
+    #[test]
+    fn dead_points_are_refused_at_the_joint_values_with_their_offsets() {
+        let mut rng = Pcg64::seed_from_u64(15);
+        let mut cranks = 0;
+        for _ in 0..40 {
+            let Some((mut machine, place)) = machine(&mut rng, b"XYZABC", false) else { continue };
+            let Ok(joints) = machine.joints_at(&place) else { continue };
+            let placed = machine.placed(&machine.moved_anchors(&joints).unwrap(), &place);
+            assert_eq!(machine.refuse_dead_points(&placed, &joints), Ok(()));
+            // A crank's margin depends on its joint value: half a turn away it is on the other
+            // side, unless the offset says that this is where it was.
+            for i in (0..6).filter(|i| matches!(machine.legs[*i], crate::leg::Leg::Crank(_))) {
+                let mut turned = joints;
+                turned[i] -= 180.0;
+                let fault = machine.refuse_dead_points(&placed, &turned).unwrap_err();
+                assert_eq!(fault, Fault::of_leg(Cause::DeadPoint, i, fault.value));
+                machine.offset[i] = 180.0;
+                assert_eq!(machine.refuse_dead_points(&placed, &turned), Ok(()));
+                machine.offset[i] = 90.0;
+                turned[i] = joints[i] - 90.0;
+                assert_eq!(machine.refuse_dead_points(&placed, &turned), Ok(()));
+                machine.offset[i] = 0.0;
+                cranks += 1;
+            }
+        }
+        assert!(cranks > 20, "{cranks}");
+    }
+
     #[test]
     fn no_direction_in_the_ball_bends_a_leg_more_than_the_bounds_of_length_and_nut_say() {
         for coordinates in CHARTS {

@@ -174,3 +174,34 @@ fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
     }
     sign
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sign<const M: usize>(rows: [[f64; M]; M]) -> i32 {
+        // What lies beyond the first rows and columns must not count.
+        let mut a = [[7.0; MAX_LEGS]; MAX_LEGS];
+        for (to, row) in a.iter_mut().zip(rows) {
+            to[..M].copy_from_slice(&row);
+        }
+        sign_of_determinant(a, M)
+    }
+
+    #[test]
+    fn the_sign_of_a_determinant_is_that_of_permutation_diagonal_and_elimination() {
+        assert_eq!(sign([[2.0, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -5.0]]), 1);
+        assert_eq!(sign([[2.0, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, 5.0]]), -1);
+        // An even and an odd permutation.
+        assert_eq!(sign([[0.0, 2.0, 0.0], [0.0, 0.0, 3.0], [5.0, 0.0, 0.0]]), 1);
+        assert_eq!(sign([[0.0, 2.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 5.0]]), -1);
+        // 2·1 − 1·1, 2·1 − 3·1 and 1·2 − 2·1.
+        assert_eq!(sign([[2.0, 1.0], [1.0, 1.0]]), 1);
+        assert_eq!(sign([[2.0, 3.0], [1.0, 1.0]]), -1);
+        assert_eq!(sign([[1.0, 2.0], [1.0, 2.0]]), 0);
+        assert_eq!(sign([[0.0; 3]; 3]), 0);
+        // Thrice the first row and one: a determinant of 2·(5·7 − 4·8), and of −2·(…).
+        assert_eq!(sign([[2.0, 4.0, 6.0], [6.0, 17.0, 22.0], [2.0, 12.0, 13.0]]), 1);
+        assert_eq!(sign([[2.0, 4.0, 6.0], [2.0, 12.0, 13.0], [6.0, 17.0, 22.0]]), -1);
+    }
+}

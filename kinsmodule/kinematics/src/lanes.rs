@@ -192,6 +192,29 @@ mod tests {
     }
 
     #[test]
+    fn each_lane_alone_decides_whether_all_are_finite_within_or_above() {
+        let lanes = [1.0, -2.0, 0.5, 1.5, -1.0, 0.0];
+        assert!(are_finite(&lanes) && are_within(&lanes, 2.0) && are_above(&lanes, -2.5));
+        // Nothing is above itself, but it is within itself.
+        assert!(!are_within(&lanes, 1.75) && !are_above(&lanes, -2.0));
+        let changed = |place: usize, value: f64| {
+            let mut changed = lanes;
+            changed[place] = value;
+            changed
+        };
+        for place in 0..6 {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let lanes = changed(place, bad);
+                assert!(!are_finite(&lanes) && !are_within(&lanes, 2.0), "{place}: {bad}");
+                assert_eq!(are_above(&lanes, -2.5), bad == f64::INFINITY, "{place}: {bad}");
+            }
+            assert!(!are_within(&changed(place, 2.25), 2.0), "{place}");
+            assert!(!are_within(&changed(place, -2.25), 2.0), "{place}");
+            assert!(!are_above(&changed(place, -2.75), -2.5), "{place}");
+        }
+    }
+
+    #[test]
     fn two_scalar_products_are_those_of_one_each() {
         let rows: [[f64; 6]; 2] =
             [[1.0, -2.0, 0.5, 3.0, -1.0, 0.25], [2.0, 1.0, 4.0, -3.0, 0.5, 8.0]];

@@ -382,3 +382,161 @@ impl Widened {
 fn direction(given: &[f64; 3], leg: usize) -> Result<Vector3<f64>, Fault> {
     crate::leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    /// Some roundings of numbers near 1.
+    const ROUNDING: f64 = 1e-15;
+
+    /// Two equal screws of 2 a radian, and two legs without.
+    fn nut(fold: Fold) -> Nut<4> {
+        Nut { travel: [2.0, 2.0, 0.0, 0.0], idle: [0.0, 0.0, 1.0, 1.0], fold, ..NONE }
+    }
+
+    const NONE: Nut<4> = Nut {
+        base_axis: Lanes3::ZERO,
+        platform_axis: Lanes3::ZERO,
+        travel: [0.0; 4],
+        idle: [1.0; 4],
+        fold: Fold::Fixed,
+    };
+
+    /// n' = 0.1 and n'' = 0.05 + 3·0.1², on a platform of radius 10, over a way of 2: angles of
+    /// a strut to its axes may change by sines of 0.2 at the base and 0.4 at the platform.
+    const BALL: Ball =
+        Ball { rho: 2.0, radius: 10.0, curved: f64x2::splat(0.1), s1: f64x2::ONE, s2: f64x2::HALF };
+
+    /// To sines of 0.6 + 0.2 and 0.2 + 0.4: tangents of 4/3 and 3/4, secants of 5/3 and 5/4.
+    fn tilted(from_fold: f64) -> Twist<4> {
+        Twist { alpha: [0.6; 4], beta: [-0.2; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
+    }
+
+    #[test]
+    fn curvature_is_that_of_the_formula_at_numbers_by_hand() {
+        let bound = nut(Fold::Fixed).curvature(&tilted(0.0), 0, &BALL).expect("within");
+        // 3(0.1² (5/3)² + 0.2² (5/4)²) + (4/3 + 3/4) 0.08 + 0.1² 5/4 = 0.45, times 2.
+        for bound in bound.to_array() {
+            assert!((bound - 0.9).abs() < ROUNDING, "{bound}");
+        }
+        let idle = nut(Fold::Fixed).curvature(&tilted(0.0), 2, &BALL);
+        assert_eq!(idle.map(f64x2::to_array), Some([0.0; 2]));
+    }
+
+    #[test]
+    fn there_is_no_curvature_where_the_correction_may_fold() {
+        // Twists turn by 0.1 (4/3 + 3/4) + 0.1 · 5/4 = 1/3 a unit of the way, which is 2.
+        for (fold, limit) in [(Fold::Fixed, PI), (Fold::Literal, FRAC_PI_2)] {
+            let within = |twist| nut(fold).curvature(&tilted(twist), 0, &BALL).is_some();
+            let room = limit - 2.0 / 3.0;
+            for sign in [-1.0, 1.0] {
+                assert!(within(sign * (room - 1e-6)), "{limit}");
+                assert!(!within(sign * (room + 1e-6)), "{limit}");
+            }
+        }
+    }
+
+    #[test]
+    fn there_is_no_curvature_where_a_strut_may_meet_a_joint_axis() {
+        // One leg of the two and one of the axes, widened by 0.02 and 0.04 to the sine of 89°,
+        // 0.99985; twists turn by less than π.
+        let ball = Ball { rho: 0.2, ..BALL };
+        for leg in 0..2 {
+            for (alpha, beta, is_met) in [
+                (0.9797, -0.2, false),
+                (-0.9799, -0.2, true),
+                (0.6, 0.9597, false),
+                (0.6, -0.9599, true),
+            ] {
+                let mut twist = tilted(0.0);
+                (twist.alpha[leg], twist.beta[leg]) = (alpha, beta);
+                let bound = nut(Fold::Fixed).curvature(&twist, 0, &ball);
+                assert_eq!(bound.is_none(), is_met, "{leg}: {alpha} {beta}");
+            }
+        }
+        // Legs without a screw have no axes to meet.
+        let idle = Twist { alpha: [1.0; 4], beta: [1.0; 4], ..tilted(9.0) };
+        assert_eq!(NONE.curvature(&idle, 0, &BALL).map(f64x2::to_array), Some([0.0; 2]));
+    }
+
+    #[test]
+    fn the_strut_that_is_nearest_to_an_axis_is_refused_with_the_square_of_its_sine() {
+        let nut = nut(Fold::Fixed);
+        let mut twist = tilted(0.0);
+        assert_eq!(nut.refuse_along_axis(&twist), Ok(()));
+        assert!((twist.room(0) - 0.64).abs() < ROUNDING);
+        twist.beta[1] = 0.8;
+        assert!((twist.room(1) - 0.36).abs() < ROUNDING);
+        // Sines of a little more and a little less than the smallest ones.
+        let (far, near) = (sqrt(1.0 - 1.1e-6), sqrt(1.0 - 0.9e-6));
+        for leg in 0..4 {
+            for sign in [-1.0, 1.0] {
+                let mut along = twist;
+                along.alpha[leg] = sign * far;
+                assert_eq!(nut.refuse_along_axis(&along), Ok(()));
+                along.alpha[leg] = 0.6;
+                along.beta[leg] = sign * near;
+                let fault = nut.refuse_along_axis(&along).unwrap_err();
+                assert_eq!(fault, Fault::of_leg(Cause::StrutAlongAxis, leg, fault.value));
+                assert!((fault.value - 0.9e-6).abs() < ROUNDING, "{fault:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn inverse_asks_the_struts_themselves_whether_they_meet_an_axis() {
+        let axes = |i: usize| [Vector3::x(), Vector3::y(), Vector3::z()][i % 3];
+        let nut = Nut { base_axis: Lanes3::from_fn(axes), ..nut(Fold::Fixed) };
+        let platform: [_; 4] = core::array::from_fn(|i| axes(i + 1));
+        let nut = Nut { platform_axis: Lanes3::from_fn(|i| platform[i]), ..nut };
+        // Struts of different lengths, across both axes but for one of them, which leaves one or
+        // the other by this square of a sine.
+        let met = |leg: usize, axis: Vector3<f64>, room: f64| {
+            let off = axes(leg).cross(&platform[leg]);
+            let strut = (axis * sqrt(1.0 - room) + off * sqrt(room)) * 3.0;
+            let struts = Lanes3::<4>::from_fn(|i| {
+                let across = axes(i).cross(&platform[i]) * 70.0;
+                if i == leg { strut } else { across }
+            });
+            let mut turns = Turns::ZERO;
+            let told = [0, 2].map(|i| {
+                let pair = struts.pair(i);
+                let length = dot(&pair, &pair).sqrt();
+                nut.turn(i, (&pair, length), &Matrix3::identity(), &mut turns).to_array()
+            });
+            [told[0][0], told[0][1], told[1][0], told[1][1]].map(|mask| mask.to_bits() == 0)
+        };
+        for leg in 0..4 {
+            for axis in [axes(leg), platform[leg], -axes(leg), -platform[leg]] {
+                assert_eq!(met(leg, axis, 1.1e-6), [false; 4], "{leg}");
+                let expected: [bool; 4] = core::array::from_fn(|i| i == leg);
+                assert_eq!(met(leg, axis, 0.9e-6), expected, "{leg}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_reference_pose_near_a_quarter_turn_fixes_no_fold_and_its_cosine_is_told() {
+        // Axes across the strut, the platform's turned from the base's by an angle.
+        let up = Lanes3::<4>::from_fn(|_| Vector3::z());
+        let folded = |angle: f64, lean: f64| {
+            let platform = [libm::cos(angle), libm::sin(angle), lean];
+            let mut nut = Nut::new(&[[1.0, 0.0, 0.0]; 4], &[platform; 4], &[0.0, 5.0, 5.0, 5.0])?;
+            nut.fold_at(&up, &Matrix3::identity()).map(|()| nut)
+        };
+        for lean in [0.0, 1.0] {
+            for (cosine, travel) in [(0.11, 5.0), (-0.11, -5.0), (0.9, 5.0)] {
+                let nut = folded(libm::acos(cosine), lean).expect("a fold");
+                assert_eq!(nut.travel[0], 0.0);
+                assert!((nut.travel[1] - travel / TAU).abs() < ROUNDING);
+            }
+            for cosine in [0.09, 0.0, -0.09] {
+                let fault = folded(libm::acos(cosine), lean).unwrap_err();
+                assert_eq!(fault, Fault::of_leg(Cause::FoldUndefined, 1, fault.value));
+                assert!((fault.value - cosine).abs() < ROUNDING, "{fault:?}");
+            }
+        }
+    }
+}

@@ -182,4 +182,18 @@ mod tests {
         a[5] = core::array::from_fn(|i| a[0][i] + a[1][i]);
         assert!(Qr::new(&a, &[true; 6]).is_none());
     }
+
+    #[test]
+    fn a_column_depends_on_the_others_by_its_share_of_the_largest_at_any_scale() {
+        for scale in [1e-6, 1.0, 1e6] {
+            let is_regular = |share: f64| {
+                let mut a = [[0.0; 6]; 6];
+                for (k, column) in a.iter_mut().enumerate() {
+                    column[k] = if k == 3 { share * scale } else { scale };
+                }
+                Qr::new(&a, &[true; 6]).is_some()
+            };
+            assert!(is_regular(1.1e-10) && !is_regular(0.9e-10), "{scale}");
+        }
+    }
 }
