@@ -71,6 +71,8 @@ fn forward_from_home_reaches_the_whole_workspace_certified() {
                 .machine
                 .forward(&case.joints(&pose), &case.home, &NO_TOOL, &Solver::default())
                 .unwrap_or_else(|e| panic!("{}: {pose:?}: {e}", case.name));
+            // Each sub-step takes a solve of its own.
+            assert!((1..=found.iterations).contains(&found.sub_steps), "{}: {found:?}", case.name);
             f.add(&case, &pose, &found);
         }
         f.print(&case);

@@ -88,3 +88,43 @@ impl<const N: usize> Mechanism<N> {
         Ok(norm(&step) + norm(&left))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::tests::machine;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    #[test]
+    fn what_legs_are_off_is_told_as_errors_of_their_joints_wherever_these_have_their_zero() {
+        let mut rng = Pcg64::seed_from_u64(23);
+        let mut checked = 0;
+        for _ in 0..40 {
+            let Some((machine, place)) = machine(&mut rng, b"XYZABC", false) else { continue };
+            let Ok(joints) = machine.joints_at(&place) else { continue };
+            let target = machine.target(&joints).expect("a target");
+            let mut at = machine.measured(&target, &place).expect("measured");
+            for leg in 0..6 {
+                at.residual = [0.0; 6];
+                at.residual[leg] = -0.5;
+                // A rod's end moves by more than its length is off, a strut's by as much.
+                let margin = machine.margin(&at.placed, leg, joints[leg]).unwrap_or(1.0);
+                assert_eq!(machine.off(&target, &at), 0.5 / margin.abs());
+                let mut elsewhere = machine.clone();
+                elsewhere.offset[leg] = 40.0;
+                let mut joints = joints;
+                joints[leg] -= 40.0;
+                let target = elsewhere.target(&joints).expect("a target");
+                let off = elsewhere.off(&target, &at);
+                // An angle that is told 40 degrees elsewhere, over a margin of 0.05 or more.
+                assert!((off * margin.abs() - 0.5).abs() < 1e-12, "{off} {margin}");
+                checked += 1;
+            }
+            let still = Mechanism { moving: false, ..machine };
+            at.residual = [0.25, -0.75, 0.5, 0.0, 0.0, 0.0];
+            assert_eq!(still.off(&target, &at), 0.75);
+        }
+        assert!(checked > 100, "{checked}");
+    }
+}

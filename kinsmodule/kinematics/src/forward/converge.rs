@@ -245,6 +245,7 @@ mod tests {
     use super::*;
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
     use crate::certificate::{CERTIFIED, leg_bow};
+    use crate::forward::residual::tests::{Trial, trial};
     use crate::leg::Leg;
     use libm::sqrt;
     use rand::{Rng, SeedableRng};
@@ -317,6 +318,172 @@ mod tests {
             }
         }
         Some(sqrt(sum))
+    }
+
+    #[test]
+    fn a_walk_adds_up_its_steps_chart_by_chart() {
+        let mut walk = Walk::begun([2.0, 0.0, 0.0, 0.0, 0.0, 1.0], 10.0);
+        walk.go(&[0.0, 3.0, 0.0, 0.0, 4.0, 0.0]);
+        assert_eq!(walk.x, [2.0, 3.0, 0.0, 0.0, 4.0, 1.0]);
+        assert_eq!((walk.length, walk.contraction, walk.renewed), (5.0, 0.5, false));
+        walk.x = [0.0, 0.0, 3.0, 4.0, 0.0, 0.0];
+        walk.renew();
+        assert_eq!((walk.x, walk.covered, walk.renewed), ([0.0; 6], 5.0, true));
+        walk.go(&[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
+        walk.renew();
+        assert_eq!(walk.covered, 7.0);
+    }
+
+    #[test]
+    fn a_factorisation_is_renewed_after_a_long_step_or_where_it_would_not_do_with_one_more() {
+        let mut rng = Pcg64::seed_from_u64(16);
+        let mut drawn = |coordinates| {
+            let (machine, _) = machine(&mut rng, coordinates, false).expect("a machine");
+            Mechanism { radius: 100.0, ..machine }
+        };
+        let hexapod = drawn(b"XYZABC");
+        let walk = |length, contraction| Walk { length, contraction, ..Walk::begun([0.0; 6], 1.0) };
+        // A hundredth of the radius.
+        assert!(hexapod.must_renew(&walk(1.01, 1.0), 1.0));
+        assert!(!hexapod.must_renew(&walk(0.99, 1.0), 1e-9));
+        // 0.9 · 0.5² = 0.225 is expected to be left; 0.03 of the tolerance may be.
+        assert!(hexapod.must_renew(&walk(0.9, 0.5), 7.4));
+        assert!(!hexapod.must_renew(&walk(0.9, 0.5), 7.6));
+        // Six legs for five coordinates: the old rows would settle elsewhere.
+        assert!(drawn(b"XYZAB").must_renew(&walk(0.0, 1.0), 1.0));
+    }
+
+    #[test]
+    fn a_first_step_is_certified_by_flatness_bow_and_drift_of_the_ball_that_it_needs() {
+        let mut rng = Pcg64::seed_from_u64(18);
+        let mut checked = 0;
+        for _ in 0..60 {
+            let Some((mut machine, place)) = machine(&mut rng, b"XYZABC", false) else { continue };
+            machine.offset = [30.0, -40.0, 50.0, -60.0, 70.0, -80.0];
+            let Some(step) = joint_step(&mut rng, &machine, place) else { continue };
+            let to = step.target(&machine, 1.0);
+            let mut about = Stance::new(machine.taken_along(&place, Some(&step.motion)));
+            if machine.settle(&to, &mut about).is_err() {
+                continue;
+            }
+            let Stance { at, qr, .. } = &about;
+            let alone = machine.first_step(at, qr, 0.0, &to, None);
+            let flat = |rho, motion| flatness(&machine, &at.placed, None, qr, rho, motion);
+            // What was left over may reach farther than the step itself.
+            for leftover in [0.0, 0.5, 3.0].map(|share| share * alone.length) {
+                let reach = leftover.max(alone.length);
+                let step_of = |motion| machine.first_step(at, qr, leftover, &to, motion);
+                if let Ok(flat) = flat(2.0 * reach, None) {
+                    assert_eq!((step_of(None).flat, step_of(None).h), (flat, flat * reach));
+                }
+                let motion = Some(&step.motion);
+                let reach = reach + bow(&machine, &at.placed, qr, &step.motion);
+                let margin =
+                    |i: usize| machine.margin(&at.placed, i, to.joints[i] + machine.offset[i]);
+                let turned = drift(&machine, &at.placed, qr, 2.0 * reach, &step.motion, margin);
+                if let Ok(flat) = flat(2.0 * reach, motion) {
+                    assert_eq!(
+                        (step_of(motion).flat, step_of(motion).h),
+                        (flat, flat * reach + turned)
+                    );
+                    checked += u32::from(turned > 0.0 && turned.is_finite());
+                }
+            }
+        }
+        assert!(checked > 30, "{checked}");
+    }
+
+    #[test]
+    fn a_platform_is_taken_along_by_the_mean_of_its_anchors_and_the_rest_is_travel() {
+        let mut rng = Pcg64::seed_from_u64(19);
+        for screws in [false, true] {
+            let mut checked = 0;
+            for _ in 0..20 {
+                let Some((machine, place)) = machine(&mut rng, b"XYZABC", screws) else { continue };
+                let Some(step) = joint_step(&mut rng, &machine, place) else { continue };
+                let target = |joints| machine.target(joints).expect("a target");
+                let [from, to] = [target(&step.from), target(&step.to)];
+                let chord: [_; 6] =
+                    core::array::from_fn(|i| to.anchors.get(i) - from.anchors.get(i));
+                let mean = chord.iter().sum::<nalgebra::Vector3<f64>>() / 6.0;
+                // With screws the platform stays: their corrections would change on the way.
+                let shift = if machine.nut.is_some() { mean * 0.0 } else { mean };
+                let Motion { shift: found, travel, second, turn } = step.motion;
+                // Some roundings of sums of six.
+                assert!((found - shift).norm() <= 1e-14 * (1.0 + shift.norm()), "{found} {shift}");
+                for i in 0..6 {
+                    let bend = machine.legs[i].bend(step.to[i] - step.from[i]);
+                    let expected = (chord[i] - shift).norm() + bend.anchor / 2.0;
+                    assert!((travel[i] - expected).abs() <= 1e-14 * (1.0 + chord[i].norm()));
+                    assert_eq!((second[i], turn[i]), (bend.anchor + bend.length, bend.turn));
+                }
+                let still = Mechanism { moving: false, ..machine };
+                assert!(still.motion(&from, &to).is_none());
+                checked += 1;
+            }
+            assert!(checked > 5, "{checked}");
+        }
+    }
+
+    #[test]
+    fn a_certificate_tells_how_far_from_the_middle_of_its_ball_the_pose_was_found() {
+        let mut rng = Pcg64::seed_from_u64(21);
+        let mut checked = 0;
+        for _ in 0..60 {
+            let Some(Trial { machine, about, target, .. }) = trial(&mut rng, b"XYZABC", 0.5) else {
+                continue;
+            };
+            let first = machine.first_step(&about.at, &about.qr, 0.0, &target, None);
+            if !(first.h <= CERTIFIED) {
+                continue;
+            }
+            let (flat, ball) = (first.flat, Ball { about: &about, first });
+            let mut effort =
+                Effort { iterations: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 };
+            let mut end = End { place: about.place, at: Measured::ZERO };
+            let Ok(Certificate::Ball(reach)) = machine.near(&target, &ball, &mut effort, &mut end)
+            else {
+                continue;
+            };
+            // Half a unit away, give or take the tolerance; the first ball is about twice as large.
+            assert!((reach / flat - 0.5).abs() < 1e-8, "{reach} {flat}");
+            checked += 1;
+        }
+        assert!(checked > 20, "{checked}");
+    }
+
+    #[test]
+    fn a_place_is_certified_as_far_as_its_ball_is_flat() {
+        let mut rng = Pcg64::seed_from_u64(17);
+        let (machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
+        let machine = Mechanism { moving: false, ..machine };
+        let target = machine.target(&machine.joints_at(&place).expect("joints")).expect("a target");
+        let mut about = Stance::new(place);
+        machine.settle(&target, &mut about).expect("regular");
+        let end = about.at;
+        let confirm = |flat: f64, length: f64, distance: f64| {
+            let first = Step { step: [0.0; 6], length, flat, h: 0.0 };
+            machine.confirm(&target, &Ball { about: &about, first }, distance, &end)
+        };
+        // Within twice the first step its own bound serves, here of a ball of radius 2.
+        assert_eq!(confirm(0.5, 1.0, 1.5), Ok(Certificate::Ball(0.75)));
+        assert_eq!(confirm(0.5, 1.0, 2.0), Err(Fault::with_value(Cause::NotCertified, 1.0)));
+        assert!(confirm(f64::NAN, 1.0, 1.0).is_err());
+        // Beyond that the ball of the distance itself is asked.
+        let Stance { at, qr, .. } = &about;
+        let flat = |rho| flatness(&machine, &at.placed, None, qr, rho, None).expect("flat");
+        let (distance, near) = (0.2 / flat(0.0), flat(0.2 / flat(0.0)) * 0.2 / flat(0.0));
+        assert_eq!(confirm(9.0, 0.4 * distance, distance), Ok(Certificate::Ball(near)));
+        // A first ball that is too small for certainty asks for the place's own flatness, which
+        // says the same of a machine scaled to be nearly singular.
+        let singular = Mechanism { size: 1.01 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
+        let regular = Mechanism { size: 0.99 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
+        let told = |machine: &Mechanism<6>| {
+            let first = Step { step: [0.0; 6], length: 1.0, flat: 2.0 * flat(0.0), h: 0.0 };
+            machine.confirm(&target, &Ball { about: &about, first }, 0.0, &end)
+        };
+        assert_eq!(told(&regular), Ok(Certificate::Ball(0.0)));
+        assert_eq!(told(&singular), Err(Cause::NearlySingular.into()));
     }
 
     #[test]

@@ -240,3 +240,35 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::tests::machine;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    #[test]
+    fn a_refusal_of_the_search_is_told_by_what_is_behind_it() {
+        let mut rng = Pcg64::seed_from_u64(22);
+        let solver = Solver { residual_limit: 0.25, ..Solver::default() };
+        for (coordinates, redundant) in [(b"XYZABC".as_slice(), false), (b"XYZAB", true)] {
+            let (machine, start) = machine(&mut rng, coordinates, false).expect("a machine");
+            let joints = machine.joints_at(&start).expect("joints");
+            let target = machine.target(&joints).expect("a target");
+            let told = |fault| machine.explained(fault, &target, &start, &solver);
+            // The seed's own joints are what is asked for.
+            let fault = Fault::of_leg(Cause::OutOfReach, 2, 1.5);
+            assert_eq!(told(fault), Fault::of_leg(Cause::SeedOutOfReach, 2, 1.5));
+            // Legs beyond those needed contradict each other where they are off by more than may be.
+            for (off, inconsistent) in [(0.26, redundant), (0.25, false), (0.24, false)] {
+                let fault = Fault::with_value(Cause::NotConverged, off);
+                let expected = if inconsistent { Cause::JointsInconsistent } else { fault.cause };
+                let found = told(fault);
+                assert_eq!((found.cause, found.value), (expected, off));
+            }
+            let fault = Fault::with_value(Cause::PathStalled, 9.0);
+            assert_eq!(told(fault), fault);
+        }
+    }
+}

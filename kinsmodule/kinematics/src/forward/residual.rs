@@ -362,7 +362,7 @@ pub(super) fn norm<const M: usize>(v: &[f64; M]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     extern crate std;
 
     use super::*;
@@ -371,11 +371,11 @@ mod tests {
     use rand_pcg::Pcg64;
 
     /// A stance of a machine with what a step of this length from it leads to.
-    struct Trial {
-        machine: Mechanism<6>,
-        about: Stance<6>,
-        target: Target<6>,
-        step: [f64; 6],
+    pub(crate) struct Trial {
+        pub(crate) machine: Mechanism<6>,
+        pub(crate) about: Stance<6>,
+        pub(crate) target: Target<6>,
+        pub(crate) step: [f64; 6],
     }
 
     impl Trial {
@@ -388,7 +388,7 @@ mod tests {
         }
     }
 
-    fn trial(rng: &mut Pcg64, coordinates: &[u8], length: f64) -> Option<Trial> {
+    pub(crate) fn trial(rng: &mut Pcg64, coordinates: &[u8], length: f64) -> Option<Trial> {
         let (machine, place) = machine(rng, coordinates, false)?;
         let step = unit(rng, &machine).map(|value| value * length);
         let joints = machine.joints_at(&machine.moved(&place, &step)).ok()?;

@@ -134,3 +134,22 @@ impl Effort {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effort_counts_solves_up_to_its_limit_and_converges_by_error_and_residuals() {
+        let mut effort =
+            Effort { iterations: 0, sub_steps: 1, limit: 2, tolerance: 1e-9, accepted: 1e-6 };
+        assert_eq!((effort.spend(), effort.spend()), (Ok(()), Ok(())));
+        assert_eq!(effort.spend(), Err(Fault::with_value(Cause::TooManyIterations, 2.0)));
+        assert_eq!(effort.iterations, 2);
+        let residual = [1e-6, -1e-6, 0.0, 0.0];
+        assert!(effort.is_converged(1e-9, &residual));
+        assert!(!effort.is_converged(1.1e-9, &residual));
+        assert!(!effort.is_converged(0.0, &[0.0, -1.1e-6, 0.0, 0.0]));
+        assert!(!effort.is_converged(f64::NAN, &residual));
+    }
+}

@@ -130,3 +130,18 @@ impl<const N: usize> Mechanism<N> {
 fn shrunk(share: f64, h: f64) -> f64 {
     share * (0.9 * CERTIFIED / h).clamp(0.02, 0.9)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_shrinks_by_what_it_was_too_long_and_neither_by_nothing_nor_to_nothing() {
+        // 0.9 · 0.4/0.8 of it, to a rounding.
+        assert!((shrunk(0.5, 0.8) - 0.225).abs() < f64::EPSILON);
+        assert_eq!(shrunk(0.5, 0.4), 0.45);
+        assert_eq!(shrunk(0.5, 0.1), 0.45);
+        assert_eq!(shrunk(0.5, 1e9), 0.01);
+        assert_eq!(shrunk(0.5, f64::INFINITY), 0.01);
+    }
+}
