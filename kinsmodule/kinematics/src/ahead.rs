@@ -360,7 +360,7 @@ impl Moving {
 mod tests {
     use super::*;
     use crate::geometry::{Geometry, LegGeometry};
-    use crate::layout::Letters;
+    use crate::layout::{Letters, MAX_JOINTS};
     use crate::leg::StrutGeometry;
 
     const PERIOD: f64 = 1e-3;
@@ -380,13 +380,37 @@ mod tests {
         of(&poses, linear).expect("it moves")
     }
 
-    fn of(poses: &[Pose; 3], linear: f64) -> Option<Motion> {
+    /// Three struts from the floor to one point.
+    fn geometry() -> Geometry {
         let strut = |base| LegGeometry::strut(base, [0.0; 3], StrutGeometry::default());
         let legs = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 7.0, 0.0]].map(strut);
         let [xyz, none] = ["XYZ", ""].map(|text| Letters::parse(text.as_bytes()).expect("letters"));
-        let geometry = Geometry::new(&legs, xyz, none).expect("a layout");
-        let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a tripod");
-        Motion::of(&machine, poses.each_ref(), PERIOD, linear)
+        Geometry::new(&legs, xyz, none).expect("a layout")
+    }
+
+    fn machine() -> Machine {
+        Machine::freeze(&geometry(), &[0.0; MAX_LEGS]).expect("a tripod")
+    }
+
+    fn of(poses: &[Pose; 3], linear: f64) -> Option<Motion> {
+        Motion::of(&machine(), poses.each_ref(), PERIOD, linear)
+    }
+
+    const NO_LIMITS: Limits = Limits {
+        min: [f64::NEG_INFINITY; MAX_JOINTS],
+        max: [f64::INFINITY; MAX_JOINTS],
+        speed: [f64::INFINITY; MAX_JOINTS],
+        base_cone: [0.0; MAX_LEGS],
+        platform_cone: [0.0; MAX_LEGS],
+        conditioning: 0.0,
+        clearance: 0.0,
+    };
+
+    const PLANNER: Planner = Planner { linear: 50.0, angular: 400.0, requested: 2.0, latency: 0.0 };
+
+    fn straight(rate: [f64; 6]) -> Motion {
+        let pose = [20.0, 10.0, 100.0, 0.0, 0.0, 0.0];
+        Motion { pose, rate, normal: Vector3::zeros(), turn: 0.0 }
     }
 
     fn apart(motion: &Motion, time: f64, expected: &Pose) -> f64 {
@@ -416,7 +440,13 @@ mod tests {
     fn a_straight_line_and_a_corner_are_gone_on_straight() {
         let motion = seen(-10.0, 200.0);
         assert!(apart(&motion, 0.05, &way(-5.0)) < 1e-9);
-        // What the acceleration could never have bent is a corner.
+        // Without a rounding there is no bend at all.
+        let exact = [1.0, 2.0, 3.0].map(|x| Pose::from_degrees([x, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let motion = of(&exact, 200.0).expect("it moves");
+        let later = Pose::from_degrees([1003.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(apart(&motion, 1.0, &later), 0.0);
+        // What the acceleration could never have bent is a corner; a little more could.
+        assert!(seen(10.0, 200.0 / SHARPEST_BEND * 1.01).turn > 0.0);
         let corner = seen(10.0, 200.0 / SHARPEST_BEND * 0.99);
         assert_eq!(corner.turn, 0.0);
         let [from, to] = [way(9.9), way(10.0)].map(|pose| pose.to_degrees());
@@ -429,5 +459,97 @@ mod tests {
         // From 5 to 3 with 8 a second takes a quarter of a second at a mean of 4.
         assert_eq!(speed_before(3.0, 8.0, 1.0), 5.0);
         assert_eq!(speed_before(3.0, 8.0, -1.0), 3.0);
+    }
+
+    #[test]
+    fn a_turn_alone_is_a_motion_from_a_millionth_of_the_machine_on() {
+        // Level machines have their size for a radius.
+        let turned = |share: f64| {
+            let angle = (share * AT_REST * PERIOD).to_degrees();
+            let poses =
+                [-2.0, -1.0, 0.0].map(|k| Pose::from_degrees([0.0, 0.0, 0.0, 0.0, 0.0, k * angle]));
+            of(&poses, 1.0)
+        };
+        assert_eq!(turned(0.99), None);
+        assert!(turned(1.01).is_some_and(|motion| motion.turn == 0.0));
+    }
+
+    #[test]
+    fn braking_is_the_share_of_what_the_planner_does_to_the_faster_part() {
+        let motion = straight([3.0, -4.0, 0.0, 6.0, -10.0, 8.0]);
+        // 50 for a speed of 5 and 400 for one of 10; then 60 for one of 10.
+        assert_eq!(motion.braking(&PLANNER), BRAKING_SHARE * 10.0);
+        let turning = Planner { angular: 60.0, ..PLANNER };
+        assert_eq!(motion.braking(&turning), BRAKING_SHARE * 6.0);
+        assert_eq!(
+            straight([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]).braking(&turning),
+            BRAKING_SHARE * 10.0
+        );
+        assert_eq!(
+            straight([0.0, 0.0, 0.0, 10.0, 0.0, 0.0]).braking(&turning),
+            BRAKING_SHARE * 6.0
+        );
+        assert!(motion.braking(&Planner { linear: f64::NAN, ..PLANNER }).is_nan());
+    }
+
+    #[test]
+    fn the_hold_allows_its_part_of_the_speed_between_the_limit_and_twice_that() {
+        let hold = Hold { now: 0.375, change: -0.25, limit: 0.125, requested: 4.0 };
+        // 0.25, 0.1875 and 0.125 of the hold are left.
+        assert_eq!(hold.speed(0.5), None);
+        let told = |hold| Fault::with_value(Cause::HoldAhead, hold);
+        assert_eq!(hold.speed(0.75), Some((2.0, told(0.1875))));
+        assert_eq!(hold.speed(1.0), Some((0.0, told(0.125))));
+        let worse = Hold { now: 0.25, ..hold };
+        assert_eq!(worse.speed(1.0), Some((0.0, told(0.0))));
+        assert_eq!(Hold { change: 0.0, now: 0.1, ..hold }.speed(1.0), None);
+        assert_eq!(Hold { limit: 0.0, ..hold }.speed(1.0), None);
+    }
+
+    #[test]
+    fn the_slower_of_joints_and_hold_is_told_with_its_reason() {
+        let hold = Hold { now: 0.25, change: -0.0625, limit: 0.125, requested: 4.0 };
+        let pose = Pose::from_degrees([20.0, 10.0, 100.0, 0.0, 0.0, 0.0]);
+        let moving = machine().moving(&pose, &Vector3::zeros(), &[0.0; 6]).expect("within reach");
+        let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
+        let moving = Moving { rates, ..moving };
+        let limits = Limits { speed: [8.0; MAX_JOINTS], ..NO_LIMITS };
+        // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
+        let (speed, why) = moving.speed(&limits, &hold, 1.0);
+        assert_eq!((speed, why), (1.96, Some(Fault::of_leg(Cause::JointTooFast, 1, 8.0))));
+        let slower = Hold { requested: 2.0, ..hold };
+        let told = Fault::with_value(Cause::HoldAhead, 0.1875);
+        assert_eq!(moving.speed(&limits, &slower, 1.0), (1.0, Some(told)));
+        assert_eq!(moving.speed(&NO_LIMITS, &slower, 0.0), (f64::INFINITY, None));
+    }
+
+    #[test]
+    fn what_slows_on_the_way_is_told_soon_and_nothing_brakes_before_the_latency_is_over() {
+        let machine = machine();
+        let watch = Watch::new(&machine, &geometry());
+        let motion = straight([-10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let look = |limits: &Limits, planner: &Planner| {
+            watch.ahead(&machine, &Vector3::zeros(), limits, &motion, planner)
+        };
+        let free = look(&NO_LIMITS, &PLANNER);
+        assert_eq!((free.allowed, free.soon), (f64::INFINITY, None));
+        // No joint ever has to be faster than the platform with its 10 a second.
+        let slow = |most: f64| Limits { speed: [most; MAX_JOINTS], ..NO_LIMITS };
+        assert_eq!(look(&slow(10.3), &PLANNER).soon, None);
+        let soon = look(&slow(0.5), &PLANNER).soon.expect("too fast");
+        assert_eq!((soon.cause, soon.value), (Cause::JointTooFast, 0.5));
+        // The joints need some 2 now, and 6 after ten seconds towards −X, before which the
+        // machine cannot brake.
+        let at_once = look(&slow(2.0), &PLANNER);
+        let late = look(&slow(2.0), &Planner { latency: 10.0, ..PLANNER });
+        assert!(at_once.allowed > 0.9 && at_once.allowed < 1.1, "{at_once:?}");
+        assert!(late.allowed > 0.2 && late.allowed < 0.4, "{late:?}");
+        // Told by the last place but one that cannot be braked for: seven eighths of latency and
+        // 1.2 times the braking time.
+        let (fault, time) = late.because.expect("a reason");
+        let expected = 0.875 * (10.0 + FARTHER / (2.0 * BRAKING_SHARE * 5.0));
+        assert_eq!(fault.cause, Cause::JointTooFast);
+        // Some roundings of ten seconds.
+        assert!((time - expected).abs() < 1e-14, "{time} {expected}");
     }
 }

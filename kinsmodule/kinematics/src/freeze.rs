@@ -252,3 +252,144 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::LegGeometry;
+    use crate::layout::Letters;
+
+    /// Struts from far below to these platform anchors, which are 2, 2, 4 and 4 from their middle.
+    const PLATFORM: [[f64; 3]; 6] = [
+        [12.0, 0.0, 7.0],
+        [8.0, 0.0, 7.0],
+        [10.0, 4.0, 7.0],
+        [10.0, -4.0, 7.0],
+        [10.0, 0.0, 7.0],
+        [10.0, 0.0, 7.0],
+    ];
+
+    fn strut(base: [f64; 3], platform: [f64; 3]) -> LegGeometry {
+        LegGeometry::strut(base, platform, StrutGeometry::default())
+    }
+
+    fn frozen<const N: usize>(
+        legs: &[LegGeometry],
+        coordinates: &str,
+        home: Option<[f64; 6]>,
+    ) -> Result<Mechanism<N>, Fault> {
+        let letters = Letters::parse(coordinates.as_bytes()).expect("letters");
+        let mut geometry = Geometry::new(legs, letters, Letters::NONE).expect("a layout");
+        geometry.home = home;
+        Frozen { geometry: &geometry, offset: &PerLeg::default() }.mechanism()
+    }
+
+    /// Struts to these platform anchors, the last one 1030.8 from the origin at its base.
+    fn struts_to(platform: [[f64; 3]; 6]) -> [LegGeometry; 6] {
+        core::array::from_fn(|i| {
+            strut([100.0 * i as f64, -30.0 * (i * i) as f64, -500.0], platform[i])
+        })
+    }
+
+    #[test]
+    fn bounds_of_the_anchors_are_those_of_the_chart_at_numbers_by_hand() {
+        // A radius of √((4 + 4 + 16 + 16)/6); angles of their own turn one after the other.
+        let radius_squared = 40.0 / 6.0;
+        for (coordinates, turns) in [("XYZABC", 1.0), ("XYZAB", 2.0), ("XYZB", 1.0), ("XYZ", 0.0)] {
+            let machine = frozen::<6>(&struts_to(PLATFORM), coordinates, None).expect("a machine");
+            // Some roundings of numbers below 10.
+            assert!((machine.radius * machine.radius - radius_squared).abs() < 1e-14);
+            for (i, arm) in [2.0, 2.0, 4.0, 4.0, 0.0, 0.0].into_iter().enumerate() {
+                let s1 = sqrt(1.0 + turns * arm * arm / radius_squared);
+                let s2 = turns * arm / radius_squared;
+                assert!((machine.s1[i] - s1).abs() < 1e-14, "{coordinates} {i}");
+                assert!((machine.s2[i] - s2).abs() < 1e-14, "{coordinates} {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn lanes_without_a_leg_repeat_the_first_and_are_marked() {
+        let machine = frozen::<6>(&struts_to(PLATFORM)[..5], "XYZAB", None).expect("a machine");
+        assert_eq!(machine.present, [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]);
+        assert_eq!(machine.base.get(5), machine.base.get(0));
+        assert_ne!(machine.base.get(4), machine.base.get(0));
+    }
+
+    #[test]
+    fn rows_of_lanes_without_a_leg_and_columns_that_are_not_active_are_zero() {
+        fn columns<const N: usize>(legs: &[LegGeometry], coordinates: &str) -> [[f64; N]; 6] {
+            let machine = frozen::<N>(legs, coordinates, None).expect("a machine");
+            let (rotation, angles) = (nalgebra::Matrix3::identity(), Vector3::zeros());
+            let place = Place { centre: Vector3::zeros(), rotation, angles };
+            machine.charted_rows(&machine.placed(&machine.base, &place), None, &place)
+        }
+        let six = struts_to(PLATFORM);
+        let seven = core::array::from_fn::<_, 7, _>(|i| match i {
+            6 => strut([-200.0, 300.0, -500.0], [9.0, 1.0, 6.0]),
+            _ => six[i],
+        });
+        for column in columns::<8>(&seven, "XYZABC") {
+            assert!(column[..7].iter().any(|v| *v != 0.0) && column[7] == 0.0, "{column:?}");
+        }
+        for (k, column) in columns::<6>(&six, "XYZAB").iter().enumerate() {
+            assert_eq!(column.iter().any(|v| *v != 0.0), k < 5, "{k}: {column:?}");
+        }
+    }
+
+    #[test]
+    fn a_platform_whose_anchors_are_a_line_or_a_point_is_refused_where_it_would_turn() {
+        let degenerate = |spread| Err(Fault::with_value(Cause::PlatformDegenerate, spread));
+        let on_a_line = |off: f64| {
+            let anchor = |i: usize| [10.0 * i as f64, if i == 2 { off } else { 0.0 }, 0.0];
+            frozen::<6>(&struts_to(core::array::from_fn(anchor)), "XYZABC", None).map(|_| ())
+        };
+        assert_eq!(on_a_line(0.0), degenerate(0.0));
+        // The largest parallelogram of the anchors has 21.7 times this, against 1e-9 · 1030.8².
+        assert!(on_a_line(4e-5).is_err_and(|fault| fault.cause == Cause::PlatformDegenerate));
+        assert_eq!(on_a_line(6e-5), Ok(()));
+        let points = |apart: f64, coordinates: &str| {
+            let anchor = |i: usize| [if i == 0 { apart } else { 0.0 }, 0.0, 0.0];
+            frozen::<6>(&struts_to(core::array::from_fn(anchor)), coordinates, None)
+        };
+        let turning = |apart| points(apart, "XYZB").map(|_| ());
+        assert_eq!(turning(0.0), degenerate(0.0));
+        // One anchor of six beside the others: a radius of √5/6 of that, against 1e-9 · 1030.8.
+        assert!(turning(2e-6).is_err_and(|fault| fault.cause == Cause::PlatformDegenerate));
+        assert_eq!(turning(4e-6), Ok(()));
+        // What never turns needs no radius, and takes its size instead.
+        let level = points(2e-6, "XYZ").expect("a machine");
+        assert_eq!(level.radius, level.size);
+        let level = points(4e-6, "XYZ").expect("a machine");
+        // Some roundings of a number below 1e-5.
+        assert!((level.radius - sqrt(5.0) / 6.0 * 4e-6).abs() < 1e-20, "{}", level.radius);
+    }
+
+    #[test]
+    fn legs_nearer_than_a_billionth_of_the_machine_are_one() {
+        let apart = |by: f64| {
+            let mut legs = PLATFORM
+                .map(|platform| strut([platform[0] * 9.0, platform[1] * 9.0, -500.0], platform));
+            legs[4] = legs[1];
+            legs[4].platform[1] += by;
+            legs[5].base[0] += 100.0;
+            frozen::<6>(&legs, "XYZABC", None).map(|_| ())
+        };
+        // 500 and a little to the farthest anchor.
+        assert_eq!(apart(4e-7), Err(Fault::of_leg(Cause::LegsCoincide, 4, 1.0)));
+        assert_eq!(apart(6e-7), Ok(()));
+    }
+
+    #[test]
+    fn a_home_so_near_to_a_singular_pose_that_nothing_is_certain_is_refused() {
+        // Three struts to one point, which they no longer hold where it is in their plane.
+        let at = |height: f64| {
+            let bases = [[500.0, 0.0, 0.0], [-250.0, 433.0, 0.0], [-250.0, -433.0, 0.0]];
+            let home = Some([0.0, 0.0, height, 0.0, 0.0, 0.0]);
+            frozen::<4>(&bases.map(|base| strut(base, [0.0; 3])), "XYZ", home).map(|_| ())
+        };
+        // ‖J⁻¹‖ is 500/(√3 · height), √Σk² is √3/500: one over the height, against 1e-6 of 500.
+        assert_eq!(at(4e-4), Err(Cause::SingularAtHome.into()));
+        assert_eq!(at(6e-4), Ok(()));
+    }
+}

@@ -285,4 +285,54 @@ mod tests {
         let ahead = Segment { base: x * 3.0, platform: x * 5.0 };
         assert_eq!(one.distance(&ahead), 2.0);
     }
+
+    fn segment(base: [f64; 3], platform: [f64; 3]) -> Segment {
+        Segment { base: base.into(), platform: platform.into() }
+    }
+
+    #[test]
+    fn gaps_are_the_vectors_between_the_nearest_points_at_numbers_by_hand() {
+        let along_x = segment([-1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);
+        for (other, gap) in [
+            // Lines that pass each other within both, square and at 3 to 4.
+            (segment([2.0, -5.0, 2.0], [2.0, 1.0, 2.0]), [0.0, 0.0, -2.0]),
+            (segment([-2.0, -4.0, -7.0], [4.0, 4.0, -7.0]), [0.0, 0.0, 7.0]),
+            // An end beside the middle of the other.
+            (segment([1.0, 2.0, 0.0], [4.0, 6.0, 0.0]), [0.0, -2.0, 0.0]),
+            (segment([0.5, -8.0, 1.0], [0.5, -3.0, 1.0]), [0.0, 3.0, -1.0]),
+            // Two ends, 3 and 4 apart, before and behind.
+            (segment([6.0, 4.0, 0.0], [9.0, 9.0, 5.0]), [-3.0, -4.0, 0.0]),
+            (segment([-9.0, 9.0, 5.0], [-4.0, 4.0, 0.0]), [3.0, -4.0, 0.0]),
+            // Parallel: beside each other, and one behind the other.
+            (segment([-5.0, 1.0, 2.0], [7.0, 1.0, 2.0]), [0.0, -1.0, -2.0]),
+            (segment([8.0, 0.0, 0.0], [5.0, 0.0, 0.0]), [-2.0, 0.0, 0.0]),
+            // A point.
+            (segment([2.0, 3.0, 4.0], [2.0, 3.0, 4.0]), [0.0, -3.0, -4.0]),
+        ] {
+            let turned = |leg: &Segment| Segment { base: leg.platform, platform: leg.base };
+            for one in [along_x, turned(&along_x)] {
+                for other in [other, turned(&other)] {
+                    // Some roundings of numbers below 10.
+                    let expected = Vector3::from(gap);
+                    let off = (one.gap(&other) - expected).norm();
+                    assert!(off < 1e-14, "{other:?}: {:?}", one.gap(&other));
+                    let off = (other.gap(&one) + expected).norm();
+                    assert!(off < 1e-14, "{other:?}: {:?}", other.gap(&one));
+                    assert!((one.distance(&other) - expected.norm()).abs() < 1e-14);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn angles_of_directions_are_those_of_their_lengths_across_and_along() {
+        // Degrees: 1e-13 are some roundings.
+        let x = Vector3::new(2.0, 0.0, 0.0);
+        for (direction, degrees) in
+            [([3.0, 3.0, 0.0], 45.0), ([-1.0, 0.0, -1.0], 135.0), ([0.0, 0.0, 9.0], 90.0)]
+        {
+            assert!((angle(&x, &Vector3::from(direction)) - degrees).abs() < 1e-13);
+        }
+        assert_eq!(angle(&x, &Vector3::zeros()), 0.0);
+    }
 }
