@@ -198,6 +198,7 @@ mod tests {
         for (text, error) in [
             ("strut", LoadError::LegsMalformed),
             ("strut:", LoadError::LegsMalformed),
+            (":6", LoadError::LegsMalformed),
             ("strut:6,", LoadError::LegsMalformed),
             ("strut:-6", LoadError::LegsMalformed),
             ("strut:6:1", LoadError::LegsMalformed),

@@ -380,6 +380,105 @@ mod tests {
     }
 
     #[test]
+    fn b_passes_90_in_one_step_in_all_quadrants_of_a_and_c() {
+        for (a, c) in [(3.0, -2.0), (70.0, 100.0), (-70.0, -100.0), (130.0, 85.0)] {
+            for (from, to) in [(89.99, 90.01), (90.01, 89.99), (-89.99, -90.01), (269.9, 270.1)] {
+                let [seed, target] = [from, to].map(|b| pose([0.0, 0.0, 0.0, a, b, c]));
+                let got = angles_near(&target.rotation(), &seed, &seed.trigonometry());
+                // 1e-4: half of the least cos B.
+                assert!((got - target.angles).norm() < ANGLE / 1e-4, "{a} {from} {c}: {got:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_pose_is_checked_coordinate_by_coordinate_and_its_angle_told() {
+        assert_eq!(pose([1e300, -1e300, 1e300, 720.0, -720.0, 0.0]).check(), Ok(()));
+        for k in 0..6 {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                // Alone, and with any other.
+                for other in 0..6 {
+                    let mut v = [10.0; 6];
+                    (v[k], v[other]) = (bad, bad);
+                    assert_eq!(pose(v).check(), Err(Cause::PoseNotFinite.into()), "{k}: {bad}");
+                    assert!(!pose(v).is_finite());
+                }
+            }
+            for sign in [-1.0, 1.0] {
+                let mut v = [10.0; 6];
+                v[k] = sign * 999_999.0;
+                assert_eq!(pose(v).check(), Ok(()), "{k}");
+                v[k] = sign * 1_000_001.0;
+                match pose(v).check() {
+                    Ok(()) => assert!(k < 3, "{k}"),
+                    Err(fault) => {
+                        assert_eq!(fault, Fault::with_value(Cause::AngleTooLarge, fault.value));
+                        // Degrees, by way of radians.
+                        let off = (fault.value - v[k]).abs();
+                        assert!(k >= 3 && off < 1e6 * 4.0 * f64::EPSILON, "{k}: {fault:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_rate_map_gives_the_angular_velocity_of_each_angle() {
+        const STEP: f64 = 1e-5;
+        let at = pose([0.0, 0.0, 0.0, 30.0, -20.0, 50.0]);
+        for k in 0..3 {
+            let moved = |by: f64| {
+                let mut moved = at;
+                moved.angles[k] += by;
+                moved.rotation()
+            };
+            // Differences: h² off, and rounding over h.
+            let derivative = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
+            let omega = at.trigonometry().rate_map().column(k).into_owned();
+            assert!((omega.cross_matrix() * at.rotation() - derivative).norm() < 1e-9, "{k}");
+        }
+    }
+
+    #[test]
+    fn arcs_are_those_of_libm_to_two_roundings_within_and_beyond_the_series() {
+        for k in -400..=400 {
+            // Ratios to a third beyond where the series ends, either way round.
+            let (sine, cosine) = (1e-4 * f64::from(k) * 3.0, 3.0);
+            for (sine, cosine) in [(sine, cosine), (sine, -cosine), (cosine, sine)] {
+                let exact = atan2(sine, cosine);
+                let near = |got: f64, exact: f64| {
+                    assert!((got - exact).abs() <= 2.0 * f64::EPSILON * exact.abs(), "{got}");
+                };
+                near(arc(sine, cosine), exact);
+                let [one, other] = arcs(both(sine), f64x2::new([cosine, 3.0])).to_array();
+                near(one, exact);
+                near(other, atan2(sine, 3.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_rotation_vector_is_the_one_that_made_the_rotation() {
+        let axes = [[3.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 1.0], [1.0, -2.0, 3.0]];
+        let axes = axes.into_iter().chain([[-3.0, 1.0, 2.0], [1.0, 3.0, -2.0]]);
+        for axis in axes.map(|axis| Vector3::from(axis).normalize()) {
+            for angle in [0.0, 1e-12, 1e-8, 0.3, 1.5, 3.0, 3.1] {
+                let rotation = nalgebra::Rotation3::new(axis * angle);
+                let got = rotation_vector(rotation.matrix());
+                assert!((got - axis * angle).norm() < ANGLE, "{axis:?} {angle}: {got:?}");
+            }
+            // So near to half a turn that the sine tells no axis: either way about it.
+            for off in [0.0, 1e-12, -1e-12] {
+                let half = nalgebra::Rotation3::new(axis * (core::f64::consts::PI + off));
+                let got = rotation_vector(half.matrix());
+                // What it is off, and rounding.
+                assert!((got.norm() - core::f64::consts::PI).abs() < 2e-12, "{axis:?}: {got:?}");
+                assert!(got.cross(&axis).norm() < 1e-11, "{axis:?}: {got:?}");
+            }
+        }
+    }
+
+    #[test]
     fn rotation_vector_and_distance_measure_the_turn() {
         let a = pose([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]);
         let b = pose([1.0, 2.0, 7.0, 90.0, 0.0, 0.0]);

@@ -132,3 +132,47 @@ impl Crank {
         Bend { turn, anchor: self.arm * turn * turn, length: 0.0 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Some roundings of numbers below 10.
+    const ROUNDING: f64 = 1e-14;
+
+    /// An arm of 3 across the axis Z, and 2 along it; rods of 5.
+    fn crank() -> Crank {
+        let given =
+            CrankGeometry { axis: [0.0, 0.0, 4.0], arm: [3.0, 0.0, 2.0], rod: 5.0, side: 1 };
+        Crank::new(&given).expect("a crank")
+    }
+
+    #[test]
+    fn the_arm_stands_where_the_triangle_says() {
+        // The arm along Y, its end at (0, 3, 2), and the rod at a right angle to it.
+        let joint = crank().joint(&Vector3::new(5.0, 3.0, 2.0)).map(|q| q - 90.0);
+        assert!(joint.is_ok_and(|off| off.abs() < 10.0 * ROUNDING), "{joint:?}");
+    }
+
+    #[test]
+    fn a_rod_that_only_just_reaches_is_at_its_dead_point_and_not_out_of_reach() {
+        // 3 + 5 from the axis, in the plane of the circle: nothing is missing, nothing drives.
+        let told = crank().joint(&Vector3::new(0.0, 8.0, 2.0));
+        assert_eq!(told, Err((Cause::DeadPoint, 0.0)));
+        let (cause, lacks) = crank().joint(&Vector3::new(0.0, 8.5, 2.0)).expect_err("refused");
+        assert_eq!(cause, Cause::OutOfReach);
+        assert!((lacks - 0.5).abs() < ROUNDING, "{lacks}");
+        let (cause, lacks) = crank().joint(&Vector3::new(1.5, 0.0, 2.0)).expect_err("refused");
+        assert_eq!(cause, Cause::OutOfReach);
+        assert!((lacks + 0.5).abs() < ROUNDING, "{lacks}");
+    }
+
+    #[test]
+    fn the_end_of_the_arm_bends_as_on_its_circle() {
+        let bend = crank().bend(-60.0);
+        let turn = core::f64::consts::FRAC_PI_3;
+        assert!((bend.turn - turn).abs() < ROUNDING, "{}", bend.turn);
+        assert!((bend.anchor - 3.0 * turn * turn).abs() < ROUNDING, "{}", bend.anchor);
+        assert_eq!(bend.length, 0.0);
+    }
+}

@@ -79,3 +79,44 @@ impl Slider {
         -self.side * gain
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Some roundings of numbers below 20.
+    const ROUNDING: f64 = 1e-14;
+
+    /// A guide along the diagonal of a square, and a rod of 5.
+    fn slider(side: i32) -> Slider {
+        Slider::new(&SliderGeometry { guide: [2.0, 2.0, 0.0], rod: 5.0, side }).expect("a slider")
+    }
+
+    /// So far along the guide and off it.
+    fn anchor(along: f64, off: f64) -> Vector3<f64> {
+        let diagonal = core::f64::consts::FRAC_1_SQRT_2;
+        Vector3::new(along * diagonal, along * diagonal, off)
+    }
+
+    #[test]
+    fn the_carriage_stands_where_pythagoras_says_on_either_side() {
+        for (side, expected) in [(1, 11.0), (-1, 3.0)] {
+            let joint = slider(side).joint(&anchor(7.0, 3.0)).expect("within reach");
+            assert!((joint - expected).abs() < ROUNDING, "{joint} {expected}");
+        }
+    }
+
+    #[test]
+    fn what_a_rod_lacks_and_how_little_it_drives_are_told() {
+        let told = |off| slider(1).joint(&anchor(7.0, off)).expect_err("refused");
+        let (cause, lacks) = told(5.5);
+        assert_eq!(cause, Cause::OutOfReach);
+        assert!((lacks - 0.5).abs() < ROUNDING, "{lacks}");
+        // The root of 5² − 4.995² is 0.0447 of 5; the least is 0.05.
+        let (cause, drive) = told(4.995);
+        assert_eq!(cause, Cause::DeadPoint);
+        // The root of a difference that keeps three digits less.
+        assert!((drive - sqrt(1.0 - 0.999 * 0.999)).abs() < 1e3 * ROUNDING, "{drive}");
+        assert!(slider(1).joint(&anchor(7.0, 5.0 * 0.9987)).is_ok());
+    }
+}
