@@ -3,7 +3,7 @@
 
 use crate::common::machines::{
     changed_legs, declared, four_rod_lathe, geometry, hexapod, hexapods, linear_delta, paper_004,
-    rotary_delta, slider,
+    pentapod, rotary_delta, slider, tripod,
 };
 use crate::common::{NO_OFFSET, NO_TOOL};
 use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
@@ -453,10 +453,12 @@ fn a_tool_longer_than_a_million_machines_is_refused() {
         for sign in [1.0, -1.0] {
             let mut tool = Vector3::zeros();
             tool[k] = sign * most;
+            assert_eq!(case.machine.check_tool(&tool), Ok(()));
             assert!(case.machine.inverse(&case.home, &tool).is_ok());
             tool[k] = 1.001 * sign * most;
             let solver = Solver::default();
             for fault in [
+                case.machine.check_tool(&tool).unwrap_err(),
                 case.machine.inverse(&case.home, &tool).unwrap_err(),
                 case.machine.pose_jacobian(&case.home, &tool).unwrap_err(),
                 case.machine.forward(&joints, &case.home, &tool, &solver).unwrap_err(),
@@ -473,4 +475,23 @@ fn a_jacobian_where_a_joint_value_swallows_its_leg_is_refused_and_not_infinite()
     let far = Pose::from_degrees([0.0, 0.0, -1e70, 0.0, 0.0, 0.0]);
     let fault = case.machine.inverse_jacobian(&far, &NO_TOOL).unwrap_err();
     assert_eq!(fault.cause, Cause::DeadPoint, "{fault}");
+}
+
+#[test]
+fn joints_beyond_all_numbers_are_refused_with_the_first_of_them() {
+    let far = Pose::from_degrees([0.0, 0.0, 1e200, 0.0, 0.0, 0.0]);
+    let fault = tripod().machine.inverse(&far, &NO_TOOL).unwrap_err();
+    assert_eq!((fault.cause, fault.leg), (Cause::ResultNotFinite, Some(0)));
+    assert_eq!(fault.value, f64::INFINITY);
+}
+
+#[test]
+fn rates_of_angles_are_refused_where_a_and_c_are_one_and_only_there() {
+    let [hexapod, _] = hexapods();
+    let upright = |b: f64| Pose::from_degrees([0.0, 0.0, 400.0, 0.0, b, 0.0]);
+    let fault = hexapod.machine.pose_jacobian(&upright(90.0), &NO_TOOL).unwrap_err();
+    assert_eq!(fault.cause, Cause::TiltNearRightAngle);
+    assert!(hexapod.machine.pose_jacobian(&upright(89.0), &NO_TOOL).is_ok());
+    // Two angles are told apart everywhere.
+    assert!(pentapod().machine.pose_jacobian(&upright(90.0), &NO_TOOL).is_ok());
 }

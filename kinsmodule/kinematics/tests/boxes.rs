@@ -160,6 +160,41 @@ fn a_long_search_goes_on_in_later_calls_and_ends_after_the_steps_that_were_given
 }
 
 #[test]
+fn a_long_search_asks_each_box_from_its_own_beginning() {
+    let case = tripod();
+    let home = case.home.to_degrees();
+    let slow = |middle: [f64; 6]| {
+        let mut slow = about(&case, middle, [0.4; 6]);
+        slow.matrix.iter_mut().flatten().for_each(|m| *m *= 0.02);
+        // Each box takes some 1300: more are given than one takes, fewer than both.
+        slow.steps = 2000;
+        slow
+    };
+    let boxes = [slow([home[0] + 1.2, home[1], home[2], 0.0, 0.0, 0.0]), slow(home)];
+    let corner = Pose::from_degrees([boxes[1].low[0], boxes[1].high[1], home[2], 0.0, 0.0, 0.0]);
+    let (found, calls) = searched(&case, &case.joints(&corner), &boxes, &NO_TOOL);
+    // Forward's own tolerance is 1e-12 of the size.
+    assert!(case.apart(&found.unwrap(), &corner) < 1e-10);
+    assert!(calls > 2000 / STEPS_PER_CALL as usize, "{calls}");
+}
+
+#[test]
+fn a_box_holds_what_its_tolerance_lets_stand_beside_it() {
+    let mut given = EMPTY;
+    (given.low, given.high) = ([-3.0; 6], [5.0; 6]);
+    // Two millionths of a width of 8.
+    for (off, is_held) in [(15e-6, true), (17e-6, false)] {
+        for k in 0..6 {
+            for end in [-3.0 - off, 5.0 + off] {
+                let mut pose = [0.0; 6];
+                pose[k] = end;
+                assert_eq!(given.holds(&Pose::from_degrees(pose)), is_held, "{k}: {end}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_boxes_that_a_machine_may_have_are_asked_and_no_more() {
     let case = tripod();
     let home = case.home.to_degrees();

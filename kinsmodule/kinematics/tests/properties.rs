@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Properties that hold for any machine: tool offset, joint offsets, units, hash.
 
-use crate::common::machines::{changed_legs, declared, hexapods, letters, paper_004, with_legs};
+use crate::common::machines::{
+    changed_legs, declared, hexapods, letters, linear_delta, mixed, paper_004, pyramid, tripod,
+    with_legs,
+};
 use crate::common::random::{RECIPES, draw};
 use crate::common::tolerances::{EXACT, GOLDEN_JOINT, ROUND_TRIP};
 use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::StrutGeometry;
-use kinematics::{Geometry, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
+use kinematics::{Cause, Fault, Geometry, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
 #[test]
 fn a_tool_changes_no_joint_of_a_level_platform_and_moves_the_tip_of_a_tilted_one() {
@@ -54,11 +57,14 @@ fn a_long_tool_keeps_the_servo_step_certified() {
 
 #[test]
 fn a_joint_offset_is_taken_from_the_joint_and_given_back_by_forward() {
-    let offset = [1.0, -2.0, 3.0, 0.0, 5.5, -600.0, 7.0, -8.0];
-    for case in declared() {
+    // Struts whose offsets are all positive take a way of their own in forward.
+    let offsets =
+        [[1.0, -2.0, 3.0, 0.0, 5.5, -600.0, 7.0, -8.0], [1.0, 2.0, 3.0, 0.5, 5.5, 600.0, 7.0, 8.0]];
+    for (case, offset) in offsets.iter().flat_map(|o| declared().into_iter().map(move |c| (c, *o)))
+    {
         let shifted = Machine::freeze(&case.geometry, &offset).unwrap();
         let mut rng = rng(10);
-        for _ in 0..100 {
+        for _ in 0..50 {
             let pose = (case.sample)(&mut rng);
             let a = case.joints(&pose);
             let b = shifted.inverse(&pose, &NO_TOOL).unwrap();
@@ -289,5 +295,58 @@ fn angles_keep_whole_turns_of_the_seed() {
     let found = case.machine.forward(&joints, &seed, &NO_TOOL, &Solver::default()).unwrap();
     for (a, b) in found.pose.to_degrees().iter().zip(pose.to_degrees()) {
         assert!((a - b).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return() {
+    for case in declared() {
+        let legs = case.geometry.legs();
+        let anchors = legs.iter().map(|leg| Vector3::from(leg.platform));
+        let middle = anchors.clone().sum::<Vector3<f64>>() / legs.len() as f64;
+        let squares: f64 = anchors.map(|anchor| (anchor - middle).norm_squared()).sum();
+        let radius = (squares / legs.len() as f64).sqrt();
+        // Where all anchors are one point and nothing turns, the size takes its place.
+        let expected = if radius > 0.0 { radius } else { case.machine.size() };
+        // Some roundings of sums of eight.
+        assert!((case.machine.radius() - expected).abs() <= 1e-14 * expected, "{}", case.name);
+    }
+    let [hexapod, _] = hexapods();
+    let solver = Solver { convergence_criterion: 1e-7, ..Solver::default() };
+    assert_eq!(hexapod.machine.largest_residual(&solver), 1e-7);
+    // No length is computed better than to 16 roundings of the largest.
+    let rounding = 16.0 * f64::EPSILON * hexapod.machine.size();
+    let finest = Solver { convergence_criterion: 1e-300, ..solver };
+    assert_eq!(hexapod.machine.largest_residual(&finest), rounding);
+    // A rod's length tells twenty times as little of its joint at the dead point's edge.
+    assert_eq!(linear_delta().machine.largest_residual(&solver), 1e-7 / 0.05);
+    // Four rods that hold three coordinates may contradict each other.
+    let redundant = pyramid().machine;
+    assert_eq!(redundant.largest_residual(&solver), 5e-3 * redundant.radius());
+    let limited = Solver { residual_limit: 0.25, ..solver };
+    assert_eq!(redundant.largest_residual(&limited), 0.25);
+    assert_eq!(hexapod.machine.largest_residual(&limited), 1e-7);
+}
+
+#[test]
+fn a_strut_is_too_short_at_a_millionth_of_the_machine_and_not_before() {
+    for case in [tripod(), mixed()] {
+        let short = 1e-6 * case.machine.size();
+        let legs = case.geometry.legs().iter().enumerate();
+        for (i, leg) in legs.filter(|(_, leg)| matches!(leg.kind, LegKind::Strut(_))) {
+            let anchor = Vector3::from(leg.base) - Vector3::from(leg.platform);
+            for (length, is_refused) in [(0.99 * short, true), (1.01 * short, false)] {
+                let position = anchor + Vector3::new(0.0, 0.0, length);
+                let pose = Pose { position, angles: Vector3::zeros() };
+                let expected = Some((Cause::StrutTooShort, Some(i as u8)));
+                let told = |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.leg));
+                let refused = told(case.machine.inverse(&pose, &NO_TOOL).err());
+                assert_eq!(refused == expected, is_refused, "{}: {i}", case.name);
+                // The same as a seed, from which forward sets out.
+                let joints = case.joints(&case.home);
+                let found = case.machine.forward(&joints, &pose, &NO_TOOL, &Solver::default());
+                assert_eq!(told(found.err()) == expected, is_refused, "{}: {i}", case.name);
+            }
+        }
     }
 }
