@@ -124,7 +124,7 @@ truth: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/truth.py $(TRUTH)
 
-# A mutant takes about twelve seconds of one core, most of it to build; a survivor some minutes.
+# Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 MUTANTS := target/tools/bin/cargo-mutants
 PART := 0/1
 mutants: setup
