@@ -1,28 +1,51 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pseudo-inverse of an N × 6 matrix stored by columns, from its QR factors (modified
-//! Gram-Schmidt).
+//! Pseudo-inverse of an N × 6 matrix stored by columns, from its QR factors by triples of columns:
+//! Gram-Schmidt with the translations T and the turns U each as one.
 //!
-//! No pivot search and no index that depends on data: bounded, branch-free time.
-//! Gram-Schmidt loses orthogonality by the condition number, which Newton's method
-//! repairs at the next step. Square and tall matrices alike. The columns of Q are not
-//! normalised, which keeps the square roots out of the chain that everything waits for.
-//! The inverse is solved for once: a servo step goes through it four times.
+//! U' = U − T S with S = (TᵀT)⁻¹ TᵀU stands across T, and the rows of the inverse are
+//! H = (U'ᵀU')⁻¹ U'ᵀ for the turns and (TᵀT)⁻¹ Tᵀ − S H for the translations. Three by three is
+//! inverted by cofactors: everything waits for two divisions, where a column at a time has six.
+//!
+//! Rounding grows with the third power of the condition number of a triple. Where one is all but
+//! flat the factors are those of a column at a time (modified Gram-Schmidt), with rounding as the
+//! square, which Newton's method repairs at the next step.
+//!
+//! No pivot search and no index that depends on data: bounded time. Square and tall matrices
+//! alike. The inverse is solved for once: a servo step goes through it four times.
 
-use crate::lanes::{both, inner, inners, pair, put};
+use crate::lanes::{both, inner, inners, largest, pair, put};
 use wide::f64x2;
 
 /// A column this much smaller than the largest one counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
-/// (R⁻¹ D⁻¹) Qᵀ of A = Q R, with orthogonal columns of any length in Q, their squares in D
-/// and 1 on the diagonal of R.
+/// Three columns are all but flat if the square of the volume that they span is this share of what
+/// it would be at right angles: condition numbers from 1000, and some 1e-7 of rounding.
+const FLAT: f64 = 1e-6;
+
+/// Pseudo-inverse of A.
 pub(crate) struct Qr<const N: usize> {
     /// Row by row.
     inverse: [[f64; N]; 6],
     inverse_norm: f64,
 }
 
-/// What factoring works on.
+/// Three columns, side by side.
+type Triple<'a, const N: usize> = [&'a [f64; N]; 3];
+
+/// (VᵀV)⁻¹ of three columns V.
+struct Gram {
+    /// Cofactors of VᵀV: 00, 11, 22, 01, 12, 20.
+    cofactors: [f64; 6],
+    /// 1 over its determinant: nothing that can wait for the division has to.
+    over: f64,
+    /// Squared lengths of the columns.
+    squares: [f64; 3],
+    /// The determinant, which is the square of the volume that the columns span.
+    volume: f64,
+}
+
+/// What factoring column by column works on.
 struct Work<const N: usize> {
     q: [[f64; N]; 6],
     /// R above its diagonal of 1, row by row.
@@ -41,24 +64,62 @@ impl<const N: usize> Qr<N> {
     /// active must hold zeros; their unknowns are 0.
     pub fn new(columns: &[[f64; N]; 6], active: &[bool; 6]) -> Option<Self> {
         let mut qr = Self::ZERO;
-        qr.renew(active, *columns).then_some(qr)
+        let regular = qr.renew(active, *columns);
+        regular.unwrap_or_else(|| qr.renew_by_columns(active, columns)).then_some(qr)
     }
 
-    /// Factors columns in place of what was; false where [`Self::new`] gives `None`.
+    /// Factors columns in place of what was; false where [`Self::new`] gives `None`. `None` where
+    /// three of them are all but flat, for [`Self::renew_by_columns`].
     #[inline(always)]
-    pub fn renew(&mut self, active: &[bool; 6], columns: [[f64; N]; 6]) -> bool {
-        let mut work = Work { q: columns, r: [[0.0; 6]; 6], squares: [0.0; 6], weight: [0.0; 6] };
-        // Numbers of columns that the compiler knows let it unroll the loops within.
-        work.orthogonalise::<0>(active);
-        work.orthogonalise::<1>(active);
-        work.orthogonalise::<2>(active);
-        work.orthogonalise::<3>(active);
-        work.orthogonalise::<4>(active);
-        work.orthogonalise::<5>(active);
+    pub fn renew(&mut self, active: &[bool; 6], columns: [[f64; N]; 6]) -> Option<bool> {
+        let [a, b, c, d, e, f] = &columns;
+        let (moves, turns) = ([a, b, c], [d, e, f]);
+        // A column that is not there counts as one of length 1 across the others.
+        let [i, j, k, l, m, n] = active.map(|active| if active { 0.0 } else { 1.0 });
+        let of_moves = Gram::new(&moves, [i, j, k]);
+        let shares = products(&moves, &turns).map(|column| of_moves.times(&column));
+        let across: [_; 3] = core::array::from_fn(|j| across(turns[j], &moves, &shares[j]));
+        let of_turns = Gram::new(&across.each_ref(), [l, m, n]);
+        if !(of_moves.is_open() && of_turns.is_open()) {
+            return None;
+        }
+        let [n0, n1, n2, t0, t1, t2] = &mut self.inverse;
+        for i in (0..N).step_by(2) {
+            let turning = of_turns.times_wide(&across.each_ref().map(|column| pair(column, i)));
+            let moving = of_moves.times_wide(&moves.map(|column| pair(column, i)));
+            let less = |k: usize| {
+                moving[k]
+                    - (both(shares[0][k]) * turning[0]
+                        + both(shares[1][k]) * turning[1]
+                        + both(shares[2][k]) * turning[2])
+            };
+            put(n0, i, less(0));
+            put(n1, i, less(1));
+            put(n2, i, less(2));
+            put(t0, i, turning[0]);
+            put(t1, i, turning[1]);
+            put(t2, i, turning[2]);
+        }
+        self.measure();
+        let ([a, b, c], [d, e, f]) = (of_moves.squares, of_turns.squares);
+        Some(is_regular(&[a, b, c, d, e, f]))
+    }
+
+    /// Factors any columns.
+    pub fn renew_by_columns(&mut self, active: &[bool; 6], columns: &[[f64; N]; 6]) -> bool {
+        let mut work = Work { q: *columns, r: [[0.0; 6]; 6], squares: [0.0; 6], weight: [0.0; 6] };
+        for k in 0..6 {
+            work.orthogonalise(k, active);
+        }
         work.solve_back(&mut self.inverse);
+        self.measure();
+        is_regular(&work.squares)
+    }
+
+    #[inline(always)]
+    fn measure(&mut self) {
         let squares = self.inverse.each_ref().map(|row| inner(row, row));
         self.inverse_norm = libm::sqrt(squares.iter().sum());
-        is_regular(&work.squares, active)
     }
 
     /// Least-squares solution x of A x = b.
@@ -80,16 +141,17 @@ impl<const N: usize> Qr<N> {
 }
 
 impl<const N: usize> Work<N> {
-    /// Takes column K out of those after it.
-    #[inline(always)]
-    fn orthogonalise<const K: usize>(&mut self, active: &[bool; 6]) {
-        let column = self.q[K];
+    /// Takes column k out of those after it.
+    fn orthogonalise(&mut self, k: usize, active: &[bool; 6]) {
+        let column = self.q[k];
         let square = inner(&column, &column);
-        let weight = if active[K] { 1.0 / square } else { 0.0 };
-        (self.squares[K], self.weight[K]) = (square, weight);
-        for j in K + 1..6 {
+        // One that is not there leaves the others alone.
+        let square = if active[k] { square } else { 1.0 };
+        let weight = if active[k] { 1.0 / square } else { 0.0 };
+        (self.squares[k], self.weight[k]) = (square, weight);
+        for j in k + 1..6 {
             let along = inner(&column, &self.q[j]) * weight;
-            self.r[K][j] = along;
+            self.r[k][j] = along;
             for i in (0..N).step_by(2) {
                 let rest = pair(&self.q[j], i) - both(along) * pair(&column, i);
                 put(&mut self.q[j], i, rest);
@@ -98,7 +160,6 @@ impl<const N: usize> Work<N> {
     }
 
     /// Solves R M = D⁻¹ Qᵀ from its last row upwards.
-    #[inline(always)]
     fn solve_back(&self, inverse: &mut [[f64; N]; 6]) {
         for l in (0..N).step_by(2) {
             let mut rows: [f64x2; 6] =
@@ -115,21 +176,101 @@ impl<const N: usize> Work<N> {
     }
 }
 
-/// Whether no active column was all but a combination of those before it.
-#[inline(always)]
-fn is_regular(squares: &[f64; 6], active: &[bool; 6]) -> bool {
-    let mut largest = 0.0_f64;
-    let mut regular = true;
-    for (square, active) in squares.iter().zip(active) {
-        largest = largest.max(*square);
-        regular &= !active | (*square > DEPENDENT * DEPENDENT * largest);
+impl Gram {
+    /// Of columns that have `idle` added to their squares.
+    #[inline(always)]
+    fn new<const N: usize>([a, b, c]: &Triple<'_, N>, idle: [f64; 3]) -> Self {
+        let [aa, ab] = inners([a, b], a).to_array();
+        let [bb, bc] = inners([b, c], b).to_array();
+        let [cc, ca] = inners([c, a], c).to_array();
+        let (aa, bb, cc) = (aa + idle[0], bb + idle[1], cc + idle[2]);
+        let cofactors = [
+            bb * cc - bc * bc,
+            cc * aa - ca * ca,
+            aa * bb - ab * ab,
+            ca * bc - ab * cc,
+            ab * ca - bc * aa,
+            bc * ab - ca * bb,
+        ];
+        let volume = aa * cofactors[0] + ab * cofactors[3] + ca * cofactors[5];
+        Self { cofactors, over: 1.0 / volume, squares: [aa, bb, cc], volume }
     }
-    regular
+
+    /// Whether the columns stand well apart from each other.
+    #[inline(always)]
+    fn is_open(&self) -> bool {
+        let [a, b, c] = self.squares;
+        self.volume > FLAT * (a * b * c)
+    }
+
+    /// (VᵀV)⁻¹ v.
+    #[inline(always)]
+    fn times(&self, v: &[f64; 3]) -> [f64; 3] {
+        let [aa, bb, cc, ab, bc, ca] = self.cofactors;
+        let [x, y, z] = *v;
+        [
+            (aa * x + ab * y + ca * z) * self.over,
+            (ab * x + bb * y + bc * z) * self.over,
+            (ca * x + bc * y + cc * z) * self.over,
+        ]
+    }
+
+    /// The same for two vectors at once.
+    #[inline(always)]
+    fn times_wide(&self, v: &[f64x2; 3]) -> [f64x2; 3] {
+        let [aa, bb, cc, ab, bc, ca] = self.cofactors.map(both);
+        let [x, y, z] = *v;
+        let over = both(self.over);
+        [
+            (aa * x + ab * y + ca * z) * over,
+            (ab * x + bb * y + bc * z) * over,
+            (ca * x + bc * y + cc * z) * over,
+        ]
+    }
+}
+
+/// Tᵀ U, column by column.
+#[inline(always)]
+fn products<const N: usize>([a, b, c]: &Triple<'_, N>, turns: &Triple<'_, N>) -> [[f64; 3]; 3] {
+    let [d, e, f] = turns;
+    let [ad, bd] = inners([a, b], d).to_array();
+    let [ae, be] = inners([a, b], e).to_array();
+    let [af, bf] = inners([a, b], f).to_array();
+    let [cd, ce] = inners([d, e], c).to_array();
+    let cf = inner(c, f);
+    [[ad, bd, cd], [ae, be, ce], [af, bf, cf]]
+}
+
+/// A column less its shares of three others.
+#[inline(always)]
+fn across<const N: usize>(
+    column: &[f64; N],
+    others: &Triple<'_, N>,
+    shares: &[f64; 3],
+) -> [f64; N] {
+    let mut rest = [0.0; N];
+    for i in (0..N).step_by(2) {
+        let [a, b, c] = others.map(|other| pair(other, i));
+        let along = both(shares[1]) * b + both(shares[2]) * c;
+        put(&mut rest, i, (pair(column, i) - both(shares[0]) * a) - along);
+    }
+    rest
+}
+
+/// Whether no active column was all but a combination of those before it, by their squares; those
+/// of columns that are not active are at least 1.
+#[inline(always)]
+fn is_regular(squares: &[f64; 6]) -> bool {
+    let least = both(DEPENDENT * DEPENDENT * largest(squares));
+    let longer = |i| pair(squares, i).simd_gt(least);
+    (longer(0) & longer(2) & longer(4)).all()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
 
     /// Columns of a well-conditioned tall matrix without structure.
     fn tall() -> [[f64; 8]; 6] {
@@ -174,6 +315,50 @@ mod tests {
             // As above.
             assert!((got[k] - x[k]).abs() < 1e-12, "{got:?}");
         }
+    }
+
+    /// Largest element of M A − 1.
+    fn off(a: &[[f64; 6]; 6], inverse: &Qr<6>) -> f64 {
+        let mut most = 0.0_f64;
+        for (k, column) in a.iter().enumerate() {
+            for (j, value) in inverse.solve(column).iter().enumerate() {
+                most = most.max((value - f64::from(u8::from(j == k))).abs());
+            }
+        }
+        most
+    }
+
+    #[test]
+    fn what_is_not_refused_is_an_inverse_or_too_large_for_any_certificate() {
+        let mut rng = Pcg64::seed_from_u64(41);
+        let mut draw = || rng.random::<f64>() * 2.0 - 1.0;
+        let (mut refused, mut inverted) = (0, 0);
+        for n in 0..20_000 {
+            // Each column in turn next to a combination of one to five others, or none.
+            let mut a: [[f64; 6]; 6] = core::array::from_fn(|_| core::array::from_fn(|_| draw()));
+            let (k, others) = (n % 6, 1 + n / 6 % 5);
+            let share = libm::pow(10.0, 9.0 * (draw() - 1.0));
+            a[k] = a[k].map(|value| value * share);
+            for other in (1..=others).map(|other| (k + other) % 6) {
+                let weight = draw();
+                for i in 0..6 {
+                    a[k][i] += weight * a[other][i];
+                }
+            }
+            match Qr::new(&a, &[true; 6]) {
+                // The margin of the certificates is a fifth; beyond 1e6 they refuse the pose.
+                Some(inverse) => {
+                    let is_useless = inverse.inverse_norm() > 1.5e6;
+                    assert!(is_useless || off(&a, &inverse) < 0.1, "{k} {others} {share:e}");
+                    inverted += u32::from(share < 1e-4);
+                }
+                None => {
+                    assert!(share < 1e-4, "{k} {others} {share:e}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(refused > 5_000 && inverted > 1_000, "{refused} {inverted}");
     }
 
     #[test]

@@ -317,10 +317,18 @@ impl<const N: usize> Mechanism<N> {
         place: &Place,
         qr: &mut Qr<N>,
     ) -> Result<(), Fault> {
-        match qr.renew(&self.active, self.columns(at, place)) {
+        let regular = qr.renew(&self.active, self.columns(at, place));
+        match regular.unwrap_or_else(|| self.factor_flat(at, place, qr)) {
             true => Ok(()),
             false => Err(Cause::Singular.into()),
         }
+    }
+
+    /// Factors what the quick way does not. The columns are made anew: to keep them takes longer.
+    #[cold]
+    #[inline(never)]
+    fn factor_flat(&self, at: &Measured<N>, place: &Place, qr: &mut Qr<N>) -> bool {
+        qr.renew_by_columns(&self.active, &self.columns(at, place))
     }
 
     /// Measures and factors where a stance stands.
