@@ -20,7 +20,7 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
-use crate::pose::arcs;
+use crate::pose::{arcs, broad_arcs};
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
@@ -200,7 +200,7 @@ impl<const N: usize> Nut<N> {
     /// Lengths to add to struts i and i + 1.
     #[inline(always)]
     pub fn correction(&self, i: usize, turns: &Turns<N>) -> f64x2 {
-        pair(&turns.gain, i) * pair(&turns.sine, i).atan2(pair(&turns.cosine, i))
+        pair(&turns.gain, i) * broad_arcs(pair(&turns.sine, i), pair(&turns.cosine, i))
     }
 
     /// All of a twist but platform axes, which it has, and arc.
@@ -316,7 +316,7 @@ impl<const N: usize> Twist<N> {
         for i in (0..N).step_by(2) {
             let hand = pair(&self.hand, i);
             let (sine, cosine) = (hand * pair(&self.sine, i), hand * pair(&self.cosine, i));
-            put(&mut self.from_fold, i, sine.atan2(cosine));
+            put(&mut self.from_fold, i, broad_arcs(sine, cosine));
         }
     }
 

@@ -3,7 +3,7 @@
 //! R = Rz(C) Ry(B) Rx(A).
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::both;
+use crate::lanes::{both, pair};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use libm::{atan2, sincos, sqrt};
 use nalgebra::{Matrix3, Vector3};
@@ -30,17 +30,18 @@ pub struct Pose {
 impl Pose {
     /// From (x, y, z, a, b, c), machine units and degrees.
     pub fn from_degrees(v: [f64; 6]) -> Self {
-        Self {
-            position: Vector3::new(v[0], v[1], v[2]),
-            angles: Vector3::new(v[3], v[4], v[5]) * RADIANS,
-        }
+        // In pairs as they stand in memory: who reads them two by two need not wait for both.
+        let [z, alpha] = (pair(&v, 2) * f64x2::new([1.0, RADIANS])).to_array();
+        let [beta, gamma] = (pair(&v, 4) * both(RADIANS)).to_array();
+        Self { position: Vector3::new(v[0], v[1], z), angles: Vector3::new(alpha, beta, gamma) }
     }
 
     /// (x, y, z, a, b, c), machine units and degrees.
     pub fn to_degrees(&self) -> [f64; 6] {
-        let p = &self.position;
-        let a = self.angles / RADIANS;
-        [p.x, p.y, p.z, a.x, a.y, a.z]
+        let Self { position: p, angles: a } = self;
+        let [z, alpha] = (f64x2::new([p.z, a.x]) / f64x2::new([1.0, RADIANS])).to_array();
+        let [beta, gamma] = (f64x2::new([a.y, a.z]) / both(RADIANS)).to_array();
+        [p.x, p.y, z, alpha, beta, gamma]
     }
 
     /// Whether all six components are finite.
@@ -152,8 +153,7 @@ impl Trigonometry {
 ///
 /// Increments on the seed keep whole turns and pass ±180° without a jump. Of the two
 /// triples with this rotation (B and 180° − B) the one nearer to the seed is taken, so
-/// that B passes 90°. C is found first, and A and B from what it leaves of the rotation:
-/// together they give it back to rounding even where A and C are hardly told apart.
+/// that B passes 90°.
 pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) -> Vector3<f64> {
     let sheet = if trig.cb < 0.0 { -1.0 } else { 1.0 };
     let same = angles_on_sheet(r, seed, trig, sheet);
@@ -165,11 +165,33 @@ pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) ->
     if away(&other) < away(&same) { other } else { same }
 }
 
-/// The triple whose cos B has the sign of `sheet`; at |B| = 90° C keeps the seed's value.
+/// cos² B above which A, B and C are found each for itself: rounding then counts ten times in A and
+/// C at most, and nothing waits for a division that another one needs.
+const APART: f64 = 0.01;
+
+/// The triple whose cos B has the sign of `sheet`.
 fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f64) -> Vector3<f64> {
-    let cos_b = sqrt(r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)]);
-    let (sin_c, cos_c) = if cos_b >= GIMBAL_COS {
-        (sheet * r[(1, 0)] / cos_b, sheet * r[(0, 0)] / cos_b)
+    let square = r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)];
+    if !(square >= APART) {
+        return angles_in_turn(r, seed, trig, sheet * sqrt(square));
+    }
+    // First column cos B (cos C, sin C, ·), last row cos B (·, sin A, cos A).
+    let (s, c) = (f64x2::new([r[(2, 1)], r[(1, 0)]]), f64x2::new([r[(2, 2)], r[(0, 0)]]));
+    let (s0, c0) = (f64x2::new([trig.sa, trig.sc]), f64x2::new([trig.ca, trig.cc]));
+    let side = both(sheet);
+    let [a, c] = arcs(side * (s * c0 - c * s0), side * (c * c0 + s * s0)).to_array();
+    let (sin_b, cos_b) = (-r[(2, 0)], sheet * sqrt(square));
+    let b = arc(sin_b * trig.cb - cos_b * trig.sb, cos_b * trig.cb + sin_b * trig.sb);
+    seed.angles + Vector3::new(a, b, c)
+}
+
+/// The same near |B| = 90°, where C keeps the seed's value. C is found first, and A and B from
+/// what it leaves of the rotation: together they give it back to rounding even where A and C are
+/// hardly told apart.
+#[inline(never)]
+fn angles_in_turn(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, cos_b: f64) -> Vector3<f64> {
+    let (sin_c, cos_c) = if cos_b.abs() >= GIMBAL_COS {
+        (r[(1, 0)] / cos_b, r[(0, 0)] / cos_b)
     } else {
         (trig.sc, trig.cc)
     };
@@ -207,11 +229,54 @@ pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     short_arc(sine / cosine)
 }
 
+/// tan of half the angle up to which [`broad_arcs`] needs one polynomial: 47.3°.
+const BROAD: f64 = 7.0 / 16.0;
+
+/// atan2 of two directions that mostly are within 47° of (0, 1), by half their angle.
+///
+/// The polynomial is that of FreeBSD's msun (s_atan.c), which libm has as well; what the two say
+/// differs by some units in the last place.
+#[inline(always)]
+pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+    const ARC: [f64; 11] = [
+        3.333_333_333_333_293e-1,
+        -1.999_999_999_987_648_3e-1,
+        1.428_571_427_250_346_6e-1,
+        -1.111_111_040_546_235_6e-1,
+        9.090_887_133_436_507e-2,
+        -7.691_876_205_044_83e-2,
+        6.661_073_137_387_531e-2,
+        -5.833_570_133_790_573_5e-2,
+        4.976_877_994_615_932_4e-2,
+        -3.653_157_274_421_691_6e-2,
+        1.628_582_011_536_578_2e-2,
+    ];
+    let length = (sine * sine + cosine * cosine).sqrt();
+    let base = cosine + length;
+    // Squares that vanish leave no length.
+    let within = sine.abs().simd_le(both(BROAD) * base) & length.simd_ge(cosine);
+    if !within.all() {
+        return sine.atan2(cosine);
+    }
+    let t = sine / base;
+    let z = t * t;
+    let [a, b, c, d, e, f, g, h, i, j, k] = ARC.map(both);
+    let square = z * z;
+    let low = (a + b * z) + square * (c + d * z);
+    let middle = (e + f * z) + square * (g + h * z);
+    let high = (i + j * z) + square * k;
+    let fourth = square * square;
+    let twice = t + t;
+    twice - twice * z * (low + fourth * (middle + fourth * high))
+}
+
 #[inline(always)]
 fn short_arc(t: f64x2) -> f64x2 {
     let u = t * t;
-    let tail = both(1.0 / 7.0) - u * (both(1.0 / 9.0) - u * both(1.0 / 11.0));
-    t - t * u * (both(1.0 / 3.0) - u * (both(1.0 / 5.0) - u * tail))
+    let square = u * u;
+    let middle = both(1.0 / 7.0) - u * both(1.0 / 9.0) + square * both(1.0 / 11.0);
+    let tail = both(1.0 / 3.0) - u * both(1.0 / 5.0) + square * middle;
+    t - t * u * tail
 }
 
 /// Sines and cosines of two angles up to π/4, to less than one unit in the last place: half the
@@ -455,6 +520,27 @@ mod tests {
                 near(other, atan2(sine, 3.0));
             }
         }
+    }
+
+    #[test]
+    fn broad_arcs_are_those_of_libm_all_around_and_for_lengths_whose_squares_vanish() {
+        let near = |sine: f64, cosine: f64| {
+            let [one, other] = broad_arcs(both(sine), f64x2::new([cosine, cosine])).to_array();
+            let exact = atan2(sine, cosine);
+            // Two roundings of length, base and quotient each, and that of the polynomial.
+            let allowed = 4.0 * f64::EPSILON * exact.abs();
+            assert!((one - exact).abs() <= allowed && one == other, "{sine} {cosine}: {one}");
+        };
+        for k in -1000..=1000 {
+            let (sine, cosine) = libm::sincos(f64::from(k) * 3.1415e-3);
+            for length in [1.0, 1e6, 1e-6, 1e150, 1e-150, 1e-163, 1e-200] {
+                near(sine * length, cosine * length);
+            }
+        }
+        // One lane does not stand for the other.
+        let apart = broad_arcs(f64x2::new([0.1, 2.0]), f64x2::new([1.0, -1.0])).to_array();
+        assert!((apart[0] - atan2(0.1, 1.0)).abs() < 1e-16 && apart[1] == atan2(2.0, -1.0));
+        assert!(broad_arcs(both(f64::NAN), both(1.0)).to_array()[0].is_nan());
     }
 
     #[test]
