@@ -80,14 +80,10 @@ pub(crate) fn scaled(v: &[f64x2; 3], by: f64x2) -> [f64x2; 3] {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
-/// Whether all lanes are finite: zeros then add up to zero.
+/// Whether all lanes are finite.
 #[inline(always)]
 pub(crate) fn are_finite<const N: usize>(lanes: &[f64; N]) -> bool {
-    let mut sum = f64x2::ZERO;
-    for i in (0..N).step_by(2) {
-        sum += pair(lanes, i) * both(0.0);
-    }
-    sum.reduce_add() == 0.0
+    are_within(lanes, f64::MAX)
 }
 
 /// Whether no lane is beyond ±`limit`; NaN is.

@@ -137,11 +137,10 @@ impl Module {
             Ok(()) => self.joints_of(&pose, joints),
             Err(fault) => Err(fault),
         };
-        if let Err(fault) = &result {
-            self.record(fault);
-        }
         self.guard.saw_inverse(&pose, timed.then(|| clocks().wrapping_sub(begin)));
-        result
+        let Err(fault) = result else { return Ok(()) };
+        self.record(&fault);
+        Err(fault)
     }
 
     #[inline(always)]
@@ -566,9 +565,10 @@ impl Module {
         self.retool_for_forward()?;
         let tool = self.tool.offset();
         let seed = match self.searched(joints, &tool) {
-            Some(found) => found?,
-            None => self.seed_for(seed, address)?,
+            Some(found) => Some(found?),
+            None => self.seed_for(seed, address),
         };
+        let Some(seed) = seed else { return Err(Cause::SeedMissing.into()) };
         let machine = &self.frozen()?.machine;
         machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
     }
@@ -583,16 +583,16 @@ impl Module {
     }
 
     /// The pose to start from: LinuxCNC's, unless that is none.
-    fn seed_for(&self, seed: &Pose, address: usize) -> Result<Pose, Fault> {
+    fn seed_for(&self, seed: &Pose, address: usize) -> Option<Pose> {
         let caller = self.callers.iter().flatten().find(|c| c.address == address);
         let stale = caller.map_or(self.switched_back, |c| c.seed_is_stale);
         let known = caller.map(|c| c.pose).or(self.last_pose);
         match known {
             // With boxes, a caller not yet known hands over [TRAJ]HOME, not a pose it was told.
-            Some(pose) if caller.is_none() && self.start.has_boxes() => Ok(pose),
-            Some(pose) if stale || !seed.is_finite() => Ok(pose),
-            None if !seed.is_finite() => self.reference().ok_or(Cause::SeedMissing.into()),
-            _ => Ok(*seed),
+            Some(pose) if caller.is_none() && self.start.has_boxes() => Some(pose),
+            Some(pose) if stale || !seed.is_finite() => Some(pose),
+            None if !seed.is_finite() => self.reference(),
+            _ => Some(*seed),
         }
     }
 
