@@ -323,11 +323,13 @@ pub(crate) struct Mechanism<const N: usize> {
     pub present: [f64; N],
 }
 
-/// Where the platform is: its reference point and orientation, in base.
+/// Where the platform is: its reference point and orientation, in base. In the order in which
+/// vector units write and read it: what is read across two stores has to wait for both.
 #[derive(Clone, Copy)]
+#[repr(C)]
 pub(crate) struct Place {
-    pub centre: Vector3<f64>,
     pub rotation: Matrix3<f64>,
+    pub centre: Vector3<f64>,
     /// A, B, C; kept up to date by [`Chart::Angles`] only.
     pub angles: Vector3<f64>,
 }
@@ -338,6 +340,13 @@ pub(crate) struct Displacement {
     pub shift: Vector3<f64>,
     /// The orientation R becomes R + `change` R.
     pub change: Matrix3<f64>,
+}
+
+impl Displacement {
+    /// The platform stays.
+    pub fn none() -> Self {
+        Self { shift: Vector3::zeros(), change: Matrix3::zeros() }
+    }
 }
 
 /// The legs at one place of the platform.

@@ -6,7 +6,7 @@ use super::solver::{Certificate, Effort};
 use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
-use crate::machine::{Mechanism, Place};
+use crate::machine::{Displacement, Mechanism, Place};
 use crate::qr::Qr;
 
 /// Solves after the first one within a ball.
@@ -117,9 +117,9 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
         let mut walk = Walk::begun(self.bent_step(about, &first.step), first.length);
-        self.measure_from(about, &walk.x, target, &mut end.at)?;
-        if self.converge(target, about, &mut walk, effort, &mut end.at)? {
-            end.place = self.moved(&about.place, &walk.x);
+        let mut by = self.measure_from(about, &walk.x, target, &mut end.at)?;
+        if self.converge(target, about, &mut walk, effort, &mut by, &mut end.at)? {
+            end.place = self.moved_by(&about.place, &walk.x, &by);
         } else {
             // By value: what is lent stands in memory even where it is not.
             walk = self.converge_anew(target, &about.place, walk, effort, end)?;
@@ -136,6 +136,7 @@ impl<const N: usize> Mechanism<N> {
         about: &Stance<N>,
         walk: &mut Walk,
         effort: &mut Effort,
+        by: &mut Displacement,
         at: &mut Measured<N>,
     ) -> Result<bool, Fault> {
         loop {
@@ -158,7 +159,7 @@ impl<const N: usize> Mechanism<N> {
                 self.refined_step(about, &walk.x, at)
             };
             walk.go(&step);
-            self.measure_from(about, &walk.x, target, at)?;
+            *by = self.measure_from(about, &walk.x, target, at)?;
         }
     }
 
@@ -176,8 +177,10 @@ impl<const N: usize> Mechanism<N> {
         loop {
             self.settle(target, &mut about)?;
             walk.renew();
-            let converged = self.converge(target, &about, &mut walk, effort, &mut end.at)?;
-            about.place = self.moved(&about.place, &walk.x);
+            let mut by = Displacement::none();
+            let converged =
+                self.converge(target, &about, &mut walk, effort, &mut by, &mut end.at)?;
+            about.place = self.moved_by(&about.place, &walk.x, &by);
             if converged {
                 end.place = about.place;
                 return Ok(walk);

@@ -43,7 +43,13 @@ impl<const N: usize> Mechanism<N> {
         solution: &mut Solution,
     ) -> Result<(), Fault> {
         solver.check()?;
-        let seed = &if self.holds { self.held(seed, false)? } else { *seed };
+        let held;
+        let seed = if self.holds {
+            held = self.held(seed, false)?;
+            &held
+        } else {
+            seed
+        };
         seed.check().map_err(|fault| match fault.cause {
             Cause::PoseNotFinite => Cause::SeedMissing.into(),
             _ => fault,
@@ -55,7 +61,8 @@ impl<const N: usize> Mechanism<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
-        let start = Place { centre, rotation, angles: seed.angles };
+        // Made where it is wanted: to copy it has to wait for its parts.
+        let start = || Place { centre, rotation, angles: seed.angles };
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             iterations: 0,
@@ -68,16 +75,19 @@ impl<const N: usize> Mechanism<N> {
                 true => f64::INFINITY,
             },
         };
-        let mut end = End { place: start, at: Measured::ZERO };
+        let mut end = End { place: start(), at: Measured::ZERO };
         let certificate = match solver.method {
-            Method::Certified => self.search(&target, start, &mut effort, &mut end),
-            Method::PlainNewton => self.plain_newton(&target, start, &mut effort, &mut end),
+            Method::Certified => {
+                let mut ahead = Stance::new(start());
+                self.search(&target, &mut ahead, &mut effort, &mut end)
+            }
+            Method::PlainNewton => self.plain_newton(&target, start(), &mut effort, &mut end),
         };
         let certificate =
-            certificate.map_err(|fault| self.explained(fault, &target, &start, solver))?;
+            certificate.map_err(|fault| self.explained(fault, &target, &start(), solver))?;
         let residual = self.off(&target, &end.at);
         if redundant && !(residual <= self.residual_limit(solver)) {
-            let leg = self.contradicting(&target, &start);
+            let leg = self.contradicting(&target, &start());
             return Err(Fault { cause: Cause::JointsInconsistent, leg, value: residual });
         }
         let corrections = match &self.nut {
@@ -171,27 +181,30 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// One certified ball if that reaches the target, certified tracking otherwise.
+    /// One certified ball if that reaches the target, certified tracking otherwise; `ahead` stands
+    /// where the search starts.
     #[inline]
     fn search(
         &self,
         target: &Target<N>,
-        start: Place,
+        ahead: &mut Stance<N>,
         effort: &mut Effort,
         end: &mut End<N>,
     ) -> Result<Certificate, Fault> {
-        let motion = if self.moving {
-            self.motion(&self.target(&self.joints_at(&start)?)?, target)
-        } else {
-            None
-        };
+        // Where the search starts, if that is not where `ahead` stays.
+        let mut start = None;
+        let mut motion = None;
+        if self.moving {
+            motion = self.motion(&self.target(&self.joints_at(&ahead.place)?)?, target);
+            start = Some(ahead.place);
+            ahead.place = self.taken_along(&ahead.place, motion.as_ref());
+        }
         effort.spend()?;
-        let mut ahead = Stance::new(self.taken_along(&start, motion.as_ref()));
-        let h_whole = match self.settle(target, &mut ahead) {
+        let h_whole = match self.settle(target, ahead) {
             Ok(()) => {
                 let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, motion.as_ref());
                 if first.h <= CERTIFIED {
-                    return self.near(target, &Ball { about: &ahead, first }, effort, end);
+                    return self.near(target, &Ball { about: ahead, first }, effort, end);
                 }
                 first.h
             }
@@ -199,14 +212,14 @@ impl<const N: usize> Mechanism<N> {
             Err(_) if self.moving => f64::INFINITY,
             Err(fault) => return Err(fault),
         };
-        ahead.place = self.track(target, start, h_whole, effort)?;
-        self.settle(target, &mut ahead)?;
+        ahead.place = self.track(target, start.unwrap_or(ahead.place), h_whole, effort)?;
+        self.settle(target, ahead)?;
         effort.spend()?;
         let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, None);
         if !(first.h <= CERTIFIED) {
             return Err(Fault::with_value(Cause::NotCertified, first.h));
         }
-        self.near(target, &Ball { about: &ahead, first }, effort, end)
+        self.near(target, &Ball { about: ahead, first }, effort, end)
     }
 
     /// Newton's method with the exact Jacobian and no proof.

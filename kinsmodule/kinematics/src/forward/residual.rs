@@ -79,8 +79,9 @@ impl<const N: usize> Mechanism<N> {
     /// Fills a target in for its joints.
     #[inline(always)]
     pub(super) fn aim(&self, target: &mut Target<N>) -> Result<(), Fault> {
-        target.anchors = self.base;
         for i in (0..N).step_by(2) {
+            // Pair by pair: at once it would be a call of memcpy, which takes longer.
+            target.anchors.put(i, self.base.pair(i));
             put(&mut target.length, i, pair(&target.joints, i) + pair(&self.offset, i));
         }
         if !self.moving && are_above(&target.length, 0.0) && are_finite(&target.length) {
@@ -166,7 +167,13 @@ impl<const N: usize> Mechanism<N> {
     /// The place at a point of the chart about another one.
     #[inline(always)]
     pub(super) fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
-        let Displacement { shift, change } = self.displacement(place, x);
+        self.moved_by(place, x, &self.displacement(place, x))
+    }
+
+    /// The same where the displacement is known.
+    #[inline(always)]
+    pub(super) fn moved_by(&self, place: &Place, x: &[f64; 6], by: &Displacement) -> Place {
+        let Displacement { shift, change } = by;
         let centre = place.centre + shift;
         match self.chart {
             Chart::Angles => {
@@ -174,7 +181,7 @@ impl<const N: usize> Mechanism<N> {
                 Place { centre, rotation: pose.rotation(), angles: pose.angles }
             }
             Chart::Group | Chart::Level => {
-                let rotation = place.rotation + change * place.rotation;
+                let rotation = place.rotation + product(change, &place.rotation);
                 Place { centre, rotation, angles: place.angles }
             }
         }
@@ -224,13 +231,14 @@ impl<const N: usize> Mechanism<N> {
         x: &[f64; 6],
         target: &Target<N>,
         at: &mut Measured<N>,
-    ) -> Result<(), Fault> {
+    ) -> Result<Displacement, Fault> {
         let by = self.displacement(&about.place, x);
         about.at.placed.moved(&by, &mut at.placed);
         if let Some(nut) = &self.nut {
             nut.twist_from(&about.at.twist, &at.placed.directions(), &by.change, &mut at.twist);
         }
-        self.compare(target, at)
+        self.compare(target, at)?;
+        Ok(by)
     }
 
     /// A Newton step from the middle of the chart, bent as the legs' lengths are
@@ -352,6 +360,23 @@ fn parts(x: &[f64; 6]) -> [Vector3<f64>; 2] {
     let [c, d] = pair(x, 2).to_array();
     let [e, f] = pair(x, 4).to_array();
     [Vector3::new(a, b, c), Vector3::new(d, e, f)]
+}
+
+/// A B, written out: nalgebra's is a call.
+#[inline(always)]
+fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
+    let at = |i, j| a[(i, 0)] * b[(0, j)] + a[(i, 1)] * b[(1, j)] + a[(i, 2)] * b[(2, j)];
+    Matrix3::new(
+        at(0, 0),
+        at(0, 1),
+        at(0, 2),
+        at(1, 0),
+        at(1, 1),
+        at(1, 2),
+        at(2, 0),
+        at(2, 1),
+        at(2, 2),
+    )
 }
 
 /// x + share · y.
