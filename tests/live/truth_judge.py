@@ -43,6 +43,11 @@ def row(machine, ini, program, kind, outcome, flight):
     return {**told, "right": near and not unseen}
 
 
+def is_slow(told):
+    """Whether LinuxCNC ran to the end below the speed predicted."""
+    return not told["right"] and (told["ratio"] or 0) > 1 + AGREE
+
+
 def error_line(outcome):
     """The line that LinuxCNC names, else the one that moved last."""
     for text in outcome["errors"]:
