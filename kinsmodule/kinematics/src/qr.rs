@@ -362,6 +362,19 @@ mod tests {
     }
 
     #[test]
+    fn three_columns_are_open_by_their_volume_whatever_their_lengths() {
+        // Columns of lengths 4, 3 and 2, the last two at an angle of this square of a sine.
+        let is_open = |square: f64| {
+            let (sine, cosine) = (libm::sqrt(square), libm::sqrt(1.0 - square));
+            let columns =
+                [[0.0, 0.0, 4.0, 0.0], [3.0, 0.0, 0.0, 0.0], [2.0 * cosine, 0.0, 0.0, 2.0 * sine]];
+            Gram::new(&columns.each_ref(), [0.0; 3]).is_open()
+        };
+        assert!(is_open(1.0) && is_open(1.1e-6));
+        assert!(!is_open(0.9e-6) && !is_open(0.0));
+    }
+
+    #[test]
     fn a_dependent_column_is_refused() {
         let mut a = tall();
         a[5] = core::array::from_fn(|i| a[0][i] + a[1][i]);
