@@ -6,9 +6,9 @@
 //! H = (U'ᵀU')⁻¹ U'ᵀ for the turns and (TᵀT)⁻¹ Tᵀ − S H for the translations. Three by three is
 //! inverted by cofactors: everything waits for two divisions, where a column at a time has six.
 //!
-//! Rounding grows with the third power of the condition number of a triple. Where one is all but
-//! flat the factors are those of a column at a time (modified Gram-Schmidt), with rounding as the
-//! square, which Newton's method repairs at the next step.
+//! Rounding grows with the third powers of the condition numbers of the triples. Where one is at
+//! all flat the factors are those of a column at a time (modified Gram-Schmidt), with rounding as
+//! the square, which Newton's method repairs at the next step.
 //!
 //! No pivot search and no index that depends on data: bounded time. Square and tall matrices
 //! alike. The inverse is solved for once: a servo step goes through it four times.
@@ -19,9 +19,9 @@ use wide::f64x2;
 /// A column this much smaller than the largest one counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
-/// Three columns are all but flat if the square of the volume that they span is this share of what
-/// it would be at right angles: condition numbers from 1000, and some 1e-7 of rounding.
-const FLAT: f64 = 1e-6;
+/// Three columns are flat below this share of the square of the volume that they would span at
+/// right angles: beyond it rounding is about that of a column at a time (the tests tell).
+const FLAT: f64 = 0.03;
 
 /// Pseudo-inverse of A.
 pub(crate) struct Qr<const N: usize> {
@@ -57,7 +57,7 @@ struct Work<const N: usize> {
 }
 
 impl<const N: usize> Qr<N> {
-    /// To be filled by [`Self::renew`].
+    /// To be filled.
     pub const ZERO: Self = Self { inverse: [[0.0; N]; 6], inverse_norm: 0.0 };
 
     /// `None` if an active column depends on the ones before it. Columns that are not
@@ -69,7 +69,7 @@ impl<const N: usize> Qr<N> {
     }
 
     /// Factors columns in place of what was; false where [`Self::new`] gives `None`. `None` where
-    /// three of them are all but flat, for [`Self::renew_by_columns`].
+    /// three of them are flat: then all is as it was, and [`Self::renew_by_columns`] has to.
     #[inline(always)]
     pub fn renew(&mut self, active: &[bool; 6], columns: [[f64; N]; 6]) -> Option<bool> {
         let [a, b, c, d, e, f] = &columns;
@@ -105,7 +105,7 @@ impl<const N: usize> Qr<N> {
         Some(is_regular(&[a, b, c, d, e, f]))
     }
 
-    /// Factors any columns.
+    /// Factors any columns in place of what was.
     pub fn renew_by_columns(&mut self, active: &[bool; 6], columns: &[[f64; N]; 6]) -> bool {
         let mut work = Work { q: *columns, r: [[0.0; 6]; 6], squares: [0.0; 6], weight: [0.0; 6] };
         for k in 0..6 {
@@ -257,8 +257,8 @@ fn across<const N: usize>(
     rest
 }
 
-/// Whether no active column was all but a combination of those before it, by their squares; those
-/// of columns that are not active are at least 1.
+/// Whether no column has all but vanished, by the squares of what those before it left of them;
+/// columns that are not active count as 1, and the others have no unit either.
 #[inline(always)]
 fn is_regular(squares: &[f64; 6]) -> bool {
     let least = both(DEPENDENT * DEPENDENT * largest(squares));
@@ -268,6 +268,8 @@ fn is_regular(squares: &[f64; 6]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
@@ -332,33 +334,41 @@ mod tests {
     fn what_is_not_refused_is_an_inverse_or_too_large_for_any_certificate() {
         let mut rng = Pcg64::seed_from_u64(41);
         let mut draw = || rng.random::<f64>() * 2.0 - 1.0;
-        let (mut refused, mut inverted) = (0, 0);
-        for n in 0..20_000 {
-            // Each column in turn next to a combination of one to five others, or none.
+        let (mut refused, mut inverted, mut worst) = (0, 0, 0.0_f64);
+        for n in 0..40_000 {
+            // A column of each triple in turn next to a combination of others, or one of them alone.
             let mut a: [[f64; 6]; 6] = core::array::from_fn(|_| core::array::from_fn(|_| draw()));
-            let (k, others) = (n % 6, 1 + n / 6 % 5);
-            let share = libm::pow(10.0, 9.0 * (draw() - 1.0));
-            a[k] = a[k].map(|value| value * share);
-            for other in (1..=others).map(|other| (k + other) % 6) {
-                let weight = draw();
-                for i in 0..6 {
-                    a[k][i] += weight * a[other][i];
+            let mut nearest = 1.0_f64;
+            for (k, others) in [(n % 3, 1 + n / 9 % 2), (3 + n / 3 % 3, 1 + n / 18 % 5)] {
+                let share =
+                    libm::pow(10.0, 4.5 * (draw() - 1.0)) * f64::from(u8::from(n % 4 > k / 3));
+                if share == 0.0 {
+                    continue;
+                }
+                nearest = nearest.min(share);
+                a[k] = a[k].map(|value| value * share);
+                for other in
+                    (1..=others).map(|other| if k < 3 { (k + other) % 3 } else { (k + other) % 6 })
+                {
+                    let weight = draw();
+                    for i in 0..6 {
+                        a[k][i] += weight * a[other][i];
+                    }
                 }
             }
             match Qr::new(&a, &[true; 6]) {
-                // The margin of the certificates is a fifth; beyond 1e6 they refuse the pose.
-                Some(inverse) => {
-                    let is_useless = inverse.inverse_norm() > 1.5e6;
-                    assert!(is_useless || off(&a, &inverse) < 0.1, "{k} {others} {share:e}");
-                    inverted += u32::from(share < 1e-4);
+                // The margin of the certificates is a fifth: this takes a twentieth of it, a column
+                // at a time half as much. Beyond 1e6 the pose is refused.
+                Some(inverse) if inverse.inverse_norm() < 1.5e6 => {
+                    worst = worst.max(off(&a, &inverse));
+                    inverted += u32::from(nearest < 1e-4);
                 }
-                None => {
-                    assert!(share < 1e-4, "{k} {others} {share:e}");
-                    refused += 1;
-                }
+                Some(_) => {}
+                None => refused += 1,
             }
         }
-        assert!(refused > 5_000 && inverted > 1_000, "{refused} {inverted}");
+        std::println!("refused {refused}, inverted {inverted}, off by {worst:.1e}");
+        assert!(worst < 0.01 && inverted > 1_000, "{worst:e}, {inverted}");
     }
 
     #[test]
@@ -370,8 +380,8 @@ mod tests {
                 [[0.0, 0.0, 4.0, 0.0], [3.0, 0.0, 0.0, 0.0], [2.0 * cosine, 0.0, 0.0, 2.0 * sine]];
             Gram::new(&columns.each_ref(), [0.0; 3]).is_open()
         };
-        assert!(is_open(1.0) && is_open(1.1e-6));
-        assert!(!is_open(0.9e-6) && !is_open(0.0));
+        assert!(is_open(1.0) && is_open(0.031));
+        assert!(!is_open(0.029) && !is_open(0.0));
     }
 
     #[test]
