@@ -251,21 +251,22 @@ pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
         -3.653_157_274_421_691_6e-2,
         1.628_582_011_536_578_2e-2,
     ];
-    let length = (sine * sine + cosine * cosine).sqrt();
-    let base = cosine + length;
-    // Squares that vanish leave no length.
-    let within = sine.abs().simd_le(both(BROAD) * base) & length.simd_ge(cosine);
+    let square = sine * sine + cosine * cosine;
+    let base = cosine + square.sqrt();
+    // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
+    let told = square.simd_ge(both(1e-280)) & square.simd_le(both(1e300));
+    let within = told & sine.abs().simd_lt(both(BROAD) * base);
     if !within.all() {
         return sine.atan2(cosine);
     }
     let t = sine / base;
     let z = t * t;
     let [a, b, c, d, e, f, g, h, i, j, k] = ARC.map(both);
-    let square = z * z;
-    let low = (a + b * z) + square * (c + d * z);
-    let middle = (e + f * z) + square * (g + h * z);
-    let high = (i + j * z) + square * k;
-    let fourth = square * square;
+    let second = z * z;
+    let low = (a + b * z) + second * (c + d * z);
+    let middle = (e + f * z) + second * (g + h * z);
+    let high = (i + j * z) + second * k;
+    let fourth = second * second;
     let twice = t + t;
     twice - twice * z * (low + fourth * (middle + fourth * high))
 }
@@ -533,9 +534,14 @@ mod tests {
         };
         for k in -1000..=1000 {
             let (sine, cosine) = libm::sincos(f64::from(k) * 3.1415e-3);
-            for length in [1.0, 1e6, 1e-6, 1e150, 1e-150, 1e-163, 1e-200] {
+            for length in [1.0, 1e6, 1e-6, 1e150, 1e-140, 1e-155, 1e-160, 1e-200, 1e155] {
                 near(sine * length, cosine * length);
             }
+        }
+        for sine in [0.0, -0.0] {
+            near(sine, 1.0);
+            near(sine, -1.0);
+            near(sine, 0.0);
         }
         // One lane does not stand for the other.
         let apart = broad_arcs(f64x2::new([0.1, 2.0]), f64x2::new([1.0, -1.0])).to_array();
