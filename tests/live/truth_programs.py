@@ -311,7 +311,8 @@ def misplaced(config, pkm):
 
 
 def suggested(config, pkm, places):
-    begun = [config.start, "M52 P0"]
+    # Without blending, which hangs on how many moves the interpreter reads in the first cycle.
+    begun = [f"{config.start} G61", "M52 P0"]
     moves = [f"G1 F{60 * 0.5 * config.speed:.3f} {words(place)}" for place in (*places, places[0])]
     with tempfile.NamedTemporaryFile("w", suffix=".ngc") as file:
         file.write("\n".join([*begun, *moves, "M2", ""]))
