@@ -8,9 +8,7 @@ Each program is judged by `pkm preflight` and then run in LinuxCNC with drives t
 servo cycle recorded. Ends in a table: what LinuxCNC did and in which line, what was predicted, and how
 far the joint speeds predicted and recorded differ. The guard is off (M52 P0) in all of them: it would
 slow down what is to be compared. Exit code 1 where an error of LinuxCNC was not predicted with its
-line, where something was predicted that did not come, or where a peak is not as predicted. A busy
-computer makes LinuxCNC slower where the next move is not read in time, and never faster: programs whose
-peaks fall short run again, five times at most, and alone.
+line, where something was predicted that did not come, or where a peak is not as predicted.
 """
 
 import argparse
@@ -34,8 +32,6 @@ TOOLS = REPOSITORY / "target/host"
 G54 = {letter: 5221 + n for n, letter in enumerate("XYZABC")}
 STATE = ("T0 M6", "G40 G49 G54 G80 G90 G92.1 M5")
 SECONDS_A_PROGRAM = 200
-# Further runs of programs that a busy computer may have slowed down.
-TRIALS_ALONE = 5
 
 
 def prepared(folder, programs):
@@ -134,71 +130,28 @@ def parsed():
     return arguments.parse_args()
 
 
-def judged(folders, out, predicted):
-    """Rows of all programs that the folders list, by folder and program."""
-    rows = {}
-    for folder in folders:
-        file = out / folder.name / "outcomes.json"
-        outcomes = json.loads(file.read_text()) if file.exists() else {}
-        listed = json.loads((folder / "list.json").read_text())
-        ini = (folder / listed["machine"] / f"{listed['machine']}.ini").read_text()
-        for program, kind, _ in listed["programs"]:
-            rows[folder.name, program] = truth_judge.row(listed["machine"], ini, program, kind,
-                                                         outcomes.get(program),
-                                                         predicted[folder.name][program])
-    return rows
-
-
-def again(folders, rows, scratch):
-    """The folders of programs that LinuxCNC was slow in, with these programs alone."""
-    slow = []
-    for folder in folders:
-        listed = json.loads((folder / "list.json").read_text())
-        listed["programs"] = [entry for entry in listed["programs"]
-                              if truth_judge.is_slow(rows[folder.name, entry[0]])]
-        if listed["programs"]:
-            slow.append(Path(shutil.copytree(folder, scratch / folder.name)))
-            (slow[-1] / "list.json").write_text(json.dumps(listed))
-    return slow
-
-
-def accept(folders, results, out):
-    """Puts what came of further runs in the place of what was before, with the number of runs."""
-    for folder in folders:
-        file = out / folder.name / "outcomes.json"
-        outcomes = json.loads(file.read_text())
-        for program, outcome in json.loads((results / folder.name / "outcomes.json").read_text()).items():
-            outcomes[program] = {**outcome, "runs": outcomes[program].get("runs", 1) + 1}
-        file.write_text(json.dumps(outcomes, indent=1))
-
-
 def main():
     options = parsed()
     if is_unprivileged():
         return run_all(options.traces)
     out = options.out.resolve()
-    arguments = ["--traces"] if options.traces else []
-
-    def run(folders, results, lanes):
-        limit = SECONDS_A_PROGRAM * sum(len(predicted[folder.name]) for folder in folders)
-        return rerun_unprivileged("tests/live/truth.py", arguments, limit, results, folders, lanes)
-
     with tempfile.TemporaryDirectory(prefix="pkmkins-truth-") as scratch:
-        scratch = Path(scratch)
-        folders = prepared(scratch / "all", chosen(options))
+        programs = chosen(options)
+        folders = prepared(Path(scratch), programs)
         predicted = {folder.name: flights(folder) for folder in folders}
-        code = 0 if options.recorded else run(folders, out, LANES)
-        rows = judged(folders, out, predicted)
-        for trial in range(0 if options.recorded else TRIALS_ALONE):
-            slow = again(folders, rows, scratch / f"again{trial}")
-            if not slow:
-                break
-            results = out / f"again{trial}"
-            shutil.rmtree(results, ignore_errors=True)
-            code = max(code, run(slow, results, 1))
-            accept(slow, results, out)
-            rows = judged(folders, out, predicted)
-    rows = list(rows.values())
+        limit = SECONDS_A_PROGRAM * len(programs)
+        code = 0 if options.recorded else rerun_unprivileged(
+            "tests/live/truth.py", ["--traces"] if options.traces else [], limit, out,
+            folders, LANES)
+        rows = []
+        for folder in folders:
+            file = out / folder.name / "outcomes.json"
+            outcomes = json.loads(file.read_text()) if file.exists() else {}
+            listed = json.loads((folder / "list.json").read_text())
+            ini = (folder / listed["machine"] / f"{listed['machine']}.ini").read_text()
+            rows += [truth_judge.row(listed["machine"], ini, program, kind, outcomes.get(program),
+                                     predicted[folder.name][program])
+                     for program, kind, _ in listed["programs"]]
     (out / "rows.json").write_text(json.dumps(rows, indent=1))
     print(truth_judge.table(rows))
     print(truth_judge.summary(rows))

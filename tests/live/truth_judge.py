@@ -43,11 +43,6 @@ def row(machine, ini, program, kind, outcome, flight):
     return {**told, "right": near and not unseen}
 
 
-def is_slow(told):
-    """Whether LinuxCNC ran to the end below the speed predicted."""
-    return not told["right"] and (told["ratio"] or 0) > 1 + AGREE
-
-
 def error_line(outcome):
     """The line that LinuxCNC names, else the one that moved last."""
     for text in outcome["errors"]:
@@ -58,7 +53,7 @@ def error_line(outcome):
 
 def said(outcome):
     if not outcome["errors"]:
-        return f"runs, the {outcome['runs']}. time" if "runs" in outcome else "runs"
+        return "runs"
     return f"{error_line(outcome)}: {outcome['errors'][0]}"
 
 
@@ -113,7 +108,7 @@ def table(rows):
 def summary(rows):
     compared = [told["ratio"] for told in rows if told["ratio"] is not None]
     near = sum(abs(ratio - 1) <= AGREE for ratio in compared)
-    stopped = [told for told in rows if told["linuxcnc"] and not told["linuxcnc"].startswith("runs")]
+    stopped = [told for told in rows if told["linuxcnc"] not in ("", "runs")]
     return (f"truth: {len(rows)} programs; {len(stopped)} stopped by LinuxCNC, "
             f"{sum(told['missed'] for told in rows)} of them not predicted with their line; "
             f"{sum(told['alarm'] for told in rows)} false alarms; peaks of {len(compared)} compared, "
