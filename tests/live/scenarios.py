@@ -42,7 +42,7 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     recorder.start()
     machine.home()
     machine.component["phase"] = 1
-    # The judge takes the drives' zeros from here: after 0.2 s the last to home was 3e-6 mm off.
+    # The judge takes the drives' zeros from here: after 0.2 s one was 3e-6 mm off once.
     machine.pause(1)
     machine.world_mode()
     expect_home(machine)
