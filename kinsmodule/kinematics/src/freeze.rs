@@ -57,6 +57,7 @@ impl Frozen<'_> {
             active,
             holds: Letter::ALL.iter().any(|letter| layout.is_held(*letter)),
             moving: false,
+            plain: false,
             legs: [Leg::Strut; N],
             base,
             arms: Lanes3::from_fn(|i| Vector3::from(leg(i).platform) - reference),
@@ -65,6 +66,7 @@ impl Frozen<'_> {
             nut: self.nut()?,
             size,
             radius,
+            per_radius: 1.0 / radius,
             s1: [0.0; N],
             s2: [0.0; N],
             present: core::array::from_fn(|i| f64::from(u8::from(i < layout.legs()))),
@@ -74,6 +76,8 @@ impl Frozen<'_> {
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
             mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
+        // What the legs move no table does: these are all joints.
+        mechanism.plain = layout.legs() == N && active == [true; 6] && !mechanism.moving;
         self.refuse_far(size)?;
         mechanism.bound_anchors(angles);
         if let Some(home) = self.geometry.home {

@@ -2,13 +2,17 @@
 //! Inverse kinematics: pose to joints.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_above, are_finite, both, dot, pair, put};
+use crate::lanes::{Lanes3, are_between, are_finite, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::machine::{Mechanism, Place, Placed, Segment};
 use crate::nut::{Nut, Turns};
-use crate::pose::{Pose, Trigonometry};
+use crate::pose::{FLAT, Pose, Trigonometry};
 use nalgebra::Vector3;
+
+/// Lengths up to here need no check of what is made of them: their fourth powers are still within
+/// f64's range, and leads and offsets are bounded where a machine is frozen.
+const HUGE: f64 = 1e70;
 
 /// A pose as the legs see it.
 pub(crate) struct Stand {
@@ -34,24 +38,25 @@ impl<const N: usize> Mechanism<N> {
         tool: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        pose.check()?;
-        self.check_tool(tool)?;
-        if self.holds || self.moving {
-            return self.inverse_of_any(*pose, tool, joints);
+        if self.plain && (pose.within(FLAT) & self.within_reach(tool)).all() {
+            // All of it is done within registers, one pair of struts after the other.
+            let rotation = pose.flat_trigonometry().rotation();
+            let centre = self.point(&pose.position, &rotation, tool);
+            let place = Place { rotation, centre, angles: pose.angles };
+            let struts = match &self.nut {
+                Some(nut) => self.corrected_struts(nut, &place),
+                None => self.struts(&place),
+            };
+            if let (Some(struts), Some(joints)) = (struts, joints.first_chunk_mut::<N>()) {
+                *joints = self.joints_of_lengths(&struts);
+                return Ok(());
+            }
         }
-        // What remains is done within registers, one pair of struts after the other.
-        let stand = self.standing(pose, &pose.trigonometry(), tool);
-        let legs = match &self.nut {
-            Some(nut) => self.corrected_struts(nut, &stand.place),
-            None => self.struts(&stand.place),
-        };
-        match legs {
-            Some(legs) => self.write_joints(&legs, &stand.point, joints),
-            None => self.inverse_of_any(*pose, tool, joints),
-        }
+        // Copies: what a call has the address of stands in memory even where it is not made.
+        self.inverse_of_any(*pose, *tool, joints)
     }
 
-    /// Joints of struts without nut corrections; `None` where any has no length.
+    /// Lengths of struts without nut corrections; `None` where any has none, or a huge one.
     #[inline(always)]
     fn struts(&self, place: &Place) -> Option<[f64; N]> {
         let mut length = [0.0; N];
@@ -59,10 +64,10 @@ impl<const N: usize> Mechanism<N> {
             let [_, span] = self.leg(&self.base, place, i);
             put(&mut length, i, dot(&span, &span).sqrt());
         }
-        are_above(&length, self.least_length()).then(|| self.joints_of_lengths(&length))
+        are_between(&length, self.least_length(), HUGE).then_some(length)
     }
 
-    /// Joints of struts with their corrections; `None` where any has no length or no twist.
+    /// Lengths of struts with their corrections; `None` as well where any has no twist.
     #[inline(always)]
     fn corrected_struts(&self, nut: &Nut<N>, place: &Place) -> Option<[f64; N]> {
         let mut length = [0.0; N];
@@ -74,27 +79,29 @@ impl<const N: usize> Mechanism<N> {
             defined &= nut.turn(i, (&span, lengths), &place.rotation, &mut turns);
             put(&mut length, i, lengths);
         }
-        let sound = are_above(&length, self.least_length()) && defined.all();
+        let sound = are_between(&length, self.least_length(), HUGE) && defined.all();
         // A loop of its own: long chains that do not depend on each other overlap.
         for i in (0..N).step_by(2) {
             let corrected = pair(&length, i) + nut.correction(i, &turns);
             put(&mut length, i, corrected);
         }
-        sound.then(|| self.joints_of_lengths(&length))
+        sound.then_some(length)
     }
 
-    /// The same for a checked pose and any kind of machine.
+    /// The same for any pose and any kind of machine.
     #[inline(never)]
     fn inverse_of_any(
         &self,
         mut pose: Pose,
-        tool: &Vector3<f64>,
+        tool: Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
+        pose.check()?;
+        self.check_tool(&tool)?;
         if self.holds {
             pose = self.held(&pose, true)?;
         }
-        let stand = self.standing(&pose, &pose.trigonometry(), tool);
+        let stand = self.standing(&pose, &pose.trigonometry(), &tool);
         self.write_joints(&self.joints_at(&stand.place)?, &stand.point, joints)
     }
 
@@ -109,7 +116,6 @@ impl<const N: usize> Mechanism<N> {
         Ok(joints)
     }
 
-    #[inline(always)]
     fn write_joints(
         &self,
         legs: &[f64; N],
@@ -120,11 +126,7 @@ impl<const N: usize> Mechanism<N> {
         if !(are_finite(legs) && (!table || (point * 0.0).sum() == 0.0)) {
             return Err(self.not_finite(*legs, *point));
         }
-        match joints.first_chunk_mut::<N>() {
-            // A copy of known length is no call.
-            Some(all) if self.count() == N => *all = *legs,
-            _ => self.of_first_legs(*legs, joints),
-        }
+        self.of_first_legs(*legs, joints);
         if table {
             self.of_table(*point, joints);
         }
@@ -281,5 +283,69 @@ impl<const N: usize> Mechanism<N> {
             out[i] = lanes[i] * self.present[i];
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::tests::random;
+    use crate::freeze::Frozen;
+    use crate::geometry::{Geometry, LegGeometry};
+    use crate::layout::Letters;
+    use crate::leg::StrutGeometry;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    /// Six struts between random anchors, with screws or without.
+    fn struts(rng: &mut Pcg64, screws: bool, coordinates: &[u8], table: &[u8]) -> Mechanism<6> {
+        let mut vector = |size: f64| core::array::from_fn(|_| random(rng, -size, size));
+        let legs: [_; 6] = core::array::from_fn(|_| {
+            let lead = if screws { 10.0 } else { 0.0 };
+            let (base_axis, platform_axis) = (vector(1.0), vector(1.0));
+            let screw = StrutGeometry { base_axis, platform_axis, lead };
+            LegGeometry::strut(vector(500.0), vector(200.0), screw)
+        });
+        let [coordinates, table] = [coordinates, table].map(|text| Letters::parse(text).unwrap());
+        let geometry = Geometry::new(&legs, coordinates, table).unwrap();
+        let offset = core::array::from_fn(|i| 10.0 * i as f64);
+        Frozen { geometry: &geometry, offset: &offset }.mechanism().expect("a machine")
+    }
+
+    #[test]
+    fn plain_machines_get_within_registers_what_all_machines_get() {
+        let mut rng = Pcg64::seed_from_u64(31);
+        for round in 0..500 {
+            let machine = struts(&mut rng, round % 2 == 0, b"XYZABC", b"");
+            let mut value = |size: f64| random(&mut rng, -size, size);
+            let tool = Vector3::from_fn(|_, _| value(50.0));
+            // Within 45 degrees and beyond; and so far that no length is short of checks.
+            let far = if round % 10 == 0 { 1e75 } else { 900.0 };
+            let pose = Pose {
+                position: Vector3::new(value(100.0), value(100.0), far),
+                angles: Vector3::from_fn(|_, _| value(0.9)),
+            };
+            let (mut quick, mut general) = ([f64::NAN; 6], [f64::NAN; 6]);
+            let told = [
+                machine.inverse(&pose, &tool, &mut quick),
+                machine.inverse_of_any(pose, tool, &mut general),
+            ];
+            assert_eq!(told[0], told[1]);
+            for (quick, general) in quick.into_iter().zip(general) {
+                // Roundings of lengths of some 1000 (1e-13 each), and of arcs that a strut next
+                // to its joint axis (1e-3) makes 1000 times as large.
+                let same = (quick - general).abs() <= 1e-9 + 1e-15 * general.abs();
+                assert!(same || told[0].is_err(), "{pose:?}: {quick} {general}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_struts_that_move_all_coordinates_are_plain() {
+        let mut rng = Pcg64::seed_from_u64(32);
+        let mut is_plain = |coordinates, table| struts(&mut rng, false, coordinates, table).plain;
+        assert!(is_plain(b"XYZABC", b""));
+        assert!(!is_plain(b"XYZAB", b""));
+        assert!(!is_plain(b"YZABC", b"X"));
     }
 }

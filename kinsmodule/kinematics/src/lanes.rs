@@ -126,6 +126,19 @@ pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     above.all()
 }
 
+/// Whether all lanes are above `least`, and the sums of even and of odd ones at most `most`; NaN
+/// is not.
+#[inline(always)]
+pub(crate) fn are_between<const N: usize>(lanes: &[f64; N], least: f64, most: f64) -> bool {
+    let mut sum = pair(lanes, 0);
+    let mut above = sum.simd_gt(both(least));
+    for i in (2..N).step_by(2) {
+        above &= pair(lanes, i).simd_gt(both(least));
+        sum += pair(lanes, i);
+    }
+    (above & sum.simd_le(both(most))).all()
+}
+
 /// N vectors, component by component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(16))]
@@ -207,6 +220,21 @@ mod tests {
             assert!(!are_within(&changed(place, 2.25), 2.0), "{place}");
             assert!(!are_within(&changed(place, -2.25), 2.0), "{place}");
             assert!(!are_above(&changed(place, -2.75), -2.5), "{place}");
+        }
+    }
+
+    #[test]
+    fn each_lane_alone_and_their_sums_decide_whether_all_are_between() {
+        let lanes = [1.0, 2.0, 0.5, 1.5, 1.0, 3.0];
+        // Sums of 2.5 and 6.5.
+        assert!(are_between(&lanes, 0.25, 6.5) && !are_between(&lanes, 0.25, 6.25));
+        assert!(!are_between(&lanes, 0.5, 6.5), "nothing is above itself");
+        for place in 0..6 {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.25, 7.0] {
+                let mut lanes = lanes;
+                lanes[place] = bad;
+                assert!(!are_between(&lanes, 0.25, 6.5), "{place}: {bad}");
+            }
         }
     }
 

@@ -298,6 +298,8 @@ pub(crate) struct Mechanism<const N: usize> {
     pub holds: bool,
     /// Whether any leg is not a strut: its base anchor moves, or its length bends.
     pub moving: bool,
+    /// Whether all lanes are struts, and move all coordinates.
+    pub plain: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.
     pub base: Lanes3<N>,
@@ -314,6 +316,8 @@ pub(crate) struct Mechanism<const N: usize> {
     pub size: f64,
     /// Root mean square distance of the platform anchors from their centroid.
     pub radius: f64,
+    /// 1 over the radius.
+    pub per_radius: f64,
     /// Per leg √(1 + m (|arm|/radius)²), m = active angles (1 for the group): bound of
     /// the platform anchor's speed.
     pub s1: [f64; N],
@@ -423,7 +427,7 @@ impl<const N: usize> Placed<N> {
     #[inline(always)]
     fn curved(&self, i: usize) -> f64x2 {
         // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
-        both(1.0) / pair(&self.length, i).max(both(f64::MIN_POSITIVE))
+        both(1.0) / pair(&self.length, i).fast_max(both(f64::MIN_POSITIVE))
     }
 }
 
@@ -458,8 +462,7 @@ impl<const N: usize> Mechanism<N> {
     /// Refuses a tool vector that no pose may be computed with.
     #[inline]
     pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
-        let most = FARTHEST * self.size;
-        if tool.x.abs() <= most && tool.y.abs() <= most && tool.z.abs() <= most {
+        if self.within_reach(tool).all() {
             return Ok(());
         }
         let largest = tool.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
@@ -467,6 +470,14 @@ impl<const N: usize> Mechanism<N> {
             true => Err(Fault::with_value(Cause::ToolTooLong, largest)),
             false => Err(Cause::ToolNotFinite.into()),
         }
+    }
+
+    /// Whether a tool vector is neither too long nor NaN, as a mask: both lanes have to say so.
+    #[inline(always)]
+    pub fn within_reach(&self, tool: &Vector3<f64>) -> f64x2 {
+        let most = both(FARTHEST * self.size);
+        let plane = f64x2::new([tool.x, tool.y]).abs().simd_le(most);
+        plane & both(tool.z).abs().simd_le(most)
     }
 
     /// The reference point in base, legs and table together, for a pose with rotation `r`:
@@ -602,7 +613,7 @@ impl<const N: usize> Mechanism<N> {
         if self.chart == Chart::Angles {
             self.of_angles(columns, place);
         }
-        let inverse = both(1.0 / self.radius);
+        let inverse = both(self.per_radius);
         for column in &mut columns[3..] {
             for i in (0..N).step_by(2) {
                 put(column, i, pair(column, i) * inverse);

@@ -193,8 +193,8 @@ impl<const N: usize> Nut<N> {
         put(&mut turns.sine, i, sine);
         put(&mut turns.cosine, i, cosine);
         put(&mut turns.gain, i, gain);
-        let least = both(MIN_SIN_SQUARED) * square;
-        (square - alpha * alpha).simd_ge(least) & (square - beta * beta).simd_ge(least)
+        let most = both(1.0 - MIN_SIN_SQUARED) * square;
+        (alpha * alpha).simd_le(most) & (beta * beta).simd_le(most)
     }
 
     /// Lengths to add to struts i and i + 1.

@@ -15,6 +15,9 @@ const RADIANS: f64 = core::f64::consts::PI / 180.0;
 /// and an angle has lost its meaning.
 const MAX_ANGLE_DEG: f64 = 1e6;
 
+/// Angles up to which sines and cosines are short polynomials, in radians.
+pub(crate) const FLAT: f64 = FRAC_PI_4;
+
 /// cos B below which rounding decides C.
 const GIMBAL_COS: f64 = 1e-12;
 
@@ -46,7 +49,7 @@ impl Pose {
 
     /// Whether all six components are finite.
     pub fn is_finite(&self) -> bool {
-        self.position.iter().chain(self.angles.iter()).all(|v| v.is_finite())
+        self.within(f64::MAX).all()
     }
 
     /// Orientation: base from platform.
@@ -66,16 +69,21 @@ impl Pose {
     /// Refuses what no call may compute with.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
-        let Self { position: p, angles: a } = self;
-        let (finite, most) = (f64::MAX, MAX_ANGLE_DEG * RADIANS);
-        let within = f64x2::new([p.x, p.y]).abs().simd_le(both(finite))
-            & f64x2::new([p.z, a.x]).abs().simd_le(f64x2::new([finite, most]))
-            & f64x2::new([a.y, a.z]).abs().simd_le(both(most));
-        if within.all() {
+        if self.within(MAX_ANGLE_DEG * RADIANS).all() {
             return Ok(());
         }
         // A copy: what a call has the address of stands in memory even where it is not made.
         { *self }.refused()
+    }
+
+    /// Whether all is finite, and no angle beyond `most`, as a mask: both lanes have to say so.
+    #[inline(always)]
+    pub(crate) fn within(&self, most: f64) -> f64x2 {
+        let Self { position: p, angles: a } = self;
+        let finite = f64::MAX;
+        f64x2::new([p.x, p.y]).abs().simd_le(both(finite))
+            & f64x2::new([p.z, a.x]).abs().simd_le(f64x2::new([finite, most]))
+            & f64x2::new([a.y, a.z]).abs().simd_le(both(most))
     }
 
     #[cold]
@@ -93,14 +101,19 @@ impl Pose {
 
     #[inline(always)]
     pub(crate) fn trigonometry(&self) -> Trigonometry {
-        let a = &self.angles;
-        if !((a.x.abs() <= FRAC_PI_4) & (a.y.abs() <= FRAC_PI_4) & (a.z.abs() <= FRAC_PI_4)) {
-            return { *self }.steep_trigonometry();
+        if self.within(FLAT).all() {
+            return self.flat_trigonometry();
         }
+        { *self }.steep_trigonometry()
+    }
+
+    /// The same for angles up to [`FLAT`].
+    #[inline(always)]
+    pub(crate) fn flat_trigonometry(&self) -> Trigonometry {
+        let a = &self.angles;
         let (sines, cosines) = short_sincos(f64x2::new([a.x, a.y]));
         let ([sa, sb], [ca, cb]) = (sines.to_array(), cosines.to_array());
-        let (sine, cosine) = short_sincos(both(a.z));
-        let ([sc, _], [cc, _]) = (sine.to_array(), cosine.to_array());
+        let [sc, cc] = short_sincos_of_one(a.z).to_array();
         Trigonometry { sa, ca, sb, cb, sc, cc }
     }
 
@@ -280,43 +293,41 @@ fn short_arc(t: f64x2) -> f64x2 {
     t - t * u * tail
 }
 
-/// Sines and cosines of two angles up to π/4, to less than one unit in the last place: half the
+/// Terms of the sine, x + x³ (t₀ + t₁ x² + …), and of the cosine, 1 − x²/2 + x⁴ (t₀ + …), for
+/// angles up to π/4. They are those of FreeBSD's msun (k_sin.c, k_cos.c), which libm has as well.
+const TERMS: [[f64; 2]; 6] = [
+    [-1.666_666_666_666_663_2e-1, 4.166_666_666_666_66e-2],
+    [8.333_333_333_322_49e-3, -1.388_888_888_887_411e-3],
+    [-1.984_126_982_985_795e-4, 2.480_158_728_947_673e-5],
+    [2.755_731_370_707_006_8e-6, -2.755_731_435_139_066_3e-7],
+    [-2.505_076_025_340_686_3e-8, 2.087_572_321_298_175e-9],
+    [1.589_690_995_211_55e-10, -1.135_964_755_778_819_5e-11],
+];
+
+/// Sines and cosines of two angles up to π/4, to about one unit in the last place: half the
 /// work of two calls of libm.
-///
-/// The polynomials are those of FreeBSD's msun (k_sin.c, k_cos.c), which libm has as well.
 #[inline(always)]
 fn short_sincos(x: f64x2) -> (f64x2, f64x2) {
-    const SINE: [f64; 6] = [
-        -1.666_666_666_666_663_2e-1,
-        8.333_333_333_322_49e-3,
-        -1.984_126_982_985_795e-4,
-        2.755_731_370_707_006_8e-6,
-        -2.505_076_025_340_686_3e-8,
-        1.589_690_995_211_55e-10,
-    ];
-    const COSINE: [f64; 6] = [
-        4.166_666_666_666_66e-2,
-        -1.388_888_888_887_411e-3,
-        2.480_158_728_947_673e-5,
-        -2.755_731_435_139_066_3e-7,
-        2.087_572_321_298_175e-9,
-        -1.135_964_755_778_819_5e-11,
-    ];
     let z = x * x;
-    let half = both(0.5) * z;
-    let rest = both(1.0) - half;
-    let rounded = (both(1.0) - rest) - half;
-    (x + z * x * polynomial(&SINE, z), rest + (rounded + z * z * polynomial(&COSINE, z)))
+    let sine = z * x * polynomial(TERMS.map(|[sine, _]| both(sine)), z);
+    let cosine = z * z * polynomial(TERMS.map(|[_, cosine]| both(cosine)), z);
+    (x + sine, both(1.0) + (cosine - both(0.5) * z))
+}
+
+/// Sine and cosine of one angle, side by side.
+#[inline(always)]
+fn short_sincos_of_one(x: f64) -> f64x2 {
+    let z = both(x * x);
+    let [square, _] = z.to_array();
+    let tail = z * f64x2::new([x, square]) * polynomial(TERMS.map(f64x2::new), z);
+    f64x2::new([x, 1.0]) + (tail - f64x2::new([0.0, 0.5]) * z)
 }
 
 /// Sum of t_k z^k, in pairs of terms: whoever asks for it waits.
 #[inline(always)]
-fn polynomial(t: &[f64; 6], z: f64x2) -> f64x2 {
+fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
     let square = z * z;
-    let low = both(t[0]) + both(t[1]) * z;
-    let middle = both(t[2]) + both(t[3]) * z;
-    let high = both(t[4]) + both(t[5]) * z;
-    low + square * (middle + square * high)
+    (a + b * z) + square * ((c + d * z) + square * (e + f * z))
 }
 
 /// Rotation vector (axis times angle) of `r`, angle in [0, π].
@@ -595,6 +606,7 @@ mod tests {
                 let unit = |value: f64| value.abs() * f64::EPSILON;
                 assert!((sine - exact_sine).abs() <= unit(exact_sine), "{angle}");
                 assert!((cosine - exact_cosine).abs() <= unit(exact_cosine), "{angle}");
+                assert_eq!(short_sincos_of_one(angle).to_array(), [sine, cosine]);
             }
         }
     }

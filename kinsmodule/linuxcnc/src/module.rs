@@ -128,6 +128,7 @@ impl Module {
     ///
     /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the first call of all freezes the geometry.
+    #[inline(always)]
     pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
         let timed = self.report.monitored && self.guard.expects_inverse();
         let begin = clocks_if(timed);
@@ -147,7 +148,7 @@ impl Module {
     fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
-        if request == tool {
+        if self.tool.has(&request) {
             return frozen.machine.inverse_into(pose, &tool, joints);
         }
         let tool = self.tool_instead_of(frozen, request)?;
@@ -446,7 +447,7 @@ impl Module {
     fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
         let request = self.pins.tool(frozen.given.spindle_offset);
-        if request == tool {
+        if self.tool.has(&request) {
             return Ok(tool);
         }
         self.tool_instead_of(frozen, request)
@@ -536,7 +537,7 @@ impl Module {
     fn retool_for_forward(&mut self) -> Result<(), Fault> {
         self.calls.forward = self.calls.forward.saturating_add(1);
         let request = self.pins.tool(self.frozen()?.given.spindle_offset);
-        if request == self.tool.offset() {
+        if self.tool.has(&request) {
             return Ok(());
         }
         self.retool_if_asked(request)

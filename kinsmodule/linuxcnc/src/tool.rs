@@ -135,9 +135,15 @@ impl Tool {
         !matches!(self.change, Change::None | Change::Refused { .. })
     }
 
+    /// Whether this offset is in effect.
+    #[inline(always)]
+    pub fn has(&self, request: &Vector3<f64>) -> bool {
+        *request == self.offset
+    }
+
     /// Whether this offset is in effect and nothing is left to be done about it.
     pub fn is_at(&self, request: &Vector3<f64>) -> bool {
-        matches!(self.change, Change::None) && *request == self.offset
+        matches!(self.change, Change::None) && self.has(request)
     }
 
     /// Why this request was refused, if it was.
