@@ -13,7 +13,7 @@
 //! No pivot search and no index that depends on data: bounded time. Square and tall matrices
 //! alike. The inverse is solved for once: a servo step goes through it four times.
 
-use crate::lanes::{both, inner, inners, largest, pair, put};
+use crate::lanes::{both, inner, inners, pair, put};
 use wide::f64x2;
 
 /// A column this much smaller than the largest one counts as dependent.
@@ -261,9 +261,12 @@ fn across<const N: usize>(
 /// columns that are not active count as 1, and the others have no unit either.
 #[inline(always)]
 fn is_regular(squares: &[f64; 6]) -> bool {
-    let least = both(DEPENDENT * DEPENDENT * largest(squares));
-    let longer = |i| pair(squares, i).simd_gt(least);
-    (longer(0) & longer(2) & longer(4)).all()
+    let (a, b, c) = (pair(squares, 0), pair(squares, 2), pair(squares, 4));
+    let [even, odd] = a.fast_max(b).fast_max(c).to_array();
+    let least =
+        both(DEPENDENT * DEPENDENT) * f64x2::new([even, odd]).fast_max(f64x2::new([odd, even]));
+    // Whatever became of a NaN, it is not above anything.
+    (a.simd_gt(least) & b.simd_gt(least) & c.simd_gt(least)).all()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use crate::certificate::Motion;
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_above, are_finite, both, inner, pair, put};
+use crate::lanes::{Lanes3, are_between, both, inner, pair, put};
 use crate::layout::Joints;
 use crate::machine::{Chart, Displacement, Mechanism, Place, Placed};
 use crate::nut::Twist;
@@ -84,7 +84,7 @@ impl<const N: usize> Mechanism<N> {
             target.anchors.put(i, self.base.pair(i));
             put(&mut target.length, i, pair(&target.joints, i) + pair(&self.offset, i));
         }
-        if !self.moving && are_above(&target.length, 0.0) && are_finite(&target.length) {
+        if !self.moving && are_between(&target.length, 0.0, f64::MAX) {
             return Ok(());
         }
         self.drive(target)
@@ -156,7 +156,7 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub(super) fn turn(&self, x: &[f64; 6]) -> Vector3<f64> {
         let [_, turn] = parts(x);
-        turn * (1.0 / self.radius)
+        turn * self.per_radius
     }
 
     /// Pose of the reference point at a point of the chart of angles.

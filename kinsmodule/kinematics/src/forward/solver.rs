@@ -2,10 +2,11 @@
 //! What forward is asked and what it answers: settings, solution, proof, and what one call may spend.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::are_within;
+use crate::lanes::{are_within, both};
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::pose::Pose;
 use nalgebra::Vector3;
+use wide::f64x2;
 
 /// Most linear solves that `limit_iterations` may allow.
 pub const MAX_ITERATIONS: u32 = 288;
@@ -65,7 +66,20 @@ pub struct Solution {
 }
 
 impl Solver {
+    #[inline(always)]
     pub(super) fn check(&self) -> Result<(), Fault> {
+        let limits = f64x2::new([self.convergence_criterion, self.residual_limit]);
+        // The least number above 0.
+        let least = f64x2::new([f64::from_bits(1), 0.0]);
+        let sound = limits.simd_ge(least) & limits.simd_le(both(f64::MAX));
+        if sound.all() && (1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
+            return Ok(());
+        }
+        { *self }.refused()
+    }
+
+    #[cold]
+    fn refused(self) -> Result<(), Fault> {
         if !(1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
             let value = f64::from(self.limit_iterations);
             return Err(Fault::with_value(Cause::LimitIterationsInvalid, value));
