@@ -2,7 +2,7 @@
 //! Inverse kinematics: pose to joints.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_between, are_finite, both, dot, pair, put};
+use crate::lanes::{Lanes3, are_finite, between, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::machine::{Mechanism, Place, Placed, Segment};
@@ -64,28 +64,31 @@ impl<const N: usize> Mechanism<N> {
             let [_, span] = self.leg(&self.base, place, i);
             put(&mut length, i, dot(&span, &span).sqrt());
         }
-        are_between(&length, self.least_length(), HUGE).then_some(length)
+        between(&length, self.least_length(), HUGE).all().then_some(length)
     }
 
-    /// Lengths of struts with their corrections; `None` as well where any has no twist.
+    /// Lengths of struts with their corrections; `None` as well where any has no twist, or a large
+    /// one.
     #[inline(always)]
     fn corrected_struts(&self, nut: &Nut<N>, place: &Place) -> Option<[f64; N]> {
         let mut length = [0.0; N];
         let mut turns = Turns::ZERO;
-        let mut defined = both(0.0).simd_eq(both(0.0));
+        let mut sound = both(0.0).simd_eq(both(0.0));
         for i in (0..N).step_by(2) {
             let [_, span] = self.leg(&self.base, place, i);
             let lengths = dot(&span, &span).sqrt();
-            defined &= nut.turn(i, (&span, lengths), &place.rotation, &mut turns);
+            sound &= nut.turn(i, (&span, lengths), &place.rotation, &mut turns);
             put(&mut length, i, lengths);
         }
-        let sound = are_between(&length, self.least_length(), HUGE) && defined.all();
+        sound &= between(&length, self.least_length(), HUGE);
         // A loop of its own: long chains that do not depend on each other overlap.
         for i in (0..N).step_by(2) {
-            let corrected = pair(&length, i) + nut.correction(i, &turns);
+            let (correction, told) = nut.correction(i, &turns);
+            sound &= told;
+            let corrected = pair(&length, i) + correction;
             put(&mut length, i, corrected);
         }
-        sound.then_some(length)
+        sound.all().then_some(length)
     }
 
     /// The same for any pose and any kind of machine.

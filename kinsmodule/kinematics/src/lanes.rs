@@ -126,17 +126,17 @@ pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     above.all()
 }
 
-/// Whether all lanes are above `least`, and the sums of even and of odd ones at most `most`; NaN
-/// is not.
+/// Whether all lanes are above `least`, and the sums of even and of odd ones at most `most`, as a
+/// mask: both lanes of it have to say so. NaN is not.
 #[inline(always)]
-pub(crate) fn are_between<const N: usize>(lanes: &[f64; N], least: f64, most: f64) -> bool {
+pub(crate) fn between<const N: usize>(lanes: &[f64; N], least: f64, most: f64) -> f64x2 {
     let mut sum = pair(lanes, 0);
     let mut above = sum.simd_gt(both(least));
     for i in (2..N).step_by(2) {
         above &= pair(lanes, i).simd_gt(both(least));
         sum += pair(lanes, i);
     }
-    (above & sum.simd_le(both(most))).all()
+    above & sum.simd_le(both(most))
 }
 
 /// N vectors, component by component.
@@ -227,6 +227,7 @@ mod tests {
     fn each_lane_alone_and_their_sums_decide_whether_all_are_between() {
         let lanes = [1.0, 2.0, 0.5, 1.5, 1.0, 3.0];
         // Sums of 2.5 and 6.5.
+        let are_between = |lanes: &[f64; 6], least, most| between(lanes, least, most).all();
         assert!(are_between(&lanes, 0.25, 6.5) && !are_between(&lanes, 0.25, 6.25));
         assert!(!are_between(&lanes, 0.5, 6.5), "nothing is above itself");
         for place in 0..6 {

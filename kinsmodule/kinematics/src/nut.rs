@@ -20,7 +20,7 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
-use crate::pose::{arcs, broad_arcs};
+use crate::pose::{arcs, arcs_by_half, broad_arcs};
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
@@ -197,10 +197,12 @@ impl<const N: usize> Nut<N> {
         (alpha * alpha).simd_le(most) & (beta * beta).simd_le(most)
     }
 
-    /// Lengths to add to struts i and i + 1.
+    /// Lengths to add to struts i and i + 1, and a mask of those that are told: twists of more
+    /// than 47° are not.
     #[inline(always)]
-    pub fn correction(&self, i: usize, turns: &Turns<N>) -> f64x2 {
-        pair(&turns.gain, i) * broad_arcs(pair(&turns.sine, i), pair(&turns.cosine, i))
+    pub fn correction(&self, i: usize, turns: &Turns<N>) -> (f64x2, f64x2) {
+        let (arcs, told) = arcs_by_half(pair(&turns.sine, i), pair(&turns.cosine, i));
+        (pair(&turns.gain, i) * arcs, told)
     }
 
     /// All of a twist but platform axes, which it has, and arc.

@@ -245,12 +245,20 @@ pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
 /// tan of half the angle up to which [`broad_arcs`] needs one polynomial: 47.3°.
 const BROAD: f64 = 7.0 / 16.0;
 
-/// atan2 of two directions that mostly are within 47° of (0, 1), by half their angle.
+/// atan2 of two directions that mostly are within 47° of (0, 1).
+#[inline(always)]
+pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+    let (arcs, told) = arcs_by_half(sine, cosine);
+    if told.all() { arcs } else { sine.atan2(cosine) }
+}
+
+/// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
+/// tells.
 ///
 /// The polynomial is that of FreeBSD's msun (s_atan.c), which libm has as well; what the two say
 /// differs by some units in the last place.
 #[inline(always)]
-pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     const ARC: [f64; 11] = [
         3.333_333_333_333_293e-1,
         -1.999_999_999_987_648_3e-1,
@@ -267,11 +275,9 @@ pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     let square = sine * sine + cosine * cosine;
     let base = cosine + square.sqrt();
     // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
-    let told = square.simd_ge(both(1e-280)) & square.simd_le(both(1e300));
-    let within = told & sine.abs().simd_lt(both(BROAD) * base);
-    if !within.all() {
-        return sine.atan2(cosine);
-    }
+    let told = square.simd_ge(both(1e-280))
+        & square.simd_le(both(1e300))
+        & sine.abs().simd_lt(both(BROAD) * base);
     let t = sine / base;
     let z = t * t;
     let [a, b, c, d, e, f, g, h, i, j, k] = ARC.map(both);
@@ -281,7 +287,7 @@ pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     let high = (i + j * z) + second * k;
     let fourth = second * second;
     let twice = t + t;
-    twice - twice * z * (low + fourth * (middle + fourth * high))
+    (twice - twice * z * (low + fourth * (middle + fourth * high)), told)
 }
 
 #[inline(always)]

@@ -3,7 +3,7 @@
 
 use crate::certificate::Motion;
 use crate::fault::{Cause, Fault};
-use crate::lanes::{Lanes3, are_between, both, inner, pair, put};
+use crate::lanes::{Lanes3, between, both, inner, pair, put};
 use crate::layout::Joints;
 use crate::machine::{Chart, Displacement, Mechanism, Place, Placed};
 use crate::nut::Twist;
@@ -84,7 +84,7 @@ impl<const N: usize> Mechanism<N> {
             target.anchors.put(i, self.base.pair(i));
             put(&mut target.length, i, pair(&target.joints, i) + pair(&self.offset, i));
         }
-        if !self.moving && are_between(&target.length, 0.0, f64::MAX) {
+        if !self.moving && between(&target.length, 0.0, f64::MAX).all() {
             return Ok(());
         }
         self.drive(target)
