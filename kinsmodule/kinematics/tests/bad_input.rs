@@ -446,11 +446,11 @@ fn offsets_and_centres_beyond_a_million_machines_are_refused() {
 
 #[test]
 fn a_tool_longer_than_a_million_machines_is_refused() {
-    let case = four_rod_lathe();
-    let joints = case.joints(&case.home);
-    let most = 1e6 * case.machine.size();
-    for k in 0..3 {
-        for sign in [1.0, -1.0] {
+    let [hexapod, _] = hexapods();
+    for case in [four_rod_lathe(), hexapod] {
+        let joints = case.joints(&case.home);
+        let most = 1e6 * case.machine.size();
+        for (k, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
             let mut tool = Vector3::zeros();
             tool[k] = sign * most;
             assert_eq!(case.machine.check_tool(&tool), Ok(()));
