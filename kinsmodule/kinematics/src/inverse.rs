@@ -300,26 +300,35 @@ mod tests {
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 
-    /// Six struts between random anchors, with screws or without.
-    fn struts(rng: &mut Pcg64, screws: bool, coordinates: &[u8], table: &[u8]) -> Mechanism<6> {
+    /// Struts between random anchors, with screws or without.
+    fn struts<const N: usize>(
+        rng: &mut Pcg64,
+        (count, screws): (usize, bool),
+        [coordinates, table]: [&[u8]; 2],
+    ) -> Mechanism<N> {
         let mut vector = |size: f64| core::array::from_fn(|_| random(rng, -size, size));
-        let legs: [_; 6] = core::array::from_fn(|_| {
+        let legs: [_; N] = core::array::from_fn(|_| {
             let lead = if screws { 10.0 } else { 0.0 };
             let (base_axis, platform_axis) = (vector(1.0), vector(1.0));
             let screw = StrutGeometry { base_axis, platform_axis, lead };
             LegGeometry::strut(vector(500.0), vector(200.0), screw)
         });
         let [coordinates, table] = [coordinates, table].map(|text| Letters::parse(text).unwrap());
-        let geometry = Geometry::new(&legs, coordinates, table).unwrap();
+        let geometry = Geometry::new(&legs[..count], coordinates, table).unwrap();
         let offset = core::array::from_fn(|i| 10.0 * i as f64);
         Frozen { geometry: &geometry, offset: &offset }.mechanism().expect("a machine")
+    }
+
+    /// Six of them that move everything.
+    fn hexapod(rng: &mut Pcg64, screws: bool) -> Mechanism<6> {
+        struts(rng, (6, screws), [b"XYZABC", b""])
     }
 
     #[test]
     fn plain_machines_get_within_registers_what_all_machines_get() {
         let mut rng = Pcg64::seed_from_u64(31);
         for round in 0..500 {
-            let machine = struts(&mut rng, round % 2 == 0, b"XYZABC", b"");
+            let machine = hexapod(&mut rng, round % 2 == 0);
             let mut value = |size: f64| random(&mut rng, -size, size);
             let tool = Vector3::from_fn(|_, _| value(50.0));
             // Within 45 degrees and far beyond; and so far away that lengths are not told.
@@ -345,11 +354,24 @@ mod tests {
     }
 
     #[test]
+    fn a_slice_too_short_for_all_joints_gets_the_first_ones() {
+        let machine = hexapod(&mut Pcg64::seed_from_u64(33), false);
+        let pose = Pose { position: Vector3::new(0.0, 0.0, 900.0), angles: Vector3::zeros() };
+        let (mut all, mut some) = ([0.0; 6], [0.0; 4]);
+        machine.inverse(&pose, &Vector3::zeros(), &mut all).unwrap();
+        machine.inverse(&pose, &Vector3::zeros(), &mut some).unwrap();
+        assert_eq!(all[..4], some);
+    }
+
+    #[test]
     fn only_struts_that_move_all_coordinates_are_plain() {
         let mut rng = Pcg64::seed_from_u64(32);
-        let mut is_plain = |coordinates, table| struts(&mut rng, false, coordinates, table).plain;
-        assert!(is_plain(b"XYZABC", b""));
-        assert!(!is_plain(b"XYZAB", b""));
-        assert!(!is_plain(b"YZABC", b"X"));
+        let mut is_plain = |letters| struts::<6>(&mut rng, (6, false), letters).plain;
+        assert!(is_plain([b"XYZABC", b""]));
+        assert!(!is_plain([b"XYZAB", b""]));
+        assert!(!is_plain([b"YZABC", b"X"]));
+        // A lane that is no leg has no joint.
+        let mut is_plain = |count| struts::<8>(&mut rng, (count, false), [b"XYZABC", b""]).plain;
+        assert!(is_plain(8) && !is_plain(7));
     }
 }

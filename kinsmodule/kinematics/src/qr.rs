@@ -406,5 +406,14 @@ mod tests {
             };
             assert!(is_regular(1.1e-10) && !is_regular(0.9e-10), "{scale}");
         }
+        // Wherever the largest and the smallest stand.
+        for (largest, smallest) in (0..36).map(|k| (k / 6, k % 6)).filter(|(a, b)| a != b) {
+            let is_regular = |share: f64| {
+                let mut squares = [1e-4; 6];
+                (squares[largest], squares[smallest]) = (1.0, share * share);
+                super::is_regular(&squares)
+            };
+            assert!(is_regular(1.1e-10) && !is_regular(0.9e-10) && !is_regular(f64::NAN));
+        }
     }
 }

@@ -2,8 +2,8 @@
 //! Bad input: each is refused with its own cause, naming the leg where there is one.
 
 use crate::common::machines::{
-    changed_legs, declared, four_rod_lathe, geometry, hexapod, hexapods, linear_delta, paper_004,
-    pentapod, rotary_delta, slider, tripod,
+    changed_legs, declared, four_rod_lathe, genhexkins_case, geometry, hexapod, hexapods,
+    linear_delta, paper_004, pentapod, rotary_delta, slider, tripod,
 };
 use crate::common::{NO_OFFSET, NO_TOOL};
 use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
@@ -480,9 +480,11 @@ fn a_jacobian_where_a_joint_value_swallows_its_leg_is_refused_and_not_infinite()
 #[test]
 fn joints_beyond_all_numbers_are_refused_with_the_first_of_them() {
     let far = Pose::from_degrees([0.0, 0.0, 1e200, 0.0, 0.0, 0.0]);
-    let fault = tripod().machine.inverse(&far, &NO_TOOL).unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::ResultNotFinite, Some(0)));
-    assert_eq!(fault.value, f64::INFINITY);
+    for case in [tripod(), genhexkins_case()] {
+        let fault = case.machine.inverse(&far, &NO_TOOL).unwrap_err();
+        assert_eq!((fault.cause, fault.leg), (Cause::ResultNotFinite, Some(0)), "{}", case.name);
+        assert_eq!(fault.value, f64::INFINITY);
+    }
 }
 
 #[test]

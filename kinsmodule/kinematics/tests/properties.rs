@@ -2,8 +2,8 @@
 //! Properties that hold for any machine: tool offset, joint offsets, units, hash.
 
 use crate::common::machines::{
-    changed_legs, declared, hexapods, letters, linear_delta, mixed, paper_004, pyramid, tripod,
-    with_legs,
+    changed_legs, declared, genhexkins_case, hexapods, letters, linear_delta, mixed, paper_004,
+    pyramid, tripod, with_legs,
 };
 use crate::common::random::{RECIPES, draw};
 use crate::common::tolerances::{EXACT, GOLDEN_JOINT, ROUND_TRIP};
@@ -330,7 +330,8 @@ fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return()
 
 #[test]
 fn a_strut_is_too_short_at_a_millionth_of_the_machine_and_not_before() {
-    for case in [tripod(), mixed()] {
+    let [hexapod, _] = hexapods();
+    for case in [tripod(), mixed(), hexapod, genhexkins_case()] {
         let short = 1e-6 * case.machine.size();
         let legs = case.geometry.legs().iter().enumerate();
         for (i, leg) in legs.filter(|(_, leg)| matches!(leg.kind, LegKind::Strut(_))) {
