@@ -127,7 +127,8 @@ pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
 }
 
 /// Whether all lanes are above `least`, and the sums of even and of odd ones at most `most`, as a
-/// mask: both lanes of it have to say so. NaN is not.
+/// mask: both lanes of it have to say so. NaN is not. With a `least` of 0 or more no lane alone is
+/// beyond `most` either.
 #[inline(always)]
 pub(crate) fn between<const N: usize>(lanes: &[f64; N], least: f64, most: f64) -> f64x2 {
     let mut sum = pair(lanes, 0);

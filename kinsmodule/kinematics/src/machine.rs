@@ -298,7 +298,7 @@ pub(crate) struct Mechanism<const N: usize> {
     pub holds: bool,
     /// Whether any leg is not a strut: its base anchor moves, or its length bends.
     pub moving: bool,
-    /// Whether all lanes are struts, and move all coordinates.
+    /// Whether every lane is a strut of its own, and they move all six coordinates.
     pub plain: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.

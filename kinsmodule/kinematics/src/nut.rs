@@ -171,7 +171,8 @@ impl<const N: usize> Nut<N> {
 
     /// What the corrections of struts i and i + 1 come from, and where they mean anything:
     /// [`Self::twist`] and [`Self::refuse_along_axis`] in one, for struts as vectors with
-    /// their lengths. S and C are l² times as large, which takes no division.
+    /// their lengths. S and C are l² times as large, which takes no division; where squares of the
+    /// lengths are beyond all numbers the mask says nothing.
     #[inline(always)]
     pub fn turn(
         &self,

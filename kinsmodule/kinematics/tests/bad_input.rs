@@ -82,6 +82,7 @@ fn bad_poses_joints_seeds_and_tools_are_refused_and_named() {
             q[k] = bad;
             let fault = m.forward(&q, home, &NO_TOOL, &solver).unwrap_err();
             assert_eq!((fault.cause, fault.leg), (Cause::JointNotFinite, Some(k as u8)));
+            assert_eq!(fault.value.to_bits(), bad.to_bits());
         }
         for k in 0..3 {
             let mut tool = Vector3::zeros();

@@ -26,8 +26,8 @@ pub struct Work {
 /// Legs of a hexapod.
 const LEGS: f64 = 6.0;
 
-/// Three sines (15) with their cosines (18) by polynomials.
-const SINES: f64 = 3.0 * 33.0;
+/// Three sines (15) with their cosines (15) by polynomials.
+const SINES: f64 = 3.0 * 30.0;
 
 /// Products of sines (12) and sums (4) of a rotation; 3 × 3 by a vector (15) and 6 additions of
 /// the point that the legs place.
