@@ -43,17 +43,30 @@ impl<const N: usize> Mechanism<N> {
             let rotation = pose.flat_trigonometry().rotation();
             let centre = self.point(&pose.position, &rotation, tool);
             let place = Place { rotation, centre, angles: pose.angles };
-            let struts = match &self.nut {
-                Some(nut) => self.corrected_struts(nut, &place),
-                None => self.struts(&place),
-            };
+            let struts = self.lengths(&place);
             if let (Some(struts), Some(joints)) = (struts, joints.first_chunk_mut::<N>()) {
                 *joints = self.joints_of_lengths(&struts);
                 return Ok(());
             }
         }
         // Copies: what a call has the address of stands in memory even where it is not made.
-        self.inverse_of_any(*pose, *tool, joints)
+        let (pose, tool) = (*pose, *tool);
+        if self.plain {
+            return self.inverse_of_unchecked(pose, tool, joints);
+        }
+        // Other machines are always here: checked while pose and tool still stand in registers.
+        pose.check()?;
+        self.check_tool(&tool)?;
+        self.inverse_of_any(pose, tool, joints)
+    }
+
+    /// Lengths of struts, nut corrections included; `None` where the general way has to tell.
+    #[inline(always)]
+    fn lengths(&self, place: &Place) -> Option<[f64; N]> {
+        match &self.nut {
+            Some(nut) => self.corrected_struts(nut, place),
+            None => self.struts(place),
+        }
     }
 
     /// Lengths of struts without nut corrections; `None` where any has none, or a huge one.
@@ -91,7 +104,20 @@ impl<const N: usize> Mechanism<N> {
         sound.all().then_some(length)
     }
 
-    /// The same for any pose and any kind of machine.
+    /// The same for a pose that is not flat, or has something wrong with it.
+    #[inline(never)]
+    fn inverse_of_unchecked(
+        &self,
+        pose: Pose,
+        tool: Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
+        pose.check()?;
+        self.check_tool(&tool)?;
+        self.inverse_of_any(pose, tool, joints)
+    }
+
+    /// The same for any checked pose and any kind of machine.
     #[inline(never)]
     fn inverse_of_any(
         &self,
@@ -99,13 +125,16 @@ impl<const N: usize> Mechanism<N> {
         tool: Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        pose.check()?;
-        self.check_tool(&tool)?;
         if self.holds {
             pose = self.held(&pose, true)?;
         }
         let stand = self.standing(&pose, &pose.trigonometry(), &tool);
-        self.write_joints(&self.joints_at(&stand.place)?, &stand.point, joints)
+        let struts = if self.moving { None } else { self.lengths(&stand.place) };
+        let legs = match struts {
+            Some(struts) => self.joints_of_lengths(&struts),
+            None => self.joints_at(&stand.place)?,
+        };
+        self.write_joints(&legs, &stand.point, joints)
     }
 
     /// Joint values of legs and table.
@@ -119,6 +148,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(joints)
     }
 
+    #[inline(always)]
     fn write_joints(
         &self,
         legs: &[f64; N],
@@ -129,7 +159,11 @@ impl<const N: usize> Mechanism<N> {
         if !(are_finite(legs) && (!table || (point * 0.0).sum() == 0.0)) {
             return Err(self.not_finite(*legs, *point));
         }
-        self.of_first_legs(*legs, joints);
+        match joints.first_chunk_mut::<N>() {
+            // A copy of known length is no call.
+            Some(all) if self.count() == N => *all = *legs,
+            _ => self.of_first_legs(*legs, joints),
+        }
         if table {
             self.of_table(*point, joints);
         }
