@@ -188,6 +188,8 @@ pub struct Scene<'a> {
     pub tool: &'a Vector3<f64>,
     /// Last good pose that forward found.
     pub pose: Option<Pose>,
+    /// The pose commanded in this cycle; none outside of world mode.
+    pub commanded: Option<Pose>,
     /// Servo period, seconds.
     pub period: f64,
 }
@@ -195,11 +197,6 @@ pub struct Scene<'a> {
 /// What the guard remembers.
 pub struct Guard {
     watch: Option<Watch>,
-    /// The pose commanded in this cycle.
-    commanded: Option<Pose>,
-    /// Whether forward was called and inverse not yet: the motion controller calls them in
-    /// this order, and inverse for the end points of queued moves before or after both.
-    expects_inverse: bool,
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
     /// `.current-vel` of the cycle before.
@@ -207,22 +204,20 @@ pub struct Guard {
     scale: f64,
     /// Why the feed is inhibited, until no move is left to be made.
     inhibited: Option<Fault>,
-    inverse_clocks: i64,
-    forward_clocks: i64,
+    inverse_time: i64,
+    forward_time: i64,
 }
 
 impl Guard {
     pub const fn new() -> Self {
         Self {
             watch: None,
-            commanded: None,
-            expects_inverse: false,
             before: [None; 2],
             speed_before: 0.0,
             scale: 1.0,
             inhibited: None,
-            inverse_clocks: 0,
-            forward_clocks: 0,
+            inverse_time: 0,
+            forward_time: 0,
         }
     }
 
@@ -232,24 +227,14 @@ impl Guard {
         self.forget();
     }
 
-    /// Whether the next inverse is that of the commanded pose.
-    pub fn expects_inverse(&self) -> bool {
-        self.expects_inverse
+    /// Nanoseconds that the first forward of a cycle took.
+    pub fn timed_forward(&mut self, nanoseconds: i64) {
+        self.forward_time = nanoseconds;
     }
 
-    /// A call of forward, and the clocks it took if they were counted.
-    pub fn saw_forward(&mut self, clocks: Option<i64>) {
-        self.expects_inverse = true;
-        self.forward_clocks = clocks.unwrap_or(self.forward_clocks);
-    }
-
-    /// A call of inverse, and the clocks it took if they were counted.
-    pub fn saw_inverse(&mut self, pose: &Pose, clocks: Option<i64>) {
-        if self.expects_inverse {
-            self.commanded = Some(*pose);
-            self.inverse_clocks = clocks.unwrap_or(self.inverse_clocks);
-        }
-        self.expects_inverse = false;
+    /// Nanoseconds that the inverse of the commanded pose took.
+    pub fn timed_inverse(&mut self, nanoseconds: i64) {
+        self.inverse_time = nanoseconds;
     }
 
     /// Without the machine's kinematics in force there is nothing to guard.
@@ -263,13 +248,12 @@ impl Guard {
     /// One cycle. A fault is why the feed was inhibited just now.
     pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
         let pins = &scene.pins.guard;
-        let commanded = self.commanded.take();
-        self.expects_inverse = false;
+        let commanded = scene.commanded;
         if let (Some(watch), Some(pose)) = (&self.watch, scene.pose) {
             let _ = show_pose(watch, scene, &pose);
         }
-        pins.shown.inverse_time.set(shown_clocks(self.inverse_clocks));
-        pins.shown.forward_time.set(shown_clocks(self.forward_clocks));
+        pins.shown.inverse_time.set(shown_time(self.inverse_time));
+        pins.shown.forward_time.set(shown_time(self.forward_time));
         // What the planner went in this cycle is the mean of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
@@ -350,7 +334,6 @@ impl Guard {
     }
 
     fn forget(&mut self) {
-        self.commanded = None;
         self.before = [None; 2];
     }
 }
@@ -360,8 +343,8 @@ fn requested(asked: &Asked) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
 }
 
-fn shown_clocks(clocks: i64) -> i32 {
-    i32::try_from(clocks).unwrap_or(i32::MAX)
+fn shown_time(nanoseconds: i64) -> i32 {
+    i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
 /// What people read about a pose.

@@ -273,6 +273,7 @@ fn tool_offsets_act_on_a_table_machine_as_on_any() {
         let at = |pose: &Pose, module: &Module| {
             let joints = module.inverse(pose).expect("a pose of the workspace");
             module.forward(&joints, pose).expect("its own joints");
+            let _ = module.inverse(pose);
             module.monitor();
             joints
         };

@@ -386,6 +386,28 @@ fn with_the_machine_off_a_change_under_way_is_made_at_once() {
     }
 }
 
+/// LinuxCNC's command handler runs before the controller, or after it where a HAL file says so.
+#[test]
+fn end_points_of_queued_moves_are_not_taken_for_the_commanded_pose() {
+    for after in [false, true] {
+        let module = hexapod();
+        let mut joints = Thread::at(&module, TILTED).joints[0];
+        request(&module, LONG);
+        let mut end = TILTED;
+        for _ in 0..400 {
+            // Another end point in every cycle: as commanded poses a motion that never rests.
+            end[0] += 0.1;
+            let queued = |now: bool| now.then(|| module.inverse(&end).expect("within reach"));
+            queued(!after);
+            module.forward(&joints, &TILTED).expect("the joints of inverse");
+            joints = module.inverse(&TILTED).expect("within reach");
+            queued(after);
+            module.monitor();
+        }
+        assert_eq!(in_effect(&module), LONG, "end points after the controller: {after}");
+    }
+}
+
 /// LinuxCNC then asks for the poses of feedback and command, and for no joints.
 #[test]
 fn in_joint_mode_a_change_moves_the_pose_and_no_joint() {

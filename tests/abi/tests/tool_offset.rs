@@ -20,6 +20,7 @@ fn on(module: &Module) {
 fn at(module: &Module, pose: &Pose) {
     let joints = module.inverse(pose).expect("a pose of the workspace");
     module.forward(&joints, pose).expect("its own joints");
+    let _ = module.inverse(pose);
     module.monitor();
 }
 
