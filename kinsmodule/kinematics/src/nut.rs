@@ -363,7 +363,7 @@ pub(crate) struct Ball {
 
 /// Of angles asin|sine| that are widened.
 struct Widened {
-    /// Whether they stay below 89°.
+    /// Whether they stay clear of a right angle.
     allowed: f64x2,
     secant: f64x2,
     tan: f64x2,
@@ -373,11 +373,15 @@ impl Widened {
     /// By `by` radians.
     #[inline(always)]
     fn new(sine: f64x2, by: f64x2) -> Self {
-        const SIN_89: f64 = 0.999_847_695_156_391_3;
-        // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
-        let sin = sine.abs() + by;
-        let secant = both(1.0) / (both(1.0) - sin * sin).sqrt();
-        Self { allowed: sin.simd_lt(both(SIN_89)), secant, tan: sin * secant }
+        // The root of MIN_SIN_SQUARED.
+        const LEAST_COSINE: f64 = 1e-3;
+        let sine = sine.abs();
+        let cosine = (both(1.0) - sine * sine).sqrt();
+        // sin by ≤ by and cos by ≥ 1 − by²/2 keep trigonometry out of the servo path.
+        let least = cosine * (both(1.0) - both(0.5) * by * by) - sine * by;
+        let secant = both(1.0) / least;
+        let most = sine + cosine * by;
+        Self { allowed: least.simd_gt(both(LEAST_COSINE)), secant, tan: most * secant }
     }
 }
 
@@ -412,17 +416,24 @@ mod tests {
     const BALL: Ball =
         Ball { rho: 2.0, radius: 10.0, curved: f64x2::splat(0.1), s1: f64x2::ONE, s2: f64x2::HALF };
 
-    /// To sines of 0.6 + 0.2 and 0.2 + 0.4: tangents of 4/3 and 3/4, secants of 5/3 and 5/4.
+    /// Sines 0.6 and 0.28, cosines 0.8 and 0.96. The ball widens them by 0.2 and 0.4, to cosines
+    /// of 0.8 · 0.98 − 0.6 · 0.2 and 0.96 · 0.92 − 0.28 · 0.4, and sines of 0.6 + 0.8 · 0.2 and
+    /// 0.28 + 0.96 · 0.4.
     fn tilted(from_fold: f64) -> Twist<4> {
-        Twist { alpha: [0.6; 4], beta: [-0.2; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
+        Twist { alpha: [0.6; 4], beta: [-0.28; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
     }
+
+    const COSINES: [f64; 2] = [0.664, 0.7712];
+    const TANGENTS: f64 = 0.76 / COSINES[0] + 0.664 / COSINES[1];
 
     #[test]
     fn curvature_is_that_of_the_formula_at_numbers_by_hand() {
         let bound = nut(Fold::Fixed).curvature(&tilted(0.0), 0, &BALL).expect("within");
-        // 3(0.1² (5/3)² + 0.2² (5/4)²) + (4/3 + 3/4) 0.08 + 0.1² 5/4 = 0.45, times 2.
+        let [a, b] = COSINES;
+        let squares = 3.0 * (0.01 / (a * a) + 0.04 / (b * b));
+        let expected = 2.0 * (squares + TANGENTS * 0.08 + 0.01 / b);
         for bound in bound.to_array() {
-            assert!((bound - 0.9).abs() < ROUNDING, "{bound}");
+            assert!((bound - expected).abs() < ROUNDING, "{bound} {expected}");
         }
         let idle = nut(Fold::Fixed).curvature(&tilted(0.0), 2, &BALL);
         assert_eq!(idle.map(f64x2::to_array), Some([0.0; 2]));
@@ -430,10 +441,11 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_the_correction_may_fold() {
-        // Twists turn by 0.1 (4/3 + 3/4) + 0.1 · 5/4 = 1/3 a unit of the way, which is 2.
+        // So far twists turn on a way of 2.
+        let turn = 2.0 * 0.1 * (TANGENTS + 1.0 / COSINES[1]);
         for (fold, limit) in [(Fold::Fixed, PI), (Fold::Literal, FRAC_PI_2)] {
             let within = |twist| nut(fold).curvature(&tilted(twist), 0, &BALL).is_some();
-            let room = limit - 2.0 / 3.0;
+            let room = limit - turn;
             for sign in [-1.0, 1.0] {
                 assert!(within(sign * (room - 1e-6)), "{limit}");
                 assert!(!within(sign * (room + 1e-6)), "{limit}");
@@ -443,15 +455,16 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_a_strut_may_meet_a_joint_axis() {
-        // One leg of the two and one of the axes, widened by 0.02 and 0.04 to the sine of 89°,
-        // 0.99985; twists turn by less than π.
-        let ball = Ball { rho: 0.2, ..BALL };
+        // One leg of the two and one of the axes, widened by 0.0002 and 0.0004 to a cosine of
+        // 0.001; twists turn by less than π.
+        let ball = Ball { rho: 2e-3, ..BALL };
+        let sine_of = |cosine: f64| sqrt(1.0 - cosine * cosine);
         for leg in 0..2 {
             for (alpha, beta, is_met) in [
-                (0.9797, -0.2, false),
-                (-0.9799, -0.2, true),
-                (0.6, 0.9597, false),
-                (0.6, -0.9599, true),
+                (sine_of(1.21e-3), -0.2, false),
+                (-sine_of(1.19e-3), -0.2, true),
+                (0.6, sine_of(1.41e-3), false),
+                (0.6, -sine_of(1.39e-3), true),
             ] {
                 let mut twist = tilted(0.0);
                 (twist.alpha[leg], twist.beta[leg]) = (alpha, beta);
