@@ -14,8 +14,8 @@
 //! ```
 //!
 //! φ₀ is 0 or π, whichever is nearer to φ at the reference pose. Within ±90° of φ₀
-//! this equals the published arcsin (genhexkins); beyond, it stays continuous. With
-//! no reference pose h follows the sign of C at every pose: that is the arcsin itself.
+//! this equals the published arcsin (genhexkins); beyond, it stays continuous. As long as
+//! no pose has fixed φ₀, h follows the sign of C at every pose: that is the arcsin itself.
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
@@ -35,9 +35,9 @@ const MIN_FOLD_COS: f64 = 0.1;
 /// Where the continuous correction is folded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fold {
-    /// No reference pose: the published arcsin, h = sign C at each pose.
+    /// By no pose: the published arcsin, h = sign C at each pose.
     Literal,
-    /// h fixed by the reference pose, leg by leg.
+    /// h fixed by one pose, leg by leg.
     Fixed,
 }
 
@@ -110,24 +110,42 @@ impl<const N: usize> Nut<N> {
         Ok(nut)
     }
 
-    /// Fixes φ₀ by the reference pose, given its strut directions and orientation.
-    pub fn fold_at(&mut self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Result<(), Fault> {
+    /// Fixes φ₀ by a pose, given its strut directions and orientation. There, and up to a
+    /// quarter turn from φ₀, the correction is the arcsin.
+    ///
+    /// Found on the way, if any: a leg so near to a quarter turn that rounding may have chosen.
+    pub fn fold_at(
+        &mut self,
+        n: &Lanes3<N>,
+        rotation: &Matrix3<f64>,
+    ) -> Result<Option<Fault>, Fault> {
         let twist = self.twist(n, rotation);
         self.refuse_along_axis(&twist)?;
+        let mut doubt = None;
         for i in 0..N {
             if self.travel[i] == 0.0 {
                 continue;
             }
             let cos = twist.cosine[i] / twist.norm(i);
-            if !(cos.abs() >= MIN_FOLD_COS) {
-                return Err(Fault::of_leg(Cause::FoldUndefined, i, cos));
+            if doubt.is_none() && !(cos.abs() >= MIN_FOLD_COS) {
+                doubt = Some(Fault::of_leg(Cause::FoldUndefined, i, cos));
             }
-            let hand = cos.signum();
+            let hand = if cos < 0.0 { -1.0 } else { 1.0 };
             self.base_axis.set(i, self.base_axis.get(i) * hand);
             self.travel[i] *= hand;
         }
         self.fold = Fold::Fixed;
-        Ok(())
+        Ok(doubt)
+    }
+
+    /// Whether no pose has fixed φ₀.
+    pub fn is_literal(&self) -> bool {
+        self.fold == Fold::Literal
+    }
+
+    /// Takes back what a pose has fixed. What the axes hold of h changes no arcsin.
+    pub fn unfold(&mut self) {
+        self.fold = Fold::Literal;
     }
 
     /// Twist of every leg; [`Self::refuse_along_axis`] tells whether it means anything.
@@ -534,24 +552,58 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_pose_near_a_quarter_turn_fixes_no_fold_and_its_cosine_is_told() {
+    fn a_pose_near_a_quarter_turn_fixes_the_fold_and_its_cosine_is_told() {
         // Axes across the strut, the platform's turned from the base's by an angle.
         let up = Lanes3::<4>::from_fn(|_| Vector3::z());
         let folded = |angle: f64, lean: f64| {
             let platform = [libm::cos(angle), libm::sin(angle), lean];
             let mut nut = Nut::new(&[[1.0, 0.0, 0.0]; 4], &[platform; 4], &[0.0, 5.0, 5.0, 5.0])?;
-            nut.fold_at(&up, &Matrix3::identity()).map(|()| nut)
+            nut.fold_at(&up, &Matrix3::identity()).map(|doubt| (nut, doubt))
         };
         for lean in [0.0, 1.0] {
-            for (cosine, travel) in [(0.11, 5.0), (-0.11, -5.0), (0.9, 5.0)] {
-                let nut = folded(libm::acos(cosine), lean).expect("a fold");
+            for cosine in [0.9, 0.11, 0.09, 1e-9, -1e-9, -0.09, -0.11] {
+                let (nut, doubt) = folded(libm::acos(cosine), lean).expect("a fold");
                 assert_eq!(nut.travel[0], 0.0);
-                assert!((nut.travel[1] - travel / TAU).abs() < ROUNDING);
+                assert!((nut.travel[1] - 5.0_f64.copysign(cosine) / TAU).abs() < ROUNDING);
+                assert_eq!(doubt.is_some(), cosine.abs() < 0.1);
+                for fault in doubt {
+                    assert_eq!(fault, Fault::of_leg(Cause::FoldUndefined, 1, fault.value));
+                    assert!((fault.value - cosine).abs() < ROUNDING, "{fault:?}");
+                }
             }
-            for cosine in [0.09, 0.0, -0.09] {
-                let fault = folded(libm::acos(cosine), lean).unwrap_err();
-                assert_eq!(fault, Fault::of_leg(Cause::FoldUndefined, 1, fault.value));
-                assert!((fault.value - cosine).abs() < ROUNDING, "{fault:?}");
+        }
+    }
+
+    #[test]
+    fn a_fold_is_taken_back_to_the_arcsin_and_fixed_anew_as_if_it_were_the_first() {
+        let up = Lanes3::<4>::from_fn(|_| Vector3::z());
+        let axis = |angle: f64| [libm::cos(angle), libm::sin(angle), 0.3];
+        let fresh = Nut::new(&[[1.0, 0.0, 0.0]; 4], &[axis(0.3); 4], &[0.0, 5.0, -5.0, 5.0]);
+        let turned =
+            |angle: f64| *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
+        let corrections =
+            |nut: &Nut<4>, angle: f64| nut.corrections(&nut.twist(&up, &turned(angle)));
+        let same = |one: &Nut<4>, other: &Nut<4>| {
+            for k in -30..=30 {
+                let angle = 0.1 * f64::from(k);
+                let (one, other) = (corrections(one, angle), corrections(other, angle));
+                // Some roundings of numbers below 3.
+                assert!((0..4).all(|i| (one[i] - other[i]).abs() < 4.0 * ROUNDING), "{angle}");
+            }
+        };
+        let fresh = fresh.expect("axes");
+        let mut nut = fresh;
+        for angle in [0.0, 2.5, 0.1, -2.9] {
+            assert_eq!(nut.fold_at(&up, &turned(angle)), Ok(None));
+            let mut first = fresh;
+            assert_eq!(first.fold_at(&up, &turned(angle)), Ok(None));
+            same(&nut, &first);
+            assert!(!nut.is_literal());
+            // Twice, as a fold may be moved without being taken back.
+            if angle > 0.0 {
+                nut.unfold();
+                assert!(nut.is_literal());
+                same(&nut, &fresh);
             }
         }
     }
