@@ -565,7 +565,43 @@ impl Module {
         };
         let Some(seed) = seed else { return Err(Cause::SeedMissing.into()) };
         let machine = &self.frozen()?.machine;
+        if machine.is_literal() {
+            return self.solve_first(joints, &seed, &tool, solution);
+        }
         machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
+    }
+
+    /// Forward while no pose has fixed the folds of nut corrections: a drop-in HAL file has no
+    /// reference pose. The first pose known stands in for it, which is the seed, [TRAJ]HOME: it
+    /// is the same after every start, where joints that were homed are not. A seed of zeros is
+    /// none; then the pose found is the first one known.
+    ///
+    /// Inverse never decides: LinuxCNC may ask it for the end point of a move that is not made.
+    #[cold]
+    #[inline(never)]
+    fn solve_first(
+        &mut self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
+        let solver = self.pins.solver();
+        let machine = &mut self.frozen.as_mut().ok_or(Cause::NoGeometry)?.machine;
+        let is_known = !is_zero(&seed.to_degrees());
+        let mut folded = is_known.then(|| machine.fold_at(seed, tool).ok()).flatten();
+        if let Err(fault) = machine.forward_into(joints, seed, tool, &solver, solution) {
+            machine.unfold();
+            return Err(fault);
+        }
+        if folded.is_none() {
+            folded = machine.fold_at(&solution.pose, tool).ok();
+        }
+        if let Some(doubt) = folded.flatten() {
+            self.report.pending = Some(doubt);
+            self.tell_unmonitored(&doubt);
+        }
+        Ok(())
     }
 
     /// The pose to start from where none is known, if there are boxes to search it in.

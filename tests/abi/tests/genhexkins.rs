@@ -3,8 +3,8 @@
 
 use abi_tests::geometry::{distance, minus, norm, plus, rotation, turned};
 use abi_tests::machines::{
-    Hexapod, PAPER_004_HOME, one_servo_step_from, paper_004, paper_004_pose, random_hexapod,
-    random_pose,
+    Hexapod, PAPER_004_HOME, genhexkins_default, one_servo_step_from, paper_004, paper_004_pose,
+    random_hexapod, random_pose,
 };
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::nut::{Twist, twist};
@@ -232,4 +232,77 @@ fn genhexkins_fails_from_home_in_millimetres_where_this_module_does_not() {
     assert_eq!(own, 0);
     // A tenth: far below what is seen, far above what chance could make of none.
     assert!(share > 10.0, "{share} %");
+}
+
+/// Where genhexkins' default geometry stands.
+const DEFAULT_HOME: Pose = [0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+/// genhexkins' default geometry with a screw of a fifth of an inch, in units of so many an inch.
+fn default_with_lead(unit: f64) -> Hexapod {
+    let mut machine = genhexkins_default(&Module::genhexkins());
+    for anchor in machine.base.iter_mut().chain(&mut machine.platform) {
+        *anchor = anchor.map(|value| unit * value);
+    }
+    machine.lead = 0.2 * unit;
+    machine
+}
+
+/// The drop-in has no reference pose. Beyond the fold its inverse is its own, and there some
+/// poses are half a turn from the fold.
+#[test]
+fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_step_away() {
+    for unit in [1.0, 25.4] {
+        let scaled =
+            |pose: &Pose| std::array::from_fn(|k| pose[k] * if k < 3 { unit } else { 1.0 });
+        let home = scaled(&DEFAULT_HOME);
+        let mut pair = Pair::new(&default_with_lead(unit));
+        pair.machine.wire(&pair.ours);
+        pair.machine.wire(&pair.theirs);
+        // A sum of misfits in machine units, beyond which theirs gives up.
+        pair.theirs.set("max-error", 1e9);
+        pair.size = pair.machine.size();
+        let first = pair.theirs.inverse(&home).expect("its own home");
+        let found = pair.ours.forward(&first, &home).expect("its home");
+        assert!(distance(&found, &home, pair.machine.radius()) <= ROUND_TRIP_REL * pair.size);
+        let folds = twists(&pair.machine, &home);
+        let mut random = Random::new(6);
+        let (mut right, mut beyond, mut refused) = (0_u32, 0_u32, 0_u32);
+        let mut failed = 0_u32;
+        for _ in 0..cases(30_000) {
+            let mut pose = DEFAULT_HOME;
+            for (k, most) in [3.0, 3.0, 3.0, 15.0, 15.0, 15.0].into_iter().enumerate() {
+                pose[k] += random.within(most);
+            }
+            let pose = scaled(&pose);
+            let seed = one_servo_step_from(&pose, pair.size, &mut random);
+            let here = twists(&pair.machine, &pose);
+            let is_right = here.iter().zip(&folds).all(|(t, fold)| t.cosine * fold.cosine > 0.0);
+            let answered = pair.ours.inverse(&pose).and_then(|own| pair.ours.forward(&own, &seed));
+            match answered {
+                Err(code) => {
+                    assert!(!is_right, "code {code} at {pose:?}");
+                    refused += 1;
+                }
+                Ok(found) => {
+                    let apart = distance(&found, &pose, pair.machine.radius());
+                    assert!(apart <= ROUND_TRIP_REL * pair.size, "{apart} from {pose:?}");
+                }
+            }
+            if !is_right {
+                beyond += 1;
+                continue;
+            }
+            right += 1;
+            let (ours, theirs) = pair.joints(&pose);
+            for leg in (0..6).filter(|leg| is_usable(&here[*leg])) {
+                pair.assert_equal(&pose, leg, ours[leg], theirs[leg]);
+            }
+            failed += u32::from(pair.theirs.forward(&theirs, &seed).is_err());
+        }
+        println!(
+            "{unit} units an inch: {right} poses as genhexkins, whose forward fails at {failed}; \
+             {beyond} beyond its fold, {refused} of them refused"
+        );
+        assert!(right > 0 && f64::from(refused) < RANDOM_MACHINE_REFUSALS * f64::from(beyond));
+    }
 }
