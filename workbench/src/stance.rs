@@ -49,8 +49,7 @@ impl<'a> Stance<'a> {
     }
 
     /// Rows of the constraints: by how much each leg gets longer, and each table axis moves, per
-    /// unit of X Y Z and per radian of A B C. Without the correction for a turning nut, which
-    /// drives a joint but carries no force.
+    /// unit of X Y Z and per radian of A B C. Without the correction for a turning nut.
     ///
     /// A leg's row is `[uᵀ (ρ × u)ᵀ]` with u along the leg and ρ from the control point to its
     /// anchor; A B C turn by the rate map of R = Rz Ry Rx. What a table or a guide takes of the
@@ -82,6 +81,26 @@ impl<'a> Stance<'a> {
             set(self.legs.len() + i, force, Vector3::zeros());
         }
         moved_columns(self.config, rows)
+    }
+
+    /// The same rows with the correction for a turning nut: by how much each leg would get longer
+    /// from its joint alone.
+    ///
+    /// By virtual work they are also what an axial force f in a leg does to the platform while its
+    /// motor holds the joint: beside f along the leg, the torque f · lead / 2π of the thread, which
+    /// goes through both cardan joints.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse_jacobian`].
+    pub fn joint_rows(&self) -> Result<Rows, Fault> {
+        let of_twist = self.config.machine.inverse_jacobian(&self.pose, &self.tool)?;
+        let mut rows = of_twist;
+        let angular = of_twist.fixed_columns::<3>(3) * rate_map(&self.pose);
+        rows.fixed_columns_mut::<3>(3).copy_from(&angular);
+        for (mut row, gain) in rows.row_iter_mut().zip(self.gains()) {
+            row *= gain;
+        }
+        Ok(moved_columns(self.config, rows))
     }
 
     /// By how much a leg gets longer, or a table axis moves, per joint unit.

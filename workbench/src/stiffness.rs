@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How stiffly the legs hold the tool: 6 × 6 matrices at the tool tip and what they look like.
 //!
-//! `K = Gᵀ K_θ G` with the constraint rows G of the legs (paper 004 equation 9; no part of the
-//! correction for a turning nut, which carries no force) about the tool tip, so that forces in N
-//! and moments in N·mm are K times displacements in mm and turns in radians, in machine axes.
+//! `K = Gᵀ K_θ G` (paper 004 equation 9) with rows G of the legs about the tool tip, so that forces
+//! in N and moments in N·mm are K times displacements in mm and turns in radians, in machine axes.
+//! The rows are those of the joints, with the correction for a turning nut: with the motor held, an
+//! axial force f sends the torque f · lead / 2π of its thread through both cardan joints. Where
+//! friction holds the thread ([`Screw::SelfLocking`]), they are those of the lengths alone.
+//!
 //! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
 //! and K is not asked for.
 
 use crate::machine::MachineConfig;
 use crate::stance::{self, Rows, Stance};
+use crate::study::{Screw, Springs};
 use kinematics::{
     Fault, Geometry, LegGeometry, MAX_JOINTS, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
 };
@@ -34,7 +38,7 @@ pub struct Ellipsoid {
 }
 
 impl Stiffness {
-    /// At a pose, for stiffnesses of the legs and table axes in N/mm; `None` where it is singular.
+    /// At a pose; `None` where it is singular.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
@@ -42,22 +46,25 @@ impl Stiffness {
         config: &MachineConfig,
         pose: &Pose,
         tool: &Vector3<f64>,
-        joints_n_per_mm: &[f64],
+        springs: &Springs,
     ) -> Result<Option<Self>, Fault> {
         let stance = Stance::new(config, *pose, *tool)?;
-        Ok(Self::of_rows(&stance, joints_n_per_mm))
+        let rows = match springs.screw {
+            Screw::Backdrivable => stance.joint_rows()?,
+            Screw::SelfLocking => stance.rows(),
+        };
+        Ok(Self::of_rows(&stance, &rows, &springs.n_per_mm))
     }
 
-    fn of_rows(stance: &Stance, joints_n_per_mm: &[f64]) -> Option<Self> {
+    fn of_rows(stance: &Stance, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
         let config = stance.config;
         let moved = stance::moved(config).len();
         // Angles times a length of the machine: rows of one unit, for the test of their rank.
         let radius = config.machine.radius();
         let scale = |k: usize| if k < 3 { 1.0 } else { 1.0 / radius };
         let root = SVector::<f64, MAX_JOINTS>::from_fn(|i, _| {
-            joints_n_per_mm.get(i).copied().unwrap_or(0.0).sqrt()
+            n_per_mm.get(i).copied().unwrap_or(0.0).sqrt()
         });
-        let rows = stance.rows();
         let weighted = Rows::from_fn(|i, k| root[i] * rows[(i, k)] * scale(k));
         let inverse = stance::inverse(&weighted, moved)?;
         // Of the coordinates: machine units and radians per force in N times machine units.

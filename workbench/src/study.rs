@@ -35,6 +35,29 @@ pub struct Legs {
     pub joint_sigma_um: Option<Each>,
     /// Diameter of the rods, which their least distance starts from.
     pub rod_diameter_mm: Option<Positive>,
+    /// What takes the torque that an axial force makes in a strut's thread.
+    pub screw: Screw,
+}
+
+/// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Screw {
+    /// The motor, which holds the nut against the housing: the torque goes through both cardan
+    /// joints, as with a ball screw.
+    #[default]
+    Backdrivable,
+    /// Friction in the thread: no torque reaches the cardan joints.
+    SelfLocking,
+}
+
+/// The legs and table axes as springs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Springs {
+    /// Along every leg and every table axis, N/mm.
+    pub n_per_mm: Vec<f64>,
+    /// Of the struts with a lead.
+    pub screw: Screw,
 }
 
 /// `[table]`: its joints, in order.
@@ -170,25 +193,26 @@ impl Study {
         Self::parse(&text).map_err(|error| format!("{}: {error}", file.display()))
     }
 
-    /// Stiffness of every leg and every table axis, N/mm.
+    /// The springs of every leg and every table axis.
     ///
     /// # Errors
-    /// A sentence, where one is missing or a list does not fit the machine.
-    pub fn stiffness_n_per_mm(&self, config: &MachineConfig) -> Result<Vec<f64>, String> {
+    /// A sentence, where a stiffness is missing or a list does not fit the machine.
+    pub fn springs(&self, config: &MachineConfig) -> Result<Springs, String> {
         let key = "stiffness_n_per_um";
         let all = self.of_joints(
             config,
             key,
             [&self.legs.stiffness_n_per_um, &self.table.stiffness_n_per_um],
         )?;
-        all.ok_or_else(|| format!("the study names no {key} of [legs]"))
-            .map(|values| values.into_iter().map(|value| value * 1e3).collect())
+        let all = all.ok_or_else(|| format!("the study names no {key} of [legs]"))?;
+        let n_per_mm = all.into_iter().map(|value| value * 1e3).collect();
+        Ok(Springs { n_per_mm, screw: self.legs.screw })
     }
 
     /// Standard deviation of every joint, in its unit; `None` where the file names none.
     ///
     /// # Errors
-    /// As [`Study::stiffness_n_per_mm`].
+    /// As [`Study::springs`].
     pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, String> {
         let all = self.of_joints(
             config,
