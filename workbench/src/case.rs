@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Replay cases: a machine, a program, and what is expected of them, as TOML.
 
-use crate::interpreter::{self, LINUXCNC_PROGRAMS};
-use crate::machine::MachineConfig;
-use crate::replay::{Replay, replay};
+use crate::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use crate::program::replay::{Replay, replay};
+use crate::read::machine::MachineConfig;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

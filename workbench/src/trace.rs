@@ -5,8 +5,8 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
-use crate::machine::{ConeAngles, Group, JointKind, MachineConfig};
-use crate::mobility::Structure;
+use crate::check::mobility::Structure;
+use crate::read::machine::{ConeAngles, Group, JointKind, MachineConfig};
 use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, PerLeg, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;

@@ -5,7 +5,7 @@ use kinematics::leg::{SliderGeometry, StrutGeometry};
 use kinematics::{
     Geometry, LegGeometry, LegKind, Letters, MAX_JOINTS, MAX_LEGS, Machine, Pose, Solver, Vector3,
 };
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Good and bad INI files: the list that hal/pkmkins.tcl is held to as well.
 
-use pkm::ini::Ini;
-use pkm::machine::{MachineConfig, MachineError};
+use pkm::read::ini::Ini;
+use pkm::read::machine::{MachineConfig, MachineError};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

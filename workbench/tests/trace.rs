@@ -4,7 +4,7 @@
 
 use crate::shipped::{config as config_of, ini};
 use kinematics::{Pose, Vector3};
-use pkm::machine::{JointKind, MachineConfig};
+use pkm::read::machine::{JointKind, MachineConfig};
 use pkm::trace::{RunResult, Sample, judge, read_trace};
 use std::fmt::Write;
 use std::path::Path;

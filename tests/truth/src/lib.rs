@@ -16,7 +16,7 @@
 use kinematics::{Joints, MAX_JOINTS, Pose, Solver, Vector3};
 use pkm::calibrate::model::Frame;
 use pkm::calibrate::plate::Plate;
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use std::cell::UnsafeCell;
 use std::ffi::{CStr, CString, c_char, c_int, c_long, c_void};
 use std::path::Path;

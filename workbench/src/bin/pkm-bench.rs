@@ -4,13 +4,13 @@
 //! stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
-use pkm::batch;
-use pkm::fit::Offset;
-use pkm::interpreter::{self, LINUXCNC_PROGRAMS};
-use pkm::machine::MachineConfig;
-use pkm::preflight::preflight;
-use pkm::study::Study;
-use pkm::workspace::{Body, Effort, Workspace, counted};
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use pkm::program::offset::Offset;
+use pkm::program::preflight::preflight;
+use pkm::read::machine::MachineConfig;
+use pkm::study::batch;
+use pkm::study::file::Study;
+use pkm::study::workspace::{Body, Effort, Workspace, counted};
 use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;

@@ -4,8 +4,9 @@
 //! Prints a table and writes report.html with plots into OUT_DIR. Exit code 0: all
 //! figures are as they must be; 1: at least one is not; 2: the run cannot be judged.
 
-use pkm::machine::MachineConfig;
-use pkm::{report, trace};
+use pkm::draw::report;
+use pkm::read::machine::MachineConfig;
+use pkm::trace;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
