@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Host side of pkmkins: the machine as its INI file describes it, programs replayed
-//! through the kinematics, and traces of running machines judged and drawn.
+//! through the kinematics, studies, and pictures of all of it.
 
 pub mod calibrate;
-pub mod case;
 pub mod check;
 pub mod draw;
+pub mod files;
 pub mod program;
 pub mod proof;
 pub mod read;
 pub mod study;
-pub mod trace;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The core gives the golden rows; see the files in tests/golden for their origin.
+//! The core gives the golden rows; see the files in tests/cases/golden for their origin.
 
 use kinematics::leg::{SliderGeometry, StrutGeometry};
 use kinematics::{
@@ -133,7 +133,7 @@ fn root() -> PathBuf {
 }
 
 fn machines<T: DeserializeOwned + Into<Golden>>(file: &str) -> impl Iterator<Item = Golden> {
-    let text = std::fs::read_to_string(root().join("tests/golden").join(file)).unwrap();
+    let text = std::fs::read_to_string(root().join("tests/cases/golden").join(file)).unwrap();
     let file: File<T> = toml::from_str(&text).unwrap();
     file.machine.into_iter().map(Into::into)
 }

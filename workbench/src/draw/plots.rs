@@ -2,10 +2,10 @@
 //! SVG plots of traces, made to be read in black and white as well: lines differ in
 //! dashes, not in colour alone.
 
+use crate::draw::sample::Sample;
 use crate::program::path::{Along, along};
 use crate::program::preflight::Place;
 use crate::read::machine::{Group, JointKind, MachineConfig};
-use crate::trace::Sample;
 use kinematics::{LegKind, Letter, MAX_JOINTS, MAX_LEGS};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;

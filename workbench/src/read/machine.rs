@@ -2,7 +2,7 @@
 //! A machine as its INI file describes it: the geometry for the core, and what only
 //! host tools use (cones, limits, speeds).
 //!
-//! The rules are those of hal/pkmkins.tcl; tests/ini/cases.toml holds both to one list.
+//! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
 
 use crate::proof::boxes::{self, BoxSection};
 use crate::read::ini::{Entry, Ini, IniError};

@@ -7,7 +7,7 @@ use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
 use pkm::calibrate::model::{Place, Tolerance};
 use pkm::calibrate::rewrite;
 use pkm::calibrate::study::{self, Study, Wishes};
-use pkm::draw::report::write_whole;
+use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::fmt::Write as _;

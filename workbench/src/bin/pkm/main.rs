@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use kinematics::{Fault, Letter, Pose};
 use pkm::draw::plots::Plot;
-use pkm::draw::report::write_whole;
+use pkm::files::write_whole;
 use pkm::program::interpreter::Move;
 use pkm::read::diagnostic::{Severity, rendered};
 use pkm::read::ini::{Ini, IniError};

@@ -4,7 +4,8 @@
 use super::{Bar, Failure, MachineFile, Verdict, is_still};
 use kinematics::{Fault, Letter};
 use pkm::check::cautions::{Caution, cautions};
-use pkm::draw::{plots, report};
+use pkm::draw::{page, plots};
+use pkm::files::write_whole;
 use pkm::program::interpreter::{self, Move, Reading};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Break, LineLoad, Preflight, preflight};
@@ -288,6 +289,6 @@ fn write_report(
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let plots = plots::of_places(config, &answer.found.places).map_err(Failure::Told)?;
-    let page = report::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
-    report::write_whole(file, &page).map_err(Failure::Told)
+    let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
+    write_whole(file, &text).map_err(Failure::Told)
 }

@@ -4,11 +4,11 @@
 use super::joints::{coordinates, joint_names};
 use super::{Bar, Failure, MachineFile, Verdict, is_still};
 use pkm::draw::plots;
-use pkm::draw::report::write_whole;
+use pkm::draw::sample::Sample;
+use pkm::files::write_whole;
 use pkm::program::interpreter;
 use pkm::program::replay::{Visit, duration_of_all, replay_seen};
 use pkm::read::machine::MachineConfig;
-use pkm::trace::Sample;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 

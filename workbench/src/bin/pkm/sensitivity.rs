@@ -4,8 +4,8 @@
 use super::poses::At;
 use super::{Failure, MachineFile, StudyFile, Verdict, in_words, write_plots};
 use kinematics::{Letter, Pose, Vector3};
-use pkm::draw::report::write_whole;
 use pkm::draw::study_plots::of_sensitivity;
+use pkm::files::write_whole;
 use pkm::program::interpreter;
 use pkm::program::replay::replay_seen;
 use pkm::proof::axis_box;

@@ -4,8 +4,8 @@
 use super::poses::At;
 use super::{Failure, MachineFile, Verdict, in_words, write_plots};
 use kinematics::{Pose, Vector3};
-use pkm::draw::report::write_whole;
 use pkm::draw::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
+use pkm::files::write_whole;
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;

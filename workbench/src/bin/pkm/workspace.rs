@@ -4,8 +4,8 @@
 use super::joints::Tool;
 use super::{Bar, Failure, MachineFile, StudyFile, Verdict, write_plots};
 use kinematics::Vector3;
-use pkm::draw::report::write_whole;
 use pkm::draw::study_plots::of_workspace;
+use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use pkm::study::workspace::{
     Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,

@@ -365,7 +365,10 @@ impl Entry {
 /// If it is not there.
 pub fn pkmkins_path() -> PathBuf {
     let path = std::env::var_os("PKMKINS_SO").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/module/release/libpkmkins.so"),
+        || {
+            Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../../target/module/release/libpkmkins.so")
+        },
         PathBuf::from,
     );
     assert!(path.exists(), "{} is missing: run `make module` first", path.display());

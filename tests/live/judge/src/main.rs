@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm-report INI TRACE.csv RESULT.json OUT_DIR`: judges one recorded run.
+//! `judge INI TRACE.csv RESULT.json OUT_DIR`: judges one recorded run.
 //!
 //! Prints a table and writes report.html with plots into OUT_DIR. Exit code 0: all
 //! figures are as they must be; 1: at least one is not; 2: the run cannot be judged.
 
-use pkm::draw::report;
+use judge::{page, trace};
 use pkm::read::machine::MachineConfig;
-use pkm::trace;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: pkm-report INI TRACE.csv RESULT.json OUT_DIR";
+const USAGE: &str = "usage: judge INI TRACE.csv RESULT.json OUT_DIR";
 
 fn main() -> ExitCode {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
@@ -26,7 +25,7 @@ fn main() -> ExitCode {
 }
 
 fn unjudged(error: &str) -> ExitCode {
-    eprintln!("pkm-report: {error}");
+    eprintln!("judge: {error}");
     ExitCode::from(2)
 }
 
@@ -39,7 +38,7 @@ fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, St
         None => error,
     })?;
     let judged = trace::judge(&config, &samples, &result).map_err(|e| e.to_string())?;
-    report::write(folder, &config, &samples, &result, &judged)?;
+    page::write(folder, &config, &samples, &result, &judged)?;
     // A reader that has gone away does not change the verdict.
     let _ = writeln!(std::io::stdout(), "{judged}report: {}", folder.join("report.html").display());
     Ok(judged.kept())

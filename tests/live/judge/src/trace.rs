@@ -5,9 +5,10 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
-use crate::check::mobility::Structure;
-use crate::read::machine::{ConeAngles, Group, JointKind, MachineConfig};
-use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, PerLeg, Pose, Vector3};
+use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Pose, Vector3};
+use pkm::check::mobility::Structure;
+use pkm::draw::sample::Sample;
+use pkm::read::machine::{ConeAngles, Group, JointKind, MachineConfig};
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
@@ -33,38 +34,6 @@ const WIDEST: usize = 34;
 
 const PROGRAM_PHASE: f64 = 2.0;
 const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
-
-/// One servo cycle. Lengths in machine units, angles in degrees; 0 beyond the last joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Seconds since the first line.
-    pub time: f64,
-    /// Homed, in world mode: the joints follow the pose.
-    pub in_world: bool,
-    /// Commanded pose x y z a b c.
-    pub pose: [f64; 6],
-    /// Commanded joints, before LinuxCNC smooths them.
-    pub joints: Joints,
-    /// Motor positions after this cycle's command; a searching joint counts from power-up.
-    pub motors: Joints,
-    /// What forward made of the motor positions of the cycle before.
-    pub forward: [f64; 6],
-    /// Nut corrections that the module shows, 0 for legs that are no struts.
-    pub corrections: PerLeg,
-    /// Tool vector, spindle offset included.
-    pub tool: [f64; 3],
-    /// Iterations of the last forward call.
-    pub iterations: f64,
-    /// Largest leg residual of the last forward call.
-    pub residual: f64,
-}
-
-impl Sample {
-    /// The tool vector.
-    pub fn tool(&self) -> Vector3<f64> {
-        Vector3::from(self.tool)
-    }
-}
 
 /// What `run_live.py` found; fields that a failed run lacks are zero.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -232,11 +201,10 @@ impl fmt::Display for TraceFault {
 
 impl std::error::Error for TraceFault {}
 
-impl Sample {
-    fn failed(&self) -> impl Fn(Fault) -> TraceFault + use<> {
-        let time = self.time;
-        move |fault| TraceFault { time, fault }
-    }
+/// What a failure of the host library on a sample is told as.
+fn failed(sample: &Sample) -> impl Fn(Fault) -> TraceFault + use<> {
+    let time = sample.time;
+    move |fault| TraceFault { time, fault }
 }
 
 /// A judged trace.
@@ -281,7 +249,7 @@ pub fn judge(
     let world: Vec<Sample> = samples.iter().filter(|s| s.in_world).copied().collect();
     let offsets = motor_offsets(&world);
     let mut checks = run_checks(config, &world, result);
-    checks.extend(structure_checks(config).map_err(world[0].failed())?);
+    checks.extend(structure_checks(config).map_err(failed(&world[0]))?);
     checks.extend(kinematics_checks(config, &world, &offsets)?);
     checks.extend(limit_checks(config, samples, &world, &offsets));
     checks.extend(cone_checks(config, samples, &world, &offsets)?);
@@ -353,10 +321,10 @@ impl Deviations {
         };
         let mut seed = Pose::from_degrees(world[0].pose);
         for (k, sample) in world.iter().enumerate() {
-            seed = most.add(config, sample, &seed).map_err(sample.failed())?;
+            seed = most.add(config, sample, &seed).map_err(failed(sample))?;
             if k > 0 {
                 let measured = std::array::from_fn(|i| world[k - 1].motors[i] + offsets[i]);
-                most.add_feedback(config, sample, &measured).map_err(sample.failed())?;
+                most.add_feedback(config, sample, &measured).map_err(failed(sample))?;
             }
         }
         Ok(most)
@@ -512,12 +480,12 @@ fn cone_checks(
 ) -> Result<Vec<Check>, TraceFault> {
     let mut homing = Cones::new(config);
     for (sample, pose) in homing_poses(config, samples, offsets)? {
-        homing.add(config, &pose, &config.spindle).map_err(sample.failed())?;
+        homing.add(config, &pose, &config.spindle).map_err(failed(sample))?;
     }
     let mut program = Cones::new(config);
     for sample in world {
         let pose = Pose::from_degrees(sample.pose);
-        program.add(config, &pose, &sample.tool()).map_err(sample.failed())?;
+        program.add(config, &pose, &sample.tool()).map_err(failed(sample))?;
     }
     let mut checks = homing.checks(config, "homing");
     checks.extend(program.checks(config, "program"));
@@ -536,7 +504,7 @@ fn homing_poses<'a>(
     for sample in before.into_iter().rev() {
         let joints = std::array::from_fn(|i| sample.motors[i] + offsets[i]);
         let solution = config.machine.forward(&joints, &seed, &config.spindle, &config.solver);
-        seed = solution.map_err(sample.failed())?.pose;
+        seed = solution.map_err(failed(sample))?.pose;
         poses.push((sample, seed));
     }
     Ok(poses)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Every case of cases.toml through the real haltcl and the real module, in HAL alone.
 
-    tests/ini/run.py [--only TEXT]
+    tests/cases/ini/run.py [--only TEXT]
 
 LinuxCNC itself is not started: `pkmkins` with the load parameters of the case and `motmod` are
 loaded and pkmkins.tcl, as installed, reads the INI file of the case. Prints one line a case and a
@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "live"))
+REPOSITORY = HERE.parents[2]
+sys.path.insert(0, str(REPOSITORY / "tests/live"))
 import ini_edit  # noqa: E402
 from unprivileged import clear_hal, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
 
-REPOSITORY = HERE.parents[1]
 SCRIPT = "/usr/share/linuxcnc/hallib/pkmkins.tcl"
 REALTIME = "/usr/lib/linuxcnc/realtime"
 LOAD = """\
@@ -95,7 +95,7 @@ class Session:
                                   stdin=subprocess.DEVNULL, stdout=log, stderr=log, timeout=30)
         self.loaded = done.returncode == 0
         if not self.loaded and "pkmkins" not in self.log.read_text():
-            sys.exit(f"tests/ini: HAL could not be loaded: {self.log.read_text()}")
+            sys.exit(f"tests/cases/ini: HAL could not be loaded: {self.log.read_text()}")
         return self
 
     def __exit__(self, *_):
@@ -206,7 +206,7 @@ def main():
     arguments.add_argument("--only", default="", help="run the cases whose name contains this")
     only = arguments.parse_args().only
     if not is_unprivileged():
-        return rerun_unprivileged("tests/ini/run.py", ["--only", only], timeout=300)
+        return rerun_unprivileged("tests/cases/ini/run.py", ["--only", only], timeout=300)
     with only_one(), tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         cases = list(listed_cases(only))

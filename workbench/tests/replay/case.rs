@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Replay cases: a machine, a program, and what is expected of them, as TOML.
 
-use crate::program::interpreter::{self, LINUXCNC_PROGRAMS};
-use crate::program::replay::{Replay, replay};
-use crate::read::machine::MachineConfig;
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use pkm::program::replay::{Replay, replay};
+use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

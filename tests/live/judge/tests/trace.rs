@@ -1,19 +1,29 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Traces made up from the host library are judged as they deserve, and the report of
-//! `pkm-report` holds what it promises.
+//! `judge` holds what it promises.
 
-use crate::shipped::{config as config_of, ini};
+use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
+use pkm::draw::sample::Sample;
 use pkm::read::machine::{JointKind, MachineConfig};
-use pkm::trace::{RunResult, Sample, judge, read_trace};
+
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const PERIOD: f64 = 1e-3;
 
 /// A tool that reaches out to the side, in units of any of the machines.
 const TOOL: [f64; 3] = [1.5, -0.5, 2.0];
+
+fn ini(machine: &str) -> PathBuf {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs");
+    configs.join(machine).join(format!("{machine}.ini"))
+}
+
+fn config_of(machine: &str) -> MachineConfig {
+    MachineConfig::read(&ini(machine)).unwrap()
+}
 
 fn config() -> MachineConfig {
     config_of("hexapod")
@@ -236,11 +246,11 @@ fn a_trace_reads_back_to_the_same_bits_and_bad_columns_are_refused() {
     }
 }
 
-/// Exit code and standard output of pkm-report, which writes into `folder`/out.
+/// Exit code and standard output of judge, which writes into `folder`/out.
 fn report(folder: &Path, machine: &str, hash: u32, trace: &Path) -> (Option<i32>, String) {
     let (json, out) = (folder.join("r.json"), folder.join("out"));
     std::fs::write(&json, format!(r#"{{"ok": true, "geometry_hash": {hash}}}"#)).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm-report"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_judge"));
     let output = command.args([&ini(machine), trace, &json, &out]).output().unwrap();
     (output.status.code(), String::from_utf8(output.stdout).unwrap())
 }

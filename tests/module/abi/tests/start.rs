@@ -17,7 +17,7 @@ const SAME: f64 = 1e-10;
 
 /// The numbers of a key of the shipped tripod.
 fn numbers(section: &str, key: &str) -> Vec<f64> {
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/tripod/tripod.ini");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/tripod/tripod.ini");
     let text = std::fs::read_to_string(file).expect("readable");
     let mut lines = text.lines().skip_while(|line| *line != format!("[{section}]"));
     let line = lines.find_map(|line| line.strip_prefix(&format!("{key} = "))).expect(key);

@@ -2,20 +2,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
 # Checks include/pkmkins.h with a C compiler and runs a C client of the module.
-#   tests/c/run.sh
+#   tests/module/c/run.sh
 # Environment: LINUXCNC_HEADERS (default /usr/include/linuxcnc),
 #   PKMKINS_SO (default target/module/release/libpkmkins.so), CC (default cc).
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
+root=$(cd "$here/../../.." && pwd)
 headers=${LINUXCNC_HEADERS:-/usr/include/linuxcnc}
 module=${PKMKINS_SO:-$root/target/module/release/libpkmkins.so}
 cc=${CC:-cc}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-say_and_fail() { echo "tests/c: $*" >&2; exit 1; }
+say_and_fail() { echo "tests/module/c: $*" >&2; exit 1; }
 
 [ -f "$root/include/pkmkins.h" ] || say_and_fail "include/pkmkins.h is missing: run 'make header'"
 [ -f "$headers/kinematics.h" ] || say_and_fail "$headers/kinematics.h is missing: install linuxcnc-uspace-dev"

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Runs every replay case of tests/replay, and sees that no shipped program lacks one.
+//! Runs every replay case of tests/cases/replay, and sees that no shipped program lacks one.
 
-use pkm::case::{Case, Outcome};
+mod case;
+
+use case::{Case, Outcome};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -23,7 +25,7 @@ fn cases() -> Vec<(PathBuf, Case)> {
         let case = Case::read(&file).unwrap_or_else(|error| panic!("{error}"));
         (file, case)
     };
-    files(&root().join("tests/replay"), "toml").into_iter().map(read).collect()
+    files(&root().join("tests/cases/replay"), "toml").into_iter().map(read).collect()
 }
 
 #[test]
@@ -60,7 +62,12 @@ fn every_shipped_program_has_a_case() {
         for program in files(&machine.path().join("programs"), "ngc") {
             let program = format!("programs/{}", program.file_name().unwrap().display());
             let key = (name.clone(), program);
-            assert!(covered.contains(&key), "no case in tests/replay for {} {}", key.0, key.1);
+            assert!(
+                covered.contains(&key),
+                "no case in tests/cases/replay for {} {}",
+                key.0,
+                key.1
+            );
         }
     }
 }

@@ -69,7 +69,7 @@ struct Jacobian {
 }
 
 fn read<M: DeserializeOwned>(name: &str) -> Vec<M> {
-    let path = format!("{}/../golden/{name}", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../../cases/golden/{name}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let golden: Golden<M> = toml::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
     golden.machine

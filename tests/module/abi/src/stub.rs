@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The stub HAL (`tests/stub_hal/stub_hal.c`) and the loading of shared libraries.
+//! The stub HAL (`tests/module/stub_hal/stub_hal.c`) and the loading of shared libraries.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_long, c_ulong, c_void};
 use std::path::Path;
@@ -110,7 +110,7 @@ pub fn symbol(library: NonNull<c_void>, name: &str) -> Option<NonNull<c_void>> {
 macro_rules! function {
     ($library:expr, $name:expr, $type:ty) => {
         $crate::stub::symbol($library, $name).map(|address| {
-            // SAFETY: the C check in tests/c compares this symbol's prototype
+            // SAFETY: the C check in tests/module/c compares this symbol's prototype
             // with LinuxCNC's header; the type here repeats it.
             unsafe { std::mem::transmute::<*mut std::ffi::c_void, $type>(address.as_ptr()) }
         })
