@@ -5,11 +5,11 @@
 use crate::shipped::{MACHINES, config};
 use kinematics::{Matrix3, Pose, Solver, Vector3};
 use nalgebra::Matrix6;
-use pkm::axis_box;
-use pkm::machine::MachineConfig;
-use pkm::stance::{Stance, rate_map};
-use pkm::stiffness::{Map, Stiffness, with_platform};
-use pkm::study::{Screw, Springs};
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::{Screw, Springs};
+use pkm::study::stance::{Stance, rate_map};
+use pkm::study::stiffness::{Map, Stiffness, with_platform};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

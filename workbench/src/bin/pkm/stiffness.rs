@@ -4,13 +4,13 @@
 use super::poses::At;
 use super::{Failure, MachineFile, Verdict, in_words, write_plots};
 use kinematics::{Pose, Vector3};
-use pkm::axis_box;
-use pkm::machine::MachineConfig;
-use pkm::report::write_whole;
-use pkm::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
-use pkm::study::{Springs, Study};
-use pkm::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
-use pkm::workspace::Workspace;
+use pkm::draw::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
+use pkm::files::write_whole;
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::{Springs, Study};
+use pkm::study::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
+use pkm::study::workspace::Workspace;
 use std::io::Write;
 use std::path::PathBuf;
 
