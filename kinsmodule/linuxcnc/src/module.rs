@@ -77,6 +77,9 @@ pub struct Module {
     /// The same, and forward has found no pose of the joints since: what LinuxCNC takes for the
     /// pose may be one from before the switch, far from where the joints are.
     pose_is_unknown: bool,
+    /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
+    /// refusal over to inverse.
+    refused: bool,
     /// Joints commanded last in identity kinematics, where there was a call.
     identity_joints: Option<Joints>,
     /// Last good pose of any kind of call.
@@ -104,6 +107,7 @@ impl Module {
             callers: [None; CALLERS],
             switched_back: false,
             pose_is_unknown: false,
+            refused: false,
             identity_joints: None,
             last_pose: None,
             machine_was_on: false,
@@ -139,8 +143,13 @@ impl Module {
         if timed {
             self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
         }
-        let Err(fault) = result else { return Ok(()) };
-        self.record(&fault);
+        let Err(fault) = result else {
+            self.refused = false;
+            return Ok(());
+        };
+        if !(self.refused && is_consequence(fault.cause)) {
+            self.record(&fault);
+        }
         Err(fault)
     }
 
@@ -193,7 +202,8 @@ impl Module {
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
-        self.pins.fwd_kins_fail.set(result.is_err());
+        self.refused = result.is_err();
+        self.pins.fwd_kins_fail.set(self.refused);
         self.show_start();
         if result.is_ok() {
             self.remember(address, solution.pose);
@@ -736,6 +746,11 @@ impl Report {
 /// The clock where it is wanted: not free beside calls of some tens of nanoseconds.
 fn nanoseconds_if(wanted: bool) -> i64 {
     if wanted { nanoseconds() } else { 0 }
+}
+
+/// Whether inverse refuses so after forward was refused: forward's reason is the one to be told.
+fn is_consequence(cause: Cause) -> bool {
+    matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
 }
 
 /// Whether a refusal may come from joints and seed alone, as before homing.
