@@ -184,6 +184,14 @@ def kinematics_switch_moves_no_joint(out):
 
 
 @test
+def switch_back_where_no_platform_closes_is_refused(out):
+    wide = [{"section": f"AXIS_{letter}", "key": key, "lines": [f"{key} = {value}"]}
+            for letter in "XYZABC" for key, value in (("MIN_LIMIT", -9999), ("MAX_LIMIT", 9999))]
+    result = scenario(HEXAPOD, "refused_switch_back", out, edits=wide, block="G1 F3000 X500")
+    return result["reason"]
+
+
+@test
 def kinematics_switch_of_a_lathe_moves_no_joint(out):
     scenario(FOUR_ROD_LATHE, "net_switch", out, start="G1 F3000 X12 Y442 Z1020 B4")
 

@@ -270,6 +270,39 @@ def refused_program(machine: Machine, out, path, lines, joint, most):
     return {"reason": reasons[0].strip()}
 
 
+def refused_switch_back(machine: Machine, out, block):
+    """In identity kinematics the joints go to where no platform closes: the switch back is refused and
+    moves no joint; from where they came it is made."""
+    net_kinematics_type()
+    machine.start()
+    pose = machine.pose()
+    machine.mdi("M68 E3 Q1")
+    machine.pause(0.5)
+    start = machine.pose(machine.layout.letters)
+    watch = JointWatch(machine)
+    machine.mdi(block)
+    machine.pause(0.3)
+    joints = machine.commanded_joints()
+    machine.mdi("M68 E3 Q0")
+    machine.pause(0.5)
+    assert machine.get("kinstype.is-1"), "the switch back was made"
+    assert_close(machine.commanded_joints(), joints, 1e-9, "joints before and after the refused switch")
+    reason = reason_of(machine, machine.get("pkmkins.fault"))
+    if not machine.is_on():
+        machine.turn_on()
+    machine.mdi("M68 E3 Q1")
+    machine.mdi("G1 F3000 " + " ".join(f"{l.upper()}{v:.9f}" for l, v in zip(machine.layout.letters, start)))
+    machine.mdi("M68 E3 Q0")
+    machine.pause(0.5)
+    fastest = watch.fastest()
+    assert machine.get("kinstype.is-0"), "the switch back from the first joints was refused"
+    assert_close(machine.pose(), pose, 1e-6, "pose before and after")
+    for n, speed in enumerate(fastest):
+        most = machine.get(f"pkmkins.max-velocity.{n}")
+        assert speed <= most * 1.01, f"joint {n} went at {speed}, its limit is {most}"
+    return {"reason": reason, "fastest": max(fastest)}
+
+
 def sample_switch(machine: Machine, out, start):
     """The same in LinuxCNC's sample configuration, by its own M428 and M429."""
     machine.start()
@@ -688,6 +721,12 @@ class JointWatch:
     def stop(self):
         self.recorder.stop()
         return max(max(way) - min(way) for way in map(self.way, self.joints))
+
+    def fastest(self):
+        """Ends the record: the largest speed of each drive."""
+        self.recorder.stop()
+        ways = map(self.way, self.joints)
+        return [max(abs(b - a) for a, b in zip(way, way[1:])) * 1e9 / SERVO_PERIOD_NS for way in ways]
 
     def way(self, joint):
         """Position of one drive in every cycle."""

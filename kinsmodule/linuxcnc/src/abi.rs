@@ -279,7 +279,8 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     };
     let joints = &joints;
     let pose = match module.kind() {
-        Kind::Identity => module.identity_pose(joints).map(Pose::from_degrees),
+        // No joint turns a tool there, whatever the letters of the pose say.
+        Kind::Identity => Ok(Pose::from_degrees([0.0; 6])),
         Kind::Machine => module.pose_of(joints),
     };
     let Ok(pose) = pose else { return -1 };

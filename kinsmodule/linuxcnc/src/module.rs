@@ -9,7 +9,8 @@ use crate::pins::{Given, Pins};
 use crate::start::Start;
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
-    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, Machine, Pose, Solution, Vector3, text,
+    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
+    Vector3, text,
 };
 
 /// Cycles without a fault after which the same fault is told again.
@@ -73,6 +74,14 @@ pub struct Module {
     /// The kinematics were switched back to the machine: a caller not yet known holds
     /// joint values as its seed.
     switched_back: bool,
+    /// The same, and forward has found no pose of the joints since: what LinuxCNC takes for the
+    /// pose may be one from before the switch, far from where the joints are.
+    pose_is_unknown: bool,
+    /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
+    /// refusal over to inverse.
+    refused: bool,
+    /// Joints commanded last in identity kinematics, where there was a call.
+    identity_joints: Option<Joints>,
     /// Last good pose of any kind of call.
     last_pose: Option<Pose>,
     /// Whether `.machine-on` was ever true: only then does false mean that it is off.
@@ -97,6 +106,9 @@ impl Module {
             calls: Calls::default(),
             callers: [None; CALLERS],
             switched_back: false,
+            pose_is_unknown: false,
+            refused: false,
+            identity_joints: None,
             last_pose: None,
             machine_was_on: false,
             start: Start::new(),
@@ -123,6 +135,7 @@ impl Module {
         let begin = nanoseconds_if(timed);
         let pose = Pose::from_degrees(*degrees);
         let result = match self.prepared(|| !is_zero(degrees)) {
+            Ok(()) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
             Ok(()) => self.joints_of(&pose, joints),
             Err(fault) => Err(fault),
         };
@@ -130,8 +143,13 @@ impl Module {
         if timed {
             self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
         }
-        let Err(fault) = result else { return Ok(()) };
-        self.record(&fault);
+        let Err(fault) = result else {
+            self.refused = false;
+            return Ok(());
+        };
+        if !(self.refused && is_consequence(fault.cause)) {
+            self.record(&fault);
+        }
         Err(fault)
     }
 
@@ -160,6 +178,7 @@ impl Module {
     ) -> Result<(), Fault> {
         let timed = self.report.monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
+        self.calls.saw_forward();
         let result = self.pose_at(joints, pose, address);
         if timed {
             self.guard.timed_forward(nanoseconds().wrapping_sub(begin));
@@ -171,7 +190,6 @@ impl Module {
         &mut self,
         joints: &Joints,
         pose: &mut [f64; 6],
-        self.calls.saw_forward();
         address: usize,
     ) -> Result<(), Fault> {
         self.forget_before_homing();
@@ -184,7 +202,8 @@ impl Module {
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
-        self.pins.fwd_kins_fail.set(result.is_err());
+        self.refused = result.is_err();
+        self.pins.fwd_kins_fail.set(self.refused);
         self.show_start();
         if result.is_ok() {
             self.remember(address, solution.pose);
@@ -233,21 +252,51 @@ impl Module {
 
     /// Changes the kinematics: 0 the machine, 1 identity.
     pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
-        let kind = match self.kind_of(number) {
-            Ok(kind) => kind,
+        match self.switched_to(number) {
+            Ok(kind) => self.kind = kind,
             Err(fault) => {
                 self.tell_unmonitored(&fault);
                 return self.recorded(Err(fault));
             }
-        };
-        if kind == Kind::Machine && self.kind != kind {
-            self.switched_back = true;
-            for caller in self.callers.iter_mut().flatten() {
-                caller.seed_is_stale = true;
+        }
+        self.pins.show_type(number);
+        Ok(())
+    }
+
+    /// What a switch changes beside the kind of the kinematics; nothing where it is refused.
+    fn switched_to(&mut self, number: i32) -> Result<Kind, Fault> {
+        let kind = self.kind_of(number)?;
+        match kind {
+            _ if kind == self.kind => {}
+            Kind::Identity => self.identity_joints = None,
+            Kind::Machine => {
+                self.find_pose_again()?;
+                self.switched_back = true;
+                self.pose_is_unknown = true;
             }
         }
-        self.kind = kind;
-        self.pins.show_type(number);
+        Ok(kind)
+    }
+
+    /// Follows the joints from the last pose to where the identity kinematics have moved them.
+    ///
+    /// LinuxCNC does not look whether the first forward after a switch succeeds, and would go on
+    /// from the pose before. Where no pose was ever known, as before homing, there is none to start
+    /// from, and nothing is refused here.
+    fn find_pose_again(&mut self) -> Result<(), Fault> {
+        let Some(last) = self.last_pose else { return Ok(()) };
+        let mut pose = last;
+        if let Some(joints) = &self.identity_joints {
+            let (machine, solver) = (&self.frozen()?.machine, self.pins.solver());
+            pose = machine.forward(joints, &last, &self.tool.offset(), &solver)?.pose;
+            self.last_pose = Some(pose);
+        }
+        for caller in self.callers.iter_mut().flatten() {
+            if self.identity_joints.is_some() {
+                caller.pose = pose;
+            }
+            caller.seed_is_stale = true;
+        }
         Ok(())
     }
 
@@ -262,10 +311,12 @@ impl Module {
 
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
     pub fn identity_forward(&mut self, joints: &Joints, pose: &mut [f64; 6]) -> Result<(), Fault> {
-        self.start.resumes();
+        self.forget_before_homing();
+        self.calls.saw_forward();
         let result = self.identity_pose(joints);
         self.pins.fwd_kins_fail.set(result.is_err());
         *pose = self.recorded(result)?;
+        self.identity_joints = Some(*joints);
         self.pins.show_pose(*pose);
         Ok(())
     }
@@ -303,8 +354,13 @@ impl Module {
         let held = self.refuse_held(pose);
         self.recorded(held)?;
         let letters = self.layout().joint_letters().into_iter().flatten();
-        for (joint, letter) in joints.iter_mut().zip(letters) {
+        let mut commanded = [0.0; MAX_JOINTS];
+        for ((joint, kept), letter) in joints.iter_mut().zip(&mut commanded).zip(letters) {
             *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
+            *kept = *joint;
+        }
+        if self.calls.takes_command() {
+            self.identity_joints = Some(commanded);
         }
         Ok(())
     }
@@ -351,6 +407,7 @@ impl Module {
             machine: &frozen.machine,
             tool: &self.tool.offset(),
             pose: self.last_pose,
+            commanded,
             period,
         })
     }
@@ -397,7 +454,6 @@ impl Module {
         let checked = given.checked().and_then(|machine| {
             self.start.freeze(self.pins, &self.load, hash)?;
             Ok(machine)
-            commanded,
         });
         self.pins.geometry_ok.set(checked.is_ok());
         let machine = checked?;
@@ -622,13 +678,17 @@ impl Module {
             // With boxes, a caller not yet known hands over [TRAJ]HOME, not a pose it was told.
             Some(pose) if caller.is_none() && self.start.has_boxes() => Some(pose),
             Some(pose) if stale || !seed.is_finite() => Some(pose),
-            None if !seed.is_finite() => self.reference(),
+            // After a switch a seed may hold joint values.
+            None if stale || !seed.is_finite() => {
+                self.reference().or(Some(*seed).filter(Pose::is_finite))
+            }
             _ => Some(*seed),
         }
     }
 
     fn remember(&mut self, address: usize, pose: Pose) {
         self.last_pose = Some(pose);
+        self.pose_is_unknown = false;
         let entry = Caller { address, pose, seed_is_stale: false };
         let known = self.callers.iter_mut().flatten().find(|c| c.address == address);
         if let Some(caller) = known {
@@ -722,6 +782,11 @@ impl Report {
 /// The clock where it is wanted: not free beside calls of some tens of nanoseconds.
 fn nanoseconds_if(wanted: bool) -> i64 {
     if wanted { nanoseconds() } else { 0 }
+}
+
+/// Whether inverse refuses so after forward was refused: forward's reason is the one to be told.
+fn is_consequence(cause: Cause) -> bool {
+    matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
 }
 
 /// Whether a refusal may come from joints and seed alone, as before homing.

@@ -471,3 +471,34 @@ fn forward_writes_the_pins_people_look_at() {
     module.monitor();
     assert!(!module.is_on("fwd-kins-fail"));
 }
+
+/// LinuxCNC hands the NaN of a refused forward over to inverse when it goes off and on again.
+#[test]
+fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
+    let module = paper_004().module();
+    let joints = module.inverse(&SEED).expect("a pose of the workspace");
+    module.forward(&joints, &SEED).expect("its own joints");
+    let mut bad = joints;
+    bad[2] = 390.0;
+    let mut world = SEED;
+    let code = module.forward_into(&bad, &mut world);
+    assert!(code < 0);
+    assert_eq!(module.inverse(&world), Err(Cause::PoseNotFinite.code()));
+    module.monitor();
+    assert_eq!(module.get("fault"), f64::from(code));
+    assert_eq!((module.get("fault-count"), module.messages().len()), (1.0, 1));
+    // A pose that came from elsewhere is told again as soon as inverse has been asked for a good one.
+    module.inverse(&SEED).expect("a pose of the workspace");
+    assert_eq!(module.inverse(&NO_POSE), Err(Cause::PoseNotFinite.code()));
+    assert_eq!(module.get("fault"), f64::from(Cause::PoseNotFinite.code()));
+}
+
+#[test]
+fn the_tool_of_identity_kinematics_stands_upright_whatever_the_joints_are() {
+    let module = paper_004().module();
+    assert_eq!(module.switch(1), 0);
+    let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for joints in [[0.0; 16], [30.0; 16], [-500.0; 16]] {
+        assert_eq!(module.tool_frame(&joints), Ok(upright));
+    }
+}

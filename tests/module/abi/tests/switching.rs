@@ -46,6 +46,7 @@ fn types_that_do_not_exist_are_refused_and_change_nothing() {
     assert_eq!(said.len(), 1, "one message, however often it was asked for: {said:?}");
     assert_eq!(said[0].level, 1, "an error, so that the operator sees it");
     assert_eq!(module.switch(0), 0);
+    module.forward(&joints.expect("a pose of the workspace"), &POSE).expect("its own joints");
     assert_eq!(module.inverse(&POSE), joints);
 }
 
@@ -271,4 +272,149 @@ fn a_lathe_comes_back_from_identity_with_its_pose() {
     assert_eq!(module.switch(0), 0);
     assert_eq!(module.forward_into(&joints, &mut world), 0);
     assert!(distance(&world, &pose, machine.radius()) <= WRONG_REL * machine.size(), "{world:?}");
+}
+
+/// What LinuxCNC's motion controller does with the kinematics, for drives that follow exactly.
+struct Controller<'a> {
+    module: &'a Module,
+    /// Where LinuxCNC keeps the poses of feedback and command.
+    worlds: [Pose; 2],
+    joints: Joints,
+}
+
+impl<'a> Controller<'a> {
+    /// Homed at a pose.
+    fn at(module: &'a Module, pose: &Pose) -> Self {
+        let joints = module.inverse(pose).expect("a pose of the workspace");
+        let mut controller = Self { module, worlds: [*pose; 2], joints };
+        assert_eq!(controller.cycle(pose), 0);
+        controller
+    }
+
+    /// A cycle in world mode: forward of the feedback, inverse of the command; its code.
+    fn cycle(&mut self, command: &Pose) -> i32 {
+        self.worlds[1] = *command;
+        let [feedback, command] = &mut self.worlds;
+        self.module.forward_into(&self.joints, feedback);
+        self.module.inverse_into(command, &mut self.joints)
+    }
+
+    /// Asks for other kinematics; where they are refused LinuxCNC leaves the commanded pose alone, and
+    /// it never looks at what forward returns.
+    fn switch(&mut self, kind: i32) -> i32 {
+        let code = self.module.switch(kind);
+        if code == 0 {
+            self.module.forward_into(&self.joints, &mut self.worlds[1]);
+        }
+        code
+    }
+}
+
+/// A strut this long closes no platform with the others of [`POSE`].
+const TOO_SHORT: f64 = 390.0;
+
+#[test]
+fn a_switch_back_where_the_joints_close_no_platform_is_refused_and_changes_nothing() {
+    let module = paper_004().module();
+    let mut controller = Controller::at(&module, &POSE);
+    let start = controller.joints;
+    assert_eq!(controller.switch(1), 0);
+    let mut command = controller.worlds[1];
+    while command[2] > TOO_SHORT {
+        command[2] -= 0.5;
+        assert_eq!(controller.cycle(&command), 0);
+    }
+    let (joints, faults) = (controller.joints, module.get("fault-count"));
+    let code = controller.switch(0);
+    assert!(code < 0, "the switch was made");
+    assert_eq!(module.get("fault"), f64::from(code));
+    assert_eq!(module.get("fault-count"), faults + 1.0);
+    assert_eq!(types(&module), [false, true, false]);
+    module.monitor();
+    let text = module.messages().pop().expect("a message").text;
+    assert!(text.contains(&format!("[code {code}]")), "{text}");
+    // The joints stay where they are, and the operator leads them back.
+    assert_eq!(controller.cycle(&command), 0);
+    assert_eq!(controller.joints, joints);
+    while command[2] < start[2] - 20.0 {
+        command[2] += 0.5;
+        assert_eq!(controller.cycle(&command), 0);
+    }
+    assert_eq!(controller.switch(0), 0);
+    let pose = controller.worlds[1];
+    let before = controller.joints;
+    assert_eq!(controller.cycle(&pose), 0);
+    let moved = controller.joints.iter().zip(before).map(|(a, b)| (a - b).abs());
+    assert!(moved.fold(0.0, f64::max) < SAME_COMPONENT, "the joints jumped: {pose:?}");
+}
+
+/// In the cycle of the switch an end point may have been asked for: it is not where the joints are.
+#[test]
+fn a_switch_back_looks_at_the_commanded_joints_and_not_at_end_points_of_queued_moves() {
+    let module = paper_004().module();
+    let mut controller = Controller::at(&module, &POSE);
+    assert_eq!(controller.switch(1), 0);
+    let command = controller.worlds[1];
+    assert_eq!(controller.cycle(&command), 0);
+    let mut end = command;
+    end[2] = TOO_SHORT;
+    assert!(module.inverse(&end).is_ok());
+    assert_eq!(controller.switch(0), 0);
+}
+
+#[test]
+fn after_a_switch_back_inverse_refuses_until_forward_has_found_a_pose() {
+    for drop_in in [false, true] {
+        let mut machine = paper_004();
+        machine.home = machine.home.filter(|_| !drop_in);
+        let module = if drop_in {
+            let module = Module::pkmkins(&[]);
+            machine.wire(&module);
+            module
+        } else {
+            machine.module()
+        };
+        let joints = module.inverse(&POSE).expect("a pose of the workspace");
+        assert_eq!(module.switch(1), 0);
+        assert_eq!(module.switch(0), 0);
+        let refused = Err(Cause::PoseUnknown.code());
+        assert_eq!(module.inverse(&POSE), refused);
+        let mut bad = joints;
+        bad[2] = TOO_SHORT;
+        assert!(module.forward(&bad, &POSE).is_err());
+        assert_eq!(module.inverse(&POSE), refused);
+        assert!(module.forward(&joints, &POSE).is_ok());
+        assert_eq!(module.inverse(&POSE), Ok(joints));
+    }
+}
+
+/// Before homing LinuxCNC does not know the joints: a switch there is no matter of where they are.
+#[test]
+fn before_homing_the_kinematics_may_be_switched_there_and_back() {
+    for boxes in [0, 1] {
+        let machine = Parallel::from(paper_004());
+        let module = machine.loaded_with_boxes(boxes);
+        machine.wire(&module);
+        let mut world = [0.0; 9];
+        for joints in [[0.0; 16], [7.0; 16]] {
+            assert_eq!(module.switch(1), 0);
+            assert_eq!(module.forward_into(&joints, &mut world), 0);
+            assert_eq!(module.switch(0), 0, "{joints:?}");
+            assert_eq!(types(&module), [true, false, false]);
+        }
+    }
+}
+
+/// The seed of the first forward then holds joint values.
+#[test]
+fn a_machine_homed_in_identity_kinematics_is_found_from_its_reference_pose() {
+    let machine = paper_004();
+    let module = machine.module();
+    let joints = module.inverse(&POSE).expect("a pose of the workspace");
+    assert_eq!(module.switch(1), 0);
+    let mut world = [0.0; 9];
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_eq!(module.switch(0), 0);
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert!(distance(&world, &POSE, machine.radius()) <= WRONG_REL * machine.size(), "{world:?}");
 }
