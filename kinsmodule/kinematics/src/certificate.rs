@@ -115,7 +115,7 @@ fn curvature<const N: usize>(
     let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Ok(of_length) };
     let ball = Ball { rho, radius: machine.radius, curved, s1, s2 };
     let Some(of_nut) = nut.curvature(twist, i, &ball) else {
-        return Err(twist.along_axis());
+        return Err(twist.uncertain());
     };
     Ok(of_length + of_nut)
 }

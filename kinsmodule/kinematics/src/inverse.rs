@@ -248,7 +248,7 @@ impl<const N: usize> Mechanism<N> {
         }
         let Some(nut) = &self.nut else { return Ok([0.0; N]) };
         let twist = nut.twist(&placed.directions(), &place.rotation);
-        nut.refuse_along_axis(&twist)?;
+        nut.refuse(&twist)?;
         Ok(nut.corrections(&twist))
     }
 

@@ -16,6 +16,7 @@
 //! φ₀ is 0 or π, whichever is nearer to φ at the reference pose. Within ±90° of φ₀
 //! this equals the published arcsin (genhexkins); beyond, it stays continuous. As long as
 //! no pose has fixed φ₀, h follows the sign of C at every pose: that is the arcsin itself.
+//! Half a turn from φ₀ it would jump by a lead: twists near to that are refused.
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
@@ -28,9 +29,18 @@ use wide::f64x2;
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
 const MIN_SIN_SQUARED: f64 = 1e-6;
 
+/// Largest |φ − φ₀|. At half a turn the correction jumps by a lead, which inverse cannot see
+/// without a memory. Ten degrees before it refuses: to step over these and those behind the jump,
+/// a screw would have to turn by 20° from one call to the next, which at a lead of 10 mm and a
+/// period of 1 ms is 0.56 m/s of this joint alone.
+const MAX_TORSION: f64 = 170.0 / 180.0 * core::f64::consts::PI;
+
 /// Smallest |cos(φ − φ₀)| at the reference pose: nearer to a quarter turn the
 /// choice of φ₀ would hang on rounding.
 const MIN_FOLD_COS: f64 = 0.1;
+
+/// Squared sine of 10°, within which a joint axis is what makes twists change fast.
+const NEAR_AXIS: f64 = 0.03;
 
 /// Where the continuous correction is folded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -256,6 +266,18 @@ impl<const N: usize> Nut<N> {
         Ok(())
     }
 
+    /// Refuses a strut that has no twist, or is about to lose its sense.
+    #[inline(always)]
+    pub fn refuse(&self, twist: &Twist<N>) -> Result<(), Fault> {
+        self.refuse_along_axis(twist)?;
+        for i in (0..N).step_by(2) {
+            if !pair(&twist.from_fold, i).abs().simd_le(both(MAX_TORSION)).all() {
+                return Err(twist.beyond());
+            }
+        }
+        Ok(())
+    }
+
     /// Lengths to add to the struts, in machine units.
     #[inline(always)]
     pub fn corrections(&self, twist: &Twist<N>) -> [f64; N] {
@@ -307,7 +329,7 @@ impl<const N: usize> Nut<N> {
         let slope = n1 * (a.tan + b.tan) + turn * b.secant;
         let fold = match self.fold {
             Fold::Literal => core::f64::consts::FRAC_PI_2,
-            Fold::Fixed => core::f64::consts::PI,
+            Fold::Fixed => MAX_TORSION,
         };
         let folded = pair(&twist.from_fold, i).abs() + slope * rho;
         if !(idle | (a.allowed & b.allowed & folded.simd_lt(both(fold)))).all() {
@@ -351,6 +373,27 @@ impl<const N: usize> Twist<N> {
             }
         }
         Fault::of_leg(Cause::StrutAlongAxis, worst.0, worst.1)
+    }
+
+    /// The strut that has turned most.
+    #[cold]
+    fn beyond(&self) -> Fault {
+        let mut most = (0, 0.0);
+        for i in 0..N {
+            if self.from_fold[i].abs() > f64::abs(most.1) {
+                most = (i, self.from_fold[i]);
+            }
+        }
+        Fault::of_leg(Cause::TorsionTooLarge, most.0, most.1 * 180.0 / core::f64::consts::PI)
+    }
+
+    /// Why nothing is certain about these twists: they are too large, or a strut is too near to
+    /// one of its joint axes.
+    #[cold]
+    pub fn uncertain(&self) -> Fault {
+        // Beside an axis a step changes a twist by any amount.
+        let clear = (0..N).all(|i| self.room(i) > NEAR_AXIS);
+        if clear { self.beyond() } else { self.along_axis() }
     }
 
     /// Squared sine of the angle between leg i and the nearer of its joint axes.
@@ -461,7 +504,7 @@ mod tests {
     fn there_is_no_curvature_where_the_correction_may_fold() {
         // So far twists turn on a way of 2.
         let turn = 2.0 * 0.1 * (TANGENTS + 1.0 / COSINES[1]);
-        for (fold, limit) in [(Fold::Fixed, PI), (Fold::Literal, FRAC_PI_2)] {
+        for (fold, limit) in [(Fold::Fixed, 170.0 / 180.0 * PI), (Fold::Literal, FRAC_PI_2)] {
             let within = |twist| nut(fold).curvature(&tilted(twist), 0, &BALL).is_some();
             let room = limit - turn;
             for sign in [-1.0, 1.0] {

@@ -28,9 +28,18 @@ const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 #[derive(Clone, Debug)]
 pub struct Watch {
     /// Directions of the legs at the reference pose, base to platform.
-    home: Option<[Vector3<f64>; MAX_LEGS]>,
+    home: Option<AtHome>,
     /// Pairs of legs, lower number first, that share no anchor.
     apart: [[bool; MAX_LEGS]; MAX_LEGS],
+}
+
+/// Directions of the legs at the reference pose.
+#[derive(Clone, Copy, Debug)]
+struct AtHome {
+    /// In base.
+    base: [Vector3<f64>; MAX_LEGS],
+    /// In the platform, which may be tilted there.
+    platform: [Vector3<f64>; MAX_LEGS],
 }
 
 /// Angles by which the legs have left their direction at home, degrees.
@@ -70,10 +79,12 @@ impl Watch {
         let mut cones = Cones { base: [0.0; MAX_LEGS], platform: [0.0; MAX_LEGS] };
         let Some(home) = &self.home else { return cones };
         let angles = cones.base.iter_mut().zip(&mut cones.platform);
-        for ((leg, home), (base, platform)) in legs.iter().zip(home).zip(angles) {
+        let homes = home.base.iter().zip(&home.platform);
+        for ((leg, (in_base, in_platform)), (base, platform)) in legs.iter().zip(homes).zip(angles)
+        {
             let now = leg.platform - leg.base;
-            *base = angle(&now, home);
-            *platform = angle(&rotation.tr_mul(&now), home);
+            *base = angle(&now, in_base);
+            *platform = angle(&rotation.tr_mul(&now), in_platform);
         }
         cones
     }
@@ -148,11 +159,13 @@ fn share_anchor(one: &LegGeometry, other: &LegGeometry) -> bool {
     one.platform == other.platform || (one.base == other.base && stands(one) && stands(other))
 }
 
-fn home_directions(machine: &Machine, geometry: &Geometry) -> Option<[Vector3<f64>; MAX_LEGS]> {
-    // Level, so that no tool moves a leg.
+/// The reference pose is one without a tool, as that of the nut corrections.
+fn home_directions(machine: &Machine, geometry: &Geometry) -> Option<AtHome> {
     let home = Pose::from_degrees(geometry.home?);
     let legs = machine.segments(&home, &Vector3::zeros()).ok()?;
-    Some(legs.map(|leg| leg.platform - leg.base))
+    let base = legs.map(|leg| leg.platform - leg.base);
+    let rotation = home.rotation();
+    Some(AtHome { base, platform: base.map(|leg| rotation.tr_mul(&leg)) })
 }
 
 /// Angle between two vectors of any length, degrees; 0 where one has none.

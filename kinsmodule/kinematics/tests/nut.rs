@@ -111,6 +111,40 @@ fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
     assert!(folds, "the arcsin does fold in this range");
 }
 
+/// Turns about the vertical that lead each strut through half a turn.
+#[test]
+fn a_correction_never_jumps_by_a_lead_without_a_refusal_in_between() {
+    let folded = machine(&paper_004(10.0));
+    let step = 0.05;
+    let (mut refused, mut jumps) = (0, 0);
+    let mut last: Option<[f64; 8]> = None;
+    let mut before = [0.0; 8];
+    for k in 0..7200 {
+        let c = f64::from(k) * step;
+        let pose = Pose::from_degrees([20.0, -30.0, 250.0, 5.0, 3.0, c]);
+        match folded.corrections(&pose, &NO_TOOL) {
+            Ok(here) => {
+                let change = |from: [f64; 8]| (0..6).map(move |i| (here[i] - from[i]).abs());
+                // 10/360 mm per degree of torsion, which is at most a few times the turn.
+                let most = 10.0 * 10.0 / 360.0 * step;
+                assert!(last.is_none_or(|last| change(last).all(|c| c <= most)), "{c}");
+                // A lead less what the degrees between them, some 33, are worth.
+                jumps += u32::from(change(before).any(|c| c > 8.5));
+                (last, before) = (Some(here), here);
+            }
+            Err(fault) => {
+                assert_eq!(fault.cause, Cause::TorsionTooLarge, "{c}");
+                assert!(fault.value.abs() > 170.0 && fault.value.abs() <= 180.0, "{fault:?}");
+                let joints = folded.inverse(&pose, &NO_TOOL);
+                assert_eq!(joints, Err(fault));
+                refused += 1;
+                last = None;
+            }
+        }
+    }
+    assert!(refused > 0 && jumps > 0, "{refused} refused, {jumps} jumps");
+}
+
 #[test]
 fn a_right_hand_screw_gets_shorter_when_the_platform_turns_with_the_strut_direction() {
     // One strut straight up: turning the platform by +c about n unscrews a right-hand

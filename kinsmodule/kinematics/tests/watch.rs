@@ -119,6 +119,25 @@ fn cones_are_the_angles_to_the_direction_at_home_in_base_and_platform() {
     });
 }
 
+/// The platform joints see the legs from the platform, wherever that was at the reference pose.
+#[test]
+fn with_a_tilted_reference_pose_cones_are_0_there_and_stay_so_while_all_of_it_turns() {
+    let mut geometry = paper_004(0.0);
+    geometry.home = Some([30.0, -20.0, 260.0, 12.0, -9.0, 7.0]);
+    let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a machine");
+    let watch = Watch::new(&machine, &geometry);
+    let home = Pose::from_degrees(geometry.home.expect("just given"));
+    let legs = machine.segments(&home, &NO_TOOL).expect("a pose");
+    let there = watch.cones(&home.rotation(), &legs);
+    assert!(there.base.iter().chain(&there.platform).all(|angle| *angle < ANGLE), "{there:?}");
+    // Where legs turn with the platform only the base joints see it.
+    let by = Pose::from_degrees([0.0, 0.0, 0.0, 0.0, 0.0, 25.0]).rotation();
+    let turned = legs.map(|leg| Segment { base: by * leg.base, platform: by * leg.platform });
+    let cones = watch.cones(&(by * home.rotation()), &turned);
+    assert!(cones.platform.iter().all(|angle| *angle < ANGLE), "{cones:?}");
+    assert!(cones.base[..6].iter().all(|angle| *angle > 5.0), "{cones:?}");
+}
+
 #[test]
 fn without_a_reference_pose_there_are_no_cones() {
     let mut geometry = paper_004(0.0);
