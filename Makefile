@@ -3,11 +3,20 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak truth mutants setup module header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev gcc g++ python3 procps valgrind
+APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ python3 procps valgrind
+
+# The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
+# one, whose packages are called -web and whose commands have the usual names.
+RUST := $(shell sed -n 's/^rust-version = "\(.*\)"$$/\1/p' Cargo.toml)
+RUST_PACKAGES := rustc-web cargo-web rustfmt-web
+IS_NEW_ENOUGH = printf '%s\n' "$(RUST)" "$$($(1))" | sort -V -C
+CARGO_IS_NEW_ENOUGH = $(call IS_NEW_ENOUGH,$(CARGO) --version 2>/dev/null | cut -d ' ' -f 2)
+APT_IS_NEW_ENOUGH = $(call IS_NEW_ENOUGH,apt-cache show --no-all-versions cargo-web 2>/dev/null | sed -n 's/^Version: //p')
 
 # Where LinuxCNC looks for modules and for LIB: files.
 MODULES := /usr/lib/linuxcnc/modules
@@ -76,11 +85,17 @@ test-long: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
 	tests/live/live_test.py --long --judge target/host/pkm-report
 
+# Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
+LINT = lint() { \
+    if ! $(CARGO) $$1 --version >/dev/null 2>&1; then echo "pkmkins: this Rust has no cargo $$1: skipped"; return; fi; \
+    echo "$(CARGO) $$*"; $(CARGO) "$$@"; }; lint
+
 check: setup
-	$(CARGO) fmt --all --check
-	cd fuzz && $(CARGO) fmt --check && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
-	$(CARGO) clippy $(LOCKED) --profile host --all-targets -- -D warnings
-	$(CARGO) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
+	@$(LINT) fmt --all --check
+	@cd fuzz && $(LINT) fmt --check
+	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
+	@$(LINT) clippy $(LOCKED) --profile host --all-targets -- -D warnings
+	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md
@@ -112,7 +127,7 @@ boxes:
 
 MINUTES := 10
 fuzz: setup
-	cd fuzz && $(CARGO) clippy $(LOCKED) --release --all-targets -- -D warnings
+	@cd fuzz && $(LINT) clippy $(LOCKED) --release --all-targets -- -D warnings
 	fuzz/run.sh --minutes $(MINUTES)
 
 soak: install
@@ -131,16 +146,25 @@ mutants: setup
 	@[ -x $(MUTANTS) ] || $(CARGO) install --quiet --locked --root target/tools cargo-mutants@27.1.0
 	tests/mutants/run.sh $(MUTANTS) $(PART)
 
-setup:
-	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }
-	@command -v $(CARGO) >/dev/null || { echo "pkmkins: cargo is missing: install Rust 1.89 or later (https://rustup.rs)"; exit 1; }
+setup: rust
 	@missing=$$(for p in $(PACKAGES); do \
 	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
 	if [ -n "$$missing" ]; then \
 	    echo "pkmkins: installing" $$missing "with apt"; \
-	    $(SUDO) apt-get update -q && \
-	    $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $$missing; \
+	    $(APT) update -q && $(APT) install -q -y --no-install-recommends $$missing; \
 	fi
+
+# The cargo that stands first in PATH builds: where it is new enough, nothing is installed.
+rust:
+	@[ "$(SUDO)" != no-sudo ] || { echo "pkmkins: sudo is missing: install it, or run this as root"; exit 1; }
+	@$(CARGO_IS_NEW_ENOUGH) && exit 0; \
+	echo "pkmkins: cargo is missing or older than $(RUST)"; \
+	if command -v rustup >/dev/null; then echo "pkmkins: run: rustup update stable && rustup default stable"; exit 1; fi; \
+	$(APT) update -q || exit 1; \
+	$(APT_IS_NEW_ENOUGH) || { echo "pkmkins: nor has apt a cargo-web of $(RUST) or later: install Rust from https://rustup.rs"; exit 1; }; \
+	echo "pkmkins: installing $(RUST_PACKAGES) with apt"; \
+	$(APT) install -q -y --no-install-recommends $(RUST_PACKAGES) || exit 1; \
+	$(CARGO_IS_NEW_ENOUGH) || { echo "pkmkins: $$(command -v $(CARGO)) stands before /usr/bin in PATH and is older: remove it"; exit 1; }
 
 # By an invocation of its own: features of host crates must not reach the module.
 module:
