@@ -312,10 +312,10 @@ EXPORT void rtapi_print(const char *fmt, ...)
 }
 
 // Counts its own calls: a clock that moves, and the same in every run.
-EXPORT long long int rtapi_get_clocks(void)
+EXPORT long long int rtapi_get_time(void)
 {
-    static _Thread_local long long int clocks;
-    return ++clocks;
+    static _Thread_local long long int now;
+    return ++now;
 }
 
 EXPORT void rtapi_print_msg(msg_level_t level, const char *fmt, ...)

@@ -207,8 +207,8 @@ pub struct Guard {
     scale: f64,
     /// Why the feed is inhibited, until no move is left to be made.
     inhibited: Option<Fault>,
-    inverse_clocks: i64,
-    forward_clocks: i64,
+    inverse_time: i64,
+    forward_time: i64,
 }
 
 impl Guard {
@@ -221,8 +221,8 @@ impl Guard {
             speed_before: 0.0,
             scale: 1.0,
             inhibited: None,
-            inverse_clocks: 0,
-            forward_clocks: 0,
+            inverse_time: 0,
+            forward_time: 0,
         }
     }
 
@@ -237,17 +237,17 @@ impl Guard {
         self.expects_inverse
     }
 
-    /// A call of forward, and the clocks it took if they were counted.
-    pub fn saw_forward(&mut self, clocks: Option<i64>) {
+    /// A call of forward, and the nanoseconds it took if they were counted.
+    pub fn saw_forward(&mut self, nanoseconds: Option<i64>) {
         self.expects_inverse = true;
-        self.forward_clocks = clocks.unwrap_or(self.forward_clocks);
+        self.forward_time = nanoseconds.unwrap_or(self.forward_time);
     }
 
-    /// A call of inverse, and the clocks it took if they were counted.
-    pub fn saw_inverse(&mut self, pose: &Pose, clocks: Option<i64>) {
+    /// A call of inverse, and the nanoseconds it took if they were counted.
+    pub fn saw_inverse(&mut self, pose: &Pose, nanoseconds: Option<i64>) {
         if self.expects_inverse {
             self.commanded = Some(*pose);
-            self.inverse_clocks = clocks.unwrap_or(self.inverse_clocks);
+            self.inverse_time = nanoseconds.unwrap_or(self.inverse_time);
         }
         self.expects_inverse = false;
     }
@@ -268,8 +268,8 @@ impl Guard {
         if let (Some(watch), Some(pose)) = (&self.watch, scene.pose) {
             let _ = show_pose(watch, scene, &pose);
         }
-        pins.shown.inverse_time.set(shown_clocks(self.inverse_clocks));
-        pins.shown.forward_time.set(shown_clocks(self.forward_clocks));
+        pins.shown.inverse_time.set(shown_time(self.inverse_time));
+        pins.shown.forward_time.set(shown_time(self.forward_time));
         // What the planner went in this cycle is the mean of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
@@ -360,8 +360,8 @@ fn requested(asked: &Asked) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
 }
 
-fn shown_clocks(clocks: i64) -> i32 {
-    i32::try_from(clocks).unwrap_or(i32::MAX)
+fn shown_time(nanoseconds: i64) -> i32 {
+    i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
 /// What people read about a pose.

@@ -57,7 +57,7 @@ unsafe extern "C" {
         reentrant: c_int,
         component: c_int,
     ) -> c_int;
-    fn rtapi_get_clocks() -> core::ffi::c_longlong;
+    fn rtapi_get_time() -> core::ffi::c_longlong;
     fn rtapi_print_msg(level: c_int, format: *const c_char, ...);
 }
 
@@ -81,10 +81,10 @@ pub fn print_error(message: &Message) {
     unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), message.as_bytes_with_zero()) }
 }
 
-/// Processor clocks so far, as LinuxCNC counts the times of its functions.
-pub fn clocks() -> i64 {
-    // SAFETY: takes nothing and reads a counter.
-    unsafe { rtapi_get_clocks() }
+/// Nanoseconds since some moment: the clock that every version of LinuxCNC exports.
+pub fn nanoseconds() -> i64 {
+    // SAFETY: takes nothing and reads a clock.
+    unsafe { rtapi_get_time() }
 }
 
 /// The component while it is being built.

@@ -3,7 +3,7 @@
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
 use crate::guard::{Guard, Scene};
-use crate::hal::{clocks, print_error};
+use crate::hal::{nanoseconds, print_error};
 use crate::pins::{Given, Pins};
 use crate::start::Start;
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
@@ -131,14 +131,14 @@ impl Module {
     #[inline(always)]
     pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
         let timed = self.report.monitored && self.guard.expects_inverse();
-        let begin = clocks_if(timed);
+        let begin = nanoseconds_if(timed);
         self.calls.asked = Some(*degrees);
         let pose = Pose::from_degrees(*degrees);
         let result = match self.prepared(|| !is_zero(degrees)) {
             Ok(()) => self.joints_of(&pose, joints),
             Err(fault) => Err(fault),
         };
-        self.guard.saw_inverse(&pose, timed.then(|| clocks().wrapping_sub(begin)));
+        self.guard.saw_inverse(&pose, timed.then(|| nanoseconds().wrapping_sub(begin)));
         let Err(fault) = result else { return Ok(()) };
         self.record(&fault);
         Err(fault)
@@ -168,9 +168,9 @@ impl Module {
         address: usize,
     ) -> Result<(), Fault> {
         let timed = self.report.monitored && !self.guard.expects_inverse();
-        let begin = clocks_if(timed);
+        let begin = nanoseconds_if(timed);
         let result = self.pose_at(joints, pose, address);
-        self.guard.saw_forward(timed.then(|| clocks().wrapping_sub(begin)));
+        self.guard.saw_forward(timed.then(|| nanoseconds().wrapping_sub(begin)));
         result
     }
 
@@ -689,9 +689,9 @@ impl Report {
     }
 }
 
-/// The processor's clock where it is wanted: not free beside calls of some tens of nanoseconds.
-fn clocks_if(wanted: bool) -> i64 {
-    if wanted { clocks() } else { 0 }
+/// The clock where it is wanted: not free beside calls of some tens of nanoseconds.
+fn nanoseconds_if(wanted: bool) -> i64 {
+    if wanted { nanoseconds() } else { 0 }
 }
 
 /// Whether a refusal may come from joints and seed alone, as before homing.
