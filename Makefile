@@ -74,17 +74,17 @@ calibration-demo: install
 test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	fuzz/run.sh
-	tests/ini/run.py
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
-	tests/live/live_test.py --judge target/host/pkm-report
+	tests/cases/ini/run.py
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	tests/live/live_test.py --judge target/host/judge
 	tests/live/soak.py --minutes 1
 	tests/live/truth.py --short
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
 test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
-	tests/live/live_test.py --long --judge target/host/pkm-report
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	tests/live/live_test.py --long --judge target/host/judge
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm
@@ -118,7 +118,7 @@ counts-write: setup module
 
 bench: setup module
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench
-	$(CARGO) run --release $(LOCKED) --quiet -p pkm --bin pkm-bench
+	$(CARGO) bench $(LOCKED) --quiet -p pkm --bench host
 
 # With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
 certify: setup module
@@ -137,12 +137,12 @@ fuzz: setup
 	fuzz/run.sh --minutes $(MINUTES)
 
 soak: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/soak.py --minutes $(MINUTES) --out build/soak
 
 TRUTH :=
 truth: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bins
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/truth.py $(TRUTH)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.

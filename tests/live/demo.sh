@@ -17,10 +17,10 @@ program=${2:-$(sed -n 's|^OPEN_FILE = programs/||p' "$ini")}
     { echo "demo: no program $program; there are: $(ls "configs/$machine/programs" | tr '\n' ' ')" >&2; exit 2; }
 out=build/demo/$machine
 
-cargo build --profile host --locked --quiet -p pkm --bin pkm-report
+cargo build --profile host --locked --quiet -p judge
 rm -rf "$out"
 mkdir -p "$out"
 echo "demo: LinuxCNC homes $machine and runs $program, in real time"
 tests/live/run_live.py --config "configs/$machine" --program "$program" --out "$out" || failed=$?
-target/host/pkm-report "$ini" "$out/trace.csv" "$out/result.json" "$out"
+target/host/judge "$ini" "$out/trace.csv" "$out/result.json" "$out"
 exit "${failed:-0}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Edits of an INI file's text; the forms are described in tests/ini/cases.toml."""
+"""Edits of an INI file's text; the forms are described in tests/cases/ini/cases.toml."""
 
 import re
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """All live tests, a few at a time: PASS or FAIL a test, a closing line, exit code 1 on failure.
 
-    tests/live/live_test.py [--only TEXT] [--long] [--out FOLDER] [--judge target/host/pkm-report] [--list]
+    tests/live/live_test.py [--only TEXT] [--long] [--out FOLDER] [--judge target/host/judge] [--list]
 
-With --judge every recorded trace is given to `pkm-report`: joints against the host library, speeds
+With --judge every recorded trace is given to `judge`: joints against the host library, speeds
 and accelerations against the limits.
 """
 
@@ -466,7 +466,7 @@ def run_one(name, out):
 
 
 def judge_one(judge, trace):
-    """Whether pkm-report is content with a trace; prints its line, and its table if not."""
+    """Whether the judge is content with a trace; prints its line, and its table if not."""
     folder = trace.parent
     config = json.loads((folder / "result.json").read_text())["config"]
     ini = REPOSITORY / "configs" / config / f"{config}.ini"
@@ -514,7 +514,7 @@ def parsed():
     arguments.add_argument("--only", default="", help="tests whose name contains this text")
     arguments.add_argument("--long", action="store_true", help="every program of every machine")
     arguments.add_argument("--out", help="folder that keeps traces, results and logs")
-    arguments.add_argument("--judge", type=Path, help="pkm-report, to judge the recorded traces")
+    arguments.add_argument("--judge", type=Path, help="the program that judges the recorded traces")
     arguments.add_argument("--list", action="store_true", help="names of the tests")
     return arguments.parse_args()
 

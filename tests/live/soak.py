@@ -5,7 +5,7 @@
     tests/live/soak.py --minutes 10 [--seed 1] [--only hexapod] [--out FOLDER]
 
 Each configuration runs its share of the time, at most a minute of motion at a time, with machine
-on and homing before it. Every servo cycle is recorded and judged by pkm-report. Ends with a
+on and homing before it. Every servo cycle is recorded and judged by tests/live/judge. Ends with a
 table; exit code 1 if a program stopped, a message or a fault came, or a trace is not as it must be.
 """
 
@@ -79,7 +79,7 @@ def run_one(file, out, seconds):
 
 def judge(name, out):
     ini = REPOSITORY / "configs" / name / f"{name}.ini"
-    command = [REPOSITORY / "given/pkm-report", ini, out / "trace.csv", out / "result.json", out / "report"]
+    command = [REPOSITORY / "given/judge", ini, out / "trace.csv", out / "result.json", out / "report"]
     return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
 
 
@@ -140,7 +140,7 @@ def main():
         for stale in out.glob(f"*/{ROW}"):
             stale.unlink()
         code = rerun_unprivileged("tests/live/soak.py", ["--seconds", str(seconds)], limit, out,
-                                  [*files, TOOLS / "pkm-report"], LANES)
+                                  [*files, TOOLS / "judge"], LANES)
         return 0 if sum_up(files, out) and code == 0 else 1
 
 

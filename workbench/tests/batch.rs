@@ -2,8 +2,8 @@
 //! Many poses at once against one by one.
 
 use kinematics::{Cause, Pose, Vector3};
-use pkm::batch;
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
+use pkm::study::batch;
 use std::num::NonZero;
 use std::path::Path;
 

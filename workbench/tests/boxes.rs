@@ -7,10 +7,10 @@ use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
 };
-use pkm::boxes::{self, BoxSection};
-use pkm::choose;
-use pkm::machine::MachineConfig;
-use pkm::one_to_one::{Doubt, Prover};
+use pkm::proof::boxes::{self, BoxSection};
+use pkm::proof::choose;
+use pkm::proof::one_to_one::{Doubt, Prover};
+use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
@@ -250,7 +250,7 @@ fn a_box_is_found_for_a_machine_that_has_none() {
     let letters = config.machine.layout().coordinates().as_slice();
     let text = boxes::text(0, section, letters, config.legs());
     let path = Path::new("rotary-delta.ini");
-    let ini = pkm::ini::Ini::parse(path, &text).unwrap();
+    let ini = pkm::read::ini::Ini::parse(path, &text).unwrap();
     let load = kinematics::Load::parse(Some(b"crank:3"), Some(b"XYZ"), None);
     let load = load.unwrap().with_boxes(Some(b"1")).unwrap();
     assert_eq!(boxes::read(&ini, &load).unwrap(), std::slice::from_ref(section));

@@ -10,7 +10,7 @@ use pkm::calibrate::model::{Frame, Model, Place, Tolerance};
 use pkm::calibrate::observe::{rank, unseen};
 use pkm::calibrate::plan::{next_best, tip_deviation};
 use pkm::calibrate::reading::{Changed, Measured, Reading};
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};

@@ -10,7 +10,7 @@ use pkm::calibrate::model::{Frame, Model, Tolerance};
 use pkm::calibrate::plate::Plate;
 use pkm::calibrate::reading::Reading;
 use pkm::calibrate::study::{self, Wishes};
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;

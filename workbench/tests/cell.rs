@@ -3,14 +3,14 @@
 
 use crate::shipped::{MACHINES, config, ini};
 use kinematics::Letter;
-use pkm::axis_box::{AxisBox, at_tilt, range};
-use pkm::cell::{Cell, Reach, Verdict};
-use pkm::check::check;
-use pkm::conditioning;
-use pkm::interpreter;
-use pkm::machine::MachineConfig;
-use pkm::preflight::{Limit, preflight};
-use pkm::tools::Tool;
+use pkm::check::report::check;
+use pkm::program::interpreter;
+use pkm::program::preflight::{Limit, preflight};
+use pkm::proof::axis_box::{AxisBox, at_tilt, range};
+use pkm::proof::cell::{Cell, Reach, Verdict};
+use pkm::proof::conditioning;
+use pkm::read::machine::MachineConfig;
+use pkm::read::tools::Tool;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -213,7 +213,7 @@ fn conditioning_is_the_singular_value_of_the_rows_at_home() {
     }
     // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
     let delta = config("linear-delta");
-    let rows = pkm::mobility::LegRows::at_home(&delta).unwrap();
+    let rows = pkm::check::mobility::LegRows::at_home(&delta).unwrap();
     let least = rows.singular_values(delta.machine.layout().coordinates().as_slice())[2];
     let found = conditioning::at(&delta, &delta.home).unwrap();
     assert!((least - found).abs() < 1e-12, "{least} {found}");

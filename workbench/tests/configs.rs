@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every shipped configuration agrees with itself.
 
-use pkm::machine::{ConeAngles, MachineConfig};
+use pkm::read::machine::{ConeAngles, MachineConfig};
 use std::path::{Path, PathBuf};
 
 /// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The core gives the golden rows; see the files in tests/golden for their origin.
+//! The core gives the golden rows; see the files in tests/cases/golden for their origin.
 
 use kinematics::leg::{SliderGeometry, StrutGeometry};
 use kinematics::{
     Geometry, LegGeometry, LegKind, Letters, MAX_JOINTS, MAX_LEGS, Machine, Pose, Solver, Vector3,
 };
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -133,7 +133,7 @@ fn root() -> PathBuf {
 }
 
 fn machines<T: DeserializeOwned + Into<Golden>>(file: &str) -> impl Iterator<Item = Golden> {
-    let text = std::fs::read_to_string(root().join("tests/golden").join(file)).unwrap();
+    let text = std::fs::read_to_string(root().join("tests/cases/golden").join(file)).unwrap();
     let file: File<T> = toml::from_str(&text).unwrap();
     file.machine.into_iter().map(Into::into)
 }

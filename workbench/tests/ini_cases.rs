@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Good and bad INI files: the list that hal/pkmkins.tcl is held to as well.
 
-use pkm::ini::Ini;
-use pkm::machine::{MachineConfig, MachineError};
+use pkm::read::ini::Ini;
+use pkm::read::machine::{MachineConfig, MachineError};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -78,7 +78,7 @@ fn apply(lines: &mut Vec<String>, edit: &Edit) {
 
 #[test]
 fn every_case_is_read_or_refused_as_the_list_says() {
-    let text = std::fs::read_to_string(root().join("tests/ini/cases.toml")).unwrap();
+    let text = std::fs::read_to_string(root().join("tests/cases/ini/cases.toml")).unwrap();
     let cases: Cases = toml::from_str(&text).unwrap();
     let base = |case: &Case| root().join(case.base.as_ref().unwrap_or(&cases.base));
     let failures: Vec<String> =

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI reader beside LinuxCNC's own: `inivar`, and the start script's way with included files.
 
-use pkm::ini::Ini;
+use pkm::read::ini::Ini;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
 
-use pkm::interpreter::{Move, MoveKind, moves};
-use pkm::machine::MachineConfig;
-use pkm::replay::duration;
+use pkm::program::interpreter::{Move, MoveKind, moves};
+use pkm::program::replay::duration;
+use pkm::read::machine::MachineConfig;
 use std::path::Path;
 
 /// Inch and back: some roundings of values near 100.

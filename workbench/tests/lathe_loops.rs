@@ -5,7 +5,7 @@
 use crate::shipped::{cases, config};
 use kinematics::{LegKind, Pose, Vector3};
 use nalgebra::{Rotation3, Unit};
-use pkm::axis_box;
+use pkm::proof::axis_box;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

@@ -25,5 +25,4 @@ mod sensitivity;
 mod shipped;
 mod stiffness;
 mod studies;
-mod trace;
 mod workspace;

@@ -3,7 +3,7 @@
 
 use crate::shipped::config;
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
-use pkm::mobility::{LegRows, Structure};
+use pkm::check::mobility::{LegRows, Structure};
 
 fn structure(machine: &str) -> Structure {
     Structure::of(&config(machine)).unwrap()

@@ -4,9 +4,9 @@
 
 use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
-use pkm::interpreter::{Move, moves};
-use pkm::machine::MachineConfig;
-use pkm::path::{Along, along};
+use pkm::program::interpreter::{Move, moves};
+use pkm::program::path::{Along, along};
+use pkm::read::machine::MachineConfig;
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;

@@ -3,10 +3,10 @@
 //! LinuxCNC itself.
 
 use crate::shipped::{MACHINES, config, folder};
-use pkm::interpreter::{self, Move, MoveKind, Path, PathMode};
-use pkm::loads::loads;
-use pkm::machine::MachineConfig;
-use pkm::planner::{Cycle, run};
+use pkm::program::interpreter::{self, Move, MoveKind, Path, PathMode};
+use pkm::program::loads::loads;
+use pkm::program::planner::{Cycle, run};
+use pkm::read::machine::MachineConfig;
 use std::fs;
 
 /// The axes' acceleration and speed of the hexapod in X.

@@ -3,14 +3,14 @@
 
 use crate::shipped::{MACHINES, cases, config, folder};
 use kinematics::{MAX_JOINTS, Pose, Vector3};
-use pkm::axis_box::range;
-use pkm::batch;
-use pkm::cell::{Course, Reach, Way};
-use pkm::fit::{self, Offset};
-use pkm::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
-use pkm::machine::MachineConfig;
-use pkm::preflight::{Limit, Preflight, preflight};
-use pkm::replay::duration;
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
+use pkm::program::offset::{self, Offset};
+use pkm::program::preflight::{Limit, Preflight, preflight};
+use pkm::program::replay::duration;
+use pkm::proof::axis_box::range;
+use pkm::proof::cell::{Course, Reach, Way};
+use pkm::read::machine::MachineConfig;
+use pkm::study::batch;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
@@ -353,16 +353,16 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     let mut config = config("linear-delta");
     config.program.startup_code = Some("G10 L2 P2 X-90 Y-30 Z50 R10 G55".into());
     let moves = interpreter::moves(&config, &program, None).unwrap();
-    assert!(!follow(&config, &moves).fits() && fit::may_turn(&config, &moves));
+    assert!(!follow(&config, &moves).fits() && offset::may_turn(&config, &moves));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
-    assert_eq!(fit::shift(&config, &moves).unwrap(), None);
-    let offset = fit::turn(&config, &moves).unwrap().unwrap();
+    assert_eq!(offset::shift(&config, &moves).unwrap(), None);
+    let offset = offset::turn(&config, &moves).unwrap().unwrap();
     assert!(offset.turn != 0.0, "{offset:?}");
     let found = refitted(&config, &program, &offset);
     assert!(found.fits(), "{offset:?} {:?}", found.breaks);
     // A tilted platform would not be turned with the workpiece.
     let hexapod = crate::shipped::config("hexapod");
-    assert!(!fit::may_turn(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]));
+    assert!(!offset::may_turn(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]));
 }
 
 /// Programs of random places that do not fit where they are: whatever is found for them holds.
@@ -394,9 +394,9 @@ fn random_programs_fit_where_they_are_put() {
             if follow(&config, &moves).fits() {
                 continue;
             }
-            let (offset, count) = match fit::shift(&config, &moves).unwrap() {
+            let (offset, count) = match offset::shift(&config, &moves).unwrap() {
                 Some(offset) => (Some(offset), &mut shifted),
-                None => (fit::turn(&config, &moves).unwrap(), &mut turned),
+                None => (offset::turn(&config, &moves).unwrap(), &mut turned),
             };
             let Some(offset) = offset else { continue };
             *count += 1;

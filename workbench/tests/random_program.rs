@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
 
-use pkm::interpreter;
-use pkm::machine::MachineConfig;
-use pkm::random_program::random_program;
-use pkm::replay::replay;
+use pkm::program::interpreter;
+use pkm::program::random_program::random_program;
+use pkm::program::replay::replay;
+use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
 fn machines() -> Vec<MachineConfig> {

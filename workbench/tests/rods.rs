@@ -3,8 +3,8 @@
 
 use crate::shipped::{MACHINES, config};
 use kinematics::{Pose, Vector3};
-use pkm::axis_box;
-use pkm::rods::{Rods, View, pairs};
+use pkm::proof::axis_box;
+use pkm::study::rods::{Rods, View, pairs};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

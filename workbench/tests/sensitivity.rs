@@ -4,10 +4,10 @@
 
 use crate::shipped::{MACHINES, config};
 use kinematics::{Letter, Pose, Solver, Vector3};
-use pkm::axis_box;
-use pkm::machine::MachineConfig;
-use pkm::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
-use pkm::study::{Law, Study};
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::{Law, Study};
+use pkm::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped configurations.
 
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
 pub const MACHINES: [&str; 8] = [

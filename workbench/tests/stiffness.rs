@@ -5,10 +5,11 @@
 use crate::shipped::{MACHINES, config};
 use kinematics::{Matrix3, Pose, Solver, Vector3};
 use nalgebra::Matrix6;
-use pkm::axis_box;
-use pkm::machine::MachineConfig;
-use pkm::stance::{Stance, rate_map};
-use pkm::stiffness::{Map, Stiffness, with_platform};
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::{Screw, Springs};
+use pkm::study::stance::{Stance, rate_map};
+use pkm::study::stiffness::{Map, Stiffness, with_platform};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -16,9 +17,16 @@ use rand_pcg::Pcg64;
 const STRUT: f64 = 1e4;
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
+fn springs(config: &MachineConfig, screw: Screw) -> Springs {
+    Springs { n_per_mm: vec![STRUT; config.joints.len()], screw }
+}
+
 fn at(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
-    let joints = vec![STRUT; config.joints.len()];
-    Stiffness::at(config, pose, tool, &joints).unwrap().unwrap()
+    Stiffness::at(config, pose, tool, &springs(config, Screw::default())).unwrap().unwrap()
+}
+
+fn self_locking(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
+    Stiffness::at(config, pose, tool, &springs(config, Screw::SelfLocking)).unwrap().unwrap()
 }
 
 fn close(found: f64, expected: f64) {
@@ -27,10 +35,10 @@ fn close(found: f64, expected: f64) {
 }
 
 #[test]
-fn the_hexapod_at_home_is_as_stiff_as_in_an_independent_calculation() {
+fn with_self_locking_screws_the_hexapod_at_home_is_as_stiff_as_in_an_independent_calculation() {
     let config = config("hexapod");
     let home = config.home_pose();
-    let matrix = at(&config, &home, &NO_TOOL).matrix.unwrap();
+    let matrix = self_locking(&config, &home, &NO_TOOL).matrix.unwrap();
     let diagonal = [
         5428.243196703,
         5428.243196703,
@@ -44,11 +52,86 @@ fn the_hexapod_at_home_is_as_stiff_as_in_an_independent_calculation() {
     }
     close(matrix[(0, 4)], -833367.6097677);
     // A tool that ends 100 mm below the control point.
-    let tip = at(&config, &home, &Vector3::new(0.0, 0.0, 100.0)).translation();
+    let tip = self_locking(&config, &home, &Vector3::new(0.0, 0.0, 100.0)).translation();
     for (found, expected) in
         tip.stiffness.into_iter().zip([5258.847770271, 5258.847770271, 49143.51360659])
     {
         close(found, expected);
+    }
+}
+
+/// The pose at which a tool leaves the platform where it stands at `pose` without one.
+fn with_tool(pose: &Pose, tool: &Vector3<f64>) -> Pose {
+    // With a tool o the control point is given as tip + o, see the core's `inverse`.
+    Pose { position: pose.position - pose.rotation() * tool + tool, ..*pose }
+}
+
+#[test]
+fn a_tip_yields_as_in_an_independent_calculation_with_screws_of_either_kind() {
+    let config = config("hexapod");
+    let tool = Vector3::new(0.0, 0.0, 100.0);
+    // mm/N along X, Y and Z, from the statics of a strut (forces, and couples of both cardan
+    // joints), with the torque of the thread and without.
+    for (pose, backdrivable, locked) in [
+        (
+            [0.0, 0.0, 250.0, 0.0, 0.0, 0.0],
+            [0.00019016096975118447, 0.00019016096975118453, 2.036044044880279e-05],
+            [0.00019015572301846428, 0.00019015572301846434, 2.034856538759598e-05],
+        ),
+        (
+            [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0],
+            [0.00016014871213989752, 0.00021041519275989188, 8.399067715397473e-05],
+            [0.00016079534757564828, 0.00021018447302189255, 8.410687641196593e-05],
+        ),
+        (
+            [50.0, 100.0, 120.0, -15.0, 12.0, 8.0],
+            [0.00032511249362467647, 0.0002882953540833658, 6.851788433951195e-05],
+            [0.00032424722814952553, 0.0002898266002946303, 6.800420819709515e-05],
+        ),
+    ] {
+        let pose = with_tool(&Pose::from_degrees(pose), &tool);
+        for (found, expected) in [
+            (at(&config, &pose, &tool), backdrivable),
+            (self_locking(&config, &pose, &tool), locked),
+        ] {
+            (0..3).for_each(|k| close(found.compliance[(k, k)], expected[k]));
+        }
+    }
+}
+
+#[test]
+fn the_matrix_is_the_curvature_of_the_energy_that_held_motors_leave_in_the_struts() {
+    let config = config("hexapod");
+    for pose in [[-80.0, 60.0, 350.0, 10.0, -20.0, 0.0], [50.0, 100.0, 120.0, -15.0, 12.0, 8.0]] {
+        let pose = Pose::from_degrees(pose);
+        let held = config.machine.inverse(&pose, &NO_TOOL).unwrap();
+        let map = rate_map(&pose).try_inverse().unwrap();
+        // Of a platform displaced and turned a little, to first order in the turn.
+        let energy = |twist: &nalgebra::Vector6<f64>| {
+            let turned = map * twist.fixed_rows::<3>(3);
+            let pose = Pose {
+                position: pose.position + twist.fixed_rows::<3>(0),
+                angles: pose.angles + turned,
+            };
+            let joints = config.machine.inverse(&pose, &NO_TOOL).unwrap();
+            (0..6).map(|i| STRUT * (joints[i] - held[i]).powi(2) / 2.0).sum::<f64>()
+        };
+        let matrix = at(&config, &pose, &NO_TOOL).matrix.unwrap();
+        let step = |k: usize, sign: f64| {
+            let mut twist = nalgebra::Vector6::zeros();
+            twist[k] = sign * if k < 3 { 1e-3 } else { 1e-5 };
+            twist
+        };
+        for i in 0..6 {
+            for k in 0..6 {
+                let of = |a, b| energy(&(step(i, a) + step(k, b)));
+                let found = (of(1.0, 1.0) - of(1.0, -1.0) - of(-1.0, 1.0) + of(-1.0, -1.0))
+                    / (4.0 * step(i, 1.0)[i] * step(k, 1.0)[k]);
+                let size = (matrix[(i, i)] * matrix[(k, k)]).sqrt();
+                // Rounding of lengths, 1e-13 of elongations of 1e-3; the term of the nut is 1e-3.
+                assert!((found - matrix[(i, k)]).abs() < 1e-6 * size, "{i} {k} {found}");
+            }
+        }
     }
 }
 
@@ -96,10 +179,10 @@ fn the_tip_is_reached_by_the_blocks_of_paper_004_as_well() {
     // The platform stands where it stood: only the point that is asked about moves.
     let x = cross(&(pose.rotation() * -tool));
     let expected = c11 + c12 * x + x.transpose() * c12.transpose() + x.transpose() * c22 * x;
-    let mut moved = pose;
-    // With a tool o the control point is given as tip + o, see the core's `inverse`.
-    moved.position = pose.position - pose.rotation() * tool + tool;
-    let found = at(&config, &moved, &tool).compliance.fixed_view::<3, 3>(0, 0).into_owned();
+    let found = at(&config, &with_tool(&pose, &tool), &tool)
+        .compliance
+        .fixed_view::<3, 3>(0, 0)
+        .into_owned();
     assert!((found - expected).abs().max() < 1e-9 * expected.abs().max(), "{found} {expected}");
 }
 
@@ -146,15 +229,16 @@ fn a_compliance_is_symmetric_and_nowhere_negative_on_any_machine() {
         let mut rng = Pcg64::seed_from_u64(4);
         for _ in 0..20 {
             let pose = Pose::from_degrees(range.at(std::array::from_fn(|_| rng.random())));
-            let joints = vec![STRUT; config.joints.len()];
-            let Ok(Some(found)) = Stiffness::at(&config, &pose, &config.spindle, &joints) else {
+            let springs = springs(&config, Screw::default());
+            let Ok(Some(found)) = Stiffness::at(&config, &pose, &config.spindle, &springs) else {
                 continue;
             };
             let c = found.compliance;
             assert!((c - c.transpose()).abs().max() <= 1e-12 * c.abs().max(), "{machine}");
             let least = c.symmetric_eigenvalues().min();
             assert!(least > -1e-12 * c.abs().max(), "{machine} {least}");
-            let twice: Vec<f64> = joints.iter().map(|k| 2.0 * k).collect();
+            let twice = springs.n_per_mm.iter().map(|k| 2.0 * k).collect();
+            let twice = Springs { n_per_mm: twice, ..springs };
             let stiffer = Stiffness::at(&config, &pose, &config.spindle, &twice).unwrap().unwrap();
             close(stiffer.least()[0], 2.0 * found.least()[0]);
         }
@@ -165,10 +249,10 @@ fn a_compliance_is_symmetric_and_nowhere_negative_on_any_machine() {
 fn a_symmetric_machine_has_symmetric_maps() {
     let config = config("hexapod");
     let home = config.home_pose();
-    let joints = [STRUT; 6];
     let (low, high) = ([-100.0; 6], [100.0; 6]);
+    // Mirrored, a right-hand thread is a left-hand one: only where no thread turns is it the same.
     let map = Map::over(&home, [0, 1], [&low, &high], 9, |pose| {
-        Stiffness::at(&config, pose, &NO_TOOL, &joints).unwrap()
+        Some(self_locking(&config, pose, &NO_TOOL))
     });
     for j in 0..9 {
         for i in 0..9 {
@@ -194,10 +278,9 @@ fn a_larger_platform_resists_turns_more() {
     // What paper 004 found.
     let config = config("hexapod");
     let home = config.home_pose();
-    let joints = [STRUT; 6];
     let least = |factor: f64| {
         let config = with_platform(&config, factor).unwrap();
-        Stiffness::at(&config, &home, &NO_TOOL, &joints).unwrap().unwrap().least()[1]
+        at(&config, &home, &NO_TOOL).least()[1]
     };
     assert!(least(0.5) < least(1.0) && least(1.0) < least(1.5));
 }
@@ -207,7 +290,7 @@ fn at_a_singular_pose_there_is_no_stiffness() {
     let config = config("tripod");
     // All three struts in the plane of the base.
     let pose = Pose::from_degrees([0.0; 6]);
-    let joints = [STRUT; 3];
-    let found = Stiffness::at(&config, &pose, &config.spindle, &joints);
+    let springs = springs(&config, Screw::default());
+    let found = Stiffness::at(&config, &pose, &config.spindle, &springs);
     assert!(matches!(found, Ok(None) | Err(_)), "{found:?}");
 }

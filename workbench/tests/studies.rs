@@ -19,6 +19,7 @@ fn a_study_that_is_wrong_is_refused_with_its_line_and_nothing_is_written() {
     for (text, words) in [
         ("[legs]\nstiffness_n_per_um = -10\n", ["line 2", "expected more than 0"]),
         ("[legs]\nstiffness = 10\n", ["line 2", "stiffness_n_per_um"]),
+        ("[legs]\nscrew = \"stuck\"\n", ["line 2", "`backdrivable` or `self-locking`"]),
         ("[legs]\nstiffness_n_per_um = [10, 10]\n", ["expected one number, or 3", "found 2"]),
         ("[rods]\n", ["line 1", "unknown field `rods`"]),
         ("", ["names no stiffness_n_per_um", "[legs]"]),

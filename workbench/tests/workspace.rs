@@ -3,9 +3,9 @@
 
 use crate::shipped::config;
 use kinematics::Vector3;
-use pkm::machine::MachineConfig;
-use pkm::study::Study;
-use pkm::workspace::{
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::Study;
+use pkm::study::workspace::{
     Body, Effort, Limit, Plane, Slice, Workspace, counted, csv, mesh_volume, obj, tilts,
 };
 use std::num::NonZero;

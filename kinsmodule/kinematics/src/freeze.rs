@@ -236,10 +236,19 @@ impl<const N: usize> Mechanism<N> {
                 return Err(Fault::of_leg(Cause::StrutZeroAtHome, i, placed.length[i]));
             }
         }
-        if let Some(nut) = &mut self.nut {
-            nut.fold_at(&placed.directions(), &rotation)?;
+        if let Some(nut) = &mut self.nut
+            && let Some(doubt) = nut.fold_at(&placed.directions(), &rotation)?
+        {
+            return Err(doubt);
         }
         self.refuse_free_at(&place)
+    }
+
+    /// Fixes the fold of the nut correction at a pose that is no reference pose.
+    pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
+        let posed = self.posed(&self.held(pose, false)?, tool)?;
+        let Some(nut) = &mut self.nut else { return Ok(None) };
+        nut.fold_at(&posed.placed.directions(), &posed.stand.place.rotation)
     }
 
     /// Refuses a layout whose legs leave the platform free at `place`.

@@ -63,7 +63,7 @@ pub struct Geometry {
     pub centre: [f64; 3],
     /// Reference pose (x, y, z, a, b, c), machine units and degrees; it fixes the
     /// fold of the nut correction, and there the legs must hold the platform. `None`:
-    /// the correction is the literal arcsin.
+    /// the correction is the literal arcsin, until [`crate::Machine::fold_at`].
     pub home: Option<[f64; 6]>,
 }
 

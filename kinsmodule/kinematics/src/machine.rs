@@ -45,7 +45,10 @@ enum Lanes {
 /// Calls the same method on whichever mechanism a machine has.
 macro_rules! each {
     ($machine:expr, $mechanism:ident => $call:expr) => {
-        match &$machine.0 {
+        each!(&$machine.0; $mechanism => $call)
+    };
+    ($lanes:expr; $mechanism:ident => $call:expr) => {
+        match $lanes {
             Lanes::Four($mechanism) => $call,
             Lanes::Six($mechanism) => $call,
             Lanes::Eight($mechanism) => $call,
@@ -68,6 +71,31 @@ impl Machine {
             5..=6 => Lanes::Six(frozen.mechanism()?),
             _ => Lanes::Eight(frozen.mechanism()?),
         }))
+    }
+
+    /// Whether nut corrections are the literal arcsin: a geometry without a reference pose is
+    /// frozen like that, until [`Machine::fold_at`].
+    #[inline]
+    pub fn is_literal(&self) -> bool {
+        each!(self, m => m.nut.as_ref().is_some_and(Nut::is_literal))
+    }
+
+    /// Fixes the folds of nut corrections at a pose, as a reference pose does: there, and up to
+    /// a quarter turn of each strut from there, nothing changes; beyond, corrections go on where
+    /// the arcsin turns back. A later call fixes them anew.
+    ///
+    /// A strut may be so near to a quarter turn that rounding has decided which way it goes on:
+    /// the first such one comes as [`Cause::FoldUndefined`], and the folds are fixed all the same.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`], held coordinates aside; then nothing changes.
+    pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
+        each!(&mut self.0; m => m.fold_at(pose, tool))
+    }
+
+    /// Takes back what [`Machine::fold_at`] has fixed.
+    pub fn unfold(&mut self) {
+        each!(&mut self.0; m => if let Some(nut) = &mut m.nut { nut.unfold() });
     }
 
     /// Numbers and letters of the machine.

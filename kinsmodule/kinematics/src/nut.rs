@@ -14,8 +14,8 @@
 //! ```
 //!
 //! φ₀ is 0 or π, whichever is nearer to φ at the reference pose. Within ±90° of φ₀
-//! this equals the published arcsin (genhexkins); beyond, it stays continuous. With
-//! no reference pose h follows the sign of C at every pose: that is the arcsin itself.
+//! this equals the published arcsin (genhexkins); beyond, it stays continuous. As long as
+//! no pose has fixed φ₀, h follows the sign of C at every pose: that is the arcsin itself.
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
@@ -35,9 +35,9 @@ const MIN_FOLD_COS: f64 = 0.1;
 /// Where the continuous correction is folded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fold {
-    /// No reference pose: the published arcsin, h = sign C at each pose.
+    /// By no pose: the published arcsin, h = sign C at each pose.
     Literal,
-    /// h fixed by the reference pose, leg by leg.
+    /// h fixed by one pose, leg by leg.
     Fixed,
 }
 
@@ -110,24 +110,42 @@ impl<const N: usize> Nut<N> {
         Ok(nut)
     }
 
-    /// Fixes φ₀ by the reference pose, given its strut directions and orientation.
-    pub fn fold_at(&mut self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Result<(), Fault> {
+    /// Fixes φ₀ by a pose, given its strut directions and orientation. There, and up to a
+    /// quarter turn from φ₀, the correction is the arcsin.
+    ///
+    /// Found on the way, if any: a leg so near to a quarter turn that rounding may have chosen.
+    pub fn fold_at(
+        &mut self,
+        n: &Lanes3<N>,
+        rotation: &Matrix3<f64>,
+    ) -> Result<Option<Fault>, Fault> {
         let twist = self.twist(n, rotation);
         self.refuse_along_axis(&twist)?;
+        let mut doubt = None;
         for i in 0..N {
             if self.travel[i] == 0.0 {
                 continue;
             }
             let cos = twist.cosine[i] / twist.norm(i);
-            if !(cos.abs() >= MIN_FOLD_COS) {
-                return Err(Fault::of_leg(Cause::FoldUndefined, i, cos));
+            if doubt.is_none() && !(cos.abs() >= MIN_FOLD_COS) {
+                doubt = Some(Fault::of_leg(Cause::FoldUndefined, i, cos));
             }
-            let hand = cos.signum();
+            let hand = if cos < 0.0 { -1.0 } else { 1.0 };
             self.base_axis.set(i, self.base_axis.get(i) * hand);
             self.travel[i] *= hand;
         }
         self.fold = Fold::Fixed;
-        Ok(())
+        Ok(doubt)
+    }
+
+    /// Whether no pose has fixed φ₀.
+    pub fn is_literal(&self) -> bool {
+        self.fold == Fold::Literal
+    }
+
+    /// Takes back what a pose has fixed. What the axes hold of h changes no arcsin.
+    pub fn unfold(&mut self) {
+        self.fold = Fold::Literal;
     }
 
     /// Twist of every leg; [`Self::refuse_along_axis`] tells whether it means anything.
@@ -363,7 +381,7 @@ pub(crate) struct Ball {
 
 /// Of angles asin|sine| that are widened.
 struct Widened {
-    /// Whether they stay below 89°.
+    /// Whether they stay clear of a right angle.
     allowed: f64x2,
     secant: f64x2,
     tan: f64x2,
@@ -373,11 +391,15 @@ impl Widened {
     /// By `by` radians.
     #[inline(always)]
     fn new(sine: f64x2, by: f64x2) -> Self {
-        const SIN_89: f64 = 0.999_847_695_156_391_3;
-        // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
-        let sin = sine.abs() + by;
-        let secant = both(1.0) / (both(1.0) - sin * sin).sqrt();
-        Self { allowed: sin.simd_lt(both(SIN_89)), secant, tan: sin * secant }
+        // The root of MIN_SIN_SQUARED.
+        const LEAST_COSINE: f64 = 1e-3;
+        let sine = sine.abs();
+        let cosine = (both(1.0) - sine * sine).sqrt();
+        // sin by ≤ by and cos by ≥ 1 − by²/2 keep trigonometry out of the servo path.
+        let least = cosine * (both(1.0) - both(0.5) * by * by) - sine * by;
+        let secant = both(1.0) / least;
+        let most = sine + cosine * by;
+        Self { allowed: least.simd_gt(both(LEAST_COSINE)), secant, tan: most * secant }
     }
 }
 
@@ -412,17 +434,24 @@ mod tests {
     const BALL: Ball =
         Ball { rho: 2.0, radius: 10.0, curved: f64x2::splat(0.1), s1: f64x2::ONE, s2: f64x2::HALF };
 
-    /// To sines of 0.6 + 0.2 and 0.2 + 0.4: tangents of 4/3 and 3/4, secants of 5/3 and 5/4.
+    /// Sines 0.6 and 0.28, cosines 0.8 and 0.96. The ball widens them by 0.2 and 0.4, to cosines
+    /// of 0.8 · 0.98 − 0.6 · 0.2 and 0.96 · 0.92 − 0.28 · 0.4, and sines of 0.6 + 0.8 · 0.2 and
+    /// 0.28 + 0.96 · 0.4.
     fn tilted(from_fold: f64) -> Twist<4> {
-        Twist { alpha: [0.6; 4], beta: [-0.2; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
+        Twist { alpha: [0.6; 4], beta: [-0.28; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
     }
+
+    const COSINES: [f64; 2] = [0.664, 0.7712];
+    const TANGENTS: f64 = 0.76 / COSINES[0] + 0.664 / COSINES[1];
 
     #[test]
     fn curvature_is_that_of_the_formula_at_numbers_by_hand() {
         let bound = nut(Fold::Fixed).curvature(&tilted(0.0), 0, &BALL).expect("within");
-        // 3(0.1² (5/3)² + 0.2² (5/4)²) + (4/3 + 3/4) 0.08 + 0.1² 5/4 = 0.45, times 2.
+        let [a, b] = COSINES;
+        let squares = 3.0 * (0.01 / (a * a) + 0.04 / (b * b));
+        let expected = 2.0 * (squares + TANGENTS * 0.08 + 0.01 / b);
         for bound in bound.to_array() {
-            assert!((bound - 0.9).abs() < ROUNDING, "{bound}");
+            assert!((bound - expected).abs() < ROUNDING, "{bound} {expected}");
         }
         let idle = nut(Fold::Fixed).curvature(&tilted(0.0), 2, &BALL);
         assert_eq!(idle.map(f64x2::to_array), Some([0.0; 2]));
@@ -430,10 +459,11 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_the_correction_may_fold() {
-        // Twists turn by 0.1 (4/3 + 3/4) + 0.1 · 5/4 = 1/3 a unit of the way, which is 2.
+        // So far twists turn on a way of 2.
+        let turn = 2.0 * 0.1 * (TANGENTS + 1.0 / COSINES[1]);
         for (fold, limit) in [(Fold::Fixed, PI), (Fold::Literal, FRAC_PI_2)] {
             let within = |twist| nut(fold).curvature(&tilted(twist), 0, &BALL).is_some();
-            let room = limit - 2.0 / 3.0;
+            let room = limit - turn;
             for sign in [-1.0, 1.0] {
                 assert!(within(sign * (room - 1e-6)), "{limit}");
                 assert!(!within(sign * (room + 1e-6)), "{limit}");
@@ -443,15 +473,16 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_a_strut_may_meet_a_joint_axis() {
-        // One leg of the two and one of the axes, widened by 0.02 and 0.04 to the sine of 89°,
-        // 0.99985; twists turn by less than π.
-        let ball = Ball { rho: 0.2, ..BALL };
+        // One leg of the two and one of the axes, widened by 0.0002 and 0.0004 to a cosine of
+        // 0.001; twists turn by less than π.
+        let ball = Ball { rho: 2e-3, ..BALL };
+        let sine_of = |cosine: f64| sqrt(1.0 - cosine * cosine);
         for leg in 0..2 {
             for (alpha, beta, is_met) in [
-                (0.9797, -0.2, false),
-                (-0.9799, -0.2, true),
-                (0.6, 0.9597, false),
-                (0.6, -0.9599, true),
+                (sine_of(1.21e-3), -0.2, false),
+                (-sine_of(1.19e-3), -0.2, true),
+                (0.6, sine_of(1.41e-3), false),
+                (0.6, -sine_of(1.39e-3), true),
             ] {
                 let mut twist = tilted(0.0);
                 (twist.alpha[leg], twist.beta[leg]) = (alpha, beta);
@@ -521,24 +552,58 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_pose_near_a_quarter_turn_fixes_no_fold_and_its_cosine_is_told() {
+    fn a_pose_near_a_quarter_turn_fixes_the_fold_and_its_cosine_is_told() {
         // Axes across the strut, the platform's turned from the base's by an angle.
         let up = Lanes3::<4>::from_fn(|_| Vector3::z());
         let folded = |angle: f64, lean: f64| {
             let platform = [libm::cos(angle), libm::sin(angle), lean];
             let mut nut = Nut::new(&[[1.0, 0.0, 0.0]; 4], &[platform; 4], &[0.0, 5.0, 5.0, 5.0])?;
-            nut.fold_at(&up, &Matrix3::identity()).map(|()| nut)
+            nut.fold_at(&up, &Matrix3::identity()).map(|doubt| (nut, doubt))
         };
         for lean in [0.0, 1.0] {
-            for (cosine, travel) in [(0.11, 5.0), (-0.11, -5.0), (0.9, 5.0)] {
-                let nut = folded(libm::acos(cosine), lean).expect("a fold");
+            for cosine in [0.9, 0.11, 0.09, 1e-9, -1e-9, -0.09, -0.11] {
+                let (nut, doubt) = folded(libm::acos(cosine), lean).expect("a fold");
                 assert_eq!(nut.travel[0], 0.0);
-                assert!((nut.travel[1] - travel / TAU).abs() < ROUNDING);
+                assert!((nut.travel[1] - 5.0_f64.copysign(cosine) / TAU).abs() < ROUNDING);
+                assert_eq!(doubt.is_some(), cosine.abs() < 0.1);
+                for fault in doubt {
+                    assert_eq!(fault, Fault::of_leg(Cause::FoldUndefined, 1, fault.value));
+                    assert!((fault.value - cosine).abs() < ROUNDING, "{fault:?}");
+                }
             }
-            for cosine in [0.09, 0.0, -0.09] {
-                let fault = folded(libm::acos(cosine), lean).unwrap_err();
-                assert_eq!(fault, Fault::of_leg(Cause::FoldUndefined, 1, fault.value));
-                assert!((fault.value - cosine).abs() < ROUNDING, "{fault:?}");
+        }
+    }
+
+    #[test]
+    fn a_fold_is_taken_back_to_the_arcsin_and_fixed_anew_as_if_it_were_the_first() {
+        let up = Lanes3::<4>::from_fn(|_| Vector3::z());
+        let axis = |angle: f64| [libm::cos(angle), libm::sin(angle), 0.3];
+        let fresh = Nut::new(&[[1.0, 0.0, 0.0]; 4], &[axis(0.3); 4], &[0.0, 5.0, -5.0, 5.0]);
+        let turned =
+            |angle: f64| *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
+        let corrections =
+            |nut: &Nut<4>, angle: f64| nut.corrections(&nut.twist(&up, &turned(angle)));
+        let same = |one: &Nut<4>, other: &Nut<4>| {
+            for k in -30..=30 {
+                let angle = 0.1 * f64::from(k);
+                let (one, other) = (corrections(one, angle), corrections(other, angle));
+                // Some roundings of numbers below 3.
+                assert!((0..4).all(|i| (one[i] - other[i]).abs() < 4.0 * ROUNDING), "{angle}");
+            }
+        };
+        let fresh = fresh.expect("axes");
+        let mut nut = fresh;
+        for angle in [0.0, 2.5, 0.1, -2.9] {
+            assert_eq!(nut.fold_at(&up, &turned(angle)), Ok(None));
+            let mut first = fresh;
+            assert_eq!(first.fold_at(&up, &turned(angle)), Ok(None));
+            same(&nut, &first);
+            assert!(!nut.is_literal());
+            // Twice, as a fold may be moved without being taken back.
+            if angle > 0.0 {
+                nut.unfold();
+                assert!(nut.is_literal());
+                same(&nut, &fresh);
             }
         }
     }

@@ -188,6 +188,8 @@ pub struct Scene<'a> {
     pub tool: &'a Vector3<f64>,
     /// Last good pose that forward found.
     pub pose: Option<Pose>,
+    /// The pose commanded in this cycle; none outside of world mode.
+    pub commanded: Option<Pose>,
     /// Servo period, seconds.
     pub period: f64,
 }
@@ -195,11 +197,6 @@ pub struct Scene<'a> {
 /// What the guard remembers.
 pub struct Guard {
     watch: Option<Watch>,
-    /// The pose commanded in this cycle.
-    commanded: Option<Pose>,
-    /// Whether forward was called and inverse not yet: the motion controller calls them in
-    /// this order, and inverse for the end points of queued moves before or after both.
-    expects_inverse: bool,
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
     /// `.current-vel` of the cycle before.
@@ -215,8 +212,6 @@ impl Guard {
     pub const fn new() -> Self {
         Self {
             watch: None,
-            commanded: None,
-            expects_inverse: false,
             before: [None; 2],
             speed_before: 0.0,
             scale: 1.0,
@@ -232,24 +227,14 @@ impl Guard {
         self.forget();
     }
 
-    /// Whether the next inverse is that of the commanded pose.
-    pub fn expects_inverse(&self) -> bool {
-        self.expects_inverse
+    /// Nanoseconds that the first forward of a cycle took.
+    pub fn timed_forward(&mut self, nanoseconds: i64) {
+        self.forward_time = nanoseconds;
     }
 
-    /// A call of forward, and the nanoseconds it took if they were counted.
-    pub fn saw_forward(&mut self, nanoseconds: Option<i64>) {
-        self.expects_inverse = true;
-        self.forward_time = nanoseconds.unwrap_or(self.forward_time);
-    }
-
-    /// A call of inverse, and the nanoseconds it took if they were counted.
-    pub fn saw_inverse(&mut self, pose: &Pose, nanoseconds: Option<i64>) {
-        if self.expects_inverse {
-            self.commanded = Some(*pose);
-            self.inverse_time = nanoseconds.unwrap_or(self.inverse_time);
-        }
-        self.expects_inverse = false;
+    /// Nanoseconds that the inverse of the commanded pose took.
+    pub fn timed_inverse(&mut self, nanoseconds: i64) {
+        self.inverse_time = nanoseconds;
     }
 
     /// Without the machine's kinematics in force there is nothing to guard.
@@ -263,8 +248,7 @@ impl Guard {
     /// One cycle. A fault is why the feed was inhibited just now.
     pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
         let pins = &scene.pins.guard;
-        let commanded = self.commanded.take();
-        self.expects_inverse = false;
+        let commanded = scene.commanded;
         if let (Some(watch), Some(pose)) = (&self.watch, scene.pose) {
             let _ = show_pose(watch, scene, &pose);
         }
@@ -350,7 +334,6 @@ impl Guard {
     }
 
     fn forget(&mut self) {
-        self.commanded = None;
         self.before = [None; 2];
     }
 }

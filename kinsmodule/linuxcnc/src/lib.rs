@@ -2,15 +2,16 @@
 //! `pkmkins.so`: the crate `kinematics` behind LinuxCNC's kinematics interface.
 //!
 //! Rooms: [`abi`] is what LinuxCNC calls, [`hal`] what this module calls, [`load`] the
-//! load parameters, [`pins`] the HAL pins, [`module`] the state between calls, [`tool`] how
-//! the tool offset follows its request, [`guard`] the watch over the motion. All unsafe code
-//! of the project is here; each block names who guarantees what it needs.
+//! load parameters, [`pins`] the HAL pins, [`module`] the state between calls, [`calls`] which of them
+//! a servo cycle has brought, [`tool`] how the tool offset follows its request, [`guard`] the watch
+//! over the motion. All unsafe code of the project is here; each block names who guarantees what it needs.
 //!
 //! LinuxCNC calls `rtapi_app_main` and `rtapi_app_exit` with no servo thread running,
 //! and everything else from that one thread.
 #![no_std]
 
 pub mod abi;
+mod calls;
 mod guard;
 mod hal;
 mod load;

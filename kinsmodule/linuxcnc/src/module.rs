@@ -2,6 +2,7 @@
 //! What the module remembers between calls, and the rules that go with it: when a
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
+use crate::calls::Calls;
 use crate::guard::{Guard, Scene};
 use crate::hal::{nanoseconds, print_error};
 use crate::pins::{Given, Pins};
@@ -45,17 +46,6 @@ pub enum Kind {
     Identity,
 }
 
-/// Kinematics calls of one cycle.
-#[derive(Clone, Copy, Default)]
-struct Calls {
-    /// The pose (degrees) that inverse was asked for last: in world mode the commanded one, because
-    /// LinuxCNC asks for end points of queued moves before.
-    asked: Option<[f64; 6]>,
-    /// Calls of forward. A second one without an inverse is for the commanded joints:
-    /// LinuxCNC does so in joint mode and as it leaves it, to go on from that pose.
-    forward: u32,
-}
-
 /// What the monitor has told the operator.
 struct Report {
     /// Whether the monitor runs: it then does the telling.
@@ -78,7 +68,6 @@ pub struct Module {
     /// Once `.apply` was used, no call freezes by itself.
     apply_used: bool,
     tool: Tool,
-    /// What LinuxCNC has called since the monitor ran last.
     calls: Calls,
     callers: [Option<Caller>; CALLERS],
     /// The kinematics were switched back to the machine: a caller not yet known holds
@@ -130,15 +119,17 @@ impl Module {
     /// points of queued moves at any time; the first call of all freezes the geometry.
     #[inline(always)]
     pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
-        let timed = self.report.monitored && self.guard.expects_inverse();
+        let timed = self.report.monitored && self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
-        self.calls.asked = Some(*degrees);
         let pose = Pose::from_degrees(*degrees);
         let result = match self.prepared(|| !is_zero(degrees)) {
             Ok(()) => self.joints_of(&pose, joints),
             Err(fault) => Err(fault),
         };
-        self.guard.saw_inverse(&pose, timed.then(|| nanoseconds().wrapping_sub(begin)));
+        self.calls.saw_inverse(&pose);
+        if timed {
+            self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
+        }
         let Err(fault) = result else { return Ok(()) };
         self.record(&fault);
         Err(fault)
@@ -167,10 +158,12 @@ impl Module {
         pose: &mut [f64; 6],
         address: usize,
     ) -> Result<(), Fault> {
-        let timed = self.report.monitored && !self.guard.expects_inverse();
+        let timed = self.report.monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         let result = self.pose_at(joints, pose, address);
-        self.guard.saw_forward(timed.then(|| nanoseconds().wrapping_sub(begin)));
+        if timed {
+            self.guard.timed_forward(nanoseconds().wrapping_sub(begin));
+        }
         result
     }
 
@@ -178,6 +171,7 @@ impl Module {
         &mut self,
         joints: &Joints,
         pose: &mut [f64; 6],
+        self.calls.saw_forward();
         address: usize,
     ) -> Result<(), Fault> {
         self.forget_before_homing();
@@ -335,10 +329,11 @@ impl Module {
         self.start.count_cycle();
         self.watch_apply();
         self.watch_reset();
-        self.advance_tool(seconds);
+        let commanded = self.calls.end_cycle();
+        self.advance_tool(commanded, seconds);
         self.watch_geometry();
         self.show_assembly();
-        if let Some(fault) = self.guarded(seconds) {
+        if let Some(fault) = self.guarded(commanded, seconds) {
             self.record(&fault);
         }
         self.pins.feed_inhibit.set(self.inhibits_feed());
@@ -346,7 +341,7 @@ impl Module {
     }
 
     /// A cycle of the guard, `period` seconds long.
-    fn guarded(&mut self, period: f64) -> Option<Fault> {
+    fn guarded(&mut self, commanded: Option<Pose>, period: f64) -> Option<Fault> {
         let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
             self.guard.idle(self.pins, period);
             return None;
@@ -402,6 +397,7 @@ impl Module {
         let checked = given.checked().and_then(|machine| {
             self.start.freeze(self.pins, &self.load, hash)?;
             Ok(machine)
+            commanded,
         });
         self.pins.geometry_ok.set(checked.is_ok());
         let machine = checked?;
@@ -485,13 +481,12 @@ impl Module {
     }
 
     /// Brings the tool offset nearer to the one requested, and shows how far it is.
-    fn advance_tool(&mut self, seconds: f64) {
-        let Calls { asked, .. } = core::mem::take(&mut self.calls);
+    fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
         if let Ok(tool) = self.tool_in_effect() {
             self.retool(tool);
         }
         let of_this_cycle = self.tool.offset();
-        if let Err(fault) = self.tool_advanced(asked.map(Pose::from_degrees), seconds) {
+        if let Err(fault) = self.tool_advanced(commanded, seconds) {
             self.record(&fault);
         }
         let shown = if self.tool.is_busy() { of_this_cycle } else { self.tool.offset() };
@@ -535,7 +530,6 @@ impl Module {
     /// Takes the tool offset that forward has to go by.
     #[inline(always)]
     fn retool_for_forward(&mut self) -> Result<(), Fault> {
-        self.calls.forward = self.calls.forward.saturating_add(1);
         let request = self.pins.tool(self.frozen()?.given.spindle_offset);
         if self.tool.has(&request) {
             return Ok(());
@@ -546,7 +540,7 @@ impl Module {
     #[inline(never)]
     fn retool_if_asked(&mut self, request: Vector3<f64>) -> Result<(), Fault> {
         let usable = self.frozen()?.machine.check_tool(&request).is_ok();
-        let of_command = self.calls.forward > 1 && self.calls.asked.is_none();
+        let of_command = self.calls.is_for_commanded_joints();
         if self.report.monitored && of_command && usable {
             self.retool(request);
         } else if let Ok(tool) = self.tool_in_effect() {
@@ -571,7 +565,43 @@ impl Module {
         };
         let Some(seed) = seed else { return Err(Cause::SeedMissing.into()) };
         let machine = &self.frozen()?.machine;
+        if machine.is_literal() {
+            return self.solve_first(joints, &seed, &tool, solution);
+        }
         machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
+    }
+
+    /// Forward while no pose has fixed the folds of nut corrections: a drop-in HAL file has no
+    /// reference pose. The first pose known stands in for it, which is the seed, [TRAJ]HOME: it
+    /// is the same after every start, where joints that were homed are not. A seed of zeros is
+    /// none; then the pose found is the first one known.
+    ///
+    /// Inverse never decides: LinuxCNC may ask it for the end point of a move that is not made.
+    #[cold]
+    #[inline(never)]
+    fn solve_first(
+        &mut self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+        solution: &mut Solution,
+    ) -> Result<(), Fault> {
+        let solver = self.pins.solver();
+        let machine = &mut self.frozen.as_mut().ok_or(Cause::NoGeometry)?.machine;
+        let is_known = !is_zero(&seed.to_degrees());
+        let mut folded = is_known.then(|| machine.fold_at(seed, tool).ok()).flatten();
+        if let Err(fault) = machine.forward_into(joints, seed, tool, &solver, solution) {
+            machine.unfold();
+            return Err(fault);
+        }
+        if folded.is_none() {
+            folded = machine.fold_at(&solution.pose, tool).ok();
+        }
+        if let Some(doubt) = folded.flatten() {
+            self.report.pending = Some(doubt);
+            self.tell_unmonitored(&doubt);
+        }
+        Ok(())
     }
 
     /// The pose to start from where none is known, if there are boxes to search it in.

@@ -3,7 +3,7 @@
 
 use super::model::{Model, Place};
 use super::reading::{Changed, Posed, unit};
-use crate::machine::MachineConfig;
+use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};

@@ -2,7 +2,7 @@
 //! Comment lines with which a file of measurements says what it belongs to: `# key value`.
 
 use super::log::BadLog;
-use crate::machine::MachineConfig;
+use crate::read::machine::MachineConfig;
 use kinematics::Vector3;
 
 const MARKS: [char; 2] = ['#', ';'];

@@ -18,7 +18,7 @@
 
 use super::plate::Plate;
 use super::reading::{Measured, Reading};
-use crate::machine::MachineConfig;
+use crate::read::machine::MachineConfig;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
 use std::fmt;
 

@@ -21,7 +21,7 @@ use super::log::{self, BadLog, Touch};
 use super::model::Frame;
 use super::plate::{Hole, Plate};
 use super::reading::Reading;
-use crate::machine::MachineConfig;
+use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
 
 /// How far a ball may be from where plate and place let expect it, in its diameters: half the way

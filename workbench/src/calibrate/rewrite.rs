@@ -2,9 +2,9 @@
 //! The INI file with another geometry: every other line, comments and layout stay.
 
 use super::model::{Model, Place};
-use crate::boxes;
-use crate::ini::Ini;
-use crate::machine::MachineConfig;
+use crate::proof::boxes;
+use crate::read::ini::Ini;
+use crate::read::machine::MachineConfig;
 use kinematics::Geometry;
 use kinematics::{LegKind, PerLeg};
 use similar::TextDiff;

@@ -17,7 +17,7 @@ use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Measured, Reading};
-use crate::machine::MachineConfig;
+use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 

@@ -2,8 +2,8 @@
 //! `pkm boxes`.
 
 use super::{Bar, Failure, MachineFile, Verdict};
-use pkm::boxes;
-use pkm::machine::MachineConfig;
+use pkm::proof::boxes;
+use pkm::read::machine::MachineConfig;
 use std::io::Write;
 
 /// Finds and proves boxes of poses for the start without a seed

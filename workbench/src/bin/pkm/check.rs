@@ -2,8 +2,8 @@
 //! `pkm check`.
 
 use super::{Bar, Failure, MachineFile, Verdict};
-use pkm::check::{Report, axis_lines, check, tilt_table};
-use pkm::diagnostic::rendered;
+use pkm::check::report::{Report, axis_lines, check, tilt_table};
+use pkm::read::diagnostic::rendered;
 use std::io::Write;
 
 /// Checks that a machine's INI file fits together

@@ -4,7 +4,7 @@
 use super::rows::{Answer, answer};
 use super::{Failure, MachineFile, Verdict};
 use kinematics::{Letter, Pose, Vector3};
-use pkm::machine::MachineConfig;
+use pkm::read::machine::MachineConfig;
 
 /// Joint values of poses (inverse kinematics)
 ///

@@ -3,7 +3,7 @@
 
 use super::{Cli, Failure, Verdict};
 use clap::CommandFactory;
-use pkm::report::write_whole;
+use pkm::files::write_whole;
 use std::path::{Path, PathBuf};
 
 /// Writes the manual pages of pkm

@@ -4,9 +4,9 @@
 use super::joints::{Tool, coordinates};
 use super::{Failure, is_still, rows};
 use kinematics::{Pose, Vector3};
-use pkm::interpreter;
-use pkm::machine::MachineConfig;
-use pkm::replay::replay_seen;
+use pkm::program::interpreter;
+use pkm::program::replay::replay_seen;
+use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
 /// Where the poses come from.

@@ -3,13 +3,14 @@
 
 use super::{Bar, Failure, MachineFile, Verdict, is_still};
 use kinematics::{Fault, Letter};
-use pkm::cautions::{Caution, cautions};
-use pkm::fit::{self, Offset};
-use pkm::ini::Ini;
-use pkm::interpreter::{self, Move, Reading};
-use pkm::machine::MachineConfig;
-use pkm::preflight::{Break, LineLoad, Preflight, preflight};
-use pkm::{plots, report};
+use pkm::check::cautions::{Caution, cautions};
+use pkm::draw::{page, plots};
+use pkm::files::write_whole;
+use pkm::program::interpreter::{self, Move, Reading};
+use pkm::program::offset::{self, Offset};
+use pkm::program::preflight::{Break, LineLoad, Preflight, preflight};
+use pkm::read::ini::Ini;
+use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
@@ -157,16 +158,16 @@ fn offset(
     }
     let fault = |fault: Fault| Failure::Told(fault.to_string());
     let bar = Bar::spinner("looking for another work offset");
-    let shifted = fit::shift(config, moves).map_err(fault)?;
+    let shifted = offset::shift(config, moves).map_err(fault)?;
     drop(bar);
     if let Some(found) = confirmed(config, arguments, shifted)? {
         return Ok(Some(found));
     }
-    if !fit::may_turn(config, moves) {
+    if !offset::may_turn(config, moves) {
         return Ok(None);
     }
     let bar = Bar::spinner("looking for a turned work offset");
-    let turned = fit::turn(config, moves).map_err(fault)?;
+    let turned = offset::turn(config, moves).map_err(fault)?;
     drop(bar);
     confirmed(config, arguments, turned)
 }
@@ -288,6 +289,6 @@ fn write_report(
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let plots = plots::of_places(config, &answer.found.places).map_err(Failure::Told)?;
-    let page = report::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
-    report::write_whole(file, &page).map_err(Failure::Told)
+    let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
+    write_whole(file, &text).map_err(Failure::Told)
 }

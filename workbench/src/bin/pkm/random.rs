@@ -2,7 +2,7 @@
 //! `pkm random`.
 
 use super::{Failure, MachineFile, Verdict};
-use pkm::random_program::random_program;
+use pkm::program::random_program::random_program;
 use std::io::Write;
 
 /// Writes a program of random moves and tool changes that the machine can run

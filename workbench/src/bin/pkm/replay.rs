@@ -3,12 +3,12 @@
 
 use super::joints::{coordinates, joint_names};
 use super::{Bar, Failure, MachineFile, Verdict, is_still};
-use pkm::interpreter;
-use pkm::machine::MachineConfig;
-use pkm::plots;
-use pkm::replay::{Visit, duration_of_all, replay_seen};
-use pkm::report::write_whole;
-use pkm::trace::Sample;
+use pkm::draw::plots;
+use pkm::draw::sample::Sample;
+use pkm::files::write_whole;
+use pkm::program::interpreter;
+use pkm::program::replay::{Visit, duration_of_all, replay_seen};
+use pkm::read::machine::MachineConfig;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 

@@ -5,9 +5,9 @@ use super::joints::{coordinates, joint_names};
 use super::poses::{Source, Stop};
 use super::{Failure, MachineFile, StudyFile, Verdict, write_plots};
 use kinematics::Vector3;
-use pkm::machine::MachineConfig;
-use pkm::rods::{Rods, View};
-use pkm::study_plots::{Course, of_rods};
+use pkm::draw::study_plots::{Course, of_rods};
+use pkm::read::machine::MachineConfig;
+use pkm::study::rods::{Rods, View};
 use std::io::Write;
 use std::path::PathBuf;
 

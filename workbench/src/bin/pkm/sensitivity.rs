@@ -4,16 +4,16 @@
 use super::poses::At;
 use super::{Failure, MachineFile, StudyFile, Verdict, in_words, write_plots};
 use kinematics::{Letter, Pose, Vector3};
-use pkm::axis_box;
-use pkm::interpreter;
-use pkm::machine::MachineConfig;
-use pkm::replay::replay_seen;
-use pkm::report::write_whole;
-use pkm::sensitivity::{
+use pkm::draw::study_plots::of_sensitivity;
+use pkm::files::write_whole;
+use pkm::program::interpreter;
+use pkm::program::replay::replay_seen;
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::Study;
+use pkm::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
 };
-use pkm::study::Study;
-use pkm::study_plots::of_sensitivity;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

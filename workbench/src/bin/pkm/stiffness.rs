@@ -4,13 +4,13 @@
 use super::poses::At;
 use super::{Failure, MachineFile, Verdict, in_words, write_plots};
 use kinematics::{Pose, Vector3};
-use pkm::axis_box;
-use pkm::machine::MachineConfig;
-use pkm::report::write_whole;
-use pkm::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
-use pkm::study::Study;
-use pkm::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
-use pkm::workspace::Workspace;
+use pkm::draw::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
+use pkm::files::write_whole;
+use pkm::proof::axis_box;
+use pkm::read::machine::MachineConfig;
+use pkm::study::file::{Springs, Study};
+use pkm::study::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
+use pkm::study::workspace::Workspace;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -28,8 +28,12 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 ///
 /// N/um, N m/rad, mm, degrees; machine axes. Coordinates that guides hold count as rigid.
 ///
+/// With the motors held, an axial force turns the screw of its strut against both cardan joints.
+/// `screw = "self-locking"` leaves that torque to friction in the thread.
+///
 ///     [legs]
 ///     stiffness_n_per_um = 10      # or a list, one for each leg
+///     screw = "backdrivable"       # or "self-locking"
 ///     [table]                      # where the machine has one
 ///     stiffness_n_per_um = 50
 ///
@@ -59,10 +63,9 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let study = Study::read(&arguments.study).map_err(Failure::Told)?;
-    let joints =
-        study.stiffness_n_per_mm(&config).map_err(|error| Failure::at(&arguments.study, error))?;
+    let springs = study.springs(&config).map_err(|error| Failure::at(&arguments.study, error))?;
     let (pose, tool) = arguments.at.read(&config)?;
-    let found = Stiffness::at(&config, &pose, &tool, &joints)
+    let found = Stiffness::at(&config, &pose, &tool, &springs)
         .map_err(|fault| Failure::Told(format!("{}: {fault}", in_words(&pose))))?;
     let Some(found) = found else {
         let text =
@@ -71,9 +74,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Ok(Verdict::Misfit);
     };
     if arguments.plots.is_some() || arguments.csv.is_some() {
-        draw(arguments, &config, &study, &pose, &tool, &joints, &found)?;
+        draw(arguments, &config, &study, &pose, &tool, &springs, &found)?;
     }
-    tell(&config, &pose, &found, &sizes(&config, &pose, &tool, &joints))?;
+    tell(&config, &pose, &found, &sizes(&config, &pose, &tool, &springs))?;
     Ok(Verdict::Fits)
 }
 
@@ -83,7 +86,7 @@ fn draw(
     study: &Study,
     pose: &Pose,
     tool: &Vector3<f64>,
-    joints: &[f64],
+    springs: &Springs,
     found: &Stiffness,
 ) -> Result<(), Failure> {
     let [_, _, _, a, b, c] = pose.to_degrees();
@@ -91,7 +94,7 @@ fn draw(
     let range = axis_box::range(config);
     let map = |[across, up]: [usize; 2]| {
         let reached = |place: &Vector3<f64>| workspace.check(place).is_ok();
-        let at = |pose: &Pose| Stiffness::at(config, pose, tool, joints).ok().flatten();
+        let at = |pose: &Pose| Stiffness::at(config, pose, tool, springs).ok().flatten();
         Map::over(pose, [across, up], [&range.low, &range.high], arguments.grid.into(), |pose| {
             at(pose).filter(|_| reached(&pose.position))
         })
@@ -110,7 +113,7 @@ fn draw(
     for map in &maps {
         plots.extend(of_stiffness(config.length_unit(), map).map_err(Failure::Told)?);
     }
-    plots.push(of_platform_sizes(&sizes(config, pose, tool, joints)).map_err(Failure::Told)?);
+    plots.push(of_platform_sizes(&sizes(config, pose, tool, springs)).map_err(Failure::Told)?);
     plots.extend(of_ellipsoids(found).map_err(Failure::Told)?);
     write_plots(folder, &plots)
 }
@@ -120,11 +123,11 @@ fn sizes(
     config: &MachineConfig,
     pose: &Pose,
     tool: &Vector3<f64>,
-    joints: &[f64],
+    springs: &Springs,
 ) -> Vec<(f64, [f64; 2])> {
     let of = |factor: f64| {
         let config = with_platform(config, factor).ok()?;
-        let found = Stiffness::at(&config, pose, tool, joints).ok()??;
+        let found = Stiffness::at(&config, pose, tool, springs).ok()??;
         Some((factor, found.least()))
     };
     SIZES.into_iter().filter_map(of).collect()

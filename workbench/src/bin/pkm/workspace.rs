@@ -4,10 +4,10 @@
 use super::joints::Tool;
 use super::{Bar, Failure, MachineFile, StudyFile, Verdict, write_plots};
 use kinematics::Vector3;
-use pkm::machine::MachineConfig;
-use pkm::report::write_whole;
-use pkm::study_plots::of_workspace;
-use pkm::workspace::{
+use pkm::draw::study_plots::of_workspace;
+use pkm::files::write_whole;
+use pkm::read::machine::MachineConfig;
+use pkm::study::workspace::{
     Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
 };
 use std::io::Write;

@@ -1,0 +1,221 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Every case of cases.toml through the real haltcl and the real module, in HAL alone.
+
+    tests/cases/ini/run.py [--only TEXT]
+
+LinuxCNC itself is not started: `pkmkins` with the load parameters of the case and `motmod` are
+loaded and pkmkins.tcl, as installed, reads the INI file of the case. Prints one line a case and a
+closing line; exit code 1 if any fails.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+HERE = Path(__file__).resolve().parent
+REPOSITORY = HERE.parents[2]
+sys.path.insert(0, str(REPOSITORY / "tests/live"))
+import ini_edit  # noqa: E402
+from unprivileged import clear_hal, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
+
+SCRIPT = "/usr/share/linuxcnc/hallib/pkmkins.tcl"
+REALTIME = "/usr/lib/linuxcnc/realtime"
+LOAD = """\
+loadrt tpmod
+loadrt homemod
+loadrt {kinematics}
+loadrt motmod servo_period_nsec=1000000 num_joints={joints}
+addf motion-command-handler servo-thread
+addf motion-controller servo-thread
+"""
+
+
+def run(*command, **options):
+    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          timeout=30, **options)
+
+
+def halcmd(*arguments):
+    return run("halcmd", *arguments, check=True).stdout
+
+
+class Setup(NamedTuple):
+    """What has to be loaded before an INI file can be read: [KINS]KINEMATICS, number of joints."""
+    kinematics: str
+    joints: str
+
+
+class Case(NamedTuple):
+    """One case: its keys as listed, the base file's text and the INI text to be read."""
+    keys: dict
+    shipped: str
+    text: str
+
+    @property
+    def name(self):
+        return self.keys["name"]
+
+    @property
+    def setup(self):
+        # JOINTS of the base file: where the case has another number, pkmkins.tcl must say so.
+        return Setup(setup_of(self.text).kinematics, setup_of(self.shipped).joints)
+
+
+def setup_of(text):
+    return Setup(ini_edit.value(text, "KINS", "KINEMATICS"), ini_edit.value(text, "KINS", "JOINTS"))
+
+
+class Session:
+    """A HAL with the module loaded and not yet set up; `log` collects what the module prints.
+
+    `loaded` is false where the module refused its load parameters.
+    """
+
+    def __init__(self, folder, setup):
+        self.log = folder / "rtapi.log"
+        self.folder = folder
+        self.setup = setup
+
+    def __enter__(self):
+        clear_hal()
+        (self.folder / "load.hal").write_text(LOAD.format(**self.setup._asdict()))
+        # The process that runs the realtime modules inherits these files, hence no pipes here.
+        with open(self.log, "w") as log:
+            subprocess.run([REALTIME, "start"], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                           check=True, timeout=30)
+            done = subprocess.run(["halcmd", "-f", str(self.folder / "load.hal")],
+                                  stdin=subprocess.DEVNULL, stdout=log, stderr=log, timeout=30)
+        self.loaded = done.returncode == 0
+        if not self.loaded and "pkmkins" not in self.log.read_text():
+            sys.exit(f"tests/cases/ini: HAL could not be loaded: {self.log.read_text()}")
+        return self
+
+    def __exit__(self, *_):
+        clear_hal()
+
+    def read_ini(self, text):
+        """Result of pkmkins.tcl for this INI text."""
+        ini = self.folder / "case.ini"
+        ini.write_text(text)
+        environment = {**os.environ, "INI_FILE_NAME": str(ini)}
+        return run("haltcl", "-i", str(ini), SCRIPT, env=environment)
+
+    def frozen(self):
+        """geometry-ok and geometry-hash after the module had time to freeze the geometry."""
+        halcmd("start")
+        time.sleep(0.05)
+        return halcmd("getp", "pkmkins.geometry-ok").strip() == "TRUE", geometry_hash()
+
+
+def geometry_hash():
+    return halcmd("getp", "pkmkins.geometry-hash").strip()
+
+
+def all_pins():
+    """Text of all pins of the module, to see whether anything was set or connected."""
+    return halcmd("-s", "show", "pin", "pkmkins.*")
+
+
+def lacking(case, message):
+    """Complaint about the strings that a message should name and does not, or None."""
+    absent = [name for name in case.keys["names"] if name not in message]
+    return f"the message lacks {absent}: {message.strip()!r}" if absent else None
+
+
+def check_error(session, case):
+    """Reason why a case that must be refused fails, or None."""
+    if not session.loaded:
+        return lacking(case, session.log.read_text())
+    before = all_pins()
+    result = session.read_ini(case.text)
+    if result.returncode == 0:
+        return "was accepted"
+    if all_pins() != before:
+        return "refused, but pins have changed"
+    return lacking(case, result.stderr)
+
+
+def check_frozen(session, case, shipped):
+    """Reason why a case that reaches the module fails, or None."""
+    if not session.loaded:
+        return f"the load parameters were refused: {session.log.read_text().strip()!r}"
+    result = session.read_ini(case.text)
+    if result.returncode != 0:
+        return f"was refused: {result.stderr.strip()!r}"
+    good, found = session.frozen()
+    if case.keys["expect"] == "bad geometry":
+        return "geometry was accepted" if good else lacking(case, session.log.read_text())
+    if not good:
+        return f"geometry was refused: {session.log.read_text().strip()!r}"
+    if "same" not in case.keys:
+        return None
+    if shipped is None:
+        return "the base file is refused"
+    if case.keys["same"] != (found == shipped):
+        return f"geometry-hash is {found}, that of the shipped file {shipped}"
+    return None
+
+
+def listed_cases(only):
+    listed = tomllib.loads((HERE / "cases.toml").read_text())
+    for keys in listed["case"]:
+        if only in keys["name"]:
+            base = (REPOSITORY / keys.get("base", listed["base"])).read_text()
+            yield Case(keys, base, ini_edit.edited(base, keys.get("edit", [])))
+
+
+def report(case, reason):
+    print(f"FAIL {case.name}: {reason}" if reason else f"PASS {case.name}", flush=True)
+    return reason is None
+
+
+def shipped_hash(folder, text):
+    """geometry-hash of a base file; None if it is refused."""
+    with Session(folder, setup_of(text)) as session:
+        if not session.loaded or session.read_ini(text).returncode != 0:
+            return None
+        return session.frozen()[1]
+
+
+def run_refused(folder, cases):
+    """A refused file must leave the module as it was, so all with the same set-up share a session."""
+    for setup, group in groupby(sorted(cases, key=lambda c: c.setup), key=lambda c: c.setup):
+        with Session(folder, setup) as session:
+            for case in group:
+                yield report(case, check_error(session, case))
+
+
+def run_frozen(folder, cases):
+    compared = {case.shipped for case in cases if "same" in case.keys}
+    hashes = {text: shipped_hash(folder, text) for text in compared}
+    for case in cases:
+        with Session(folder, case.setup) as session:
+            yield report(case, check_frozen(session, case, hashes.get(case.shipped)))
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--only", default="", help="run the cases whose name contains this")
+    only = arguments.parse_args().only
+    if not is_unprivileged():
+        return rerun_unprivileged("tests/cases/ini/run.py", ["--only", only], timeout=300)
+    with only_one(), tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        cases = list(listed_cases(only))
+        refused = [case for case in cases if case.keys["expect"] == "error"]
+        others = [case for case in cases if case.keys["expect"] != "error"]
+        results = [*run_refused(folder, refused), *run_frozen(folder, others)]
+    print(f"{sum(results)} passed, {len(results) - sum(results)} failed")
+    return 0 if results and all(results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `judge INI TRACE.csv RESULT.json OUT_DIR`: judges one recorded run.
+//!
+//! Prints a table and writes report.html with plots into OUT_DIR. Exit code 0: all
+//! figures are as they must be; 1: at least one is not; 2: the run cannot be judged.
+
+use judge::{page, trace};
+use pkm::read::machine::MachineConfig;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const USAGE: &str = "usage: judge INI TRACE.csv RESULT.json OUT_DIR";
+
+fn main() -> ExitCode {
+    let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    match <[PathBuf; 4]>::try_from(arguments) {
+        Err(_) => unjudged(USAGE),
+        Ok(arguments) => match run(&arguments) {
+            Ok(true) => ExitCode::SUCCESS,
+            Ok(false) => ExitCode::from(1),
+            Err(error) => unjudged(&error),
+        },
+    }
+}
+
+fn unjudged(error: &str) -> ExitCode {
+    eprintln!("judge: {error}");
+    ExitCode::from(2)
+}
+
+/// Whether every figure is as it must be.
+fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, String> {
+    let config = MachineConfig::read(ini).map_err(|e| e.to_string())?;
+    let result = trace::read_result(result_file)?;
+    let samples = trace::read_trace(&config, trace_file).map_err(|error| match &result.error {
+        Some(reason) => format!("{error}; the run itself failed: {reason}"),
+        None => error,
+    })?;
+    let judged = trace::judge(&config, &samples, &result).map_err(|e| e.to_string())?;
+    page::write(folder, &config, &samples, &result, &judged)?;
+    // A reader that has gone away does not change the verdict.
+    let _ = writeln!(std::io::stdout(), "{judged}report: {}", folder.join("report.html").display());
+    Ok(judged.kept())
+}

@@ -1,0 +1,584 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Traces of a running LinuxCNC, judged against the host library.
+//!
+//! A trace holds one line a servo cycle; its columns are described in
+//! tests/live/README.md. The checks recompute what the module did with the same core,
+//! and hold positions, speeds and cones to the limits of the INI file.
+
+use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Pose, Vector3};
+use pkm::check::mobility::Structure;
+use pkm::draw::sample::Sample;
+use pkm::read::machine::{ConeAngles, Group, JointKind, MachineConfig};
+use serde::Deserialize;
+use std::fmt;
+use std::path::Path;
+
+/// Coarse joint commands against host inverse, in mm or degrees.
+const JOINT_TOLERANCE: f64 = 1e-9;
+
+/// Host forward of the coarse joints against the commanded pose, as a share of the size.
+const ROUND_TRIP: f64 = 1e-10;
+
+/// Joints of the pose that forward shows against the feedback, in units of the
+/// convergence criterion: forward stops on the residual of all legs, each within it.
+const FEEDBACK: f64 = 10.0;
+
+/// Iterations of forward one servo step away.
+const MOST_ITERATIONS: f64 = 3.0;
+
+/// Sampled speeds and accelerations are differences of rounded positions.
+const LIMIT_ROUNDING: f64 = 1e-6;
+
+/// Widest column of the table that is padded.
+const WIDEST: usize = 34;
+
+const PROGRAM_PHASE: f64 = 2.0;
+const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+
+/// What `run_live.py` found; fields that a failed run lacks are zero.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct RunResult {
+    /// Configuration.
+    pub config: String,
+    /// Program.
+    pub program: String,
+    /// Motions of the program.
+    pub moves: u64,
+    /// Servo cycles that were not recorded.
+    pub overruns: u64,
+    /// Duration of the program, seconds.
+    pub seconds: f64,
+    /// Kind and text from LinuxCNC's error channel.
+    pub messages: Vec<(String, String)>,
+    /// Faults that the module counted.
+    pub fault_count: u64,
+    /// Hash of the geometry that the module froze.
+    pub geometry_hash: u32,
+    /// Longest run of the servo thread, nanoseconds.
+    pub servo_tmax_ns: f64,
+    /// Longest run of the motion controller alone, kinematics included, nanoseconds.
+    pub motion_tmax_ns: f64,
+    /// Whether the run went to its end without a message.
+    pub ok: bool,
+    /// Why not.
+    pub error: Option<String>,
+}
+
+/// Reads a trace of this machine.
+///
+/// # Errors
+/// A sentence naming file, line and what was expected.
+pub fn read_trace(config: &MachineConfig, file: &Path) -> Result<Vec<Sample>, String> {
+    let named = |error: &dyn fmt::Display| format!("{}: {error}", file.display());
+    let mut reader = csv::Reader::from_path(file).map_err(|e| named(&e))?;
+    let header = reader.headers().map_err(|e| named(&e))?;
+    let columns = Columns { config };
+    let expected = columns.names();
+    if header.iter().ne(expected.iter().map(String::as_str)) {
+        return Err(named(&format!("expected the columns {}", expected.join(","))));
+    }
+    let samples = reader
+        .deserialize()
+        .map(|row| row.map_err(|e: csv::Error| e.to_string()).and_then(|row| columns.sample(row)))
+        .enumerate()
+        .map(|(i, row)| row.map_err(|e| named(&format!("line {}: {e}", i + 2))))
+        .collect::<Result<Vec<Sample>, String>>()?;
+    if let Some(i) = samples.windows(2).position(|pair| pair[1].time <= pair[0].time) {
+        return Err(named(&format!("line {}: the time does not advance", i + 3)));
+    }
+    if samples.iter().filter(|s| s.in_world).count() < 3 {
+        return Err(named(&"holds no world mode (phase 2): nothing to judge"));
+    }
+    Ok(samples)
+}
+
+/// Order of the values in a line; every machine has its own joints and struts.
+struct Columns<'a> {
+    config: &'a MachineConfig,
+}
+
+impl Columns<'_> {
+    fn joints(&self) -> impl Iterator<Item = usize> + use<> {
+        0..self.config.joints.len()
+    }
+
+    fn struts(&self) -> impl Iterator<Item = usize> {
+        let kinds = self.config.joints.iter().map(|joint| joint.kind).enumerate();
+        kinds.filter(|(_, kind)| *kind == JointKind::Strut).map(|(i, _)| i)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let lettered = |prefix: &'static str| LETTERS.map(|l| format!("{prefix}{l}"));
+        let mut names = vec!["t_s".to_string(), "phase".to_string()];
+        names.extend(lettered(""));
+        names.extend(self.joints().map(|i| format!("j{i}")));
+        names.extend(self.joints().map(|i| format!("m{i}")));
+        names.extend(lettered("f"));
+        names.extend(self.struts().map(|i| format!("corr{i}")));
+        names.extend(["tool_x", "tool_y", "tool_z", "iterations", "residual"].map(String::from));
+        names
+    }
+
+    fn sample(&self, row: Vec<f64>) -> Result<Sample, String> {
+        if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
+            return Err(format!("{bad} is no value of a machine that runs"));
+        }
+        let mut values = row.into_iter();
+        let sample = Sample {
+            time: next(&mut values),
+            in_world: next(&mut values) == PROGRAM_PHASE,
+            pose: placed(&mut values, 0..6),
+            joints: placed(&mut values, self.joints()),
+            motors: placed(&mut values, self.joints()),
+            forward: placed(&mut values, 0..6),
+            corrections: placed(&mut values, self.struts()),
+            tool: placed(&mut values, 0..3),
+            iterations: next(&mut values),
+            residual: next(&mut values),
+        };
+        let Sample { iterations, residual, .. } = sample;
+        if iterations < 0.0 || residual < 0.0 {
+            return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
+        }
+        Ok(sample)
+    }
+}
+
+/// The next value of a line, which is as long as the heading: the CSV reader sees to that.
+fn next(values: &mut impl Iterator<Item = f64>) -> f64 {
+    values.next().unwrap_or_default()
+}
+
+/// The next values, put to these places; 0 elsewhere.
+fn placed<const N: usize>(
+    values: &mut impl Iterator<Item = f64>,
+    places: impl Iterator<Item = usize>,
+) -> [f64; N] {
+    let mut all = [0.0; N];
+    for place in places {
+        all[place] = next(values);
+    }
+    all
+}
+
+/// Reads the result file of a run.
+///
+/// # Errors
+/// A sentence naming the file.
+pub fn read_result(file: &Path) -> Result<RunResult, String> {
+    let text = std::fs::read(file).map_err(|e| format!("{}: {e}", file.display()))?;
+    serde_json::from_slice(&text).map_err(|e| format!("{}: {e}", file.display()))
+}
+
+/// A figure, what is allowed, and whether it was kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// What was measured.
+    pub name: String,
+    /// The figure with its unit.
+    pub found: String,
+    /// What is allowed; empty where nothing is asked.
+    pub allowed: String,
+    /// Whether the figure is as it must be.
+    pub kept: bool,
+}
+
+/// A sample on which the host library fails.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceFault {
+    /// Seconds since the first line of the trace.
+    pub time: f64,
+    /// Why.
+    pub fault: Fault,
+}
+
+impl fmt::Display for TraceFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "trace at {} s: {}", self.time, self.fault)
+    }
+}
+
+impl std::error::Error for TraceFault {}
+
+/// What a failure of the host library on a sample is told as.
+fn failed(sample: &Sample) -> impl Fn(Fault) -> TraceFault + use<> {
+    let time = sample.time;
+    move |fault| TraceFault { time, fault }
+}
+
+/// A judged trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Every figure, in the order of the table.
+    pub checks: Vec<Check>,
+}
+
+impl Report {
+    /// Whether everything was as it must be.
+    pub fn kept(&self) -> bool {
+        self.checks.iter().all(|check| check.kept)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = |text: fn(&Check) -> &str| {
+            self.checks.iter().map(|check| text(check).chars().count()).max().unwrap_or(0)
+        };
+        // A long message must not push the last column off the screen.
+        let (names, found) = (width(|c| &c.name), width(|c| &c.found).min(WIDEST));
+        for Check { name, found: value, allowed, kept } in &self.checks {
+            let mark = if *kept { "    " } else { "BAD " };
+            let line = format!("{mark}{name:names$}  {value:found$}  {allowed}");
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+/// Judges a trace and its result against the machine.
+///
+/// # Errors
+/// A call of the host library that fails on a sampled pose or on sampled joints.
+pub fn judge(
+    config: &MachineConfig,
+    samples: &[Sample],
+    result: &RunResult,
+) -> Result<Report, TraceFault> {
+    let world: Vec<Sample> = samples.iter().filter(|s| s.in_world).copied().collect();
+    let offsets = motor_offsets(&world);
+    let mut checks = run_checks(config, &world, result);
+    checks.extend(structure_checks(config).map_err(failed(&world[0]))?);
+    checks.extend(kinematics_checks(config, &world, &offsets)?);
+    checks.extend(limit_checks(config, samples, &world, &offsets));
+    checks.extend(cone_checks(config, samples, &world, &offsets)?);
+    checks.push(servo_check(config, result));
+    Ok(Report { checks })
+}
+
+/// Cycles without any motion after which command and drive have settled.
+const SETTLED: usize = 10;
+
+/// Joint value minus motor position, from where the machine first stands still in world mode: as
+/// that begins, the last of the motion before may still be on its way.
+fn motor_offsets(world: &[Sample]) -> Joints {
+    let still = |part: &&[Sample]| {
+        part.iter().all(|s| s.joints == part[0].joints && s.motors == part[0].motors)
+    };
+    let at = world.windows(SETTLED).find(still).map_or(&world[0], |part| &part[0]);
+    std::array::from_fn(|i| at.joints[i] - at.motors[i])
+}
+
+fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> Vec<Check> {
+    let texts: Vec<String> =
+        result.messages.iter().map(|(kind, text)| format!("{kind}: {}", text.trim())).collect();
+    let messages = if texts.is_empty() { "none".to_string() } else { texts.join("; ") };
+    let end = if result.ok { "to its end" } else { "not to its end" };
+    let error = result.error.clone().unwrap_or_else(|| end.into());
+    let hash = config.geometry.hash();
+    vec![
+        info("moves", result.moves.to_string()),
+        info("time of the program", format!("{:.1} s", result.seconds)),
+        info("servo cycles in world mode", world.len().to_string()),
+        check("program ran", error, "to its end", result.ok),
+        check("messages to the operator", messages, "none", texts.is_empty()),
+        check("faults of the module", result.fault_count.to_string(), "0", result.fault_count == 0),
+        check("servo cycles not recorded", result.overruns.to_string(), "0", result.overruns == 0),
+        check(
+            "geometry frozen by the module",
+            format!("{:08x}", result.geometry_hash),
+            &format!("{hash:08x}, that of the INI file"),
+            result.geometry_hash == hash,
+        ),
+    ]
+}
+
+fn structure_checks(config: &MachineConfig) -> Result<[Check; 2], Fault> {
+    let structure = Structure::of(config)?;
+    Ok([info("structure", structure.loops()), info("mobility at home", structure.mobility())])
+}
+
+/// Largest deviations of a trace.
+struct Deviations {
+    /// Sampled joints from host inverse of the sampled pose, per joint.
+    joints: Joints,
+    /// Host forward of the sampled joints from the sampled pose.
+    round_trip: f64,
+    /// Joints of the pose that the module shows from those of the feedback, per joint.
+    feedback: Joints,
+    /// Least |cos| between a rod and the motion of its lower end.
+    least_drive: Option<f64>,
+}
+
+impl Deviations {
+    fn of(config: &MachineConfig, world: &[Sample], offsets: &Joints) -> Result<Self, TraceFault> {
+        let mut most = Self {
+            joints: [0.0; MAX_JOINTS],
+            round_trip: 0.0,
+            feedback: [0.0; MAX_JOINTS],
+            least_drive: None,
+        };
+        let mut seed = Pose::from_degrees(world[0].pose);
+        for (k, sample) in world.iter().enumerate() {
+            seed = most.add(config, sample, &seed).map_err(failed(sample))?;
+            if k > 0 {
+                let measured = std::array::from_fn(|i| world[k - 1].motors[i] + offsets[i]);
+                most.add_feedback(config, sample, &measured).map_err(failed(sample))?;
+            }
+        }
+        Ok(most)
+    }
+
+    /// Host forward of the sampled joints.
+    fn add(&mut self, config: &MachineConfig, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
+        let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
+        let asked = config.machine.inverse(&pose, &tool)?;
+        widen(&mut self.joints, &asked, &sample.joints);
+        let found = config.machine.forward(&sample.joints, seed, &tool, &config.solver)?.pose;
+        self.round_trip = self.round_trip.max(pose.distance(&found, config.machine.radius()));
+        let drives = self.least_drive.into_iter().chain(config.least_drive(&pose, &tool)?);
+        self.least_drive = drives.reduce(f64::min);
+        Ok(found)
+    }
+
+    /// Joints that contradict each other have no pose of their own: there the pose shown is
+    /// held to the one that the host finds to fit best.
+    fn add_feedback(
+        &mut self,
+        config: &MachineConfig,
+        sample: &Sample,
+        measured: &Joints,
+    ) -> Result<(), Fault> {
+        let (machine, tool) = (&config.machine, sample.tool());
+        let pose = Pose::from_degrees(sample.forward);
+        let shown = machine.inverse(&pose, &tool)?;
+        let mut expected = *measured;
+        if machine.layout().is_redundant() {
+            let fitted = machine.forward(measured, &pose, &tool, &config.solver)?.pose;
+            expected = machine.inverse(&fitted, &tool)?;
+        }
+        widen(&mut self.feedback, &shown, &expected);
+        Ok(())
+    }
+}
+
+fn widen(most: &mut Joints, a: &Joints, b: &Joints) {
+    for (most, (a, b)) in most.iter_mut().zip(a.iter().zip(b)) {
+        *most = most.max((a - b).abs());
+    }
+}
+
+fn kinematics_checks(
+    config: &MachineConfig,
+    world: &[Sample],
+    offsets: &Joints,
+) -> Result<Vec<Check>, TraceFault> {
+    let found = Deviations::of(config, world, offsets)?;
+    let mut checks = joint_checks(config, &found);
+    let round_trip = ROUND_TRIP * config.machine.size();
+    let unit = config.length_unit();
+    checks.push(most("forward against inverse (pose)", found.round_trip, unit, round_trip));
+    let largest = |value: fn(&Sample) -> f64| world.iter().map(value).fold(0.0, f64::max);
+    checks.push(most(
+        "residual shown",
+        largest(|s| s.residual),
+        unit,
+        config.machine.largest_residual(&config.solver),
+    ));
+    let iterations = largest(|s| s.iterations);
+    checks.push(check(
+        "iterations of forward",
+        format!("{iterations}"),
+        &format!("at most {MOST_ITERATIONS}"),
+        iterations <= MOST_ITERATIONS,
+    ));
+    if config.joints.iter().any(|joint| joint.kind == JointKind::Strut) {
+        let correction = largest(|s| s.corrections.iter().fold(0.0, |m: f64, c| m.max(c.abs())));
+        checks.push(info("largest nut correction", format!("{correction:.4} {unit}")));
+    }
+    checks.extend(found.least_drive.map(|cosine| {
+        info("nearest to a dead point", format!("cosine of rod and motion {cosine:.3}"))
+    }));
+    Ok(checks)
+}
+
+/// Joints by kind, because their units differ.
+fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
+    let mut checks = vec![];
+    for Group { kind, unit, joints } in config.groups() {
+        let largest = |gaps: &Joints| joints.iter().fold(0.0, |m: f64, i| m.max(gaps[*i]));
+        let tolerance = if kind == JointKind::Arm { 1.0 } else { config.units_per_mm };
+        let name = format!("{} against host inverse", kind.plural());
+        checks.push(most(&name, largest(&found.joints), unit, JOINT_TOLERANCE * tolerance));
+        let name = format!("{}, forward of the feedback", kind.plural());
+        let allowed = FEEDBACK * config.solver.convergence_criterion * per_length(config, kind);
+        checks.push(most(&name, largest(&found.feedback), unit, allowed));
+    }
+    checks
+}
+
+/// Joint units per machine unit of a residual, which is a length: at the end of an arm
+/// one degree is a length too.
+fn per_length(config: &MachineConfig, kind: JointKind) -> f64 {
+    let arms = config.geometry.legs().iter().filter_map(|leg| match leg.kind {
+        LegKind::Crank(crank) => Some(Vector3::from(crank.arm).norm().to_radians()),
+        LegKind::Strut(_) | LegKind::Slider(_) => None,
+    });
+    if kind == JointKind::Arm { arms.map(f64::recip).fold(0.0, f64::max) } else { 1.0 }
+}
+
+fn limit_checks(
+    config: &MachineConfig,
+    samples: &[Sample],
+    world: &[Sample],
+    offsets: &Joints,
+) -> Vec<Check> {
+    let motors = |i: usize| samples.iter().map(|s| s.motors[i] + offsets[i]).collect::<Vec<_>>();
+    let commands = |i: usize| world.iter().map(|s| s.joints[i]).collect::<Vec<_>>();
+    let mut checks = vec![];
+    for (i, joint) in config.joints.iter().enumerate() {
+        let (low, high) = range(&motors(i));
+        let allowed = format!("{} to {} {}", joint.min, joint.max, config.unit(joint.kind));
+        let kept = low >= joint.min && high <= joint.max;
+        checks.push(check(&joint.name, format!("{low:.3} to {high:.3}"), &allowed, kept));
+    }
+    for (what, positions) in
+        [("motors", &motors as &dyn Fn(usize) -> Vec<f64>), ("commands", &commands)]
+    {
+        let rates = config.joints.iter().enumerate().map(|(i, joint)| {
+            let (speed, acceleration) = rates(&positions(i), config.period);
+            (speed / joint.max_velocity, acceleration / joint.max_acceleration)
+        });
+        let (speed, acceleration) =
+            rates.fold((0.0, 0.0), |(s, a): (f64, f64), (ds, da)| (s.max(ds), a.max(da)));
+        checks.push(share(&format!("joint speed, {what}"), speed));
+        checks.push(share(&format!("joint acceleration, {what}"), acceleration));
+    }
+    checks
+}
+
+fn range(values: &[f64]) -> (f64, f64) {
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
+}
+
+/// Largest first and second differences, per second and per second squared.
+fn rates(positions: &[f64], period: f64) -> (f64, f64) {
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).fold(0.0, f64::max);
+    let speed = largest(&mut positions.windows(2).map(|w| w[1] - w[0]));
+    let acceleration = largest(&mut positions.windows(3).map(|w| w[2] - 2.0 * w[1] + w[0]));
+    (speed / period, acceleration / (period * period))
+}
+
+fn cone_checks(
+    config: &MachineConfig,
+    samples: &[Sample],
+    world: &[Sample],
+    offsets: &Joints,
+) -> Result<Vec<Check>, TraceFault> {
+    let mut homing = Cones::new(config);
+    for (sample, pose) in homing_poses(config, samples, offsets)? {
+        homing.add(config, &pose, &config.spindle).map_err(failed(sample))?;
+    }
+    let mut program = Cones::new(config);
+    for sample in world {
+        let pose = Pose::from_degrees(sample.pose);
+        program.add(config, &pose, &sample.tool()).map_err(failed(sample))?;
+    }
+    let mut checks = homing.checks(config, "homing");
+    checks.extend(program.checks(config, "program"));
+    Ok(checks)
+}
+
+/// Where the platform was before world mode: followed back from the pose that is known.
+fn homing_poses<'a>(
+    config: &MachineConfig,
+    samples: &'a [Sample],
+    offsets: &Joints,
+) -> Result<Vec<(&'a Sample, Pose)>, TraceFault> {
+    let before: Vec<&Sample> = samples.iter().take_while(|s| !s.in_world).collect();
+    let mut poses = vec![];
+    let mut seed = config.home_pose();
+    for sample in before.into_iter().rev() {
+        let joints = std::array::from_fn(|i| sample.motors[i] + offsets[i]);
+        let solution = config.machine.forward(&joints, &seed, &config.spindle, &config.solver);
+        seed = solution.map_err(failed(sample))?.pose;
+        poses.push((sample, seed));
+    }
+    Ok(poses)
+}
+
+/// Largest cone angles, per leg.
+struct Cones(ConeAngles);
+
+impl Cones {
+    fn new(config: &MachineConfig) -> Self {
+        let none = vec![0.0; config.legs()];
+        Self(ConeAngles { base: none.clone(), platform: none })
+    }
+
+    fn add(
+        &mut self,
+        config: &MachineConfig,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<(), Fault> {
+        let now = config.cone_angles(pose, tool)?;
+        let most = self.0.base.iter_mut().chain(&mut self.0.platform);
+        for (most, angle) in most.zip(now.base.into_iter().chain(now.platform)) {
+            *most = most.max(angle);
+        }
+        Ok(())
+    }
+
+    fn checks(&self, config: &MachineConfig, when: &str) -> Vec<Check> {
+        let parts = [
+            ("base", &self.0.base, &config.base_cone),
+            ("platform", &self.0.platform, &config.platform_cone),
+        ];
+        parts
+            .into_iter()
+            .map(|(body, angles, limits)| cone_check(body, when, angles, limits))
+            .collect()
+    }
+}
+
+fn cone_check(body: &str, when: &str, angles: &[f64], limits: &[Option<f64>]) -> Check {
+    let name = format!("cone of the {body} joints, {when}");
+    let kept = angles.iter().zip(limits).all(|(angle, limit)| limit.is_none_or(|l| *angle <= l));
+    let lowest = limits.iter().flatten().copied().reduce(f64::min);
+    let allowed = lowest.map_or(String::new(), |limit| format!("at most {limit} degrees"));
+    check(&name, format!("{:.2} degrees", range(angles).1), &allowed, kept)
+}
+
+fn servo_check(config: &MachineConfig, result: &RunResult) -> Check {
+    let text = |ns: f64| format!("{:.1} us", ns / 1e3);
+    let found = format!(
+        "{} ({} of them motion and kinematics)",
+        text(result.servo_tmax_ns),
+        text(result.motion_tmax_ns)
+    );
+    info(&format!("longest servo cycle of {:.0} us", config.period * 1e6), found)
+}
+
+fn check(name: &str, found: String, allowed: &str, kept: bool) -> Check {
+    Check { name: name.into(), found, allowed: allowed.into(), kept }
+}
+
+fn info(name: &str, found: String) -> Check {
+    check(name, found, "", true)
+}
+
+/// A deviation that may not be passed.
+fn most(name: &str, found: f64, unit: &str, allowed: f64) -> Check {
+    let text = |value: f64| format!("{value:.2e} {unit}");
+    check(name, text(found), &format!("at most {}", text(allowed)), found <= allowed)
+}
+
+/// A share of a limit that may not be passed.
+fn share(name: &str, found: f64) -> Check {
+    let kept = found <= 1.0 + LIMIT_ROUNDING;
+    check(name, format!("{:.1} % of the limit", found * 100.0), "at most 100 %", kept)
+}

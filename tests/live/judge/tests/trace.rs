@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Traces made up from the host library are judged as they deserve, and the report of
+//! `judge` holds what it promises.
+
+use judge::trace::{RunResult, judge, read_trace};
+use kinematics::{Pose, Vector3};
+use pkm::draw::sample::Sample;
+use pkm::read::machine::{JointKind, MachineConfig};
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const PERIOD: f64 = 1e-3;
+
+/// A tool that reaches out to the side, in units of any of the machines.
+const TOOL: [f64; 3] = [1.5, -0.5, 2.0];
+
+fn ini(machine: &str) -> PathBuf {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs");
+    configs.join(machine).join(format!("{machine}.ini"))
+}
+
+fn config_of(machine: &str) -> MachineConfig {
+    MachineConfig::read(&ini(machine)).unwrap()
+}
+
+fn config() -> MachineConfig {
+    config_of("hexapod")
+}
+
+/// How far the made-up trace moves from home: a smooth way out and back in X and Z, and a tilt.
+const HEXAPOD: [f64; 6] = [60.0, 0.0, -40.0, 20.0, 10.0, 0.0];
+
+fn samples(config: &MachineConfig) -> Vec<Sample> {
+    samples_by(config, HEXAPOD)
+}
+
+/// From rest to rest; drives without lag.
+fn samples_by(config: &MachineConfig, by: [f64; 6]) -> Vec<Sample> {
+    let cycles = 4000;
+    let mut samples: Vec<Sample> = (0..cycles)
+        .map(|k| {
+            let phase = (k as f64 - 500.0).clamp(0.0, 3000.0) / 3000.0 * std::f64::consts::TAU;
+            let share = 0.5 - 0.5 * phase.cos();
+            let mut pose: [f64; 6] = std::array::from_fn(|i| config.home[i] + share * by[i]);
+            pose[0] += (phase.sin() - 1.0) * share * by[0];
+            at(config, k, pose)
+        })
+        .collect();
+    for k in (1..samples.len()).rev() {
+        samples[k].forward = samples[k - 1].pose;
+    }
+    samples
+}
+
+fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
+    let asked = Pose::from_degrees(pose);
+    let tool = config.spindle + Vector3::from(TOOL);
+    let joints = config.machine.inverse(&asked, &tool).unwrap();
+    Sample {
+        time: k as f64 * PERIOD,
+        in_world: k >= 100,
+        pose,
+        joints,
+        motors: joints,
+        forward: pose,
+        corrections: config.machine.corrections(&asked, &tool).unwrap(),
+        tool: tool.into(),
+        iterations: 2.0,
+        residual: 1e-12,
+    }
+}
+
+fn result(config: &MachineConfig) -> RunResult {
+    RunResult { ok: true, geometry_hash: config.geometry.hash(), ..RunResult::default() }
+}
+
+/// Names of the figures that are not as they must be.
+fn bad(change: impl Fn(&mut Vec<Sample>, &mut RunResult)) -> Vec<String> {
+    let config = config();
+    let (mut samples, mut result) = (samples(&config), result(&config));
+    change(&mut samples, &mut result);
+    let report = judge(&config, &samples, &result).unwrap();
+    report.checks.into_iter().filter(|check| !check.kept).map(|check| check.name).collect()
+}
+
+#[test]
+fn a_faultless_trace_passes() {
+    assert_eq!(bad(|_, _| {}), Vec::<String>::new());
+}
+
+#[test]
+fn a_joint_off_by_a_nanometre_and_more_is_seen() {
+    let names = bad(|samples, _| samples[2000].joints[3] += 2e-9);
+    assert!(names.contains(&"struts against host inverse".into()), "{names:?}");
+}
+
+#[test]
+fn a_jump_of_a_motor_is_seen_in_speed_and_acceleration() {
+    let names = bad(|samples, _| samples[2000..].iter_mut().for_each(|s| s.motors[0] += 2.0));
+    assert!(names.contains(&"joint speed, motors".into()), "{names:?}");
+    assert!(names.contains(&"joint acceleration, motors".into()), "{names:?}");
+}
+
+#[test]
+fn a_drive_that_settles_only_after_world_mode_has_begun_is_not_taken_for_one_at_rest() {
+    let config = config();
+    let names = bad(|samples, _| {
+        for k in 100..105 {
+            samples[k].motors[3] -= 3e-5;
+            let (seed, tool) = (Pose::from_degrees(samples[k].pose), samples[k].tool.into());
+            let found = config.machine.forward(&samples[k].motors, &seed, &tool, &config.solver);
+            samples[k + 1].forward = found.unwrap().pose.to_degrees();
+        }
+    });
+    assert_eq!(names, [""; 0]);
+}
+
+#[test]
+fn too_many_iterations_and_a_residual_are_seen() {
+    let names =
+        bad(|samples, _| (samples[9 * 100].iterations, samples[900].residual) = (4.0, 1e-8));
+    assert_eq!(names, ["residual shown", "iterations of forward"]);
+}
+
+#[test]
+fn a_wrong_forward_pose_is_seen() {
+    let names = bad(|samples, _| samples[2000].forward[5] += 1e-6);
+    assert_eq!(names, ["struts, forward of the feedback"]);
+}
+
+#[test]
+fn messages_faults_and_another_geometry_are_seen() {
+    let names = bad(|_, result| {
+        result.messages.push(("error".into(), "joint 1 following error".into()));
+        result.fault_count = 1;
+        result.geometry_hash ^= 1;
+    });
+    let expected =
+        ["messages to the operator", "faults of the module", "geometry frozen by the module"];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn a_strut_beyond_its_limit_is_seen() {
+    let mut config = config();
+    config.joints[2].max = 900.0;
+    let report = judge(&config, &samples(&config), &result(&config)).unwrap();
+    let strut = report.checks.iter().find(|check| check.name == "strut 2").unwrap();
+    assert!(!strut.kept, "{strut:?}");
+}
+
+#[test]
+fn a_cone_left_in_the_program_is_seen() {
+    let mut config = config();
+    config.base_cone[4] = Some(1.0);
+    let report = judge(&config, &samples(&config), &result(&config)).unwrap();
+    let bad: Vec<_> = report.checks.iter().filter(|c| !c.kept).map(|c| c.name.as_str()).collect();
+    assert_eq!(bad, ["cone of the base joints, program"]);
+}
+
+/// Machines with other joints than struts, and what they can do.
+const OTHERS: [(&str, [f64; 6]); 3] = [
+    ("four-rod-lathe", [50.0, 20.0, -40.0, 0.0, 10.0, 0.0]),
+    ("pyramid", [60.0, 30.0, -40.0, 10.0, 10.0, 0.0]),
+    ("rotary-delta", [1.0, 1.0, -2.0, 0.0, 0.0, 0.0]),
+];
+
+#[test]
+fn traces_of_carriages_tables_and_arms_are_judged_joint_by_joint() {
+    for (machine, by) in OTHERS {
+        let config = config_of(machine);
+        let (faultless, result) = (samples_by(&config, by), result(&config));
+        let bad = |samples: &[Sample]| -> Vec<String> {
+            let report = judge(&config, samples, &result).unwrap();
+            report.checks.into_iter().filter(|c| !c.kept).map(|c| c.name).collect()
+        };
+        assert_eq!(bad(&faultless), Vec::<String>::new(), "{machine}");
+        for (i, joint) in config.joints.iter().enumerate() {
+            let mut samples = faultless.clone();
+            samples[2000].joints[i] += 2e-9;
+            let name = format!("{} against host inverse", joint.kind.plural());
+            assert!(bad(&samples).contains(&name), "{machine} {}: {name}", joint.name);
+        }
+        let mut samples = faultless.clone();
+        samples[2000].forward[2] += 1e-6;
+        let names = bad(&samples);
+        assert!(names[0].ends_with(", forward of the feedback"), "{machine}: {names:?}");
+    }
+}
+
+#[test]
+fn carriages_that_lag_apart_are_no_fault_of_a_redundant_machine() {
+    let config = config_of("pyramid");
+    let mut samples = samples_by(&config, OTHERS[1].1);
+    for sample in &mut samples[1000..3000] {
+        sample.motors[1] += 0.2;
+    }
+    for k in 1001..=3000 {
+        let (seed, tool) = (Pose::from_degrees(samples[k].forward), samples[k].tool());
+        let found = config.machine.forward(&samples[k - 1].motors, &seed, &tool, &config.solver);
+        let found = found.unwrap();
+        (samples[k].forward, samples[k].residual) = (found.pose.to_degrees(), found.residual);
+    }
+    // The sudden lag is a jump of the motors, which is another matter.
+    let report = judge(&config, &samples, &result(&config)).unwrap();
+    let bad = report.checks.iter().filter(|c| !c.kept && !c.name.ends_with(", motors"));
+    assert_eq!(bad.map(|c| &c.name).collect::<Vec<_>>(), Vec::<&String>::new());
+}
+
+fn csv(config: &MachineConfig, samples: &[Sample]) -> String {
+    let joints = config.joints.len();
+    let struts = config.joints.iter().filter(|joint| joint.kind == JointKind::Strut).count();
+    let mut text = String::from("t_s,phase,x,y,z,a,b,c");
+    for (prefix, count) in [("j", joints), ("m", joints)] {
+        (0..count).for_each(|i| write!(text, ",{prefix}{i}").unwrap());
+    }
+    text.push_str(",fx,fy,fz,fa,fb,fc");
+    (0..struts).for_each(|i| write!(text, ",corr{i}").unwrap());
+    text.push_str(",tool_x,tool_y,tool_z,iterations,residual\n");
+    for s in samples {
+        write!(text, "{},{}", s.time, if s.in_world { 2 } else { 0 }).unwrap();
+        let (joints, motors) = (&s.joints[..joints], &s.motors[..joints]);
+        let parts = [&s.pose[..], joints, motors, &s.forward, &s.corrections[..struts], &s.tool];
+        parts.into_iter().flatten().for_each(|v| write!(text, ",{v}").unwrap());
+        writeln!(text, ",{},{}", s.iterations, s.residual).unwrap();
+    }
+    text
+}
+
+#[test]
+fn a_trace_reads_back_to_the_same_bits_and_bad_columns_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("trace.csv");
+    for (machine, by) in OTHERS.into_iter().chain([("hexapod", HEXAPOD)]) {
+        let config = config_of(machine);
+        let written = samples_by(&config, by);
+        let text = csv(&config, &written);
+        std::fs::write(&file, &text).unwrap();
+        assert_eq!(read_trace(&config, &file).unwrap(), written, "{machine}");
+        let last = format!("m{}", config.joints.len() - 1);
+        std::fs::write(&file, text.replace(&last, "m99")).unwrap();
+        let error = read_trace(&config, &file).unwrap_err();
+        assert!(error.contains("expected the columns t_s,phase,x"), "{error}");
+    }
+}
+
+/// Exit code and standard output of judge, which writes into `folder`/out.
+fn report(folder: &Path, machine: &str, hash: u32, trace: &Path) -> (Option<i32>, String) {
+    let (json, out) = (folder.join("r.json"), folder.join("out"));
+    std::fs::write(&json, format!(r#"{{"ok": true, "geometry_hash": {hash}}}"#)).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_judge"));
+    let output = command.args([&ini(machine), trace, &json, &out]).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn the_report_is_written_and_the_exit_code_tells_the_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let trace = folder.path().join("t.csv");
+    let config = config();
+    std::fs::write(&trace, csv(&config, &samples(&config))).unwrap();
+    let hash = config.geometry.hash();
+    let run = |hash: u32, trace: &Path| report(folder.path(), "hexapod", hash, trace);
+    let good = run(hash, &trace);
+    assert_eq!(good.0, Some(0), "{good:?}");
+    assert!(good.1.contains("14 links + 5 loops - 18 joints = 1; mobility by count 6"), "{good:?}");
+    let out = folder.path().join("out");
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 7);
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("struts.svg") && page.contains("largest nut correction"));
+    assert_eq!(run(hash ^ 1, &trace).0, Some(1));
+    assert_eq!(run(hash, &out.join("none.csv")).0, Some(2));
+}
+
+#[test]
+fn the_report_of_any_machine_has_a_plot_for_each_kind_of_joint() {
+    for (machine, by) in OTHERS {
+        let folder = tempfile::tempdir().unwrap();
+        let trace = folder.path().join("t.csv");
+        let config = config_of(machine);
+        std::fs::write(&trace, csv(&config, &samples_by(&config, by))).unwrap();
+        let (code, text) = report(folder.path(), machine, config.geometry.hash(), &trace);
+        assert_eq!(code, Some(0), "{text}");
+        let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+        for group in config.groups() {
+            let stem = group.kind.plural().replace(' ', "-");
+            for plot in ["", "-path", "-speeds"].map(|kind| format!("{stem}{kind}.svg")) {
+                assert!(page.contains(&plot), "{machine}: {plot}");
+                let svg = std::fs::read_to_string(folder.path().join("out").join(&plot)).unwrap();
+                let joints = group.joints.iter().map(|i| &config.joints[*i].name);
+                joints.for_each(|name| assert!(svg.contains(name), "{machine} {plot}: {name}"));
+            }
+        }
+        assert!(!page.contains("corrections.svg"), "{machine}");
+    }
+}

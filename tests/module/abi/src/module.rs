@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! One kinematics module, loaded as `rtapi_app` loads it.
+
+use crate::stub::{self, Message, Pin, World, function};
+use std::collections::HashMap;
+use std::ffi::{CStr, CString, c_char, c_int, c_ulong, c_void};
+use std::path::{Path, PathBuf};
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// LinuxCNC's `EmcPose` as numbers: x y z a b c u v w, degrees for angles.
+pub type Pose = [f64; 9];
+
+/// Joint values; LinuxCNC hands over an array of this length.
+pub type Joints = [f64; 16];
+
+/// `PmRotationMatrix`: three columns.
+pub type Columns = [[f64; 3]; 3];
+
+/// `kinematicsJacobian`'s result: joint by pose component.
+pub type Jacobian = [[f64; 9]; 16];
+
+/// What the servo thread's period is in the tests, in nanoseconds.
+const PERIOD: i64 = 1_000_000;
+
+/// `kinematicsForward`.
+pub type ForwardFn =
+    unsafe extern "C" fn(*const f64, *mut Pose, *const c_ulong, *mut c_ulong) -> c_int;
+/// `kinematicsInverse`.
+pub type InverseFn =
+    unsafe extern "C" fn(*const Pose, *mut f64, *const c_ulong, *mut c_ulong) -> c_int;
+type JacobianFn =
+    unsafe extern "C" fn(*const f64, *const Pose, *mut Jacobian, *const c_ulong) -> c_int;
+type FrameFn = unsafe extern "C" fn(*const f64, *mut Columns, *const c_ulong) -> c_int;
+type PlainFn = unsafe extern "C" fn() -> c_int;
+type SwitchFn = unsafe extern "C" fn(c_int) -> c_int;
+
+struct Entry {
+    forward: ForwardFn,
+    inverse: InverseFn,
+    kind: PlainFn,
+    switchable: PlainFn,
+    switch: SwitchFn,
+    exit: unsafe extern "C" fn(),
+    jacobian: Option<JacobianFn>,
+    tool_frame: Option<FrameFn>,
+    work_frame: Option<FrameFn>,
+}
+
+/// Why a module was not loaded.
+#[derive(Debug)]
+pub struct LoadError {
+    /// What `rtapi_app_main` returned; 0 if it was never called.
+    pub code: i32,
+    /// What the module or the loader said.
+    pub messages: Vec<String>,
+}
+
+/// A loaded module with its own statics and its own HAL.
+pub struct Module {
+    prefix: &'static str,
+    entry: Entry,
+    object: NonNull<c_void>,
+    pins: HashMap<String, Pin>,
+    world: World,
+    // The parameters' text, which the module may look at until it is closed.
+    _parameters: Vec<CString>,
+}
+
+impl Module {
+    /// The module under test: `PKMKINS_SO`, or what `make module` leaves.
+    /// # Panics
+    /// If the file is missing or is not loaded with these parameters.
+    pub fn pkmkins(parameters: &[(&str, &str)]) -> Module {
+        Module::try_pkmkins(parameters).unwrap_or_else(|error| panic!("{parameters:?}: {error:?}"))
+    }
+
+    /// As [`Module::pkmkins`], for parameters that may be refused.
+    /// # Errors
+    /// The module's code and messages.
+    pub fn try_pkmkins(parameters: &[(&str, &str)]) -> Result<Module, LoadError> {
+        Module::load(&pkmkins_path(), "pkmkins", parameters)
+    }
+
+    /// LinuxCNC's general hexapod, with its default parameters.
+    /// # Panics
+    /// If LinuxCNC is not installed.
+    pub fn genhexkins() -> Module {
+        Module::of_linuxcnc("genhexkins")
+    }
+
+    /// A kinematics module of LinuxCNC's own, with its default parameters.
+    /// # Panics
+    /// If LinuxCNC is not installed, or has no such module.
+    pub fn of_linuxcnc(name: &'static str) -> Module {
+        let path = linuxcnc_modules().join(format!("{name}.so"));
+        assert!(path.exists(), "{} is missing: install linuxcnc-uspace", path.display());
+        Module::load(&path, name, &[]).unwrap_or_else(|error| panic!("{error:?}"))
+    }
+
+    fn load(
+        path: &Path,
+        prefix: &'static str,
+        parameters: &[(&str, &str)],
+    ) -> Result<Module, LoadError> {
+        let say = |text: String| LoadError { code: 0, messages: vec![text] };
+        let world = World::new();
+        world.enter();
+        let object = open_own_copy(path).map_err(say)?;
+        let parameters = set_parameters(object, parameters).map_err(say)?;
+        let entry = Entry::find(object).map_err(say)?;
+        start(object, &world)?;
+        let pins = world.pins().into_iter().map(|pin| (pin.name.clone(), pin)).collect();
+        Ok(Module { prefix, entry, object, pins, world, _parameters: parameters })
+    }
+
+    /// Its name, with which its pins begin.
+    pub fn name(&self) -> &'static str {
+        self.prefix
+    }
+
+    /// All pins, in the order of their creation.
+    pub fn pins(&self) -> Vec<Pin> {
+        self.world.pins()
+    }
+
+    fn pin(&self, name: &str) -> Option<&Pin> {
+        self.pins.get(&format!("{}.{name}", self.prefix)).or_else(|| self.pins.get(name))
+    }
+
+    /// Whether there is a pin of this name, with or without the module's prefix.
+    pub fn has(&self, name: &str) -> bool {
+        self.pin(name).is_some()
+    }
+
+    /// The value of a pin.
+    /// # Panics
+    /// If there is none of this name.
+    pub fn get(&self, name: &str) -> f64 {
+        self.pin(name).unwrap_or_else(|| panic!("no pin {name}")).get()
+    }
+
+    /// Sets a pin.
+    /// # Panics
+    /// If there is none of this name.
+    pub fn set(&self, name: &str, value: f64) {
+        self.pin(name).unwrap_or_else(|| panic!("no pin {name}")).set(value);
+    }
+
+    /// Whether a bit pin is on.
+    pub fn is_on(&self, name: &str) -> bool {
+        self.get(name) != 0.0
+    }
+
+    /// One run of `pkmkins.monitor`, as in the servo thread.
+    /// # Panics
+    /// If the module exports no such function.
+    pub fn monitor(&self) {
+        self.monitor_in_cycle_of(PERIOD);
+    }
+
+    /// As [`Module::monitor`], in a servo thread of another period (nanoseconds).
+    /// # Panics
+    /// If the module exports no such function.
+    pub fn monitor_in_cycle_of(&self, period: i64) {
+        let name = format!("{}.monitor", self.prefix);
+        assert!(self.world.run(&name, period), "no function {name}");
+    }
+
+    /// A rising edge of `.apply`, seen by the monitor.
+    pub fn apply(&self) {
+        self.set("apply", 0.0);
+        self.monitor();
+        self.set("apply", 1.0);
+        self.monitor();
+    }
+
+    /// What the module has printed.
+    pub fn messages(&self) -> Vec<Message> {
+        self.world.messages()
+    }
+
+    /// Forgets what was printed.
+    pub fn clear_messages(&self) {
+        self.world.clear_messages();
+    }
+
+    /// Calls the module made into HAL and RTAPI so far.
+    pub fn hal_calls(&self) -> u64 {
+        self.world.calls()
+    }
+
+    /// `kinematicsType`.
+    pub fn kind(&self) -> i32 {
+        // SAFETY: no argument, module started.
+        unsafe { (self.entry.kind)() }
+    }
+
+    /// `kinematicsSwitchable`.
+    pub fn switchable(&self) -> i32 {
+        // SAFETY: no argument, module started.
+        unsafe { (self.entry.switchable)() }
+    }
+
+    /// `kinematicsSwitch`.
+    pub fn switch(&self, kind: i32) -> i32 {
+        self.world.enter();
+        // SAFETY: plain number, module started.
+        unsafe { (self.entry.switch)(kind) }
+    }
+
+    /// `kinematicsInverse` into the caller's joints.
+    pub fn inverse_into(&self, pose: &Pose, joints: &mut Joints) -> i32 {
+        self.world.enter();
+        // SAFETY: every pointer is to a live object of the size LinuxCNC uses.
+        unsafe { (self.entry.inverse)(pose, joints.as_mut_ptr(), &0, &mut 0) }
+    }
+
+    /// `kinematicsForward` with the caller's pose as seed and result.
+    pub fn forward_into(&self, joints: &Joints, world: &mut Pose) -> i32 {
+        self.world.enter();
+        // SAFETY: as in `inverse_into`.
+        unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
+    }
+
+    /// `kinematicsInverse` into an array that holds as many joints as the machine has,
+    /// and not one more.
+    ///
+    /// # Safety
+    /// `joints` must be as long as the machine has joints: nobody checks that.
+    pub unsafe fn inverse_exactly(&self, pose: &Pose, joints: &mut [f64]) -> i32 {
+        self.world.enter();
+        // SAFETY: the caller vouches for the length; the other pointers as in `inverse_into`.
+        unsafe { (self.entry.inverse)(pose, joints.as_mut_ptr(), &0, &mut 0) }
+    }
+
+    /// `kinematicsForward` from an array that holds as many joints as the machine has,
+    /// and not one more.
+    ///
+    /// # Safety
+    /// As [`Module::inverse_exactly`].
+    pub unsafe fn forward_exactly(&self, joints: &[f64], world: &mut Pose) -> i32 {
+        self.world.enter();
+        // SAFETY: as in `inverse_exactly`.
+        unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
+    }
+
+    /// Joints of a pose.
+    /// # Errors
+    /// The module's code.
+    pub fn inverse(&self, pose: &Pose) -> Result<Joints, i32> {
+        let mut joints = [0.0; 16];
+        match self.inverse_into(pose, &mut joints) {
+            0 => Ok(joints),
+            code => Err(code),
+        }
+    }
+
+    /// The pose of these joints, from a seed.
+    /// # Errors
+    /// The module's code; as in LinuxCNC only a negative one is a failure.
+    pub fn forward(&self, joints: &Joints, seed: &Pose) -> Result<Pose, i32> {
+        let mut pose = *seed;
+        match self.forward_into(joints, &mut pose) {
+            code if code < 0 => Err(code),
+            _ => Ok(pose),
+        }
+    }
+
+    /// `kinematicsJacobian`. Every element is NaN before the call.
+    /// # Errors
+    /// The module's code.
+    /// # Panics
+    /// If the module does not export it.
+    pub fn jacobian(&self, joints: &Joints, pose: &Pose) -> Result<Jacobian, i32> {
+        self.world.enter();
+        let mut result = [[f64::NAN; 9]; 16];
+        let call = self.entry.jacobian.expect("kinematicsJacobian is exported");
+        // SAFETY: as in `inverse_into`.
+        match unsafe { call(joints.as_ptr(), pose, &mut result, &0) } {
+            0 => Ok(result),
+            code => Err(code),
+        }
+    }
+
+    /// `kinematicsToolFrame`: columns are the tool's axes in world.
+    /// # Errors
+    /// The module's code.
+    /// # Panics
+    /// If the module does not export it.
+    pub fn tool_frame(&self, joints: &Joints) -> Result<Columns, i32> {
+        self.frame(self.entry.tool_frame.expect("kinematicsToolFrame is exported"), joints)
+    }
+
+    /// `kinematicsWorkFrame`.
+    /// # Errors
+    /// The module's code.
+    /// # Panics
+    /// If the module does not export it.
+    pub fn work_frame(&self, joints: &Joints) -> Result<Columns, i32> {
+        self.frame(self.entry.work_frame.expect("kinematicsWorkFrame is exported"), joints)
+    }
+
+    fn frame(&self, call: FrameFn, joints: &Joints) -> Result<Columns, i32> {
+        self.world.enter();
+        let mut columns = [[f64::NAN; 3]; 3];
+        // SAFETY: as in `inverse_into`.
+        match unsafe { call(joints.as_ptr(), &mut columns, &0) } {
+            0 => Ok(columns),
+            code => Err(code),
+        }
+    }
+
+    /// A text the module exports for `rtapi_app` and `modinfo`.
+    pub fn text(&self, symbol: &str) -> Option<String> {
+        let address = stub::symbol(self.object, symbol)?;
+        // SAFETY: MODULE_INFO's layout: a pointer to a constant C string.
+        let text = unsafe { CStr::from_ptr(address.cast::<*const c_char>().read()) };
+        Some(text.to_string_lossy().into_owned())
+    }
+
+    /// The bare entry points, for measuring without this wrapper.
+    pub fn entry_points(&self) -> (ForwardFn, InverseFn) {
+        self.world.enter();
+        (self.entry.forward, self.entry.inverse)
+    }
+}
+
+impl Drop for Module {
+    fn drop(&mut self) {
+        self.world.enter();
+        // SAFETY: started once in `load`; nothing is called after the object is closed.
+        unsafe { (self.entry.exit)() };
+        let left = self.world.has_exited();
+        // SAFETY: as above.
+        unsafe { libc::dlclose(self.object.as_ptr()) };
+        assert!(left || std::thread::panicking(), "rtapi_app_exit did not call hal_exit");
+    }
+}
+
+impl Entry {
+    fn find(object: NonNull<c_void>) -> Result<Entry, String> {
+        let missing = |name: &str| format!("the module exports no {name}");
+        macro_rules! need {
+            ($name:literal) => {
+                function!(object, $name, _).ok_or_else(|| missing($name))?
+            };
+        }
+        Ok(Entry {
+            forward: need!("kinematicsForward"),
+            inverse: need!("kinematicsInverse"),
+            kind: need!("kinematicsType"),
+            switchable: need!("kinematicsSwitchable"),
+            switch: need!("kinematicsSwitch"),
+            exit: need!("rtapi_app_exit"),
+            jacobian: function!(object, "kinematicsJacobian", JacobianFn),
+            tool_frame: function!(object, "kinematicsToolFrame", FrameFn),
+            work_frame: function!(object, "kinematicsWorkFrame", FrameFn),
+        })
+    }
+}
+
+/// Where the module under test is.
+/// # Panics
+/// If it is not there.
+pub fn pkmkins_path() -> PathBuf {
+    let path = std::env::var_os("PKMKINS_SO").map_or_else(
+        || {
+            Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../../target/module/release/libpkmkins.so")
+        },
+        PathBuf::from,
+    );
+    assert!(path.exists(), "{} is missing: run `make module` first", path.display());
+    path
+}
+
+fn linuxcnc_modules() -> PathBuf {
+    std::env::var_os("LINUXCNC_MODULES")
+        .map_or_else(|| PathBuf::from("/usr/lib/linuxcnc/modules"), PathBuf::from)
+}
+
+/// Opens a copy of the file: the dynamic linker knows libraries by inode, and
+/// only another inode gets statics of its own. The name is not needed afterwards.
+fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let copy =
+        std::env::temp_dir().join(format!("pkmkins-test-{}-{number}.so", std::process::id()));
+    std::fs::copy(path, &copy).map_err(|error| format!("{}: {error}", path.display()))?;
+    let object = stub::open(&copy, false);
+    let _ = std::fs::remove_file(&copy);
+    object
+}
+
+/// Writes loadrt parameters as `rtapi_app` does: through the address symbol.
+fn set_parameters(
+    object: NonNull<c_void>,
+    parameters: &[(&str, &str)],
+) -> Result<Vec<CString>, String> {
+    let mut texts = Vec::new();
+    for (name, value) in parameters {
+        let address = stub::symbol(object, &format!("rtapi_info_address_{name}"))
+            .ok_or_else(|| format!("unknown parameter '{name}'"))?;
+        let text = CString::new(*value).expect("a parameter without NUL");
+        // SAFETY: MODULE_PARM's layout: the symbol is a pointer to the module's
+        // own char pointer, which is set before rtapi_app_main runs.
+        unsafe {
+            let target: *mut *const c_char = address.cast::<*mut *const c_char>().read();
+            target.write(text.as_ptr());
+        }
+        texts.push(text);
+    }
+    Ok(texts)
+}
+
+/// Runs `rtapi_app_main`; a refused start closes the object again.
+fn start(object: NonNull<c_void>, world: &World) -> Result<(), LoadError> {
+    let main = function!(object, "rtapi_app_main", PlainFn);
+    // SAFETY: parameters are set, the HAL world is entered.
+    let code = main.map_or(-1, |main| unsafe { main() });
+    if code >= 0 && world.is_ready() {
+        return Ok(());
+    }
+    let messages = world.messages().into_iter().map(|message| message.text).collect();
+    // SAFETY: nothing of the object is in use.
+    unsafe { libc::dlclose(object.as_ptr()) };
+    Err(LoadError { code, messages })
+}

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Side by side with LinuxCNC's genhexkins.so in one process.
+
+use abi_tests::geometry::{distance, minus, norm, plus, rotation, turned};
+use abi_tests::machines::{
+    Hexapod, PAPER_004_HOME, genhexkins_default, one_servo_step_from, paper_004, paper_004_pose,
+    random_hexapod, random_pose,
+};
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::nut::{Twist, twist};
+use abi_tests::random::{Random, cases};
+use abi_tests::tolerances::{
+    ARCSIN_MAX_SINE_SQUARED, AXIS_MIN_CLEARANCE, CERTIFIABLE_CLEARANCE, FOLD_MIN_COSINE,
+    GENHEXKINS_SAME, INVERSE_REL, RANDOM_MACHINE_REFUSALS, ROUND_TRIP_REL,
+};
+
+/// Poses a machine: wiring 180 pins costs more than a pose.
+const POSES: usize = 50;
+
+/// Both modules with the same random machine on their pins.
+struct Pair {
+    ours: Module,
+    theirs: Module,
+    machine: Hexapod,
+    size: f64,
+}
+
+impl Pair {
+    fn new(machine: &Hexapod) -> Pair {
+        let (ours, theirs) = (Module::pkmkins(&[]), Module::genhexkins());
+        Pair { ours, theirs, machine: machine.clone(), size: machine.size() }
+    }
+
+    /// Puts a machine on both modules' pins; false if ours refuses it.
+    fn wire(&mut self, machine: Hexapod) -> bool {
+        machine.wire(&self.theirs);
+        self.size = machine.size();
+        let taken = machine.apply(&self.ours);
+        self.machine = machine;
+        taken
+    }
+
+    fn joints(&self, pose: &Pose) -> (Joints, Joints) {
+        let ours = self.ours.inverse(pose);
+        let ours = ours.unwrap_or_else(|e| panic!("code {e} at {pose:?} of {:?}", self.machine));
+        (ours, self.theirs.inverse(pose).expect("genhexkins refuses nothing here"))
+    }
+
+    fn assert_equal(&self, pose: &Pose, leg: usize, ours: f64, theirs: f64) {
+        let allowed = INVERSE_REL * self.size.max(theirs.abs());
+        assert!(
+            (ours - theirs).abs() <= allowed,
+            "leg {leg}: {ours} is not {theirs} at {pose:?} of {:?}",
+            self.machine
+        );
+    }
+}
+
+fn twists(machine: &Hexapod, pose: &Pose) -> [Twist; 6] {
+    std::array::from_fn(|leg| twist(machine, pose, leg))
+}
+
+/// Whether the strut is clear of its joint axes and of the arcsin's steep ends.
+fn is_usable(twist: &Twist) -> bool {
+    twist.clearance > AXIS_MIN_CLEARANCE && twist.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
+}
+
+/// Sizes from a machine in metres to one in tenths of millimetres.
+fn random_size(random: &mut Random) -> f64 {
+    10.0_f64.powf(random.between(0.0, 4.0))
+}
+
+#[test]
+fn inverse_agrees_on_random_machines_with_the_literal_arcsin() {
+    let mut random = Random::new(1);
+    let mut pair = Pair::new(&paper_004());
+    let (mut compared, mut skipped) = (0, 0);
+    while compared < cases(100_000) {
+        let size = random_size(&mut random);
+        let machine = random_hexapod(&mut random, size);
+        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
+        for _ in 0..POSES {
+            let pose = random_pose(&mut random, size);
+            if !twists(&pair.machine, &pose).iter().all(is_usable) {
+                skipped += 1;
+                continue;
+            }
+            let (ours, theirs) = pair.joints(&pose);
+            for leg in 0..6 {
+                pair.assert_equal(&pose, leg, ours[leg], theirs[leg]);
+            }
+            compared += 1;
+        }
+    }
+    println!("{compared} machine/pose pairs equal, {skipped} skipped as no reference");
+}
+
+#[test]
+fn inverse_agrees_on_random_machines_without_lead_everywhere() {
+    let mut random = Random::new(2);
+    let mut pair = Pair::new(&paper_004());
+    for _ in 0..cases(400) {
+        let size = random_size(&mut random);
+        let machine = Hexapod { lead: 0.0, ..random_hexapod(&mut random, size) };
+        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
+        for _ in 0..POSES {
+            let pose = random_pose(&mut random, size);
+            let (ours, theirs) = pair.joints(&pose);
+            for leg in 0..6 {
+                pair.assert_equal(&pose, leg, ours[leg], theirs[leg]);
+            }
+        }
+    }
+}
+
+/// A random machine with a level reference pose at which every fold is decided.
+fn with_home(random: &mut Random, size: f64) -> Hexapod {
+    loop {
+        let mut machine = random_hexapod(random, size);
+        let mut home = [0.0; 9];
+        home[2] = 1.2 * size;
+        machine.home = Some(home);
+        let decided =
+            |t: &Twist| t.clearance > CERTIFIABLE_CLEARANCE && t.cosine.abs() > FOLD_MIN_COSINE;
+        if twists(&machine, &home).iter().all(decided) {
+            return machine;
+        }
+    }
+}
+
+fn strut_length(machine: &Hexapod, pose: &Pose, leg: usize) -> f64 {
+    let r = rotation(pose);
+    let o = [0.0, 0.0, machine.spindle_offset + machine.tool_offset];
+    let origin = plus(minus([pose[0], pose[1], pose[2]], o), turned(&r, o));
+    norm(minus(plus(origin, turned(&r, machine.platform[leg])), machine.base[leg]))
+}
+
+/// Inside its range the fold equals the arcsin; beyond it goes on where the
+/// arcsin turns back, so that the two corrections add up to half a lead.
+#[test]
+fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyond() {
+    let mut random = Random::new(3);
+    let mut pair = Pair::new(&paper_004());
+    let (mut inside, mut beyond) = (0, 0);
+    while inside < 6 * cases(100_000) {
+        let size = random_size(&mut random);
+        let machine = with_home(&mut random, size);
+        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
+        let home = twists(&pair.machine, &pair.machine.home.expect("just given"));
+        for _ in 0..POSES {
+            let pose = random_pose(&mut random, size);
+            let here = twists(&pair.machine, &pose);
+            if !here.iter().all(is_usable) {
+                continue;
+            }
+            let (ours, theirs) = pair.joints(&pose);
+            for leg in 0..6 {
+                if here[leg].cosine * home[leg].cosine > 0.0 {
+                    pair.assert_equal(&pose, leg, ours[leg], theirs[leg]);
+                    inside += 1;
+                } else {
+                    let half = half_lead(&pair.machine, &here[leg], &pose, leg);
+                    pair.assert_equal(&pose, leg, ours[leg], half - theirs[leg]);
+                    beyond += 1;
+                }
+            }
+        }
+    }
+    println!("{inside} struts equal within the arcsin range, {beyond} mirrored beyond it");
+}
+
+/// The sum of both joints beyond the fold: twice the length, and half a lead
+/// of the sine's sign.
+fn half_lead(machine: &Hexapod, twist: &Twist, pose: &Pose, leg: usize) -> f64 {
+    2.0 * strut_length(machine, pose, leg) + 0.5 * machine.lead * twist.sine.signum()
+}
+
+#[test]
+fn forward_returns_to_the_pose_on_random_machines() {
+    let mut random = Random::new(4);
+    let mut pair = Pair::new(&paper_004());
+    let (mut solved, mut refused) = (0_u32, 0_u32);
+    for _ in 0..cases(400) {
+        let size = random_size(&mut random);
+        let machine = with_home(&mut random, size);
+        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
+        for _ in 0..POSES {
+            let pose = random_pose(&mut random, size);
+            let twists = twists(&pair.machine, &pose);
+            if twists.iter().any(|t| t.clearance <= CERTIFIABLE_CLEARANCE) {
+                continue;
+            }
+            let (joints, _) = pair.joints(&pose);
+            let seed = one_servo_step_from(&pose, size, &mut random);
+            let Ok(found) = pair.ours.forward(&joints, &seed) else {
+                refused += 1;
+                continue;
+            };
+            let apart = distance(&found, &pose, pair.machine.radius());
+            let message = format!("{apart} from {pose:?} to {found:?}: {:?}", pair.machine);
+            assert!(apart <= ROUND_TRIP_REL * pair.size, "{message}");
+            solved += 1;
+        }
+    }
+    println!("{solved} poses of random machines found again, {refused} refused");
+    assert!(f64::from(refused) <= RANDOM_MACHINE_REFUSALS * f64::from(solved));
+}
+
+/// Millimetres are where genhexkins gives up: its max-error is an absolute 500.
+#[test]
+fn genhexkins_fails_from_home_in_millimetres_where_this_module_does_not() {
+    let machine = paper_004();
+    let (ours, theirs) = (machine.module(), Module::genhexkins());
+    machine.wire(&theirs);
+    let mut random = Random::new(5);
+    let count = cases(20_000);
+    let (mut failures, mut other, mut own) = (0_u32, 0_u32, 0_u32);
+    for _ in 0..count {
+        let pose = paper_004_pose(&mut random);
+        let joints = ours.inverse(&pose).expect("a pose of the workspace");
+        own += u32::from(ours.forward(&joints, &PAPER_004_HOME).is_err());
+        match theirs.forward(&joints, &PAPER_004_HOME) {
+            Err(_) => failures += 1,
+            Ok(found) if distance(&found, &pose, machine.radius()) > GENHEXKINS_SAME => other += 1,
+            Ok(_) => {}
+        }
+    }
+    let share = 100.0 * f64::from(failures) / count as f64;
+    println!(
+        "genhexkins from home: {failures} of {count} fail ({share:.0} %), {other} other poses"
+    );
+    assert_eq!(own, 0);
+    // A tenth: far below what is seen, far above what chance could make of none.
+    assert!(share > 10.0, "{share} %");
+}
+
+/// Where genhexkins' default geometry stands.
+const DEFAULT_HOME: Pose = [0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+/// genhexkins' default geometry with a screw of a fifth of an inch, in units of so many an inch.
+fn default_with_lead(unit: f64) -> Hexapod {
+    let mut machine = genhexkins_default(&Module::genhexkins());
+    for anchor in machine.base.iter_mut().chain(&mut machine.platform) {
+        *anchor = anchor.map(|value| unit * value);
+    }
+    machine.lead = 0.2 * unit;
+    machine
+}
+
+/// The drop-in has no reference pose. Beyond the fold its inverse is its own, and there some
+/// poses are half a turn from the fold.
+#[test]
+fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_step_away() {
+    for unit in [1.0, 25.4] {
+        let scaled =
+            |pose: &Pose| std::array::from_fn(|k| pose[k] * if k < 3 { unit } else { 1.0 });
+        let home = scaled(&DEFAULT_HOME);
+        let mut pair = Pair::new(&default_with_lead(unit));
+        pair.machine.wire(&pair.ours);
+        pair.machine.wire(&pair.theirs);
+        // A sum of misfits in machine units, beyond which theirs gives up.
+        pair.theirs.set("max-error", 1e9);
+        pair.size = pair.machine.size();
+        let first = pair.theirs.inverse(&home).expect("its own home");
+        let found = pair.ours.forward(&first, &home).expect("its home");
+        assert!(distance(&found, &home, pair.machine.radius()) <= ROUND_TRIP_REL * pair.size);
+        let folds = twists(&pair.machine, &home);
+        let mut random = Random::new(6);
+        let (mut right, mut beyond, mut refused) = (0_u32, 0_u32, 0_u32);
+        let mut failed = 0_u32;
+        for _ in 0..cases(30_000) {
+            let mut pose = DEFAULT_HOME;
+            for (k, most) in [3.0, 3.0, 3.0, 15.0, 15.0, 15.0].into_iter().enumerate() {
+                pose[k] += random.within(most);
+            }
+            let pose = scaled(&pose);
+            let seed = one_servo_step_from(&pose, pair.size, &mut random);
+            let here = twists(&pair.machine, &pose);
+            let is_right = here.iter().zip(&folds).all(|(t, fold)| t.cosine * fold.cosine > 0.0);
+            let answered = pair.ours.inverse(&pose).and_then(|own| pair.ours.forward(&own, &seed));
+            match answered {
+                Err(code) => {
+                    assert!(!is_right, "code {code} at {pose:?}");
+                    refused += 1;
+                }
+                Ok(found) => {
+                    let apart = distance(&found, &pose, pair.machine.radius());
+                    assert!(apart <= ROUND_TRIP_REL * pair.size, "{apart} from {pose:?}");
+                }
+            }
+            if !is_right {
+                beyond += 1;
+                continue;
+            }
+            right += 1;
+            let (ours, theirs) = pair.joints(&pose);
+            for leg in (0..6).filter(|leg| is_usable(&here[*leg])) {
+                pair.assert_equal(&pose, leg, ours[leg], theirs[leg]);
+            }
+            failed += u32::from(pair.theirs.forward(&theirs, &seed).is_err());
+        }
+        println!(
+            "{unit} units an inch: {right} poses as genhexkins, whose forward fails at {failed}; \
+             {beyond} beyond its fold, {refused} of them refused"
+        );
+        assert!(right > 0 && f64::from(refused) < RANDOM_MACHINE_REFUSALS * f64::from(beyond));
+    }
+}

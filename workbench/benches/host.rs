@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
+//! positions a second of a study of the workspace, and lines a second of programs followed before cutting. Times are printed, never asserted; what
+//! stays are the ratios of one run.
+
+use kinematics::{Machine, Pose, Vector3};
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use pkm::program::offset::Offset;
+use pkm::program::preflight::preflight;
+use pkm::read::machine::MachineConfig;
+use pkm::study::batch;
+use pkm::study::file::Study;
+use pkm::study::workspace::{Body, Effort, Workspace, counted};
+use std::fmt::Write;
+use std::fs;
+use std::hint::black_box;
+use std::num::NonZero;
+use std::path::Path;
+use std::time::Instant;
+
+/// Lines of the long program.
+const LINES: u32 = 1_000_000;
+
+/// Poses a scan, and scans of each kind in turns; the median counts.
+const POSES: u32 = 200_000;
+const SCANS: usize = 11;
+
+/// Rays from pole to pole, steps along one, and points of the grid along its longest side.
+const BANDS: usize = 24;
+const STEPS: f64 = 300.0;
+const GRID: usize = 60;
+
+/// A raster about home: 50 units and 10 degrees either way, whatever is active.
+fn raster(config: &MachineConfig) -> Vec<Pose> {
+    let home = config.home_pose().to_degrees();
+    let layout = config.machine.layout();
+    let active = kinematics::Letter::ALL.map(|letter| !layout.is_held(letter));
+    let pose = |n: u32| {
+        let mut pose = home;
+        for (k, value) in pose.iter_mut().enumerate().filter(|(k, _)| active[*k]) {
+            let share = f64::from(n % (11 + 2 * k as u32)) / f64::from(10 + 2 * k as u32);
+            *value += (2.0 * share - 1.0) * if k < 3 { 50.0 } else { 10.0 };
+        }
+        Pose::from_degrees(pose)
+    };
+    (0..POSES).map(pose).collect()
+}
+
+/// Seconds of one scan.
+fn timed(scan: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    scan();
+    start.elapsed().as_secs_f64()
+}
+
+/// Millions a second, by the median of times.
+fn millions(count: f64, times: &mut [f64]) -> String {
+    times.sort_by(f64::total_cmp);
+    format!("{:.1}", count / times[times.len() / 2] * 1e-6)
+}
+
+fn one_by_one(machine: &Machine, poses: &[Pose], tool: &Vector3<f64>) {
+    for pose in poses {
+        let _ = black_box(machine.inverse(pose, tool));
+    }
+}
+
+fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
+    let (machine, tool) = (&config.machine, &config.spindle);
+    let poses = raster(config);
+    let mut seconds = vec![Vec::new(); cores.len() + 1];
+    for _ in 0..SCANS {
+        seconds[0].push(timed(|| one_by_one(machine, &poses, tool)));
+        for (times, cores) in seconds[1..].iter_mut().zip(cores) {
+            times.push(timed(|| {
+                black_box(batch::inverse(machine, &poses, tool, *cores));
+            }));
+        }
+    }
+    let found = poses.iter().filter(|pose| machine.inverse(pose, tool).is_ok()).count();
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(f64::from(POSES), times)).collect();
+    println!("| {name} | {found} of {POSES} | {} |", rates.join(" | "));
+}
+
+/// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
+fn looked_over(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
+    let workspace =
+        Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
+    let from = config.home_pose().position;
+    let look = |threads: NonZero<usize>| {
+        let step = workspace.extent() / STEPS;
+        let effort = Effort { bands: BANDS, step, grid: GRID, threads, progress: &|_| () };
+        let body = Body::seen(&workspace, from, &effort).unwrap();
+        body.looked() + counted(&workspace, &body.corners(), &effort).points
+    };
+    let positions = look(cores[0]);
+    let mut seconds = vec![Vec::new(); cores.len()];
+    for _ in 0..SCANS {
+        for (times, threads) in seconds.iter_mut().zip(cores) {
+            times.push(timed(|| {
+                black_box(look(*threads));
+            }));
+        }
+    }
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(positions as f64, times)).collect();
+    println!("| {name} | {positions} | {} |", rates.join(" | "));
+}
+
+/// Straight lines about the middle of the workspace, of half a millimetre each: a spiral that goes
+/// out and in again.
+fn long_program() -> String {
+    let mut text = String::from("G21 G90 G64\nM52 P1\nG0 X0 Y0 Z220\n");
+    for n in 0..LINES {
+        let turn = f64::from(n) * 0.02;
+        let radius = 25.0 + 20.0 * (f64::from(n) * 1e-4).sin();
+        let (x, y) = (radius * turn.cos(), radius * turn.sin());
+        let z = 220.0 + 10.0 * (turn * 0.1).sin();
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F1200");
+    }
+    text + "M2\n"
+}
+
+/// Largest memory of this process so far, MB.
+fn memory() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
+}
+
+fn followed(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
+    let start = Instant::now();
+    let moves = interpreter::moves_after(config, program, &offset.block()).unwrap();
+    let read = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let found = preflight(config, &moves, false, |_| ()).unwrap();
+    let time = start.elapsed().as_secs_f64();
+    let lines = moves.last().map_or(0, |step| step.line);
+    println!(
+        "| {name} | {lines} | {} | {read:.1} s | {time:.1} s | {:.0} | {:.0} MB |",
+        found.pieces,
+        f64::from(lines) / time,
+        memory().unwrap_or(f64::NAN)
+    );
+}
+
+fn programs(configs: &Path) {
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let long = folder.path().join("long.ngc");
+    fs::write(&long, long_program()).unwrap();
+    println!("\nPrograms followed by preflight on the hexapod; memory is the most so far:\n");
+    println!("| program | lines | pieces | interpreter | preflight | lines a second | memory |");
+    println!("|---|--:|--:|--:|--:|--:|--:|");
+    let chips = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
+    followed(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
+    followed(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });
+}
+
+fn main() {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+    let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let mut cores = vec![NonZero::<usize>::MIN];
+    cores.extend((most.get() > 1).then_some(most));
+    let columns: Vec<String> = cores.iter().map(|n| format!("batch, threads: {n}")).collect();
+    println!("\nInverse over a raster of poses, in million poses a second:\n");
+    println!("| machine | within reach | one by one | {} |", columns.join(" | "));
+    println!("|---|--:|--:|{}", "--:|".repeat(columns.len()));
+    for name in ["hexapod", "six-rod-lathe", "pyramid"] {
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        row(&config, name, &cores);
+    }
+    let columns: Vec<String> = cores.iter().map(|n| format!("threads: {n}")).collect();
+    println!("\nPositions of `pkm workspace`, every limit checked, in millions a second:\n");
+    println!("| machine | positions | {} |", columns.join(" | "));
+    println!("|---|--:|{}", "--:|".repeat(columns.len()));
+    for name in ["hexapod", "six-rod-lathe", "linear-delta"] {
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        looked_over(&config, name, &cores);
+    }
+    programs(&configs);
+}

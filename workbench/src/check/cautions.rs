@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a program or a machine says that no limit shows: the guard switched off, feeds that it
+//! cannot reduce, units left to the machine.
+
+use crate::read::ini::Ini;
+use crate::read::machine::MachineConfig;
+use serde::Serialize;
+
+/// Spindle-synchronised motion, which takes its speed from the spindle.
+const SYNCHRONISED: [&str; 6] = ["G33", "G33.1", "G74", "G76", "G84", "G95"];
+
+/// Something to know before a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Caution {
+    /// Line of the program; none where the machine is meant.
+    pub line: Option<u32>,
+    /// Number of the file that the line is in, 0 for the program itself.
+    pub file: usize,
+    /// A sentence.
+    pub text: String,
+}
+
+/// What the texts of a program, of the files of its subroutines and of its machine's file make one look out
+/// for.
+pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) -> Vec<Caution> {
+    let mut found = vec![];
+    let forced = ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
+    if forced {
+        let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
+        found.push(Caution { line: None, file: 0, text: text.into() });
+    }
+    let mut names_units = false;
+    let mut is_guarded = false;
+    let lines = texts.iter().enumerate().flat_map(|(file, text)| {
+        text.as_ref().lines().enumerate().map(move |(n, line)| (file, n, line))
+    });
+    for (file, n, line) in lines {
+        let words = words(line);
+        let has = |word: &str| words.iter().any(|w| w == word);
+        let mut tell = |text: String| found.push(Caution { line: Some(n as u32 + 1), file, text });
+        if has("M52") && has("P0") {
+            tell("M52 P0 switches adaptive feed off: the guard cannot slow down any more".into());
+        }
+        for word in SYNCHRONISED.into_iter().filter(|word| has(word)) {
+            tell(format!(
+                "{word} follows the spindle: neither feed override nor the guard slows it"
+            ));
+        }
+        names_units |= has("G20") || has("G21");
+        is_guarded |= has("M52") && !has("P0");
+    }
+    if !is_guarded {
+        let text = "the program does not say M52 P1: without it the guard cannot slow the feed down, \
+                    and LinuxCNC 2.9 loses it in the startup code";
+        found.push(Caution { line: None, file: 0, text: text.into() });
+    }
+    if !names_units {
+        let unit = config.length_unit();
+        let text = format!(
+            "the program says neither G20 nor G21: its lengths are read in the units of \
+             RS274NGC_STARTUP_CODE, else in {unit}"
+        );
+        found.push(Caution { line: None, file: 0, text });
+    }
+    found
+}
+
+/// The words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
+/// and zeros after the point.
+pub(crate) fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = vec![];
+    let mut in_comment = false;
+    for c in line.chars() {
+        match c {
+            ';' if !in_comment => break,
+            '(' => in_comment = true,
+            ')' => in_comment = false,
+            _ if in_comment || c.is_whitespace() => {}
+            _ if c.is_ascii_digit() || c == '.' => {
+                if let Some(word) = words.last_mut() {
+                    word.push(c);
+                }
+            }
+            _ => words.push(c.to_ascii_uppercase().to_string()),
+        }
+    }
+    words.into_iter().map(plain).collect()
+}
+
+fn plain(word: String) -> String {
+    let number = word.get(1..).and_then(|number| number.parse::<f64>().ok());
+    number.map_or(word.clone(), |number| format!("{}{number}", &word[..1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn told(program: &str) -> Vec<(Option<u32>, String)> {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let ini = Ini::read(&file).unwrap();
+        let config = MachineConfig::from_ini(&ini).unwrap();
+        let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
+        cautions(&config, &ini, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
+    }
+
+    #[test]
+    fn words_are_found_however_they_are_written() {
+        let line = |n, text: &str| (Some(n), text.to_string());
+        let unguarded = || (None, "the program".to_string());
+        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0"), unguarded()]);
+        assert_eq!(told("M52 P1 G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
+        assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
+        assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
+        assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
+    }
+
+    #[test]
+    fn files_of_subroutines_are_read_as_well() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let ini = Ini::read(&file).unwrap();
+        let config = MachineConfig::from_ini(&ini).unwrap();
+        let found =
+            cautions(&config, &ini, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
+        assert_eq!(found.iter().map(|c| (c.file, c.line)).collect::<Vec<_>>(), [(1, Some(2))]);
+    }
+}

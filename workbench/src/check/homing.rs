@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Homing as the INI file orders it, followed with forward kinematics.
+//!
+//! Where the joints stand at power-up nobody knows. What can be followed is the way of every
+//! sequence from HOME to the switches at HOME_OFFSET and back, its joints together, all others
+//! at HOME: a sequence that moves some of the legs alone tilts the platform.
+
+use crate::read::ini::{Ini, IniError};
+use crate::read::machine::{ConeAngles, MachineConfig};
+use kinematics::{Joints, MAX_JOINTS, Pose};
+
+/// Places looked at on the way of a sequence.
+const STEPS: u32 = 50;
+
+/// HOME_SEQUENCE of a joint that has none, as LinuxCNC reads it.
+const NO_SEQUENCE: f64 = 999.0;
+
+/// Homing of one joint.
+struct Homing {
+    sequence: Option<i64>,
+    /// Where it stands when its switch is met; `None` without a switch.
+    switch: Option<f64>,
+}
+
+/// What is wrong with the order of homing.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Trouble {
+    /// This joint is left out when all are homed.
+    LeftOut(usize),
+    /// On the way of a sequence a leg leans too much: sequence, which end, angle and cone in degrees.
+    Cone(i64, String, f64, f64),
+    /// On the way of a sequence there is no pose: sequence, text of the fault.
+    NoPose(i64, String),
+}
+
+/// Everything that is wrong with the order of homing.
+///
+/// # Errors
+/// A value that is no number.
+pub fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
+    let joints: Vec<Homing> =
+        (0..config.joints.len()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
+    let mut troubles: Vec<Trouble> = joints
+        .iter()
+        .enumerate()
+        .filter(|(_, joint)| joint.sequence.is_none())
+        .map(|(i, _)| Trouble::LeftOut(i))
+        .collect();
+    let mut sequences: Vec<i64> = joints.iter().filter_map(|joint| joint.sequence).collect();
+    // A negative number only makes the last move of a sequence one of all its joints together.
+    sequences.sort_by_key(|sequence| sequence.abs());
+    sequences.dedup_by_key(|sequence| sequence.abs());
+    for sequence in sequences {
+        troubles.extend(follow(config, &joints, sequence));
+    }
+    Ok(troubles)
+}
+
+fn homing(ini: &Ini, i: usize) -> Result<Homing, IniError> {
+    let section = format!("JOINT_{i}");
+    let number = |key, default| ini.number_or(&section, key, default);
+    let sequence = number("HOME_SEQUENCE", NO_SEQUENCE)?;
+    // With an absolute encoder there is no switch, and HOME_OFFSET is no place.
+    let is_absolute = number("HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0;
+    Ok(Homing {
+        sequence: (sequence != NO_SEQUENCE).then_some(sequence as i64),
+        switch: if is_absolute { None } else { Some(number("HOME_OFFSET", 0.0)?) },
+    })
+}
+
+fn follow(config: &MachineConfig, joints: &[Homing], sequence: i64) -> Option<Trouble> {
+    let target = |i: usize| {
+        let own = joints.get(i).filter(|j| j.sequence.is_some_and(|s| s.abs() == sequence.abs()));
+        own.and_then(|joint| joint.switch)
+    };
+    let home: Joints = std::array::from_fn(|i| config.joints.get(i).map_or(0.0, |j| j.home));
+    if (0..MAX_JOINTS).all(|i| target(i).is_none()) {
+        return None;
+    }
+    let mut seed = config.home_pose();
+    for step in 1..=STEPS {
+        let share = f64::from(step) / f64::from(STEPS);
+        let at: Joints = std::array::from_fn(|i| {
+            target(i).map_or(home[i], |switch| home[i] + share * (switch - home[i]))
+        });
+        match config.machine.forward(&at, &seed, &config.spindle, &config.solver) {
+            Ok(solution) => seed = solution.pose,
+            Err(fault) => return Some(Trouble::NoPose(sequence, fault.to_string())),
+        }
+        if let Some((what, angle, limit)) = beyond_cone(config, &seed) {
+            return Some(Trouble::Cone(sequence, what, angle, limit));
+        }
+    }
+    None
+}
+
+fn beyond_cone(config: &MachineConfig, pose: &Pose) -> Option<(String, f64, f64)> {
+    let ConeAngles { base, platform } = config.cone_angles(pose, &config.spindle).ok()?;
+    let cones = [("base", base, &config.base_cone), ("platform", platform, &config.platform_cone)];
+    for (body, angles, limits) in cones {
+        for (i, (angle, limit)) in angles.iter().zip(limits).enumerate() {
+            if let Some(limit) = limit.filter(|limit| angle > limit) {
+                return Some((format!("leg {i} at its {body} joint"), *angle, limit));
+            }
+        }
+    }
+    None
+}

@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a user should know of a machine before it moves.
+
+pub mod cautions;
+pub mod homing;
+pub mod mobility;
+pub mod report;
+pub mod wiring;

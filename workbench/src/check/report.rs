@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether a machine's INI file describes a machine that fits together.
+
+use crate::check::homing::{self, Trouble};
+use crate::check::mobility::Structure;
+use crate::check::wiring::{self, at_key};
+use crate::proof::axis_box::{self, AxisBox};
+use crate::proof::cell::{Reach, Stop};
+use crate::proof::conditioning::{self, Worst};
+use crate::read::diagnostic::Severity;
+use crate::read::ini::{Ini, IniError, Problem};
+use crate::read::machine::{JointKind, MachineConfig, MachineError};
+use crate::read::tools::{self, Tool};
+use kinematics::{Fault, Letter};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
+/// machine's size (of a radian for arms): some micrometres, so that four digits after the point
+/// in millimetres are enough.
+const HOME_TOLERANCE: f64 = 1e-5;
+
+/// Conditioning below which a pose within the axis limits is worth a warning: joints that err by
+/// some micrometres there move the platform by twenty times as much.
+const LEAST_CONDITIONING: f64 = 0.05;
+
+/// Poses drawn for the ranges of the joints.
+const DRAWN: usize = 20_000;
+
+/// Tilts of the table, as shares of the largest one within the axis limits.
+const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
+const LIMIT_DIGITS: i32 = 3;
+
+/// One thing found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// How much it weighs.
+    pub severity: Severity,
+    /// What, where, and a way out.
+    pub problem: Problem,
+}
+
+/// What a check has found.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The machine.
+    pub config: MachineConfig,
+    /// Names and values, one line each.
+    pub facts: Vec<(String, String)>,
+    /// What does not fit, or may not.
+    pub findings: Vec<Finding>,
+    /// The box of poses that is proved to be inside the workspace.
+    pub suggestion: Option<AxisBox>,
+    /// Tilts of A and B, degrees, and the largest box in X Y Z that is proved with each, without a
+    /// tool; empty where the machine does not tilt.
+    pub tilts: Vec<(f64, Option<AxisBox>)>,
+    /// Tools with which the suggestion is proved, too, of a machine that tilts.
+    pub proved_tools: Vec<Tool>,
+    /// Whether that is all of the box that the axis limits give.
+    pub is_whole: bool,
+}
+
+impl Report {
+    /// Whether nothing is wrong.
+    pub fn fits(&self) -> bool {
+        self.findings.iter().all(|finding| finding.severity == Severity::Warning)
+    }
+
+    fn fact(&mut self, name: &str, value: impl Into<String>) {
+        self.facts.push((name.into(), value.into()));
+    }
+
+    fn finding(&mut self, severity: Severity, error: IniError) {
+        self.findings.push(Finding { severity, problem: *error.0 });
+    }
+}
+
+/// Checks a machine; `progress` is told the share of the work that is done.
+///
+/// # Errors
+/// The file describes no machine.
+pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
+    let ini = Ini::read(file)?;
+    let config = MachineConfig::from_ini(&ini)?;
+    let mut report = Report {
+        config: config.clone(),
+        facts: vec![],
+        findings: vec![],
+        suggestion: None,
+        tilts: vec![],
+        proved_tools: vec![],
+        is_whole: false,
+    };
+    structure(&mut report, &config)?;
+    homes(&mut report, &ini, &config)?;
+    for trouble in homing::check(&ini, &config)? {
+        report.finding(severity(&trouble), homing_problem(&ini, &trouble));
+    }
+    for error in wiring::check(&ini)? {
+        report.finding(Severity::Warning, error);
+    }
+    workspace(&mut report, &ini, &config, progress);
+    Ok(report)
+}
+
+fn refused(config: &MachineConfig, fault: Fault) -> MachineError {
+    MachineError::Geometry(config.file.clone(), fault)
+}
+
+fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {
+    let structure = Structure::of(config).map_err(|fault| refused(config, fault))?;
+    let groups = config.groups();
+    let legs: Vec<String> =
+        groups.iter().map(|g| format!("{} {}", g.joints.len(), g.kind.plural())).collect();
+    report.fact("joints", legs.join(", "));
+    report.fact("mobility", structure.mobility());
+    report.fact("count", structure.loops());
+    report.fact("geometry hash", format!("{:#010x}", config.geometry.hash()));
+    Ok(())
+}
+
+fn tolerance(config: &MachineConfig, kind: JointKind) -> f64 {
+    match kind {
+        JointKind::Arm => HOME_TOLERANCE.to_degrees(),
+        _ => HOME_TOLERANCE * config.machine.size(),
+    }
+}
+
+/// HOME of joints and axes against the kinematics and the limits.
+fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), MachineError> {
+    let joints = config
+        .machine
+        .inverse(&config.home_pose(), &config.spindle)
+        .map_err(|fault| refused(config, fault))?;
+    let mut farthest = 0.0_f64;
+    for (i, (joint, wanted)) in config.joints.iter().zip(joints).enumerate() {
+        let section = format!("JOINT_{i}");
+        let away = (joint.home - wanted).abs();
+        farthest = farthest.max(away);
+        if !(away <= tolerance(config, joint.kind)) {
+            let text = format!("the kinematics put {} to {wanted} at [TRAJ]HOME", joint.name);
+            report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
+        }
+        if !(joint.min..=joint.max).contains(&wanted) {
+            let text = format!(
+                "[TRAJ]HOME needs {wanted} of {}: widen its limits {} to {}, or move HOME",
+                joint.name, joint.min, joint.max
+            );
+            report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+        }
+    }
+    for (letter, (axis, home)) in Letter::ALL.iter().zip(config.axes.iter().zip(config.home)) {
+        if !(axis.min..=axis.max).contains(&home) {
+            let text = format!(
+                "{} = {home} is outside of [AXIS_{}], {} to {}",
+                letter.name(),
+                letter.name(),
+                axis.min,
+                axis.max
+            );
+            report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+        }
+    }
+    report.fact("home", format!("joints within {farthest:.1e} of the kinematics at [TRAJ]HOME"));
+    Ok(())
+}
+
+fn severity(trouble: &Trouble) -> Severity {
+    match trouble {
+        Trouble::LeftOut(_) => Severity::Warning,
+        Trouble::Cone(..) | Trouble::NoPose(..) => Severity::Error,
+    }
+}
+
+fn homing_problem(ini: &Ini, trouble: &Trouble) -> IniError {
+    match trouble {
+        Trouble::LeftOut(i) => {
+            let text = "Home All leaves this joint out, and without it there is no world mode";
+            ini.error(&format!("JOINT_{i}"), "HOME_SEQUENCE", None, text)
+        }
+        Trouble::Cone(sequence, what, angle, limit) => {
+            let text = format!(
+                "between HOME and the switches at HOME_OFFSET {what} leans {angle:.1} degrees, \
+                 more than its cone of {limit}; home more legs together, or move the switches"
+            );
+            at_sequence(ini, *sequence, &text)
+        }
+        Trouble::NoPose(sequence, fault) => {
+            let text = format!(
+                "no pose between HOME and the switches at HOME_OFFSET: {fault}; home more legs \
+                 together, or move the switches"
+            );
+            at_sequence(ini, *sequence, &text)
+        }
+    }
+}
+
+fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
+    let is_it = |section: &&str| {
+        let number = ini.number_or(section, "HOME_SEQUENCE", f64::NAN);
+        number.is_ok_and(|number| number.abs() == sequence.abs() as f64)
+    };
+    let section = ini.sections().filter(|name| name.starts_with("JOINT_")).find(is_it);
+    at_key(ini, section.unwrap_or("JOINT_0"), "HOME_SEQUENCE", text)
+}
+
+/// Conditioning, joint ranges and the box inside the workspace.
+fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: impl FnMut(f64)) {
+    let within = axis_box::range(config);
+    let reach = match Reach::new(config) {
+        Ok(reach) => reach,
+        Err(fault) => return home_outside(report, ini, config, Stop::Fault(fault)),
+    };
+    match reach.check(&config.home) {
+        Ok(()) => {}
+        // Told already, with the value.
+        Err(Stop::Joint(_)) => return,
+        Err(stop) => return home_outside(report, ini, config, stop),
+    }
+    if let Ok(value) = conditioning::at(config, &config.home) {
+        report.fact("conditioning", format!("{value:.4} at home (0: a singular pose)"));
+    }
+    joint_ranges(report, config, &reach, &within);
+    if let Some(Worst { value, pose, taken }) = conditioning::worst(config, &reach, &within) {
+        let place = shown_pose(config, &pose);
+        report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
+        if value < LEAST_CONDITIONING {
+            let text = format!(
+                "the legs hardly hold the platform at {place}, conditioning {value:.4}: keep \
+                 programs away, or take the limits below"
+            );
+            report.finding(Severity::Warning, at_key(ini, "KINS", "KINEMATICS", &text));
+        }
+        let share = 100.0 * taken;
+        report
+            .fact("axis limits", format!("the machine can take {share:.1} % of the poses in them"));
+    }
+    report.tilts = tilts(config, &within);
+    let tilted = report.tilts.last().and_then(|(_, found)| *found);
+    match axis_box::find(config, &within, tilted.as_ref(), progress) {
+        Ok(found) => {
+            report.is_whole = found == within;
+            let found = found.rounded();
+            tools(report, ini, config, &within, &found);
+            report.suggestion = Some(found);
+        }
+        Err(stop) => home_outside(report, ini, config, stop),
+    }
+}
+
+/// What the tools of the table leave of the axis limits, and whether the suggested ones hold with
+/// them, where tools change what the machine can take: where it tilts.
+fn tools(
+    report: &mut Report,
+    ini: &Ini,
+    config: &MachineConfig,
+    within: &AxisBox,
+    suggested: &AxisBox,
+) {
+    let table = match tools::read(config) {
+        Ok(table) => table,
+        Err(text) => {
+            let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
+            return report.finding(Severity::Warning, at_key(ini, "EMCIO", "TOOL_TABLE", &text));
+        }
+    };
+    if !Letter::ALL.iter().any(|l| l.is_angle() && !config.machine.layout().is_held(*l)) {
+        return;
+    }
+    for tool in table {
+        let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
+        let share = 100.0 * taken(&reach, within);
+        let is_proved = axis_box::holds_with(config, &tool.offset, suggested);
+        let proof = if is_proved { "proved" } else { "not proved" };
+        let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
+        report.fact(&tool.name(), text);
+        if is_proved {
+            report.proved_tools.push(tool);
+        }
+    }
+}
+
+/// Share of the poses of a box that the machine can take, seen.
+fn taken(reach: &Reach, within: &AxisBox) -> f64 {
+    let mut rng = Pcg64::seed_from_u64(2);
+    let inside = (0..DRAWN)
+        .filter(|_| reach.check(&within.at(std::array::from_fn(|_| rng.random()))).is_ok())
+        .count();
+    inside as f64 / DRAWN as f64
+}
+
+/// What a smaller tilt gains in X Y Z.
+fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
+    let ends = within.low[3..5].iter().chain(&within.high[3..5]);
+    let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max);
+    if most == 0.0 {
+        return vec![];
+    }
+    let tilts = TILTS.map(|share| share * most);
+    tilts.map(|tilt| (tilt, axis_box::at_tilt(config, within, tilt))).into()
+}
+
+fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: Stop) {
+    let text = format!("the machine cannot stand there: {}", shown_stop(config, stop));
+    report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+}
+
+/// A stop in words.
+fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
+    match stop {
+        Stop::Fault(fault) => fault.to_string(),
+        Stop::Joint(i) => format!("{} is beyond its limits", config.joints[i].name),
+        Stop::BaseCone(i) => format!("leg {i} leans beyond its BASE_CONE"),
+        Stop::PlatformCone(i) => format!("leg {i} leans beyond its PLATFORM_CONE"),
+        Stop::Clearance([i, j]) => format!("legs {i} and {j} are nearer than ROD_CLEARANCE"),
+    }
+}
+
+/// What the poses within the axis limits ask of every joint.
+fn joint_ranges(report: &mut Report, config: &MachineConfig, reach: &Reach, within: &AxisBox) {
+    let mut rng = Pcg64::seed_from_u64(1);
+    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); config.joints.len()];
+    for _ in 0..DRAWN {
+        let pose = within.at(std::array::from_fn(|_| rng.random()));
+        let Ok(joints) = reach.joints(&pose) else { continue };
+        for (range, value) in ranges.iter_mut().zip(joints) {
+            *range = (range.0.min(value), range.1.max(value));
+        }
+    }
+    for (joint, (low, high)) in config.joints.iter().zip(ranges) {
+        let unit = config.unit(joint.kind);
+        let text = format!(
+            "{low:.3} to {high:.3} {unit} seen in the axis limits; MIN_LIMIT {}, MAX_LIMIT {}",
+            joint.min, joint.max
+        );
+        report.fact(&joint.name, text);
+    }
+}
+
+fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
+    let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
+    let word = |letter: &Letter| format!("{}{:.2}", letter.name(), pose[letter.index()]);
+    Letter::ALL.iter().filter(moved).map(word).collect::<Vec<_>>().join(" ")
+}
+
+impl AxisBox {
+    /// The pose at these shares of the extents.
+    pub fn at(&self, shares: [f64; 6]) -> [f64; 6] {
+        std::array::from_fn(|k| self.low[k] + shares[k] * (self.high[k] - self.low[k]))
+    }
+
+    /// Ends with few digits, inside this box.
+    pub fn rounded(&self) -> Self {
+        let mut rounded = *self;
+        for k in 0..6 {
+            let width = self.high[k] - self.low[k];
+            if width > 0.0 {
+                let grid = 10_f64.powi(LIMIT_DIGITS - width.log10().floor() as i32);
+                rounded.low[k] = (self.low[k] * grid).ceil() / grid;
+                rounded.high[k] = (self.high[k] * grid).floor() / grid;
+            }
+        }
+        rounded
+    }
+}
+
+/// Tilts and widths of their boxes, as a table; empty where there are none.
+pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> String {
+    let letters: Vec<Letter> = [Letter::X, Letter::Y, Letter::Z]
+        .into_iter()
+        .filter(|letter| !config.machine.layout().is_held(*letter))
+        .collect();
+    let mut text = String::new();
+    for (tilt, part) in tilts {
+        let part = part.map(|part| part.rounded());
+        let range = |letter: &Letter| match part {
+            Some(AxisBox { low, high }) => {
+                let k = letter.index();
+                format!("  {} {} to {}", letter.name(), low[k], high[k])
+            }
+            None => String::new(),
+        };
+        let ranges: String = letters.iter().map(range).collect();
+        let ranges = if ranges.is_empty() { "  none proved about home" } else { &ranges };
+        let _ = writeln!(text, "  {tilt:>5}°{ranges}");
+    }
+    text
+}
+
+/// The limits as lines of an INI file, of the coordinates that the machine moves.
+pub fn axis_lines(config: &MachineConfig, limits: &AxisBox) -> String {
+    let mut text = String::new();
+    for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
+        let (low, high) = (limits.low[letter.index()], limits.high[letter.index()]);
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "[AXIS_{}]\nMIN_LIMIT = {low}\nMAX_LIMIT = {high}", letter.name());
+    }
+    text
+}

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the plots of a motion are drawn from.
+
+use kinematics::{Joints, PerLeg, Vector3};
+
+/// One servo cycle. Lengths in machine units, angles in degrees; 0 beyond the last joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Seconds since the first line.
+    pub time: f64,
+    /// Homed, in world mode: the joints follow the pose.
+    pub in_world: bool,
+    /// Commanded pose x y z a b c.
+    pub pose: [f64; 6],
+    /// Commanded joints, before LinuxCNC smooths them.
+    pub joints: Joints,
+    /// Motor positions after this cycle's command; a searching joint counts from power-up.
+    pub motors: Joints,
+    /// What forward made of the motor positions of the cycle before.
+    pub forward: [f64; 6],
+    /// Nut corrections that the module shows, 0 for legs that are no struts.
+    pub corrections: PerLeg,
+    /// Tool vector, spindle offset included.
+    pub tool: [f64; 3],
+    /// Iterations of the last forward call.
+    pub iterations: f64,
+    /// Largest leg residual of the last forward call.
+    pub residual: f64,
+}
+
+impl Sample {
+    /// The tool vector.
+    pub fn tool(&self) -> Vector3<f64> {
+        Vector3::from(self.tool)
+    }
+}

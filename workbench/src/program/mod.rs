@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Programs: what LinuxCNC makes of them, and whether they fit a machine.
+
+pub mod interpreter;
+pub mod loads;
+pub mod offset;
+pub mod path;
+pub mod planner;
+pub mod preflight;
+pub mod random_program;
+pub mod replay;

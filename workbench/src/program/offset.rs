@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A work offset that makes a program fit: shifted, and where the program leaves the platform
+//! level also turned about Z, as a workpiece is clamped in another place.
+//!
+//! A compass search over X Y Z and the turn lowers how far some poses of the program lack of a
+//! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
+//! is for [`crate::program::preflight`] to say, on the moves that the interpreter makes of it.
+
+use crate::program::interpreter::Move;
+use crate::proof::cell::Reach;
+use crate::read::machine::{Axis, MachineConfig};
+use kinematics::{Fault, Letter, Vector3};
+use serde::Serialize;
+
+/// Poses of the program that are looked at.
+const POSES: usize = 500;
+
+/// Margin that is looked for, as a share of the limit's range: what lies between the poses.
+const MARGIN: f64 = 0.02;
+
+/// A pose without joint values lacks as much as this many ranges.
+const UNREACHED: f64 = 3.0;
+
+/// First and last step of the search, as shares of the machine's size, and the turn that goes
+/// with a step of the whole size.
+const STEPS: [f64; 2] = [0.2, 2e-4];
+const TURN_DEG: f64 = 90.0;
+
+/// Turns that a search starts from: the nearest that fits is as good as any.
+const STARTS_DEG: [f64; 8] = [0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0];
+
+/// Halvings of the offset found, which may be farther away than needed.
+const HALVINGS: usize = 12;
+
+/// Steps taken at most.
+const MOST: usize = 400;
+
+/// Digits after the point of a turn, in degrees.
+const TURN_DIGITS: i32 = 2;
+
+/// Room that a turn leaves to the limits of X and Y, as a share of the machine's size: more than what
+/// rounding its angle and its shift moves the ends of the program.
+const ROUNDED: f64 = 5e-4;
+
+/// A change of the work offset in force: with its place O and rotation r these become
+/// R(turn) O + shift and r + turn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Offset {
+    /// x y z, machine units.
+    pub shift: [f64; 3],
+    /// About Z, degrees.
+    pub turn: f64,
+}
+
+impl Offset {
+    /// The block that changes the offset in force.
+    pub fn block(&self) -> String {
+        // #5220 is the number of the coordinate system in force, 20 parameters each from #5221 on.
+        let now = |n: usize| format!("#[{} + 20*#5220]", 5201 + n);
+        let plus = |value: String, more: f64| match more {
+            0.0 => format!("[{value}]"),
+            _ => format!("[{value} + {more}]"),
+        };
+        let [dx, dy, dz] = self.shift;
+        let turn = self.turn;
+        if turn == 0.0 {
+            let [x, y, z] = [plus(now(0), dx), plus(now(1), dy), plus(now(2), dz)];
+            return format!("G10 L2 P0 X{x} Y{y} Z{z}");
+        }
+        let x = plus(format!("{}*COS[{turn}] - {}*SIN[{turn}]", now(0), now(1)), dx);
+        let y = plus(format!("{}*SIN[{turn}] + {}*COS[{turn}]", now(0), now(1)), dy);
+        format!("G10 L2 P0 X{x} Y{y} Z{} R{}", plus(now(2), dz), plus(now(9), turn))
+    }
+}
+
+/// Whether a program may be turned: X and Y move and the platform stays level, so that every turn
+/// about Z cuts the same.
+pub fn may_turn(config: &MachineConfig, moves: &[Move]) -> bool {
+    let moved = |letter| !config.machine.layout().is_held(letter);
+    let level = |step: &Move| step.line == 0 || step.end[3..5] == [0.0, 0.0];
+    moved(Letter::X) && moved(Letter::Y) && moves.iter().all(level)
+}
+
+/// A shift under which the poses looked at fit.
+///
+/// # Errors
+/// A tool vector that the machine cannot take.
+pub fn shift(config: &MachineConfig, moves: &[Move]) -> Result<Option<Offset>, Fault> {
+    Ok(Search::new(config, moves, 0.0)?.from(0.0, 3))
+}
+
+/// A shift and turn under which the poses looked at fit.
+///
+/// # Errors
+/// A tool vector that the machine cannot take.
+pub fn turn(config: &MachineConfig, moves: &[Move]) -> Result<Option<Offset>, Fault> {
+    let search = Search::new(config, moves, ROUNDED * config.machine.size())?;
+    Ok(STARTS_DEG.into_iter().find_map(|start| search.from(start, 4)))
+}
+
+/// Shift x y z and turn, about the middle of the program.
+type Place = [f64; 4];
+
+struct Search<'a> {
+    config: &'a MachineConfig,
+    reaches: Vec<Reach<'a>>,
+    /// Poses, with the number of the tool.
+    poses: Vec<([f64; 6], usize)>,
+    /// Tool offsets in X and Y, which do not turn.
+    tools: Vec<[f64; 2]>,
+    /// What is turned about.
+    middle: [f64; 2],
+    /// Room to leave to the limits of X and Y.
+    room: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(config: &'a MachineConfig, moves: &[Move], room: f64) -> Result<Self, Fault> {
+        let mut search =
+            Self { config, reaches: vec![], poses: vec![], tools: vec![], middle: [0.0; 2], room };
+        let mut tool = None;
+        let mut from = config.home;
+        let stride = (2 * moves.len()).div_ceil(POSES).max(1);
+        let mut number = 0;
+        for step in moves {
+            if tool != Some(step.tool) {
+                tool = Some(step.tool);
+                let tool = config.spindle + Vector3::from(step.tool);
+                search.reaches.push(Reach::with_tool(config, tool)?);
+                search.tools.push([step.tool[0], step.tool[1]]);
+            }
+            // What runs before the program does not follow its offset.
+            if step.line > 0 {
+                let middle = std::array::from_fn(|k| (from[k] + step.end[k]) / 2.0);
+                for pose in [middle, step.end] {
+                    if number % stride == 0 {
+                        search.poses.push((pose, search.reaches.len() - 1));
+                    }
+                    number += 1;
+                }
+            }
+            from = step.end;
+        }
+        search.middle = std::array::from_fn(|k| {
+            let along = search.poses.iter().map(|(pose, tool)| pose[k] - search.tools[*tool][k]);
+            let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            if low <= high { (low + high) / 2.0 } else { 0.0 }
+        });
+        Ok(search)
+    }
+
+    /// Searches from a turn on, over X Y Z and with four `steps` over the turn as well.
+    fn from(&self, turn: f64, steps: usize) -> Option<Offset> {
+        let size = self.config.machine.size();
+        let mut at = [0.0, 0.0, 0.0, turn];
+        let mut lack = self.lack(&at);
+        let mut step = STEPS[0];
+        for _ in 0..MOST {
+            if lack == 0.0 || step < STEPS[1] {
+                break;
+            }
+            let near = (0..2 * steps).map(|n| {
+                let mut near: Place = at;
+                let long = if n / 2 < 3 { step * size } else { step * TURN_DEG };
+                near[n / 2] += if n % 2 == 0 { long } else { -long };
+                (self.lack(&near), near)
+            });
+            match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some((less, near)) if less < lack => (lack, at) = (less, near),
+                _ => step /= 2.0,
+            }
+        }
+        if lack > 0.0 {
+            return None;
+        }
+        // No more of it than needed.
+        let (mut less, mut enough) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let share = (less + enough) / 2.0;
+            let part = at.map(|x| share * x);
+            *(if self.lack(&part) == 0.0 { &mut enough } else { &mut less }) = share;
+        }
+        Some(self.rounded(&at.map(|x| enough * x)))
+    }
+
+    /// With digits that anybody can type, and that change nothing within the margin.
+    fn rounded(&self, at: &Place) -> Offset {
+        let away_from_0 =
+            |x: f64, per_unit: f64| (x * per_unit).abs().ceil().copysign(x) / per_unit;
+        let turn = away_from_0(at[3], 10.0_f64.powi(TURN_DIGITS));
+        let turn = if turn.abs() > 180.0 { turn - 360.0_f64.copysign(turn) } else { turn };
+        let place = [at[0], at[1], at[2], turn];
+        // R(turn) 0 + shift is where the turn takes the offset 0.
+        let [x, y] = self.turned([0.0, 0.0], &place);
+        let per_unit = 10.0_f64.powi(-(self.config.machine.size() * 1e-4).log10().floor() as i32);
+        Offset { shift: [x, y, at[2]].map(|x| away_from_0(x, per_unit)), turn }
+    }
+
+    /// A place in X and Y, turned about the middle and shifted.
+    fn turned(&self, [x, y]: [f64; 2], at: &Place) -> [f64; 2] {
+        if at[3] == 0.0 {
+            return [x + at[0], y + at[1]];
+        }
+        let (sine, cosine) = at[3].to_radians().sin_cos();
+        let (x, y) = (x - self.middle[0], y - self.middle[1]);
+        [
+            self.middle[0] + cosine * x - sine * y + at[0],
+            self.middle[1] + sine * x + cosine * y + at[1],
+        ]
+    }
+
+    fn moved(&self, pose: &[f64; 6], tool: usize, at: &Place) -> [f64; 6] {
+        let [tool_x, tool_y] = self.tools[tool];
+        let [x, y] = self.turned([pose[0] - tool_x, pose[1] - tool_y], at);
+        [x + tool_x, y + tool_y, pose[2] + at[2], pose[3], pose[4], pose[5]]
+    }
+
+    /// How much margin the poses lack together.
+    fn lack(&self, at: &Place) -> f64 {
+        let lack_of =
+            |(pose, tool): &([f64; 6], usize)| self.lack_of(&self.moved(pose, *tool, at), *tool);
+        self.poses.iter().map(lack_of).sum()
+    }
+
+    fn lack_of(&self, pose: &[f64; 6], tool: usize) -> f64 {
+        let reach = &self.reaches[tool];
+        let lacking = |margin: f64, range: f64| (MARGIN - margin / range).max(0.0);
+        let beyond = |(k, (x, axis)): (usize, (&f64, &Axis))| {
+            // Otherwise an axis may stand at its limit.
+            let room = if k < 2 { self.room } else { 0.0 };
+            (axis.min + room - x).max(x + room - axis.max).max(0.0) / self.config.machine.size()
+        };
+        let axes: f64 = pose.iter().zip(&self.config.axes).enumerate().map(beyond).sum();
+        let Ok(way) = reach.way(pose, &[0.0; 6]) else { return axes + UNREACHED };
+        let joints = way.joints.iter().zip(&self.config.joints).map(|(course, joint)| {
+            let margin = (course.middle - joint.min).min(joint.max - course.middle);
+            lacking(margin, joint.max - joint.min)
+        });
+        let cones = way.base.iter().zip(&self.config.base_cone);
+        let cones = cones.chain(way.platform.iter().zip(&self.config.platform_cone));
+        let cones = cones.filter_map(|(course, cone)| {
+            let angle = course.middle.clamp(-1.0, 1.0).acos().to_degrees();
+            cone.map(|cone| lacking(cone - angle, cone))
+        });
+        let gaps = way.gaps.iter().zip(self.config.clearance.iter().cycle());
+        let gaps = gaps.map(|(gap, limit)| lacking(gap.middle - limit, *limit));
+        let hold = lacking(reach.conditioning(pose) - self.config.conditioning_limit, 1.0);
+        axes + joints.sum::<f64>() + cones.sum::<f64>() + gaps.sum::<f64>() + hold
+    }
+}

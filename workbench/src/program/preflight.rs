@@ -1,0 +1,772 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether a program fits a machine: every move followed over its whole length.
+//!
+//! A move is straight in X Y Z A B C, angles included, as LinuxCNC's joints see it. A piece of it
+//! is a [`crate::proof::cell::Way`]: the values in its middle, their slopes and a bound of their second
+//! derivatives, which give their range over the piece. A piece that is not proved to keep a limit
+//! is halved, the earlier half first, until a pose is found beyond the limit or the piece is too
+//! short to matter: then the move touches the limit. So every limit has the first place where it
+//! breaks, and a move without one is proved to keep all of them everywhere.
+//!
+//! Joint speeds and accelerations are those of LinuxCNC's planner and of its interpolation of joints,
+//! cycle by cycle ([`crate::program::loads`]). How much faster a line may be programmed is told for the feed
+//! as the axes allow it ([`duration`]), taken as reached on every move.
+
+use crate::program::interpreter::Move;
+use crate::program::loads::{Load, Peak, loads};
+use crate::program::replay::duration;
+use crate::proof::cell::{Course, Reach, Way};
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Joints, Letter, MAX_JOINTS, MAX_LEGS, Pose, Vector3};
+use serde::Serialize;
+
+/// A piece of a move is halved until it is this short, as a share of the machine's size: far
+/// below what any machine resolves.
+const SHORTEST: f64 = 1e-6;
+
+/// Halving ends here at the latest: numbers have no more digits.
+const MOST_HALVINGS: i32 = 40;
+
+/// Least margins are told within this share of the limit's range.
+const ACCURACY: f64 = 0.01;
+
+/// The same of the conditioning, whose bound is one of first order.
+const HOLD_ACCURACY: f64 = 0.05;
+
+/// Speeds below this share of their limit are told as a bound, without [`ACCURACY`].
+const SLOW: f64 = 0.5;
+
+/// Poses looked at on a move that breaks a limit, for how far it leaves it.
+const SAMPLES: usize = 33;
+
+/// Rounding of the interpreter's positions, as a share of the machine's size.
+const ROUNDING: f64 = 1e-9;
+
+/// Margin where nothing is known.
+const UNKNOWN: f64 = f64::NEG_INFINITY;
+
+/// A kind of limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Limit {
+    /// `[AXIS_L]` limits of the pose, which LinuxCNC checks at the ends of moves.
+    Axis,
+    /// The pose has joint values, held coordinates are 0, and rods are off their dead points.
+    Reach,
+    /// `[JOINT_N]` limits.
+    Joint,
+    /// `BASE_CONE` of the legs.
+    BaseCone,
+    /// `PLATFORM_CONE` of the legs.
+    PlatformCone,
+    /// The legs hold the platform: no singular pose, and `[PKM]CONDITIONING_LIMIT`.
+    Hold,
+    /// `[PKM]ROD_CLEARANCE` of the legs' centre lines.
+    Clearance,
+    /// `[JOINT_N]MAX_VELOCITY`.
+    Speed,
+    /// `[JOINT_N]MAX_ACCELERATION`.
+    Acceleration,
+}
+
+impl Limit {
+    /// All of them, in the order they are told in.
+    pub const ALL: [Self; 9] = [
+        Self::Axis,
+        Self::Reach,
+        Self::Joint,
+        Self::BaseCone,
+        Self::PlatformCone,
+        Self::Hold,
+        Self::Clearance,
+        Self::Speed,
+        Self::Acceleration,
+    ];
+
+    /// Name for people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Axis => "axis limits",
+            Self::Reach => "reach",
+            Self::Joint => "joint range",
+            Self::BaseCone => "base cones",
+            Self::PlatformCone => "platform cones",
+            Self::Hold => "conditioning",
+            Self::Clearance => "rod distance",
+            Self::Speed => "joint speed",
+            Self::Acceleration => "joint acceleration",
+        }
+    }
+
+    /// Whether the programmed feed decides.
+    pub const fn is_of_feed(self) -> bool {
+        matches!(self, Self::Speed | Self::Acceleration)
+    }
+}
+
+/// First place where a program leaves a limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Break {
+    /// The limit.
+    pub limit: Limit,
+    /// Line of the program, counted from 1; 0 for what runs before it.
+    pub line: u32,
+    /// Number of the file that the line is in, 0 for the program itself.
+    pub file: usize,
+    /// X Y Z A B C there, machine units and degrees.
+    pub pose: [f64; 6],
+    /// Number of the move, from 0.
+    #[serde(skip)]
+    step: usize,
+    /// Share of the move that is kept.
+    #[serde(skip)]
+    share: f64,
+    /// What breaks, and how: a sentence.
+    pub text: String,
+}
+
+/// How near a program comes to a limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Margin {
+    /// The limit.
+    pub limit: Limit,
+    /// Machine units, degrees, their rates, or a singular value; negative beyond the limit.
+    pub value: f64,
+    /// Unit of the value.
+    pub unit: String,
+    /// Joint, leg or axis.
+    pub part: String,
+    /// Line of the program.
+    pub line: u32,
+}
+
+/// What a line asks of the joints.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LineLoad {
+    /// Line of the program.
+    pub line: u32,
+    /// Feeds of this line may be multiplied by this; above 1 there is room.
+    pub factor: f64,
+}
+
+/// A place that was looked at, for plots.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Seconds from the start at the programmed feed, without acceleration.
+    pub time: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// X Y Z A B C.
+    pub pose: [f64; 6],
+    /// Joint values.
+    pub joints: Joints,
+    /// Joint speeds as shares of their limits.
+    pub speeds: Joints,
+    /// Least margin of the geometric limits as a share of their range.
+    pub margin: f64,
+}
+
+/// What is known of a program on a machine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Preflight {
+    /// Moves.
+    pub moves: usize,
+    /// Length of the path of the control point, machine units.
+    pub length: f64,
+    /// Seconds of motion.
+    pub time: f64,
+    /// Pieces that the moves were cut into.
+    pub pieces: usize,
+    /// First break of every limit that breaks, in the order of the program.
+    pub breaks: Vec<Break>,
+    /// Least margin of every limit that the machine has.
+    pub margins: Vec<Margin>,
+    /// Share of the path before the first break.
+    pub runnable: f64,
+    /// Every feed may be multiplied by this.
+    pub feed_factor: f64,
+    /// The same of every line.
+    pub lines: Vec<LineLoad>,
+    /// Largest speeds of the joints.
+    pub speeds: Vec<Peak>,
+    /// Largest accelerations of the joints.
+    pub accelerations: Vec<Peak>,
+    /// Files and lines before which the tool offset changes while the platform is tilted.
+    pub tilted_tool_changes: Vec<(usize, u32)>,
+    /// Places, where they were asked for.
+    #[serde(skip)]
+    pub places: Vec<Place>,
+}
+
+impl Preflight {
+    /// Whether the program keeps all limits.
+    pub fn fits(&self) -> bool {
+        self.breaks.is_empty()
+    }
+}
+
+/// Follows the moves of a program from `[TRAJ]HOME` on.
+///
+/// `progress` is told the share that is done; `keep` makes it keep [`Preflight::places`].
+///
+/// # Errors
+/// A tool vector that the machine cannot take.
+pub fn preflight(
+    config: &MachineConfig,
+    moves: &[Move],
+    keep: bool,
+    mut progress: impl FnMut(f64),
+) -> Result<Preflight, Fault> {
+    let mut pilot = Pilot::new(config, keep)?;
+    for (n, step) in moves.iter().enumerate() {
+        if n % 256 == 0 {
+            progress(n as f64 / moves.len() as f64);
+        }
+        pilot.change_tool(n, step)?;
+        pilot.go(n, step);
+    }
+    pilot.drive(moves);
+    Ok(pilot.finish(moves))
+}
+
+/// One limit of one part over a piece.
+#[derive(Clone, Copy, Debug)]
+struct Check {
+    limit: Limit,
+    part: usize,
+    /// Margin in the middle.
+    seen: f64,
+    /// The margin is proved to be at least this everywhere.
+    proved: f64,
+    /// What the margin is measured by.
+    range: f64,
+}
+
+impl Check {
+    /// How far the pieces of a move have to be cut for the figures that are told, to a share of `scale`
+    /// times the range.
+    fn is_coarse(&self, least: f64, scale: f64) -> bool {
+        let accuracy = if self.limit == Limit::Hold { HOLD_ACCURACY } else { ACCURACY };
+        self.proved < least - accuracy * self.range * scale
+            && match self.limit {
+                Limit::Speed => self.proved < (1.0 - SLOW) * self.range,
+                Limit::Axis | Limit::Reach | Limit::Acceleration => false,
+                _ => true,
+            }
+    }
+}
+
+/// A straight line to follow.
+struct Leg {
+    /// Number of the move.
+    number: usize,
+    line: u32,
+    file: usize,
+    from: [f64; 6],
+    delta: [f64; 6],
+    /// Seconds; 0 where nothing is said of speeds.
+    duration: f64,
+}
+
+impl Leg {
+    fn at(&self, share: f64) -> [f64; 6] {
+        std::array::from_fn(|k| self.from[k] + share * self.delta[k])
+    }
+}
+
+/// Where a move first leaves a limit.
+#[derive(Clone, Copy)]
+struct Found {
+    share: f64,
+    part: usize,
+    /// Why the pose there has no joint values.
+    fault: Option<Fault>,
+}
+
+/// Firsts of one move, by limit.
+type Firsts = [Option<Found>; Limit::ALL.len()];
+
+struct Pilot<'a> {
+    config: &'a MachineConfig,
+    reach: Reach<'a>,
+    tool: Vector3<f64>,
+    at: [f64; 6],
+    keep: bool,
+    checks: Vec<Check>,
+    /// Least margins seen, which tell how fine the pieces have to be.
+    least: [f64; Limit::ALL.len()],
+    margins: [Option<(f64, usize, u32)>; Limit::ALL.len()],
+    result: Preflight,
+}
+
+impl<'a> Pilot<'a> {
+    fn new(config: &'a MachineConfig, keep: bool) -> Result<Self, Fault> {
+        Ok(Self {
+            config,
+            reach: Reach::new(config)?,
+            tool: config.spindle,
+            at: config.home,
+            keep,
+            checks: vec![],
+            least: [f64::INFINITY; Limit::ALL.len()],
+            margins: [None; Limit::ALL.len()],
+            result: Preflight {
+                moves: 0,
+                length: 0.0,
+                time: 0.0,
+                pieces: 0,
+                breaks: vec![],
+                margins: vec![],
+                runnable: 1.0,
+                feed_factor: f64::INFINITY,
+                lines: vec![],
+                speeds: vec![],
+                accelerations: vec![],
+                tilted_tool_changes: vec![],
+                places: vec![],
+            },
+        })
+    }
+
+    /// The tool offset moves the platform along a straight line, where it is tilted.
+    fn change_tool(&mut self, number: usize, step: &Move) -> Result<(), Fault> {
+        let tool = self.config.spindle + Vector3::from(step.tool);
+        if tool == self.tool {
+            return Ok(());
+        }
+        let change = tool - self.tool;
+        let shift = Pose::from_degrees(self.at).rotation() * change - change;
+        if shift.norm() > ROUNDING * self.config.machine.size() {
+            self.result.tilted_tool_changes.push((step.path.file, step.line));
+            // As a motion of the old tool. Where a table takes part of it, only its end is judged,
+            // with the next move.
+            let active = |letter| self.config.machine.layout().coordinates().contains(letter);
+            if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
+                let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
+                let (from, line, file) = (self.at, step.line, step.path.file);
+                let leg = Leg { number, line, file, from, delta, duration: 0.0 };
+                self.follow(&leg);
+            }
+        }
+        self.reach = Reach::with_tool(self.config, tool)?;
+        self.tool = tool;
+        Ok(())
+    }
+
+    fn go(&mut self, number: usize, step: &Move) {
+        let from = self.at;
+        let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
+        let leg = Leg {
+            number,
+            line: step.line,
+            file: step.path.file,
+            from,
+            delta,
+            duration: duration(self.config, &from, step),
+        };
+        self.check_axes(&leg, &step.end);
+        self.follow(&leg);
+        self.result.moves += 1;
+        self.result.time += leg.duration;
+        self.result.length += length(&delta);
+        self.at = step.end;
+    }
+
+    /// Speeds and accelerations of the joints.
+    fn drive(&mut self, moves: &[Move]) {
+        let found = loads(self.config, moves);
+        self.result.time = found.time;
+        self.judge_load(Limit::Speed, &found.speed, moves);
+        self.judge_load(Limit::Acceleration, &found.acceleration, moves);
+        self.result.speeds = found.speed.peaks;
+        self.result.accelerations = found.acceleration.peaks;
+    }
+
+    fn judge_load(&mut self, limit: Limit, load: &Load, moves: &[Move]) {
+        for (joint, Peak { value, limit: most, line, .. }) in load.peaks.iter().enumerate() {
+            self.note(limit, most - value, joint, *line);
+        }
+        let Some(beyond) = load.beyond else { return };
+        let unit = self.unit(limit, beyond.joint);
+        let Peak { value, limit: most, .. } = load.peaks[beyond.joint];
+        let part = self.part(limit, beyond.joint);
+        self.result.breaks.push(Break {
+            limit,
+            line: moves[beyond.at.number].line,
+            file: moves[beyond.at.number].path.file,
+            pose: beyond.at.pose,
+            step: beyond.at.number,
+            share: beyond.at.share,
+            text: format!(
+                "{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}"
+            ),
+        });
+    }
+
+    /// Axis limits hold on a straight line that ends within them.
+    fn check_axes(&mut self, leg: &Leg, end: &[f64; 6]) {
+        let slack = ROUNDING * self.config.machine.size();
+        for (k, axis) in self.config.axes.iter().enumerate() {
+            let (low, high) = (end[k] - axis.min, axis.max - end[k]);
+            let margin = low.min(high);
+            if !margin.is_finite() {
+                continue;
+            }
+            self.note(Limit::Axis, margin, k, leg.line);
+            let before = (leg.from[k] - axis.min).min(axis.max - leg.from[k]);
+            if margin < -slack {
+                let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
+                let found = Found { share, part: k, fault: None };
+                self.tell(leg, Limit::Axis, &found, margin);
+            }
+        }
+    }
+
+    fn follow(&mut self, leg: &Leg) {
+        let size = self.config.machine.size();
+        let turn: f64 = leg.delta[3..].iter().map(|d| d.abs().to_radians()).sum();
+        let extent = length(&leg.delta) + turn * size / 2.0;
+        let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
+        let mut firsts = Firsts::default();
+        let mut load = 0.0;
+        let mut open = vec![(0.0, 1.0)];
+        while let Some((from, to)) = open.pop() {
+            if !self.is_done(leg, from, to, shortest, &mut firsts, &mut load) {
+                let middle = (from + to) / 2.0;
+                open.extend([(middle, to), (from, middle)]);
+            }
+        }
+        self.note_load(leg, load);
+        if firsts.iter().any(Option::is_some) {
+            let worst = self.sample(leg);
+            for ((limit, found), worst) in Limit::ALL.into_iter().zip(firsts).zip(worst) {
+                if let Some(found) = found {
+                    self.tell(leg, limit, &found, worst);
+                }
+            }
+        }
+    }
+
+    /// Whether a piece needs no halving; what is found goes into `firsts`.
+    fn is_done(
+        &mut self,
+        leg: &Leg,
+        from: f64,
+        to: f64,
+        shortest: f64,
+        firsts: &mut Firsts,
+        load: &mut f64,
+    ) -> bool {
+        let reach = &mut firsts[Limit::Reach as usize];
+        if reach.is_some_and(|found| found.share <= from) {
+            // Beyond a place that cannot be reached nothing is known.
+            return true;
+        }
+        self.result.pieces += 1;
+        let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
+        let is_short = to - from <= shortest;
+        let pose = leg.at(middle);
+        let way = match self.reach.way(&pose, &leg.delta.map(|d| d * half)) {
+            Ok(way) => way,
+            Err(fault) => {
+                earlier(reach, Found { share: middle, part: 0, fault: Some(fault) });
+                return is_short;
+            }
+        };
+        self.weigh(&way, &pose, leg, half);
+        let checks = std::mem::take(&mut self.checks);
+        let mut done = true;
+        for check in &checks {
+            let kind = check.limit as usize;
+            let first = &mut firsts[kind];
+            if check.limit == Limit::Speed {
+                *load = load.max(1.0 - check.seen / check.range);
+                done &= is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
+                continue;
+            }
+            if check.seen < 0.0 {
+                earlier(first, Found { share: middle, part: check.part, fault: None });
+            }
+            if first.is_some_and(|found| found.share <= from) {
+                continue;
+            }
+            let fails = check.proved < 0.0;
+            // Where nothing is known, reach is what fails.
+            if fails && is_short && check.proved.is_finite() {
+                earlier(first, Found { share: from, part: check.part, fault: None });
+            }
+            let least = self.least[kind].min(check.seen);
+            done &= is_short || !(fails || check.is_coarse(least, 1.0));
+        }
+        if done {
+            for check in &checks {
+                let first = &firsts[check.limit as usize];
+                if first.is_none_or(|found| found.share > from) {
+                    self.close(check, leg, load);
+                }
+            }
+            self.keep_place(leg, middle, &pose, &way, &checks);
+        }
+        self.checks = checks;
+        done
+    }
+
+    /// What a piece contributes that stays as it is.
+    fn close(&mut self, check: &Check, leg: &Leg, load: &mut f64) {
+        let kind = check.limit as usize;
+        self.least[kind] = self.least[kind].min(check.seen);
+        if check.limit == Limit::Speed {
+            *load = load.max(1.0 - check.proved / check.range);
+            return;
+        }
+        if check.limit != Limit::Reach && check.proved.is_finite() {
+            self.note(check.limit, check.proved.min(check.seen), check.part, leg.line);
+        }
+    }
+
+    /// Margins of all limits over a piece with this half width, into `checks`.
+    fn weigh(&mut self, way: &Way, pose: &[f64; 6], leg: &Leg, half: f64) {
+        let config = self.config;
+        self.checks.clear();
+        let mut add = |limit, part, seen: f64, proved: f64, range| {
+            // What is not a number proves nothing.
+            let proved = if proved.is_nan() { UNKNOWN } else { proved };
+            self.checks.push(Check { limit, part, seen, proved, range });
+        };
+        let per_second = if leg.duration > 0.0 { 1.0 / (leg.duration * half) } else { 0.0 };
+        for (i, (course, joint)) in way.joints.iter().zip(&config.joints).enumerate() {
+            let within = |low: f64, high: f64| (low - joint.min).min(joint.max - high);
+            let (low, high) = course.range();
+            let seen = within(course.middle, course.middle);
+            add(Limit::Joint, i, seen, within(low, high), joint.max - joint.min);
+            let known = course.bend.is_finite();
+            add(Limit::Reach, i, 1.0, if known { 1.0 } else { -1.0 }, 1.0);
+            if leg.duration > 0.0 {
+                let limit = joint.max_velocity;
+                let seen = limit - course.slope * per_second;
+                add(Limit::Speed, i, seen, seen - course.bend * per_second, limit);
+            }
+        }
+        let cones = [
+            (Limit::BaseCone, &way.base, &config.base_cone),
+            (Limit::PlatformCone, &way.platform, &config.platform_cone),
+        ];
+        for (limit, courses, cones) in cones {
+            for (i, (course, cone)) in courses.iter().zip(cones).enumerate() {
+                let Some(cone) = *cone else { continue };
+                let known = course.bend.is_finite();
+                let margin = |cosine: f64| cone - cosine.clamp(-1.0, 1.0).acos().to_degrees();
+                let proved = if known { margin(course.range().0) } else { UNKNOWN };
+                add(limit, i, margin(course.middle), proved, cone);
+            }
+        }
+        for gap in &way.gaps {
+            let Some(limit) = config.clearance else { continue };
+            let [i, j] = gap.pair;
+            let part = i * MAX_LEGS + j;
+            add(Limit::Clearance, part, gap.middle - limit, gap.least - limit, limit);
+        }
+        let seen = self.reach.conditioning(pose) - config.conditioning_limit;
+        let known = way.joints.iter().all(|course| course.bend.is_finite());
+        let proved = match way.holds {
+            true => seen - way.drift,
+            false if known => -1.0,
+            false => UNKNOWN,
+        };
+        add(Limit::Hold, 0, seen, proved, 1.0);
+    }
+
+    fn note(&mut self, limit: Limit, value: f64, part: usize, line: u32) {
+        let margin = &mut self.margins[limit as usize];
+        if margin.is_none_or(|(least, ..)| value < least) {
+            *margin = Some((value, part, line));
+        }
+    }
+
+    fn note_load(&mut self, leg: &Leg, load: f64) {
+        if leg.duration == 0.0 {
+            return;
+        }
+        let factor = 1.0 / load;
+        self.result.feed_factor = self.result.feed_factor.min(factor);
+        match self.result.lines.last_mut() {
+            Some(last) if last.line == leg.line => last.factor = last.factor.min(factor),
+            _ => self.result.lines.push(LineLoad { line: leg.line, factor }),
+        }
+    }
+
+    /// How far a move leaves its limits: least margins seen.
+    fn sample(&mut self, leg: &Leg) -> [f64; Limit::ALL.len()] {
+        let mut worst = [f64::INFINITY; Limit::ALL.len()];
+        let half = 0.5 / SAMPLES as f64;
+        for n in 0..=SAMPLES {
+            let pose = leg.at(n as f64 / SAMPLES as f64);
+            let Ok(way) = self.reach.way(&pose, &leg.delta.map(|d| d * half)) else { continue };
+            self.weigh(&way, &pose, leg, half);
+            for check in std::mem::take(&mut self.checks) {
+                let worst = &mut worst[check.limit as usize];
+                *worst = worst.min(check.seen);
+                if check.seen < 0.0 && check.limit != Limit::Speed {
+                    self.note(check.limit, check.seen, check.part, leg.line);
+                }
+            }
+        }
+        worst
+    }
+
+    fn keep_place(&mut self, leg: &Leg, share: f64, pose: &[f64; 6], way: &Way, checks: &[Check]) {
+        if !self.keep {
+            return;
+        }
+        let shares =
+            checks.iter().filter(|check| !check.limit.is_of_feed() && check.limit != Limit::Reach);
+        let mut joints = [0.0; MAX_JOINTS];
+        joints
+            .iter_mut()
+            .zip(&way.joints)
+            .for_each(|(joint, Course { middle, .. })| *joint = *middle);
+        let mut speeds = [0.0; MAX_JOINTS];
+        for check in checks.iter().filter(|check| check.limit == Limit::Speed) {
+            speeds[check.part] = 1.0 - check.seen / check.range;
+        }
+        self.result.places.push(Place {
+            time: self.result.time + share * leg.duration,
+            line: leg.line,
+            pose: *pose,
+            joints,
+            speeds,
+            margin: shares.map(|check| check.seen / check.range).fold(f64::INFINITY, f64::min),
+        });
+    }
+
+    /// Tells a break, if it is the first of its limit; `worst` is the least margin of the move.
+    fn tell(&mut self, leg: &Leg, limit: Limit, found: &Found, worst: f64) {
+        let order = (leg.number, found.share);
+        let told = self.result.breaks.iter().position(|told| told.limit == limit);
+        if let Some(told) = told {
+            let first = &self.result.breaks[told];
+            if (first.step, first.share) <= order {
+                return;
+            }
+            self.result.breaks.remove(told);
+        }
+        self.result.breaks.push(Break {
+            limit,
+            line: leg.line,
+            file: leg.file,
+            pose: leg.at(found.share),
+            step: leg.number,
+            share: found.share,
+            text: self.sentence(limit, found, worst),
+        });
+    }
+
+    fn sentence(&self, limit: Limit, found: &Found, worst: f64) -> String {
+        if let Some(fault) = found.fault {
+            return fault.to_string();
+        }
+        let part = self.part(limit, found.part);
+        let bound = self.bound(limit, found.part);
+        match limit {
+            Limit::Reach => format!("{part} comes too near to a dead point"),
+            Limit::Hold if worst < 0.0 => format!(
+                "the legs hardly hold the platform: conditioning {:.4} on this move (0: a singular \
+                 pose), where pkmkins stops the machine at {bound}",
+                worst + self.config.conditioning_limit
+            ),
+            _ if worst < 0.0 => {
+                let unit = self.unit(limit, found.part);
+                format!("{part} leaves its limit of {bound}, on this move by {:.4} {unit}", -worst)
+            }
+            _ => format!("{part} touches its limit of {bound}"),
+        }
+    }
+
+    /// The limit of a part, with its unit.
+    fn bound(&self, limit: Limit, part: usize) -> String {
+        let unit = self.unit(limit, part);
+        let config = self.config;
+        let cone = |cones: &[Option<f64>]| cones[part].unwrap_or(180.0);
+        let value = match limit {
+            Limit::Axis => {
+                return format!("{} to {} {unit}", config.axes[part].min, config.axes[part].max);
+            }
+            Limit::Joint => {
+                return format!(
+                    "{} to {} {unit}",
+                    config.joints[part].min, config.joints[part].max
+                );
+            }
+            Limit::BaseCone => cone(&config.base_cone),
+            Limit::PlatformCone => cone(&config.platform_cone),
+            Limit::Speed => config.joints[part].max_velocity,
+            Limit::Acceleration => config.joints[part].max_acceleration,
+            Limit::Hold => config.conditioning_limit,
+            Limit::Clearance => config.clearance.unwrap_or(0.0),
+            Limit::Reach => 0.0,
+        };
+        format!("{value} {unit}").trim_end().into()
+    }
+
+    fn part(&self, limit: Limit, part: usize) -> String {
+        let joint = || self.config.joints[part].name.clone();
+        match limit {
+            Limit::Axis => format!("axis {}", Letter::ALL[part].name()),
+            Limit::Reach | Limit::Joint => joint(),
+            Limit::BaseCone => format!("the base joint of leg {part}"),
+            Limit::PlatformCone => format!("the platform joint of leg {part}"),
+            Limit::Hold => "the conditioning".into(),
+            Limit::Clearance => {
+                format!("the distance of legs {} and {}", part / MAX_LEGS, part % MAX_LEGS)
+            }
+            Limit::Speed => format!("the speed of {}", joint()),
+            Limit::Acceleration => format!("the acceleration of {}", joint()),
+        }
+    }
+
+    fn unit(&self, limit: Limit, part: usize) -> String {
+        let joint = || self.config.unit(self.config.joints[part].kind);
+        match limit {
+            Limit::Axis if Letter::ALL[part].is_angle() => "degrees".into(),
+            Limit::Axis => self.config.length_unit().into(),
+            Limit::Clearance => self.config.length_unit().into(),
+            Limit::Joint => joint().into(),
+            Limit::BaseCone | Limit::PlatformCone => "degrees".into(),
+            Limit::Speed => format!("{}/s", joint()),
+            Limit::Acceleration => format!("{}/s²", joint()),
+            Limit::Reach | Limit::Hold => String::new(),
+        }
+    }
+
+    fn finish(mut self, moves: &[Move]) -> Preflight {
+        self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
+        for limit in Limit::ALL {
+            let Some((value, part, line)) = self.margins[limit as usize] else { continue };
+            let (unit, part) = (self.unit(limit, part), self.part(limit, part));
+            self.result.margins.push(Margin { limit, value, unit, part, line });
+        }
+        if let Some(first) = self.result.breaks.first() {
+            let mut at = self.config.home;
+            let mut kept = 0.0;
+            for (n, step) in moves.iter().enumerate().take(first.step + 1) {
+                let long = length(&std::array::from_fn(|k| step.end[k] - at[k]));
+                kept += if n < first.step { long } else { first.share * long };
+                at = step.end;
+            }
+            // A program that only turns has no length.
+            self.result.runnable =
+                if self.result.length > 0.0 { kept / self.result.length } else { 0.0 };
+        }
+        self.result
+    }
+}
+
+fn earlier(first: &mut Option<Found>, found: Found) {
+    if first.is_none_or(|first| found.share < first.share) {
+        *first = Some(found);
+    }
+}
+
+fn length(delta: &[f64; 6]) -> f64 {
+    delta[..3].iter().map(|d| d * d).sum::<f64>().sqrt()
+}

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Programs of random moves that a machine can run: every straight line was followed
+//! beforehand, and its feed is one that all joints can keep up with.
+
+use crate::read::machine::{ConeAngles, MachineConfig};
+use kinematics::{Joints, Letter, MAX_JOINTS, Pose, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use std::fmt::Write;
+
+/// Share of a joint's limits of speed and acceleration that a move may use: blending
+/// corners and cubic interpolation need some as well.
+const SHARE: f64 = 0.6;
+
+/// Joints and cones keep this share of their range from its ends.
+const MARGIN: f64 = 0.02;
+
+/// Places looked at along one move or tool change.
+const PLACES: usize = 200;
+
+/// Moves tried before a machine counts as one that cannot move.
+const TRIES: usize = 2000;
+
+/// One tool change a number of moves.
+const MOVES_PER_TOOL: u32 = 8;
+
+/// A program of at least `seconds` of motion from the machine's home; the same seed
+/// gives the same program.
+///
+/// # Errors
+/// No legal move is found from some pose.
+pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result<String, String> {
+    let mut walk = Walk {
+        config,
+        rng: Pcg64::seed_from_u64(seed),
+        pose: config.home,
+        tool: Vector3::zeros(),
+        time: 0.0,
+        text: format!("(random moves, seed {seed})\nG21 G17 G40 G49 G80 G90 G94 G64\nM52 P1\n"),
+    };
+    if config.units_per_mm != 1.0 {
+        walk.text = walk.text.replace("G21", "G20");
+    }
+    while walk.time < seconds {
+        if walk.rng.random_range(0..MOVES_PER_TOOL) == 0 {
+            walk.change_tool();
+        } else {
+            walk.go()?;
+        }
+    }
+    walk.text += "M2\n";
+    Ok(walk.text)
+}
+
+struct Walk<'a> {
+    config: &'a MachineConfig,
+    rng: Pcg64,
+    /// The commanded pose, tool offset included.
+    pose: [f64; 6],
+    /// Tool offset, without that of the spindle.
+    tool: Vector3<f64>,
+    /// Least duration of the program so far.
+    time: f64,
+    text: String,
+}
+
+impl Walk<'_> {
+    /// Another tool offset where no leg leaves its range on the way, else none.
+    fn change_tool(&mut self) {
+        let reach = 0.2 * self.config.machine.radius();
+        let next = if self.rng.random_range(0..3) == 0 {
+            Vector3::zeros()
+        } else {
+            let mut part = |low: f64, high: f64| round(self.rng.random_range(low..high) * reach);
+            Vector3::new(part(-0.3, 0.3), part(-0.3, 0.3), part(0.0, 1.0))
+        };
+        let from = self.tool;
+        let way = |share: f64| (self.pose, from + (next - from) * share);
+        if self.followed(way).is_none() {
+            return;
+        }
+        self.tool = next;
+        let line = if next == Vector3::zeros() {
+            writeln!(self.text, "G49")
+        } else {
+            writeln!(self.text, "G43.1 X{} Y{} Z{}", next.x, next.y, next.z)
+        };
+        line.expect("a string takes any text");
+    }
+
+    fn go(&mut self) -> Result<(), String> {
+        for _ in 0..TRIES {
+            let next = self.draw();
+            let (from, tool) = (self.pose, self.tool);
+            let way =
+                |share: f64| (std::array::from_fn(|i| from[i] + share * (next[i] - from[i])), tool);
+            if let Some(seconds) = self.followed(way) {
+                // Slow moves too.
+                let slower: f64 = self.rng.random_range(1.0..2.0);
+                self.write_move(&next, seconds * slower);
+                return Ok(());
+            }
+        }
+        Err(format!("no legal move found from {:?} in {TRIES} tries", self.pose))
+    }
+
+    /// An end point in the axis limits: near or far, in places, in angles or in both.
+    fn draw(&mut self) -> [f64; 6] {
+        let share: f64 = self.rng.random_range(0.05..1.0);
+        let what = self.rng.random_range(0..4);
+        let mut next = self.pose;
+        for letter in Letter::ALL {
+            let i = letter.index();
+            let axis = &self.config.axes[i];
+            let free = !self.config.machine.layout().is_held(letter) && axis.max > axis.min;
+            if free && what != usize::from(letter.is_angle()) && axis.max - axis.min < 1e6 {
+                let to = self.rng.random_range(axis.min..axis.max);
+                next[i] = round(self.pose[i] + share * (to - self.pose[i]));
+            }
+        }
+        next
+    }
+
+    /// Least seconds for the way, `None` where a joint or cone leaves its range, or forward
+    /// does not come along.
+    fn followed(&self, way: impl Fn(f64) -> ([f64; 6], Vector3<f64>)) -> Option<f64> {
+        let mut joints = Vec::with_capacity(PLACES + 1);
+        let mut seed = Pose::from_degrees(way(0.0).0);
+        for k in 0..=PLACES {
+            let (pose, offset) = way(k as f64 / PLACES as f64);
+            let (pose, tool) = (Pose::from_degrees(pose), self.config.spindle + offset);
+            let here = self.config.machine.inverse(&pose, &tool).ok()?;
+            let found =
+                self.config.machine.forward(&here, &seed, &tool, &self.config.solver).ok()?;
+            seed = found.pose;
+            let in_range = self.joints_in_range(&here) && self.cones_in_range(&pose, &tool)?;
+            if !in_range {
+                return None;
+            }
+            joints.push(here);
+        }
+        let (from, to) = (way(0.0).0, way(1.0).0);
+        Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
+    }
+
+    fn joints_in_range(&self, joints: &Joints) -> bool {
+        self.config.joints.iter().zip(joints).all(|(limits, joint)| {
+            let keep = MARGIN * (limits.max - limits.min);
+            (limits.min + keep..=limits.max - keep).contains(joint)
+        })
+    }
+
+    fn cones_in_range(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<bool> {
+        let ConeAngles { base, platform } = self.config.cone_angles(pose, tool).ok()?;
+        let inside = |(angle, limit): (f64, &Option<f64>)| {
+            limit.is_none_or(|limit| angle <= limit * (1.0 - MARGIN))
+        };
+        let of_base = base.into_iter().zip(&self.config.base_cone).all(inside);
+        Some(of_base && platform.into_iter().zip(&self.config.platform_cone).all(inside))
+    }
+
+    /// Seconds in which the joints run through these values, evenly apart in time.
+    fn joint_seconds(&self, joints: &[Joints]) -> f64 {
+        let count = (joints.len() - 1) as f64;
+        let mut seconds = 0.0_f64;
+        for (i, limits) in self.config.joints.iter().enumerate().take(MAX_JOINTS) {
+            for three in joints.windows(3) {
+                let rate = (three[1][i] - three[0][i]).abs() * count;
+                let change = (three[2][i] - 2.0 * three[1][i] + three[0][i]).abs() * count * count;
+                seconds = seconds
+                    .max(rate / (SHARE * limits.max_velocity))
+                    .max((change / (SHARE * limits.max_acceleration)).sqrt());
+            }
+        }
+        seconds
+    }
+
+    fn axis_seconds(&self, from: &[f64; 6], to: &[f64; 6]) -> f64 {
+        let axes = self.config.axes.iter().zip(from.iter().zip(to));
+        axes.map(|(axis, (a, b))| (b - a).abs() / axis.max_velocity).fold(0.0, f64::max)
+    }
+
+    fn write_move(&mut self, next: &[f64; 6], seconds: f64) {
+        let part = |range: std::ops::Range<usize>| {
+            range.map(|i| (next[i] - self.pose[i]).powi(2)).sum::<f64>().sqrt()
+        };
+        let (linear, angular) = (part(0..3), part(3..6));
+        // LinuxCNC's rule: the feed is that of X Y Z together where one of them moves.
+        let length = if linear > 0.0 { linear } else { angular };
+        if length == 0.0 {
+            return;
+        }
+        let mut line = format!("G1 F{:.4}", 60.0 * length / seconds);
+        for letter in Letter::ALL {
+            let i = letter.index();
+            if next[i] != self.pose[i] {
+                let offset = if i < 3 { self.tool[i] } else { 0.0 };
+                write!(line, " {}{}", letter.name(), round(next[i] - offset))
+                    .expect("a string takes any text");
+            }
+        }
+        self.text += &line;
+        self.text += "\n";
+        self.pose = *next;
+        self.time += seconds;
+    }
+}
+
+/// To what a program line shows.
+fn round(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}

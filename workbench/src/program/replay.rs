@@ -1,0 +1,529 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Programs replayed without a machine: moves, poses at the servo period, inverse,
+//! forward seeded by the pose before.
+//!
+//! Between its end points a move runs at constant speed; acceleration and blending
+//! are left out, so that speeds are upper bounds for straight pieces.
+
+use crate::program::interpreter::{Move, MoveKind};
+use crate::read::machine::{ConeAngles, Group, MachineConfig};
+use kinematics::{Certificate, Fault, Joints, Letter, PerLeg, Pose, Solution, Vector3};
+use std::fmt;
+
+/// A value and the program line it occurred in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct At {
+    /// The value.
+    pub value: f64,
+    /// Line of the program, counted from 1.
+    pub line: u32,
+}
+
+/// Smallest and largest value seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Smallest.
+    pub min: At,
+    /// Largest.
+    pub max: At,
+}
+
+impl Range {
+    const EMPTY: Self = Self {
+        min: At { value: f64::INFINITY, line: 0 },
+        max: At { value: f64::NEG_INFINITY, line: 0 },
+    };
+
+    fn add(&mut self, value: f64, line: u32) {
+        if value < self.min.value {
+            self.min = At { value, line };
+        }
+        if value > self.max.value {
+            self.max = At { value, line };
+        }
+    }
+}
+
+/// What a replay found. Lengths in machine units, angles in degrees, time in seconds.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    /// Moves with a length.
+    pub moves: usize,
+    /// Poses computed, one a servo period.
+    pub poses: usize,
+    /// Duration.
+    pub time: f64,
+    /// Largest distance ‖(Δp, r·turn)‖ between a pose and forward of its joints.
+    pub mismatch: At,
+    /// The same, as a share of the machine's size.
+    pub relative_mismatch: f64,
+    /// Most iterations of one forward call.
+    pub iterations_max: u32,
+    /// Mean of the iterations.
+    pub iterations_mean: f64,
+    /// Share of the poses that one certified ball proved.
+    pub certified: f64,
+    /// The joints by kind.
+    pub groups: Vec<Group>,
+    /// Joint values, per joint.
+    pub joints: Vec<Range>,
+    /// Pose coordinates x y z a b c.
+    pub pose: [Range; 6],
+    /// Largest amount of a nut correction.
+    pub correction: At,
+    /// Largest cone angle at the base, per leg.
+    pub base_cone: Vec<At>,
+    /// Largest cone angle at the platform, per leg.
+    pub platform_cone: Vec<At>,
+    /// Largest joint speed, per joint.
+    pub joint_speed: Vec<At>,
+    /// Largest move of a joint by a change of the tool length alone, in its unit.
+    pub tool_step: At,
+    /// Least |cos| between a rod and the motion of its lower end, 0 at a dead point;
+    /// `None` where every leg is a strut.
+    pub least_drive: Option<At>,
+}
+
+/// Where a replay ended early.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReplayFault {
+    /// Line of the program, counted from 1.
+    pub line: u32,
+    /// The pose asked for: x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
+    /// Whether forward failed (else inverse).
+    pub forward: bool,
+    /// Why.
+    pub fault: Fault,
+}
+
+impl fmt::Display for ReplayFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let call = if self.forward { "forward" } else { "inverse" };
+        write!(f, "line {}: {call} at {:?}: {}", self.line, self.pose, self.fault)
+    }
+}
+
+impl std::error::Error for ReplayFault {}
+
+/// Replays moves at the given period (seconds).
+///
+/// # Errors
+/// The first pose at which inverse or forward fails.
+pub fn replay(config: &MachineConfig, moves: &[Move], period: f64) -> Result<Replay, ReplayFault> {
+    replay_seen(config, moves, period, |_| ())
+}
+
+/// One pose of a replay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visit {
+    /// Seconds since the first pose.
+    pub time: f64,
+    /// Line of the program, counted from 1.
+    pub line: u32,
+    /// x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
+    /// Joint values.
+    pub joints: Joints,
+    /// Nut corrections.
+    pub corrections: PerLeg,
+    /// Tool vector, spindle offset included.
+    pub tool: [f64; 3],
+}
+
+/// As [`replay`]; `see` is shown every pose.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_seen(
+    config: &MachineConfig,
+    moves: &[Move],
+    period: f64,
+    mut see: impl FnMut(&Visit),
+) -> Result<Replay, ReplayFault> {
+    let mut player = Player::new(config, period, &mut see);
+    for step in moves {
+        player.change_tool(step)?;
+        player.play(step)?;
+    }
+    Ok(player.finish())
+}
+
+/// Seconds a move takes: feed or rapid speed, slowed down to the limits of the axes.
+///
+/// LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, else
+/// that of A B C together.
+pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
+    let delta: [f64; 6] = std::array::from_fn(|i| step.end[i] - from[i]);
+    let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
+    let (linear, angular) = (norm(&delta[..3]), norm(&delta[3..]));
+    let slowest_axis = delta
+        .iter()
+        .zip(&config.axes)
+        .map(|(d, axis)| d.abs() / axis.max_velocity)
+        .fold(0.0, f64::max);
+    let limited = slowest_axis.max(linear / config.max_linear_velocity).max(if linear == 0.0 {
+        angular / config.max_angular_velocity
+    } else {
+        0.0
+    });
+    match step.kind {
+        MoveKind::Rapid => limited,
+        _ if linear > 0.0 => limited.max(linear / step.feed),
+        _ if angular > 0.0 => limited.max(angular / step.angular_feed),
+        _ => 0.0,
+    }
+}
+
+/// Seconds that all moves take, from `[TRAJ]HOME` on.
+pub fn duration_of_all(config: &MachineConfig, moves: &[Move]) -> f64 {
+    let starts = std::iter::once(config.home).chain(moves.iter().map(|step| step.end));
+    starts.zip(moves).map(|(from, step)| duration(config, &from, step)).sum()
+}
+
+struct Player<'a> {
+    config: &'a MachineConfig,
+    period: f64,
+    see: &'a mut dyn FnMut(&Visit),
+    at: [f64; 6],
+    tool: Vector3<f64>,
+    joints: Option<Joints>,
+    seed: Pose,
+    iterations: u64,
+    proved: usize,
+    result: Replay,
+}
+
+impl<'a> Player<'a> {
+    fn new(config: &'a MachineConfig, period: f64, see: &'a mut dyn FnMut(&Visit)) -> Self {
+        let nowhere = At { value: 0.0, line: 0 };
+        Self {
+            config,
+            period,
+            see,
+            at: config.home,
+            tool: config.spindle,
+            joints: None,
+            seed: config.home_pose(),
+            iterations: 0,
+            proved: 0,
+            result: Replay {
+                moves: 0,
+                poses: 0,
+                time: 0.0,
+                mismatch: nowhere,
+                relative_mismatch: 0.0,
+                iterations_max: 0,
+                iterations_mean: 0.0,
+                certified: 0.0,
+                groups: config.groups(),
+                joints: vec![Range::EMPTY; config.joints.len()],
+                pose: [Range::EMPTY; 6],
+                correction: nowhere,
+                base_cone: vec![nowhere; config.legs()],
+                platform_cone: vec![nowhere; config.legs()],
+                joint_speed: vec![nowhere; config.joints.len()],
+                tool_step: nowhere,
+                least_drive: None,
+            },
+        }
+    }
+
+    /// A new tool length leaves the commanded pose and moves the joints, unless the
+    /// platform is level.
+    fn change_tool(&mut self, step: &Move) -> Result<(), ReplayFault> {
+        let tool = self.config.spindle + Vector3::from(step.tool);
+        if tool == self.tool {
+            return Ok(());
+        }
+        let before = self.joints;
+        self.tool = tool;
+        self.joints = None;
+        let after = self.visit(self.at, step.line)?;
+        for (old, new) in before.iter().flatten().zip(after) {
+            larger(&mut self.result.tool_step, (new - old).abs(), step.line);
+        }
+        Ok(())
+    }
+
+    fn play(&mut self, step: &Move) -> Result<(), ReplayFault> {
+        let from = self.at;
+        let duration = duration(self.config, &from, step);
+        let periods = (duration / self.period).ceil().max(1.0);
+        for k in 1..=periods as u64 {
+            let share = k as f64 / periods;
+            let pose = std::array::from_fn(|i| from[i] + share * (step.end[i] - from[i]));
+            self.visit(pose, step.line)?;
+        }
+        self.at = step.end;
+        self.result.moves += usize::from(duration > 0.0);
+        Ok(())
+    }
+
+    /// Inverse, forward and the records of one pose.
+    fn visit(&mut self, pose: [f64; 6], line: u32) -> Result<Joints, ReplayFault> {
+        let asked = Pose::from_degrees(pose);
+        let failed = |forward| move |fault| ReplayFault { line, pose, forward, fault };
+        let machine = &self.config.machine;
+        let joints = machine.inverse(&asked, &self.tool).map_err(failed(false))?;
+        let solution = machine
+            .forward(&joints, &self.seed, &self.tool, &self.config.solver)
+            .map_err(failed(true))?;
+        self.seed = solution.pose;
+        self.note_solution(&asked, &solution, line);
+        let corrections = self.note_pose(&asked, line).map_err(failed(false))?;
+        self.note_joints(&joints, line);
+        for (range, value) in self.result.pose.iter_mut().zip(pose) {
+            range.add(value, line);
+        }
+        self.joints = Some(joints);
+        let time = (self.result.poses - 1) as f64 * self.period;
+        (self.see)(&Visit { time, line, pose, joints, corrections, tool: self.tool.into() });
+        Ok(joints)
+    }
+
+    fn note_solution(&mut self, asked: &Pose, solution: &Solution, line: u32) {
+        let distance = asked.distance(&solution.pose, self.config.machine.radius());
+        larger(&mut self.result.mismatch, distance, line);
+        self.result.iterations_max = self.result.iterations_max.max(solution.iterations);
+        self.iterations += u64::from(solution.iterations);
+        let ball = matches!(solution.certificate, Certificate::Ball(_));
+        self.proved += usize::from(ball && solution.sub_steps == 1);
+        self.result.poses += 1;
+    }
+
+    /// Records of one pose; its nut corrections.
+    fn note_pose(&mut self, asked: &Pose, line: u32) -> Result<PerLeg, Fault> {
+        let corrections = self.config.machine.corrections(asked, &self.tool)?;
+        for correction in corrections {
+            larger(&mut self.result.correction, correction.abs(), line);
+        }
+        let ConeAngles { base, platform } = self.config.cone_angles(asked, &self.tool)?;
+        let records = self.result.base_cone.iter_mut().chain(&mut self.result.platform_cone);
+        for (record, angle) in records.zip(base.into_iter().chain(platform)) {
+            larger(record, angle, line);
+        }
+        if let Some(value) = self.config.least_drive(asked, &self.tool)?
+            && self.result.least_drive.is_none_or(|least| value < least.value)
+        {
+            self.result.least_drive = Some(At { value, line });
+        }
+        Ok(corrections)
+    }
+
+    fn note_joints(&mut self, joints: &Joints, line: u32) {
+        for (i, joint) in joints.iter().enumerate().take(self.result.joints.len()) {
+            self.result.joints[i].add(*joint, line);
+            if let Some(before) = self.joints {
+                let speed = (joint - before[i]).abs() / self.period;
+                larger(&mut self.result.joint_speed[i], speed, line);
+            }
+        }
+    }
+
+    fn finish(self) -> Replay {
+        let poses = self.result.poses.max(1) as f64;
+        Replay {
+            time: self.result.poses as f64 * self.period,
+            relative_mismatch: self.result.mismatch.value / self.config.machine.size(),
+            iterations_mean: self.iterations as f64 / poses,
+            certified: self.proved as f64 / poses,
+            ..self.result
+        }
+    }
+}
+
+fn larger(record: &mut At, value: f64, line: u32) {
+    if value > record.value {
+        *record = At { value, line };
+    }
+}
+
+impl Replay {
+    /// Every limit of the machine that the program leaves, one sentence each.
+    pub fn violations(&self, config: &MachineConfig) -> Vec<String> {
+        let mut found = vec![];
+        for (i, (range, joint)) in self.joints.iter().zip(&config.joints).enumerate() {
+            let unit = config.unit(joint.kind);
+            check_range(&mut found, &joint.name, unit, range, joint.min, joint.max);
+            let name = format!("speed of {}", joint.name);
+            let speed = self.joint_speed[i];
+            check_most(&mut found, &name, &format!("{unit}/s"), speed, joint.max_velocity);
+        }
+        for (letter, (range, axis)) in Letter::ALL.iter().zip(self.pose.iter().zip(&config.axes)) {
+            let name = format!("axis {}", letter.name());
+            let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
+            check_range(&mut found, &name, unit, range, axis.min, axis.max);
+        }
+        let cones = [
+            ("base", &self.base_cone, &config.base_cone),
+            ("platform", &self.platform_cone, &config.platform_cone),
+        ];
+        for (body, angles, limits) in cones {
+            for (i, (angle, limit)) in angles.iter().zip(limits).enumerate() {
+                let limit = limit.unwrap_or(f64::INFINITY);
+                let name = format!("cone angle of {body} joint {i}");
+                check_most(&mut found, &name, "degrees", *angle, limit);
+            }
+        }
+        found
+    }
+}
+
+fn check_range(found: &mut Vec<String>, name: &str, unit: &str, range: &Range, min: f64, max: f64) {
+    if range.min.value < min {
+        let At { value, line } = range.min;
+        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, below {min}"));
+    }
+    check_most(found, name, unit, range.max, max);
+}
+
+fn check_most(found: &mut Vec<String>, name: &str, unit: &str, At { value, line }: At, max: f64) {
+    if value > max {
+        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, above {max}"));
+    }
+}
+
+impl fmt::Display for Replay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let most = |values: &[At]| values.iter().fold(0.0, |most: f64, at| most.max(at.value));
+        writeln!(f, "moves {}, poses {}, {:.1} s", self.moves, self.poses, self.time)?;
+        writeln!(
+            f,
+            "forward(inverse): within {:.2e} ({:.2e} of size), line {}",
+            self.mismatch.value, self.relative_mismatch, self.mismatch.line
+        )?;
+        writeln!(
+            f,
+            "iterations: most {}, mean {:.3}; certified {:.4} %",
+            self.iterations_max,
+            self.iterations_mean,
+            self.certified * 100.0
+        )?;
+        writeln!(
+            f,
+            "largest correction {:.4}, line {}",
+            self.correction.value, self.correction.line
+        )?;
+        writeln!(
+            f,
+            "largest cone angle: base {:.2}, platform {:.2} degrees",
+            most(&self.base_cone),
+            most(&self.platform_cone)
+        )?;
+        for group in &self.groups {
+            self.write_group(f, group)?;
+        }
+        if let Some(At { value, line }) = self.least_drive {
+            writeln!(f, "nearest to a dead point: cosine {value:.3}, line {line}")?;
+        }
+        write!(f, "tool changes move joints by {:.2e}", self.tool_step.value)
+    }
+}
+
+impl Replay {
+    fn write_group(&self, f: &mut fmt::Formatter<'_>, group: &Group) -> fmt::Result {
+        let Group { kind, unit, joints } = group;
+        let ranges = || joints.iter().map(|i| &self.joints[*i]);
+        let low = ranges().fold(f64::INFINITY, |low, r| low.min(r.min.value));
+        let high = ranges().fold(f64::NEG_INFINITY, |high, r| high.max(r.max.value));
+        let speed = joints.iter().fold(0.0, |most: f64, i| most.max(self.joint_speed[*i].value));
+        let name = kind.plural();
+        writeln!(f, "{name} {low:.3} to {high:.3} {unit}, at most {speed:.2} {unit}/s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn config_of(machine: &str) -> MachineConfig {
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        MachineConfig::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
+    }
+
+    fn config() -> MachineConfig {
+        config_of("hexapod")
+    }
+
+    fn rapid(line: u32, end: [f64; 6], tool_z: f64) -> Move {
+        let tool = [0.0, 0.0, tool_z];
+        Move {
+            kind: MoveKind::Rapid,
+            line,
+            end,
+            feed: 0.0,
+            angular_feed: 0.0,
+            tool,
+            path: Default::default(),
+        }
+    }
+
+    #[test]
+    fn a_tool_change_moves_no_joint_of_a_level_platform() {
+        let low = [20.0, 0.0, 220.0, 0.0, 0.0, 0.0];
+        let moves = [rapid(1, low, 0.0), rapid(2, low, 60.0)];
+        assert_eq!(replay(&config(), &moves, 1e-3).unwrap().tool_step.value, 0.0);
+    }
+
+    #[test]
+    fn a_tool_change_on_a_tilted_platform_is_seen() {
+        let tilted = [0.0, 0.0, 220.0, 20.0, 0.0, 0.0];
+        let moves = [rapid(1, tilted, 0.0), rapid(2, tilted, 60.0)];
+        let step = replay(&config(), &moves, 1e-3).unwrap().tool_step;
+        assert!(step.value > 1.0 && step.line == 2, "{step:?}");
+    }
+
+    #[test]
+    fn limits_left_are_named_with_their_line() {
+        let mut config = config();
+        (config.joints[3].max, config.axes[0].max, config.base_cone[0]) = (940.0, 10.0, Some(0.5));
+        let moves = [rapid(7, [20.0, 0.0, 200.0, 0.0, 0.0, 0.0], 0.0)];
+        let found = replay(&config, &moves, 1e-3).unwrap().violations(&config);
+        let starts = ["line 7: strut 3 reaches", "line 7: axis X reaches 20.000 mm, above 10"];
+        for start in starts.into_iter().chain(["line 7: cone angle of base joint 0 reaches"]) {
+            assert!(found.iter().any(|text| text.starts_with(start)), "{start}: {found:?}");
+        }
+        assert_eq!(found.len(), 3, "{found:?}");
+    }
+
+    #[test]
+    fn limits_are_told_in_the_words_and_units_of_the_joint() {
+        for (machine, joint, to, text) in [
+            ("four-rod-lathe", 1, [0.0, 0.0, 5.0], "carriage 1 reaches 1509.410 mm, above 1500"),
+            ("pyramid", 4, [4.0, 0.0, 0.0], "table X reaches 4.000 mm, above 3"),
+            ("rotary-delta", 2, [0.0, 0.0, -0.2], "arm 2 reaches 11.320 degrees, above 11"),
+        ] {
+            let mut config = config_of(machine);
+            config.joints[joint].max = text.rsplit(' ').next().unwrap().parse().unwrap();
+            let mut end = config.home;
+            (0..3).for_each(|i| end[i] += to[i]);
+            let found = replay(&config, &[rapid(7, end, 0.0)], 1e-3).unwrap().violations(&config);
+            assert_eq!(found, [format!("line 7: {text}")]);
+        }
+    }
+
+    #[test]
+    fn the_place_nearest_to_a_dead_point_is_found_where_there_are_rods() {
+        let mut end = config_of("four-rod-lathe").home;
+        end[1] += 30.0;
+        let moves = [rapid(7, end, 0.0)];
+        let least = replay(&config_of("four-rod-lathe"), &moves, 1e-3).unwrap().least_drive;
+        // Rods of 700 whose upper ends are (300, 480) away from their rails.
+        let expected = (700.0_f64.powi(2) - 300.0_f64.powi(2) - 480.0_f64.powi(2)).sqrt() / 700.0;
+        let At { value, line } = least.unwrap();
+        assert!((value - expected).abs() < 1e-12 && line == 7, "{value} {line}");
+        let strut = rapid(7, [20.0, 0.0, 220.0, 0.0, 0.0, 0.0], 0.0);
+        assert_eq!(replay(&config(), &[strut], 1e-3).unwrap().least_drive, None);
+    }
+
+    #[test]
+    fn a_pose_that_fails_ends_the_replay_with_its_line() {
+        let mut end = config().home;
+        end[4] = f64::NAN;
+        let fault = replay(&config(), &[rapid(9, end, 0.0)], 1e-3).unwrap_err();
+        assert_eq!((fault.line, fault.forward), (9, false));
+        assert_eq!(fault.fault.cause, kinematics::Cause::PoseNotFinite);
+    }
+}

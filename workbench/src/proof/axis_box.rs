@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A box of poses wholly inside the workspace, as large as its faces can be pushed.
+//!
+//! First the range of the axes is shrunk towards home until it is proved (see [`crate::proof::cell`]).
+//! Then the faces are pushed outwards in turn, a share of the range at a time, as long as the
+//! layer that this adds is proved. What comes out is a box of which no face can be pushed any
+//! more with the effort that a proof may take: not the largest of all boxes, for which there is
+//! no one measure of millimetres and degrees together.
+
+use crate::proof::cell::{Cell, Reach, Stop, Verdict};
+use crate::read::machine::MachineConfig;
+use kinematics::{Letter, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// How often the share of the range is halved that the box is shrunk to.
+const SHRINKS: i32 = 5;
+
+/// Shares of a range that a face is pushed by.
+const SHARES: [f64; 4] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
+
+/// Most cells of one proof, and of one search: some seconds.
+const MOST_CELLS: usize = 50_000;
+const ALL_CELLS: usize = 150_000;
+
+/// Poses drawn before a proof is begun: one that cannot be taken spares it.
+const DRAWN: usize = 200;
+
+/// Range of an angle for which the file gives no limits, either way from home.
+const FREE_ANGLE_DEG: f64 = 90.0;
+
+/// Poses from one corner to the opposite one, machine units and degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisBox {
+    /// Lowest coordinates.
+    pub low: [f64; 6],
+    /// Highest coordinates.
+    pub high: [f64; 6],
+}
+
+impl AxisBox {
+    /// Whether a pose is in it.
+    pub fn contains(&self, pose: &[f64; 6]) -> bool {
+        (0..6).all(|k| (self.low[k]..=self.high[k]).contains(&pose[k]))
+    }
+
+    fn shrunk(&self, to: &[f64; 6], share: f64) -> Self {
+        let part = |end: &[f64; 6]| std::array::from_fn(|k| to[k] + share * (end[k] - to[k]));
+        Self { low: part(&self.low), high: part(&self.high) }
+    }
+}
+
+/// The limits of the axes, finite also where the file gives none.
+pub fn range(config: &MachineConfig) -> AxisBox {
+    let size = config.machine.size();
+    let mut range = AxisBox { low: config.home, high: config.home };
+    for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
+        let k = letter.index();
+        let free = if letter.is_angle() { FREE_ANGLE_DEG } else { 2.0 * size };
+        range.low[k] = config.axes[k].min.max(config.home[k] - free);
+        range.high[k] = config.axes[k].max.min(config.home[k] + free);
+    }
+    range
+}
+
+/// The box, without a tool; `progress` is told the share of the work that is done.
+///
+/// Growing from home leaves a box in six coordinates small; growing from the box in X Y Z with all of
+/// the tilt, where the caller has one ([`at_tilt`]), may leave it larger. The one whose narrowest
+/// side has more of its range is taken: a box without a turn is of little use, be it ever so large.
+///
+/// # Errors
+/// Home itself is outside.
+pub fn find(
+    config: &MachineConfig,
+    within: &AxisBox,
+    tilted: Option<&AxisBox>,
+    mut progress: impl FnMut(f64),
+) -> Result<AxisBox, Stop> {
+    let mut search = Search::new(config, &Vector3::zeros(), within)?;
+    if search.is_inside(within) {
+        return Ok(*within);
+    }
+    let steps = f64::from(SHRINKS) + SHARES.len() as f64;
+    let mut found = AxisBox { low: config.home, high: config.home };
+    let mut shrunk = 0.0;
+    for n in 1..=SHRINKS {
+        let share = shrunk + 0.5_f64.powi(n);
+        let part = within.shrunk(&config.home, share);
+        if search.is_inside(&part) {
+            (found, shrunk) = (part, share);
+        }
+        progress(f64::from(n) / steps);
+    }
+    let moved = Letter::ALL.map(|letter| !config.machine.layout().is_held(letter));
+    search.grow(&mut found, &moved);
+    if let Some(tilted) = tilted {
+        let mut other = *tilted;
+        Search::new(config, &Vector3::zeros(), within)?.grow(&mut other, &moved);
+        if share_of(&other, within, &moved) > share_of(&found, within, &moved) {
+            found = other;
+        }
+    }
+    progress(1.0);
+    Ok(found)
+}
+
+/// What the narrowest side of a box has of that of another one.
+fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
+    let share = |k: usize| (part.high[k] - part.low[k]) / (of.high[k] - of.low[k]);
+    (0..6).filter(|k| moved[*k]).map(share).fold(1.0, f64::min)
+}
+
+/// Whether a box is proved with a tool offset.
+pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+    Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
+}
+
+/// The box in X Y Z with A and B up to `tilt` degrees either way from 0, C at home; `None` where
+/// none is proved about home.
+pub fn at_tilt(config: &MachineConfig, within: &AxisBox, tilt: f64) -> Option<AxisBox> {
+    let mut found = AxisBox { low: config.home, high: config.home };
+    for k in 3..5 {
+        found.low[k] = within.low[k].max(-tilt);
+        found.high[k] = within.high[k].min(tilt);
+    }
+    let mut search = Search::new(config, &Vector3::zeros(), within).ok()?;
+    let mut whole = found;
+    whole.low[..3].copy_from_slice(&within.low[..3]);
+    whole.high[..3].copy_from_slice(&within.high[..3]);
+    if search.is_inside(&whole) {
+        return Some(whole);
+    }
+    if !search.is_inside(&found) {
+        return None;
+    }
+    search.grow(
+        &mut found,
+        &Letter::ALL.map(|l| !l.is_angle() && !config.machine.layout().is_held(l)),
+    );
+    Some(found)
+}
+
+struct Search<'a> {
+    reach: Reach<'a>,
+    within: AxisBox,
+    /// Cells that may still be looked at.
+    left: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(config: &'a MachineConfig, tool: &Vector3<f64>, within: &AxisBox) -> Result<Self, Stop> {
+        let reach = Reach::with_tool(config, config.spindle + tool).map_err(Stop::Fault)?;
+        reach.check(&config.home)?;
+        Ok(Self { reach, within: *within, left: ALL_CELLS })
+    }
+
+    /// Pushes the faces as far as they go.
+    fn grow(&mut self, found: &mut AxisBox, moved: &[bool; 6]) {
+        for share in SHARES {
+            while self.push_all(found, moved, share) {}
+        }
+    }
+
+    /// Pushes every face once where that can be proved; whether any has moved.
+    fn push_all(&mut self, found: &mut AxisBox, moved: &[bool; 6], share: f64) -> bool {
+        let mut any = false;
+        for k in (0..6).filter(|k| moved[*k]) {
+            let step = share * (self.within.high[k] - self.within.low[k]);
+            for is_high in [false, true] {
+                let mut layer = *found;
+                if is_high {
+                    (layer.low[k], layer.high[k]) =
+                        (found.high[k], (found.high[k] + step).min(self.within.high[k]));
+                } else {
+                    (layer.low[k], layer.high[k]) =
+                        ((found.low[k] - step).max(self.within.low[k]), found.low[k]);
+                }
+                if layer.high[k] > layer.low[k] && self.is_inside(&layer) {
+                    found.low[k] = found.low[k].min(layer.low[k]);
+                    found.high[k] = found.high[k].max(layer.high[k]);
+                    any = true;
+                }
+            }
+        }
+        any
+    }
+
+    /// Whether a box is proved to be inside.
+    fn is_inside(&mut self, part: &AxisBox) -> bool {
+        let mut rng = Pcg64::seed_from_u64(0);
+        let drawn = (0..DRAWN).map(|_| part.at(std::array::from_fn(|_| rng.random())));
+        let mut tried = corners(part).chain(drawn);
+        if tried.any(|pose| self.reach.check(&pose).is_err()) {
+            return false;
+        }
+        let mut open = vec![Cell::between(&part.low, &part.high)];
+        for _ in 0..MOST_CELLS.min(self.left) {
+            let Some(cell) = open.pop() else { return true };
+            self.left -= 1;
+            match self.reach.judge(&cell) {
+                Verdict::Inside => {}
+                Verdict::Outside(_) => return false,
+                Verdict::Open(k) => open.extend(cell.halves(k)),
+            }
+        }
+        open.is_empty()
+    }
+}
+
+fn corners(part: &AxisBox) -> impl Iterator<Item = [f64; 6]> {
+    let part = *part;
+    (0..64_usize).map(move |n| {
+        std::array::from_fn(|k| if n >> k & 1 == 0 { part.low[k] } else { part.high[k] })
+    })
+}

@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Statements about boxes of poses that hold for every pose in them.
+
+pub mod axis_box;
+pub mod boxes;
+pub mod cell;
+pub mod choose;
+pub mod conditioning;
+pub mod jet;
+pub mod one_to_one;

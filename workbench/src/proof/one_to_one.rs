@@ -1,0 +1,597 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Proof that a box of poses is one-to-one: sup ‖1 − M J(X)‖ over the box, J = ∂q/∂X.
+//!
+//! Branch and bound. Over a cell with half widths h, J differs from the multilinear
+//! interpolation of its values at the corners, and M J by at most
+//!
+//! ```text
+//! B = Σ_k h_k²/2 sup |M ∂_k ∂_k J|   entry by entry
+//! ```
+//!
+//! The interpolation is an average of the values at the corners, so that
+//!
+//! ```text
+//! ‖1 − M J(X)‖ ≤ max over corners ‖1 − M J‖ + ‖B‖
+//! ```
+//!
+//! Norms are those of the coordinates times their weights. The values at the corners are
+//! the core's own; the third derivatives are bounded by interval arithmetic on the
+//! equations of the legs, written here once more.
+
+use crate::proof::jet::{Interval, Jet};
+use kinematics::{
+    BOX_TOLERANCE, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS, Machine, Pose,
+    Vector3, WorkspaceBox,
+};
+use nalgebra::SMatrix;
+use std::ops::Add;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Margin for rounding in bounds and norms, of quantities near 1.
+const ROUNDING: f64 = 1e-7;
+
+const RADIANS: f64 = std::f64::consts::PI / 180.0;
+
+/// Square matrix over X … C; rows and columns of coordinates that are not active are 0.
+pub type Matrix = SMatrix<f64, 6, 6>;
+
+/// Legs by coordinates.
+pub type Rows = SMatrix<f64, 8, 6>;
+
+/// A box with what its proof needs beside it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claim {
+    /// The box.
+    pub region: WorkspaceBox,
+    /// Weight of each coordinate in the norm: per machine unit, per degree.
+    pub weight: [f64; 6],
+    /// The bound c that ‖1 − M J‖ is claimed not to exceed.
+    pub contraction: f64,
+}
+
+/// Why a claim is not proved.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Doubt {
+    /// Numbers that no box can have.
+    Malformed(&'static str),
+    /// At this pose the norm is larger than claimed.
+    Exceeded([f64; 6], f64),
+    /// This pose is out of reach.
+    Reach([f64; 6], String),
+    /// More cells than allowed would be needed.
+    Effort(usize),
+}
+
+impl std::fmt::Display for Doubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Doubt::Malformed(what) => write!(f, "{what}"),
+            Doubt::Exceeded(pose, norm) => write!(f, "the norm is {norm:.4} at {pose:?}"),
+            Doubt::Reach(pose, fault) => write!(f, "{pose:?}: {fault}"),
+            Doubt::Effort(cells) => write!(f, "not proved with {cells} cells"),
+        }
+    }
+}
+
+/// Machine with its equations, as the proof needs them.
+pub struct Prover<'a> {
+    machine: &'a Machine,
+    geometry: &'a Geometry,
+    active: Vec<usize>,
+    /// Per leg its lead with the sign that the nut correction has at home.
+    lead: Vec<f64>,
+}
+
+/// A part of a box.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    low: [f64; 6],
+    high: [f64; 6],
+}
+
+/// Where the platform is over a cell.
+struct Platform {
+    /// Centre, as the legs see it.
+    point: [Jet; 3],
+    rotation: [[Jet; 3]; 3],
+}
+
+/// What one cell says.
+enum Verdict {
+    Proved,
+    /// To be halved along this coordinate.
+    Split(usize),
+}
+
+impl<'a> Prover<'a> {
+    /// For this machine and its geometry.
+    pub fn new(machine: &'a Machine, geometry: &'a Geometry) -> Self {
+        let active = Letter::ALL
+            .into_iter()
+            .filter(|letter| machine.layout().coordinates().contains(*letter))
+            .map(Letter::index)
+            .collect();
+        Self { machine, geometry, active, lead: signed_leads(machine, geometry) }
+    }
+
+    /// Coordinates that the legs move, by number.
+    pub fn active(&self) -> &[usize] {
+        &self.active
+    }
+
+    /// J at a pose without tool: joint units per machine unit and per degree.
+    ///
+    /// # Errors
+    /// The pose is out of reach.
+    pub fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
+        let jacobian = self
+            .machine
+            .pose_jacobian(&Pose::from_degrees(*pose), &Vector3::zeros())
+            .map_err(|fault| Doubt::Reach(*pose, fault.to_string()))?;
+        let mut rows = Rows::zeros();
+        for i in 0..self.machine.layout().legs() {
+            for k in &self.active {
+                rows[(i, *k)] = jacobian[(i, *k)];
+            }
+        }
+        Ok(rows)
+    }
+
+    /// ‖1 − M J‖ at a pose.
+    ///
+    /// # Errors
+    /// The pose is out of reach.
+    pub fn norm_at(&self, claim: &Claim, pose: &[f64; 6]) -> Result<f64, Doubt> {
+        Ok(self.departure(claim, pose)?.singular_values()[0])
+    }
+
+    /// W (1 − M J) W⁻¹ at a pose.
+    fn departure(&self, claim: &Claim, pose: &[f64; 6]) -> Result<Matrix, Doubt> {
+        let product = matrix_of(&claim.region) * self.jacobian(pose)?;
+        let mut departure = Matrix::zeros();
+        for &i in &self.active {
+            for &j in &self.active {
+                let unit = f64::from(u8::from(i == j));
+                let ratio = claim.weight[i] / claim.weight[j];
+                departure[(i, j)] = (unit - product[(i, j)]) * ratio;
+            }
+        }
+        Ok(departure)
+    }
+
+    /// Proves a claim with at most `limit` cells; their number.
+    ///
+    /// # Errors
+    /// The claim is wrong, or was not proved.
+    pub fn prove(&self, claim: &Claim, limit: usize) -> Result<usize, Doubt> {
+        self.check(claim)?;
+        let whole = Cell { low: claim.region.low, high: claim.region.high };
+        let open = Mutex::new((vec![whole], 0_usize));
+        let failed = Mutex::new(None);
+        let count = AtomicUsize::new(0);
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        std::thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(|| {
+                    if let Err(doubt) = self.work(claim, limit, &open, &count, &failed) {
+                        failed.lock().expect("no thread panics").get_or_insert(doubt);
+                    }
+                });
+            }
+        });
+        match failed.into_inner().expect("no thread panics") {
+            Some(doubt) => Err(doubt),
+            None => Ok(count.into_inner()),
+        }
+    }
+
+    /// Takes cells until none is left; beside the open cells stands how many are worked on.
+    fn work(
+        &self,
+        claim: &Claim,
+        limit: usize,
+        open: &Mutex<(Vec<Cell>, usize)>,
+        count: &AtomicUsize,
+        failed: &Mutex<Option<Doubt>>,
+    ) -> Result<(), Doubt> {
+        loop {
+            if failed.lock().expect("no thread panics").is_some() {
+                return Ok(());
+            }
+            let taken = {
+                let mut open = open.lock().expect("no thread panics");
+                let cell = open.0.pop();
+                match cell {
+                    Some(_) => open.1 += 1,
+                    None if open.1 == 0 => return Ok(()),
+                    None => {}
+                }
+                cell
+            };
+            let Some(cell) = taken else {
+                std::thread::yield_now();
+                continue;
+            };
+            if count.fetch_add(1, Ordering::Relaxed) >= limit {
+                return Err(Doubt::Effort(limit));
+            }
+            let verdict = self.judge(claim, &cell)?;
+            let mut open = open.lock().expect("no thread panics");
+            if let Verdict::Split(k) = verdict {
+                open.0.extend(cell.halves(k));
+            }
+            open.1 -= 1;
+        }
+    }
+
+    /// What makes the steps of the box end where they must.
+    fn check(&self, claim: &Claim) -> Result<(), Doubt> {
+        let region = &claim.region;
+        if !(region.is_valid() && claim.contraction > 0.0 && claim.contraction < 1.0) {
+            return Err(Doubt::Malformed("LOW, HIGH, STEPS or CONTRACTION is out of range"));
+        }
+        for letter in Letter::ALL {
+            let (k, moved) = (letter.index(), self.active.contains(&letter.index()));
+            if (region.high[k] > region.low[k]) != moved || (!moved && region.low[k] != 0.0) {
+                return Err(Doubt::Malformed("LOW and HIGH differ where a leg moves, else are 0"));
+            }
+            if moved && !(claim.weight[k] > 0.0 && claim.weight[k].is_finite()) {
+                return Err(Doubt::Malformed("WEIGHT must be positive"));
+            }
+        }
+        if region.steps < steps_needed(claim, &self.active).ok_or(TOO_SLOW)? {
+            return Err(Doubt::Malformed("STEPS are fewer than CONTRACTION and WEIGHT ask for"));
+        }
+        Ok(())
+    }
+
+    fn judge(&self, claim: &Claim, cell: &Cell) -> Result<Verdict, Doubt> {
+        let (bend, shares) = self.bend(claim, cell);
+        let (mut widest, mut split) = (-1.0, 0);
+        for &k in &self.active {
+            if shares[k] > widest {
+                (widest, split) = (shares[k], k);
+            }
+        }
+        if !bend.is_finite() {
+            // Every share is unbounded: the widest part of the box.
+            split = self.widest(claim, cell);
+        }
+        // A corner must fit even before the cells are fine enough.
+        let first = self.norm_at(claim, &cell.low)?.max(self.norm_at(claim, &cell.high)?);
+        if first > claim.contraction {
+            return Err(Doubt::Exceeded(cell.low, first));
+        }
+        if !(bend + first <= claim.contraction - ROUNDING) {
+            return Ok(Verdict::Split(split));
+        }
+        for corner in cell.corners(&self.active) {
+            let norm = self.norm_at(claim, &corner)?;
+            if norm > claim.contraction {
+                return Err(Doubt::Exceeded(corner, norm));
+            }
+            if !(norm + bend <= claim.contraction - ROUNDING) {
+                return Ok(Verdict::Split(split));
+            }
+        }
+        Ok(Verdict::Proved)
+    }
+
+    /// Coordinate along which the cell is the largest part of the box.
+    fn widest(&self, claim: &Claim, cell: &Cell) -> usize {
+        let share = |k: &usize| {
+            (cell.high[*k] - cell.low[*k]) / (claim.region.high[*k] - claim.region.low[*k])
+        };
+        let best = self.active.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
+        best.copied().unwrap_or(0)
+    }
+
+    /// ‖B‖ over the cell, and by the coordinate k that each part of it comes from.
+    fn bend(&self, claim: &Claim, cell: &Cell) -> (f64, [f64; 6]) {
+        let (mut whole, mut shares) = (Matrix::zeros(), [0.0; 6]);
+        for &k in &self.active {
+            let part = self.bend_along(claim, cell, k);
+            whole += part;
+            shares[k] = norm_of_bound(&part);
+        }
+        (norm_of_bound(&whole), shares)
+    }
+
+    /// h_k²/2 sup |W M ∂_k ∂_k J W⁻¹|, entry by entry.
+    fn bend_along(&self, claim: &Claim, cell: &Cell, k: usize) -> Matrix {
+        let half = 0.5 * (cell.high[k] - cell.low[k]);
+        let mut bound = Matrix::zeros();
+        for &j in &self.active {
+            let platform = self.platform(cell, k, j);
+            let legs = self.geometry.legs().iter().zip(&self.lead);
+            let thirds: Vec<Interval> =
+                legs.map(|(leg, lead)| self.joint(leg, *lead, &platform).third()).collect();
+            for &i in &self.active {
+                let row = thirds.iter().zip(&claim.region.matrix[i]);
+                let sum = row
+                    .map(|(third, m)| *third * Interval::point(*m))
+                    .fold(Interval::point(0.0), Add::add);
+                let ratio = claim.weight[i] / claim.weight[j];
+                bound[(i, j)] = half * half * sum.magnitude() * ratio;
+            }
+        }
+        bound
+    }
+
+    /// The platform over a cell: s along coordinate `k`, t along coordinate `j`.
+    fn platform(&self, cell: &Cell, k: usize, j: usize) -> Platform {
+        let along = |n: usize| {
+            // In degrees, as the box: a step of s or t is one degree.
+            let x = Interval::new(cell.low[n], cell.high[n]);
+            let unit = if n < 3 { 1.0 } else { RADIANS };
+            Jet::variable(x, n == k, n == j) * Jet::constant(unit)
+        };
+        let rotation = rotation([along(3), along(4), along(5)]);
+        let reference = times(&rotation, self.geometry.centre);
+        let point = std::array::from_fn(|n| {
+            // Legs do not see coordinates that are held, or the table's.
+            let moved = self.active.contains(&n);
+            if moved { along(n) + reference[n] } else { Jet::constant(0.0) }
+        });
+        Platform { point, rotation }
+    }
+
+    /// Joint value of a leg, up to a constant.
+    fn joint(&self, leg: &LegGeometry, lead: f64, platform: &Platform) -> Jet {
+        let (rotation, centre) = (&platform.rotation, self.geometry.centre);
+        let arm = times(rotation, std::array::from_fn(|n| leg.platform[n] - centre[n]));
+        let anchor: [Jet; 3] =
+            std::array::from_fn(|n| platform.point[n] + arm[n] - Jet::constant(leg.base[n]));
+        match leg.kind {
+            LegKind::Strut(strut) => {
+                let length = dot(&anchor, &anchor).sqrt();
+                if lead == 0.0 {
+                    return length;
+                }
+                let over = length.inverse();
+                let n = anchor.map(|w| w * over);
+                let axes = [strut.base_axis, strut.platform_axis].map(unit);
+                let turn = twist(&n, &axes[0], &times(rotation, axes[1]));
+                length + turn * Jet::constant(lead / std::f64::consts::TAU)
+            }
+            LegKind::Slider(slider) => {
+                let guide = unit(slider.guide);
+                let across = across(guide).map(|e| dot_fixed(&anchor, &e).squared());
+                let square = slider.rod * slider.rod;
+                let root = (Jet::constant(square) - across[0] - across[1]).sqrt();
+                dot_fixed(&anchor, &guide) + root * Jet::constant(f64::from(slider.side))
+            }
+            LegKind::Crank(crank) => {
+                let axis = Vector3::from(unit(crank.axis));
+                let arm = Vector3::from(crank.arm);
+                let along = axis.dot(&arm);
+                let level = arm - axis * along;
+                let a = dot_fixed(&anchor, &level.into());
+                let b = dot_fixed(&anchor, &axis.cross(&level).into());
+                let apart: [Jet; 3] =
+                    std::array::from_fn(|n| anchor[n] - Jet::constant(axis[n] * along));
+                let rest = level.norm_squared() - crank.rod * crank.rod;
+                let t = (dot(&apart, &apart) + Jet::constant(rest)) * Jet::constant(0.5);
+                let root = (a.squared() + b.squared() - t.squared()).sqrt();
+                // atan2(b, a) + side acos(T/√(a²+b²)), the latter as the angle of (T, root).
+                let side = Jet::constant(f64::from(crank.side));
+                let angle = Jet::angle(b, a) + Jet::angle(root, t) * side;
+                angle * Jet::constant(1.0 / RADIANS)
+            }
+        }
+    }
+}
+
+/// Per leg its lead, negative where the joint axes are opposed at home.
+fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
+    let home = Pose::from_degrees(geometry.home.unwrap_or_default());
+    let segments = machine.segments(&home, &Vector3::zeros());
+    let lead = |(i, leg): (usize, &LegGeometry)| {
+        let LegKind::Strut(strut) = leg.kind else { return 0.0 };
+        let Ok(segments) = &segments else { return strut.lead };
+        let n = (segments[i].platform - segments[i].base).normalize();
+        let base = Vector3::from(strut.base_axis);
+        let platform = home.rotation() * Vector3::from(strut.platform_axis);
+        let cosine = base.dot(&platform) - base.dot(&n) * platform.dot(&n);
+        if cosine < 0.0 { -strut.lead } else { strut.lead }
+    };
+    geometry.legs().iter().enumerate().map(lead).collect()
+}
+
+/// Angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
+fn twist(n: &[Jet; 3], base_axis: &[f64; 3], platform_axis: &[Jet; 3]) -> Jet {
+    let base = base_axis.map(Jet::constant);
+    let cross: [Jet; 3] = std::array::from_fn(|k| {
+        let (p, q) = ((k + 1) % 3, (k + 2) % 3);
+        base[p] * platform_axis[q] - base[q] * platform_axis[p]
+    });
+    let sine = dot(n, &cross);
+    let cosine = dot(&base, platform_axis) - dot(&base, n) * dot(platform_axis, n);
+    Jet::angle(sine, cosine)
+}
+
+/// Rz(C) Ry(B) Rx(A), rows first.
+fn rotation([a, b, c]: [Jet; 3]) -> [[Jet; 3]; 3] {
+    let ((sa, ca), (sb, cb), (sc, cc)) = (a.sincos(), b.sincos(), c.sincos());
+    [
+        [cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa],
+        [sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa],
+        [-sb, cb * sa, cb * ca],
+    ]
+}
+
+fn times(rotation: &[[Jet; 3]; 3], v: [f64; 3]) -> [Jet; 3] {
+    rotation.map(|row| dot_fixed(&row, &v))
+}
+
+fn dot(a: &[Jet; 3], b: &[Jet; 3]) -> Jet {
+    let product = |k: usize| {
+        if std::ptr::eq(a, b) { a[k].squared() } else { a[k] * b[k] }
+    };
+    product(0) + product(1) + product(2)
+}
+
+fn dot_fixed(a: &[Jet; 3], b: &[f64; 3]) -> Jet {
+    dot(a, &b.map(Jet::constant))
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    Vector3::from(v).normalize().into()
+}
+
+/// Two directions square to a unit vector and to each other: exact zeros where it is an axis.
+fn across(u: [f64; 3]) -> [[f64; 3]; 2] {
+    let u = Vector3::from(u);
+    let first = u.cross(&Vector3::ith(u.iamin(), 1.0)).normalize();
+    [first.into(), u.cross(&first).into()]
+}
+
+/// Norm of a matrix of bounds; infinite where one is not known.
+fn norm_of_bound(bound: &Matrix) -> f64 {
+    if bound.iter().all(|x| x.is_finite()) { bound.singular_values()[0] } else { f64::INFINITY }
+}
+
+/// M as a matrix.
+fn matrix_of(region: &WorkspaceBox) -> SMatrix<f64, 6, 8> {
+    SMatrix::from_fn(|i, j| region.matrix[i][j])
+}
+
+const TOO_SLOW: Doubt = Doubt::Malformed("CONTRACTION and WEIGHT need more than 4096 steps");
+
+/// Steps that bring the iteration near enough to its end from anywhere in the box; `None`
+/// where they are too many, or one step says too little about the end.
+pub fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
+    let width = |k: &usize| claim.region.high[*k] - claim.region.low[*k];
+    let across = active.iter().map(|k| (claim.weight[*k] * width(k)).powi(2)).sum::<f64>().sqrt();
+    let least = active.iter().map(|k| claim.weight[*k] * width(k)).reduce(f64::min).unwrap_or(0.0);
+    // A pose P of the joints, X at distance d from it: the step from X is at most (1 + c) d
+    // long, in any coordinate at most by least/width of it.
+    let c = claim.contraction;
+    let near = BOX_TOLERANCE * least / (across * (1.0 + c));
+    let steps = (near.ln() / c.ln()).ceil() + 1.0;
+    // The early end: a step by LAST_STEP of all widths leaves 1/(1 − c) of it.
+    let early = LAST_STEP / (1.0 - c);
+    (steps <= f64::from(MAX_BOX_STEPS) && early <= near).then_some(steps as u32)
+}
+
+impl Cell {
+    fn halves(&self, k: usize) -> [Self; 2] {
+        let middle = 0.5 * (self.low[k] + self.high[k]);
+        let (mut lower, mut upper) = (*self, *self);
+        lower.high[k] = middle;
+        upper.low[k] = middle;
+        [lower, upper]
+    }
+
+    fn corners<'b>(&'b self, active: &'b [usize]) -> impl Iterator<Item = [f64; 6]> + 'b {
+        (0..1_usize << active.len()).map(|bits| {
+            let mut corner = self.low;
+            for (n, k) in active.iter().enumerate() {
+                if bits >> n & 1 == 1 {
+                    corner[*k] = self.high[*k];
+                }
+            }
+            corner
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read::machine::MachineConfig;
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+    use std::path::Path;
+
+    const MACHINES: [&str; 8] = [
+        "four-rod-lathe",
+        "hexapod",
+        "lab-hexapod",
+        "linear-delta",
+        "pyramid",
+        "rotary-delta",
+        "six-rod-lathe",
+        "tripod",
+    ];
+
+    fn config(name: &str) -> MachineConfig {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(name);
+        MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap()
+    }
+
+    /// A random part of the axis limits, `share` of them wide.
+    fn cell(config: &MachineConfig, active: &[usize], share: f64, rng: &mut Pcg64) -> Cell {
+        let mut cell = Cell { low: [0.0; 6], high: [0.0; 6] };
+        for &k in active {
+            let (axis, width) = (&config.axes[k], config.axes[k].max - config.axes[k].min);
+            cell.low[k] = axis.min + (1.0 - share) * width * rng.random::<f64>();
+            cell.high[k] = cell.low[k] + share * width;
+        }
+        cell
+    }
+
+    #[test]
+    fn the_equations_written_here_have_the_jacobian_of_the_core() {
+        let mut rng = Pcg64::seed_from_u64(21);
+        for name in MACHINES {
+            let config = config(name);
+            let prover = Prover::new(&config.machine, &config.geometry);
+            for _ in 0..200 {
+                let point = cell(&config, prover.active(), 0.0, &mut rng);
+                let rows = prover.jacobian(&point.low).unwrap();
+                for &j in prover.active() {
+                    let platform = prover.platform(&point, j, j);
+                    for (i, leg) in config.geometry.legs().iter().enumerate() {
+                        let slope = prover.joint(leg, prover.lead[i], &platform).slope();
+                        let off = (slope.low - rows[(i, j)]).abs();
+                        // Some hundred roundings of values up to a few units.
+                        assert!(off < 1e-10, "{name} {i} {j}: {slope:?} {}", rows[(i, j)]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_pose_of_a_cell_departs_from_its_corners_by_more_than_the_bound() {
+        let mut rng = Pcg64::seed_from_u64(22);
+        for name in MACHINES {
+            let config = config(name);
+            let prover = Prover::new(&config.machine, &config.geometry);
+            let (mut largest, mut checked) = (0.0_f64, 0);
+            for n in 0..400 {
+                let share = if n % 2 == 0 { 0.05 } else { 0.2 };
+                let cell = cell(&config, prover.active(), share, &mut rng);
+                let middle = std::array::from_fn(|k| 0.5 * (cell.low[k] + cell.high[k]));
+                let rows = prover.jacobian(&middle).unwrap();
+                let inverse = rows.pseudo_inverse(1e-12).unwrap();
+                let mut region = WorkspaceBox { low: cell.low, high: cell.high, ..EMPTY };
+                for (i, row) in region.matrix.iter_mut().enumerate() {
+                    *row = std::array::from_fn(|j| inverse[(i, j)]);
+                }
+                let weight = std::array::from_fn(|k| rows.column(k).norm());
+                let claim = Claim { region, weight, contraction: 0.5 };
+                let (bend, _) = prover.bend(&claim, &cell);
+                if !bend.is_finite() {
+                    continue;
+                }
+                let corners: Vec<_> = cell.corners(prover.active()).collect();
+                let mean = corners.iter().map(|c| prover.departure(&claim, c).unwrap());
+                let mean = mean.sum::<Matrix>() / corners.len() as f64;
+                let there = prover.departure(&claim, &middle).unwrap();
+                // In the middle the interpolation is the mean of the corners.
+                let off = (there - mean).singular_values()[0];
+                assert!(off <= bend + 1e-12, "{name}: {off} {bend}");
+                largest = largest.max(off / bend);
+                checked += 1;
+            }
+            assert!(checked > 100, "{name}: {checked}");
+            // A bound that is far too wide would be sound and useless.
+            assert!(largest > 0.05, "{name}: {largest}");
+        }
+    }
+
+    const EMPTY: WorkspaceBox = WorkspaceBox::EMPTY;
+}

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Problems of a file as people read them: the line, the part that is meant, and a way out.
+
+use crate::read::ini::Problem;
+use annotate_snippets::{AnnotationKind, Level, Origin, Renderer, Snippet};
+
+/// How much a finding weighs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something does not fit.
+    Error,
+    /// Something may not be meant so.
+    Warning,
+}
+
+/// A problem with its line, in colours; who prints takes them away where they do not belong.
+pub fn rendered(severity: Severity, problem: &Problem) -> String {
+    let level = match severity {
+        Severity::Error => Level::ERROR,
+        Severity::Warning => Level::WARNING,
+    };
+    let file = problem.file.display().to_string();
+    let title = match (&problem.found, problem.section.is_empty()) {
+        (_, true) => "this file is not read".to_string(),
+        (None, _) => format!("[{}]{} is missing", problem.section, problem.key),
+        (Some(found), _) if found.is_empty() => format!("[{}]{}", problem.section, problem.key),
+        (Some(found), _) => format!("[{}]{} = {found}", problem.section, problem.key),
+    };
+    let report = match &problem.excerpt {
+        Some(excerpt) => {
+            let part = AnnotationKind::Primary.span(excerpt.part.clone()).label(&problem.expected);
+            let snippet = Snippet::source(&excerpt.text)
+                .line_start(problem.line.unwrap_or(1))
+                .path(&file)
+                .annotation(part);
+            level.primary_title(title).element(snippet)
+        }
+        None => level
+            .primary_title(title)
+            .element(Origin::path(&file))
+            .element(Level::HELP.message(&problem.expected)),
+    };
+    Renderer::styled().render(&[report])
+}

@@ -1,0 +1,848 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A machine as its INI file describes it: the geometry for the core, and what only
+//! host tools use (cones, limits, speeds).
+//!
+//! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
+
+use crate::proof::boxes::{self, BoxSection};
+use crate::read::ini::{Entry, Ini, IniError};
+use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use kinematics::{
+    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_ITERATIONS, MAX_LEGS, Machine,
+    PerLeg, Pose, Segment, Solver, Vector3,
+};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
+
+/// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
+/// of emccfg.h), machine units or degrees per second.
+const AXIS_VELOCITY: f64 = 1.0;
+
+/// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
+const AXIS_ACCELERATION: f64 = 1.0;
+
+/// Conditioning at which the module's guard stops the machine where the file says nothing.
+const HOLD: f64 = 0.05;
+
+/// Limits of the path in `[TRAJ]`: speeds, then accelerations, lengths before angles.
+const SPEEDS: [&str; 4] = [
+    "MAX_LINEAR_VELOCITY",
+    "MAX_ANGULAR_VELOCITY",
+    "MAX_LINEAR_ACCELERATION",
+    "MAX_ANGULAR_ACCELERATION",
+];
+
+/// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
+/// one is that of [`Load::with_boxes`].
+const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
+
+const MACHINE_KEYS: &[&str] = &[
+    "SCREW_LEAD",
+    "SPINDLE_OFFSET",
+    "CONVERGENCE_CRITERION",
+    "LIMIT_ITERATIONS",
+    "MAX_ERROR",
+    "CENTRE",
+    "RESIDUAL_LIMIT",
+    "CONDITIONING_LIMIT",
+    "ROD_CLEARANCE",
+    "FEED_FLOOR",
+];
+
+/// Keys of every kind of leg.
+const LEG_KEYS: &[&str] = &["BASE", "PLATFORM", "OFFSET", "BASE_CONE", "PLATFORM_CONE"];
+
+/// Keys of one kind of leg beside [`LEG_KEYS`].
+const fn own_keys(kind: Kind) -> &'static [&'static str] {
+    match kind {
+        Kind::Strut => &["BASE_N", "PLATFORM_N", "LEAD"],
+        Kind::Slider => &["GUIDE", "ROD", "SIDE"],
+        Kind::Crank => &["AXIS", "ARM", "ROD", "SIDE"],
+    }
+}
+
+/// Why no machine could be made of an INI file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MachineError {
+    /// The text of the file is wrong: everything that was found, never empty.
+    Ini(Vec<IniError>),
+    /// The text is in order, but describes no machine.
+    Geometry(PathBuf, Fault),
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MachineError::Ini(errors) => {
+                let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+                f.write_str(&texts.join("\n"))
+            }
+            MachineError::Geometry(file, fault) => write!(f, "{}: {fault}", file.display()),
+        }
+    }
+}
+
+impl std::error::Error for MachineError {}
+
+impl From<IniError> for MachineError {
+    fn from(error: IniError) -> Self {
+        MachineError::Ini(vec![error])
+    }
+}
+
+/// What is wrong with values that do not depend on each other.
+#[derive(Default)]
+struct Errors(Vec<IniError>);
+
+impl Errors {
+    /// The value; what is wrong with it is kept, once.
+    fn of<T>(&mut self, value: Result<T, IniError>) -> Option<T> {
+        match value {
+            Ok(value) => Some(value),
+            Err(error) => {
+                if !self.0.contains(&error) {
+                    self.0.push(error);
+                }
+                None
+            }
+        }
+    }
+
+    /// All of them.
+    fn each<T>(
+        &mut self,
+        count: usize,
+        value: impl Fn(usize, &mut Self) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let values: Vec<Option<T>> = (0..count).map(|n| value(n, self)).collect();
+        values.into_iter().collect()
+    }
+
+    fn checked(self) -> Result<(), MachineError> {
+        self.value(Some(()))
+    }
+
+    /// No value is missing where nothing was wrong.
+    fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
+        value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
+    }
+}
+
+/// What a joint moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// The length of a strut.
+    Strut,
+    /// A carriage along its guide.
+    Carriage,
+    /// An arm about its axis, in degrees.
+    Arm,
+    /// The table under the workpiece.
+    Table,
+}
+
+impl JointKind {
+    const ALL: [Self; 4] = [Self::Strut, Self::Carriage, Self::Arm, Self::Table];
+
+    const fn of_leg(kind: Kind) -> Self {
+        match kind {
+            Kind::Strut => Self::Strut,
+            Kind::Slider => Self::Carriage,
+            Kind::Crank => Self::Arm,
+        }
+    }
+
+    /// Name of one such joint.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Strut => "strut",
+            Self::Carriage => "carriage",
+            Self::Arm => "arm",
+            Self::Table => "table",
+        }
+    }
+
+    /// Name of several.
+    pub const fn plural(self) -> &'static str {
+        match self {
+            Self::Strut => "struts",
+            Self::Carriage => "carriages",
+            Self::Arm => "arms",
+            Self::Table => "table axes",
+        }
+    }
+
+    /// What is measured of it.
+    pub const fn quantity(self) -> &'static str {
+        match self {
+            Self::Strut => "length",
+            Self::Carriage | Self::Table => "position",
+            Self::Arm => "angle",
+        }
+    }
+}
+
+/// Joints of one kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Their kind.
+    pub kind: JointKind,
+    /// Their unit.
+    pub unit: &'static str,
+    /// Their numbers.
+    pub joints: Vec<usize>,
+}
+
+/// Kind, limits and home of one joint, `[JOINT_N]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Kind.
+    pub kind: JointKind,
+    /// Name for people, such as `strut 3` or `table X`.
+    pub name: String,
+    /// Lowest value, in joint units.
+    pub min: f64,
+    /// Highest value, in joint units.
+    pub max: f64,
+    /// Joint units per second.
+    pub max_velocity: f64,
+    /// Joint units per second squared.
+    pub max_acceleration: f64,
+    /// Value at the end of homing; LinuxCNC takes 0 where it is missing.
+    pub home: f64,
+}
+
+/// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Lowest value, machine units or degrees.
+    pub min: f64,
+    /// Highest value, machine units or degrees.
+    pub max: f64,
+    /// Machine units or degrees per second.
+    pub max_velocity: f64,
+    /// Machine units or degrees per second squared.
+    pub max_acceleration: f64,
+}
+
+/// What LinuxCNC's interpreter needs to read programs as this machine does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// `[RS274NGC]PARAMETER_FILE`, beside the INI file.
+    pub parameter_file: Option<PathBuf>,
+    /// `[EMCIO]TOOL_TABLE`, beside the INI file.
+    pub tool_table: Option<PathBuf>,
+    /// `[RS274NGC]RS274NGC_STARTUP_CODE`.
+    pub startup_code: Option<String>,
+    /// `[EMCIO]RANDOM_TOOLCHANGER`.
+    pub random_tools: bool,
+    /// The INI file with those it includes, where it includes any.
+    pub expanded: Option<String>,
+}
+
+/// A machine with everything its INI file says that this crate uses.
+#[derive(Clone, Debug)]
+pub struct MachineConfig {
+    /// The INI file.
+    pub file: PathBuf,
+    /// Checked and frozen geometry.
+    pub machine: Machine,
+    /// The geometry as given.
+    pub geometry: Geometry,
+    /// `[TRAJ]HOME`: x y z in machine units, a b c in degrees.
+    pub home: [f64; 6],
+    /// Tool vector without a tool: the spindle offset along Z, machine units.
+    pub spindle: Vector3<f64>,
+    /// Settings of forward kinematics.
+    pub solver: Solver,
+    /// Half angle of the cone that the leg may leave its home direction by, degrees, per leg.
+    pub base_cone: Vec<Option<f64>>,
+    /// The same at the platform, in the platform frame.
+    pub platform_cone: Vec<Option<f64>>,
+    /// Conditioning at which the module's guard stops the machine, `[PKM]CONDITIONING_LIMIT`.
+    pub conditioning_limit: f64,
+    /// Smallest distance of the legs' centre lines, machine units, `[PKM]ROD_CLEARANCE`.
+    pub clearance: Option<f64>,
+    /// `[JOINT_N]`: legs, then table axes.
+    pub joints: Vec<Joint>,
+    /// `[AXIS_X]` to `[AXIS_C]`.
+    pub axes: Vec<Axis>,
+    /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
+    pub units_per_mm: f64,
+    /// `[TRAJ]MAX_LINEAR_VELOCITY`, machine units per second.
+    pub max_linear_velocity: f64,
+    /// `[TRAJ]MAX_ANGULAR_VELOCITY`, degrees per second.
+    pub max_angular_velocity: f64,
+    /// `[TRAJ]MAX_LINEAR_ACCELERATION`, machine units per second squared.
+    pub max_linear_acceleration: f64,
+    /// `[TRAJ]MAX_ANGULAR_ACCELERATION`, degrees per second squared.
+    pub max_angular_acceleration: f64,
+    /// `[EMCMOT]SERVO_PERIOD`, seconds.
+    pub period: f64,
+    /// What the interpreter needs.
+    pub program: Program,
+    /// `[BOX_K]`: boxes for the start without a seed.
+    pub boxes: Vec<BoxSection>,
+}
+
+impl MachineConfig {
+    /// Reads a machine from its INI file.
+    ///
+    /// # Errors
+    /// The file, one of its values, or the geometry is refused.
+    pub fn read(file: &Path) -> Result<Self, MachineError> {
+        Self::from_ini(&Ini::read(file)?)
+    }
+
+    /// A machine from an INI file already read.
+    ///
+    /// # Errors
+    /// One of the values, or the geometry is refused.
+    pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
+        let load = load(ini)?;
+        let mut errors = Errors::default();
+        errors.of(check_joints(ini, &load.layout));
+        errors.of(check_leg_sections(ini, load.layout.legs()));
+        errors.of(check_coordinates(ini, &load.layout));
+        // Where these are wrong, what follows only repeats it.
+        errors.checked()?;
+        let mut errors = Errors::default();
+        let read = Values::read(ini, &load, &mut errors);
+        let read = errors.value(read)?;
+        let refused = |fault| MachineError::Geometry(ini.file().into(), fault);
+        let geometry = read.geometry(&load);
+        let machine = Machine::freeze(&geometry, &read.offsets).map_err(refused)?;
+        let boxes = boxes::read(ini, &load)?;
+        boxes::check(&boxes, &geometry).map_err(refused)?;
+        let [
+            max_linear_velocity,
+            max_angular_velocity,
+            max_linear_acceleration,
+            max_angular_acceleration,
+        ] = read.speeds;
+        Ok(Self {
+            file: ini.file().into(),
+            machine,
+            geometry,
+            home: read.home,
+            spindle: Vector3::new(0.0, 0.0, read.spindle),
+            solver: read.solver,
+            base_cone: read.cones.iter().map(|[base, _]| *base).collect(),
+            platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),
+            conditioning_limit: read.conditioning_limit,
+            clearance: read.clearance,
+            joints: read.joints,
+            axes: read.axes,
+            units_per_mm: read.units_per_mm,
+            max_linear_velocity,
+            max_angular_velocity,
+            max_linear_acceleration,
+            max_angular_acceleration,
+            period: read.period * 1e-9,
+            program: program(ini),
+            boxes,
+        })
+    }
+
+    /// Name of the machine's unit of length.
+    pub fn length_unit(&self) -> &'static str {
+        if self.units_per_mm == 1.0 { "mm" } else { "inch" }
+    }
+
+    /// `[TRAJ]HOME` as a pose.
+    pub fn home_pose(&self) -> Pose {
+        Pose::from_degrees(self.home)
+    }
+
+    /// Number of legs; the other joints belong to the table.
+    pub fn legs(&self) -> usize {
+        self.machine.layout().legs()
+    }
+
+    /// The joints by kind, kinds that the machine has only.
+    pub fn groups(&self) -> Vec<Group> {
+        let group = |kind: JointKind| Group {
+            kind,
+            unit: self.unit(kind),
+            joints: (0..self.joints.len()).filter(|i| self.joints[*i].kind == kind).collect(),
+        };
+        JointKind::ALL.into_iter().map(group).filter(|group| !group.joints.is_empty()).collect()
+    }
+
+    /// Unit of the values of joints of this kind.
+    pub fn unit(&self, kind: JointKind) -> &'static str {
+        if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
+    }
+
+    /// Angle of every leg to its direction at home: at the base joints (in base), and
+    /// at the platform joints (in the platform frame). Degrees.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn cone_angles(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<ConeAngles, Fault> {
+        let home = self.home_pose();
+        let at_home = self.directions(&home, &self.spindle)?;
+        let now = self.directions(pose, tool)?;
+        let turn = home.rotation() * pose.rotation().transpose();
+        let angles = |now: &dyn Fn(usize) -> Vector3<f64>| {
+            at_home.iter().enumerate().map(|(i, home)| angle_deg(home, &now(i))).collect()
+        };
+        Ok(ConeAngles { base: angles(&|i| now[i]), platform: angles(&|i| turn * now[i]) })
+    }
+
+    /// Unit vectors along the legs, base to platform, in base.
+    fn directions(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, Fault> {
+        let segments = self.machine.segments(pose, tool)?;
+        Ok(segments[..self.legs()].iter().map(direction).collect())
+    }
+
+    /// Least |cos| of the angle between a rod and the motion of its lower end, which is 0
+    /// at the rod's dead point; `None` where every leg is a strut.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn least_drive(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<f64>, Fault> {
+        let segments = self.machine.segments(pose, tool)?;
+        let drives =
+            self.geometry.legs().iter().zip(&segments).filter_map(|(leg, s)| drive(leg, s));
+        Ok(drives.reduce(f64::min))
+    }
+}
+
+/// Angles between legs and their directions at home, degrees, per leg.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConeAngles {
+    /// At the base joints, seen in base.
+    pub base: Vec<f64>,
+    /// At the platform joints, seen in the platform frame.
+    pub platform: Vec<f64>,
+}
+
+fn angle_deg(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    a.cross(b).norm().atan2(a.dot(b)).to_degrees()
+}
+
+fn direction(leg: &Segment) -> Vector3<f64> {
+    (leg.platform - leg.base).normalize()
+}
+
+fn drive(leg: &LegGeometry, segment: &Segment) -> Option<f64> {
+    Some(direction(segment).dot(&drive_rate(leg, segment)?.normalize()).abs())
+}
+
+/// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
+pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
+    match leg.kind {
+        LegKind::Strut(_) => None,
+        LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
+        LegKind::Crank(crank) => {
+            let arm = segment.base - Vector3::from(leg.base);
+            let axis = Vector3::from(crank.axis).normalize();
+            Some(axis.cross(&arm) * (std::f64::consts::PI / 180.0))
+        }
+    }
+}
+
+fn leg_section(n: usize) -> String {
+    format!("LEG_{n}")
+}
+
+/// The load parameters in `[KINS]KINEMATICS`.
+fn load(ini: &Ini) -> Result<Load, IniError> {
+    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]";
+    let entry = ini.require("KINS", "KINEMATICS", expected)?;
+    let mut words = entry.value.split_ascii_whitespace();
+    if words.next() != Some("pkmkins") {
+        return Err(ini.refuse(entry, expected));
+    }
+    let mut given: [Option<&[u8]>; 4] = [None; 4];
+    for word in words {
+        let place = word
+            .split_once('=')
+            .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
+        let (place, text) = place.ok_or_else(|| ini.refuse(entry, expected))?;
+        let name = PARAMETERS[place];
+        // Of several LinuxCNC takes the last one, and an empty one for none.
+        if given[place].is_some() {
+            return Err(ini.refuse(entry, &format!("expected {name}= once; {expected}")));
+        }
+        if text.is_empty() && name != "table" {
+            return Err(ini.refuse(entry, &format!("expected a value after {name}=; {expected}")));
+        }
+        given[place] = Some(text.as_bytes());
+    }
+    let [legs, coordinates, table, boxes] = given;
+    Load::parse(legs, coordinates, table)
+        .and_then(|load| load.with_boxes(boxes))
+        .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
+}
+
+fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
+    let [joints] = ini.require_numbers::<1>("KINS", "JOINTS")?;
+    if joints == layout.joints() as f64 {
+        return Ok(());
+    }
+    let expected = format!(
+        "expected {}, one joint for each leg and each table letter of [KINS]KINEMATICS",
+        layout.joints()
+    );
+    Err(ini.refuse(ini.require("KINS", "JOINTS", &expected)?, &expected))
+}
+
+/// Exactly the sections LEG_0 to that of the last leg.
+fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
+    for n in 0..legs {
+        if !ini.sections().any(|name| name == leg_section(n)) {
+            let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
+            return Err(ini.refuse_section(&leg_section(n), &text));
+        }
+    }
+    for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
+        if !(0..legs).any(|n| name == leg_section(n)) {
+            let expected =
+                format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
+            return Err(ini.refuse_section(name, &expected));
+        }
+    }
+    Ok(())
+}
+
+/// LinuxCNC takes no program word with a letter that is missing here, so that nothing
+/// could ever bring that coordinate back to 0. A letter too many does no harm.
+fn check_coordinates(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
+    let moved = || Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
+    let wanted: String = moved().map(Letter::name).collect();
+    let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
+    let entry = ini.require("TRAJ", "COORDINATES", &expected)?;
+    let given = entry.value.to_ascii_uppercase();
+    match moved().find(|letter| !given.contains(letter.name())) {
+        None => Ok(()),
+        Some(letter) => {
+            Err(ini.refuse(entry, &format!("{expected}, {} is missing", letter.name())))
+        }
+    }
+}
+
+fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
+    let expected = "expected 3 to 9 decimal numbers separated by blanks";
+    let entry = ini.require("TRAJ", "HOME", expected)?;
+    let values = ini.number_list(entry).filter(|values| (3..=9).contains(&values.len()));
+    let mut values = values.ok_or_else(|| ini.refuse(entry, expected))?;
+    values.resize(6, 0.0);
+    let home = std::array::from_fn(|i| values[i]);
+    if home[3..].iter().any(|angle| *angle != 0.0) {
+        return Err(ini.refuse(entry, "expected a level pose, A = B = C = 0"));
+    }
+    Ok(home)
+}
+
+/// The values of a file, before the machine is made of them.
+struct Values {
+    home: [f64; 6],
+    centre: [f64; 3],
+    spindle: f64,
+    legs: Vec<LegGeometry>,
+    offsets: PerLeg,
+    cones: Vec<[Option<f64>; 2]>,
+    solver: Solver,
+    conditioning_limit: f64,
+    clearance: Option<f64>,
+    joints: Vec<Joint>,
+    axes: Vec<Axis>,
+    units_per_mm: f64,
+    speeds: [f64; 4],
+    period: f64,
+}
+
+impl Values {
+    /// Everything is read, also where something is wrong before it.
+    fn read(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Self> {
+        let legs = load.layout.legs();
+        errors.of(ini.check_section("PKM", MACHINE_KEYS));
+        // Only the module uses these; the second one where a strut has no lead of its own.
+        for key in ["MAX_ERROR", "SCREW_LEAD"] {
+            errors.of(ini.numbers::<1>("PKM", key));
+        }
+        errors.of(share(ini, "FEED_FLOOR", 1.0));
+        let home = errors.of(home(ini));
+        let centre = errors.of(ini.numbers("PKM", "CENTRE"));
+        let spindle = errors.of(ini.number_or("PKM", "SPINDLE_OFFSET", 0.0));
+        let leg = |n, errors: &mut Errors| leg_geometry(ini, n, load.kinds()[n], errors);
+        let of_legs = errors.each(legs, leg);
+        let offset =
+            |n, errors: &mut Errors| errors.of(ini.number_or(&leg_section(n), "OFFSET", 0.0));
+        let offsets = errors.each(legs, offset);
+        let cones = errors.each(legs, |n, errors| {
+            let base = errors.of(cone(ini, n, "BASE_CONE"));
+            Some([base?, errors.of(cone(ini, n, "PLATFORM_CONE"))?])
+        });
+        let solver = solver(ini, errors);
+        let conditioning_limit = errors.of(share(ini, "CONDITIONING_LIMIT", HOLD));
+        let clearance = errors.of(clearance(ini));
+        let joints = errors.each(load.layout.joints(), |n, errors| joint(ini, n, load, errors));
+        let axes = errors.each(AXES.len(), |n, errors| axis(ini, AXES[n], errors));
+        let units_per_mm = errors.of(units_per_mm(ini));
+        let speeds = errors.each(SPEEDS.len(), |n, errors| {
+            errors.of(positive(ini, "TRAJ", SPEEDS[n], Some(f64::INFINITY)))
+        });
+        let period = errors.of(positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6)));
+        let mut padded = [0.0; MAX_LEGS];
+        padded.iter_mut().zip(offsets?).for_each(|(to, offset)| *to = offset);
+        Some(Self {
+            home: home?,
+            centre: centre?.unwrap_or_default(),
+            spindle: spindle?,
+            legs: of_legs?,
+            offsets: padded,
+            cones: cones?,
+            solver: solver?,
+            conditioning_limit: conditioning_limit?,
+            clearance: clearance?,
+            joints: joints?,
+            axes: axes?,
+            units_per_mm: units_per_mm?,
+            speeds: speeds?.try_into().ok()?,
+            period: period?,
+        })
+    }
+
+    fn geometry(&self, load: &Load) -> Geometry {
+        let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
+        let mut geometry = Geometry::new(&self.legs, coordinates, table)
+            .expect("the layout of the load parameters is consistent");
+        geometry.centre = self.centre;
+        geometry.home = Some(self.home);
+        geometry
+    }
+}
+
+fn leg_geometry(ini: &Ini, n: usize, kind: Kind, errors: &mut Errors) -> Option<LegGeometry> {
+    let section = leg_section(n);
+    errors.of(ini.check_section(&section, &[LEG_KEYS, own_keys(kind)].concat()));
+    let base = errors.of(ini.require_numbers(&section, "BASE"));
+    let platform = errors.of(ini.require_numbers(&section, "PLATFORM"));
+    match kind {
+        Kind::Strut => {
+            let strut = strut(ini, &section, errors);
+            Some(LegGeometry::strut(base?, platform?, strut?))
+        }
+        Kind::Slider => {
+            let kind = LegKind::Slider(slider(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+        Kind::Crank => {
+            let kind = LegKind::Crank(crank(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+    }
+}
+
+fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
+    let lead = match errors.of(ini.numbers(section, "LEAD"))? {
+        Some([own]) => own,
+        // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
+        None => errors.of(ini.require_numbers::<1>("PKM", "SCREW_LEAD"))?[0],
+    };
+    let axis = |key| match ini.numbers(section, key)? {
+        None if lead != 0.0 => ini.require_numbers(section, key),
+        axis => Ok(axis.unwrap_or_default()),
+    };
+    let base_axis = errors.of(axis("BASE_N"));
+    Some(StrutGeometry {
+        platform_axis: errors.of(axis("PLATFORM_N"))?,
+        base_axis: base_axis?,
+        lead,
+    })
+}
+
+fn slider(ini: &Ini, section: &str, errors: &mut Errors) -> Option<SliderGeometry> {
+    let guide = errors.of(ini.require_numbers(section, "GUIDE"));
+    let rod = errors.of(positive(ini, section, "ROD", None));
+    let side = errors.of(side(ini, section));
+    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? })
+}
+
+fn crank(ini: &Ini, section: &str, errors: &mut Errors) -> Option<CrankGeometry> {
+    let axis = errors.of(ini.require_numbers(section, "AXIS"));
+    let arm = errors.of(ini.require_numbers(section, "ARM"));
+    let rod = errors.of(positive(ini, section, "ROD", None));
+    let side = errors.of(side(ini, section));
+    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? })
+}
+
+/// A sign that tells which of two places the carriage or crank takes, hence no decimal number.
+fn side(ini: &Ini, section: &str) -> Result<i32, IniError> {
+    let expected = "expected 1 or -1 and nothing else on the line";
+    let entry = ini.require(section, "SIDE", expected)?;
+    match entry.value.as_str() {
+        "1" | "+1" => Ok(1),
+        "-1" => Ok(-1),
+        _ => Err(ini.refuse(entry, expected)),
+    }
+}
+
+fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
+    let section = leg_section(n);
+    let Some([angle]) = ini.numbers::<1>(&section, key)? else { return Ok(None) };
+    if !(angle > 0.0 && angle <= 180.0) {
+        let expected = "expected more than 0 and at most 180 degrees";
+        return Err(ini.refuse(ini.require(&section, key, expected)?, expected));
+    }
+    Ok(Some(angle))
+}
+
+fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
+    let solver = Solver::default();
+    let criterion = solver.convergence_criterion;
+    let criterion = errors.of(positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(criterion)));
+    let iterations = errors.of(limit_iterations(ini));
+    let residual_limit = errors.of(residual_limit(ini));
+    Some(Solver {
+        convergence_criterion: criterion?,
+        limit_iterations: iterations?.unwrap_or(solver.limit_iterations),
+        residual_limit: residual_limit?,
+        ..solver
+    })
+}
+
+fn limit_iterations(ini: &Ini) -> Result<Option<u32>, IniError> {
+    let Some([limit]) = ini.numbers::<1>("PKM", "LIMIT_ITERATIONS")? else { return Ok(None) };
+    let expected = format!("expected a whole number from 1 to {MAX_ITERATIONS}");
+    let entry = ini.require("PKM", "LIMIT_ITERATIONS", &expected)?;
+    let is_whole = entry.value.bytes().all(|b| b.is_ascii_digit());
+    if !is_whole || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
+        return Err(ini.refuse(entry, &expected));
+    }
+    Ok(Some(limit as u32))
+}
+
+/// 0, which stands for the core's own limit, only where the key is missing.
+fn residual_limit(ini: &Ini) -> Result<f64, IniError> {
+    match ini.first("PKM", "RESIDUAL_LIMIT") {
+        None => Ok(0.0),
+        Some(_) => positive(ini, "PKM", "RESIDUAL_LIMIT", None),
+    }
+}
+
+fn clearance(ini: &Ini) -> Result<Option<f64>, IniError> {
+    match ini.first("PKM", "ROD_CLEARANCE") {
+        None => Ok(None),
+        Some(_) => positive(ini, "PKM", "ROD_CLEARANCE", None).map(Some),
+    }
+}
+
+/// A share that the module's guard uses.
+fn share(ini: &Ini, key: &str, default: f64) -> Result<f64, IniError> {
+    let share = positive(ini, "PKM", key, Some(default))?;
+    if share <= 1.0 {
+        return Ok(share);
+    }
+    let expected = "expected more than 0 and at most 1";
+    Err(ini.refuse(ini.require("PKM", key, expected)?, expected))
+}
+
+fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
+    let section = format!("JOINT_{n}");
+    let min = errors.of(ini.require_numbers::<1>(&section, "MIN_LIMIT"));
+    let max = errors.of(ini.require_numbers::<1>(&section, "MAX_LIMIT"));
+    let (kind, name) = kind_and_name(n, load);
+    if let (Some([min]), Some([max])) = (min, max) {
+        errors.of(check_range(ini, &section, min, max));
+        if kind == JointKind::Arm {
+            errors.of(check_turn(ini, n, &section));
+        }
+    }
+    let max_velocity = errors.of(positive(ini, &section, "MAX_VELOCITY", None));
+    let max_acceleration = errors.of(positive(ini, &section, "MAX_ACCELERATION", None));
+    let home = errors.of(ini.number_or(&section, "HOME", 0.0));
+    let ([min], [max]) = (min?, max?);
+    let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
+    Some(Joint { kind, name, min, max, max_velocity, max_acceleration, home: home? })
+}
+
+fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniError> {
+    if min < max {
+        return Ok(());
+    }
+    let expected = format!("expected less than MAX_LIMIT = {max}");
+    Err(ini.refuse(ini.require(section, "MIN_LIMIT", &expected)?, &expected))
+}
+
+/// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
+fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
+    let offset = ini.number_or(&leg_section(n), "OFFSET", 0.0)?;
+    for key in ["MIN_LIMIT", "MAX_LIMIT"] {
+        let [limit] = ini.require_numbers::<1>(section, key)?;
+        if (limit + offset).abs() < 180.0 {
+            continue;
+        }
+        let expected = format!(
+            "expected more than {} and less than {} degrees, where the arm of LEG_{n} points \
+             opposite to ARM",
+            -180.0 - offset,
+            180.0 - offset
+        );
+        return Err(ini.refuse(ini.require(section, key, &expected)?, &expected));
+    }
+    Ok(())
+}
+
+fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
+    match load.kinds().get(n) {
+        Some(kind) => {
+            let kind = JointKind::of_leg(*kind);
+            (kind, format!("{} {n}", kind.name()))
+        }
+        None => {
+            let letter = load.layout.table().as_slice()[n - load.layout.legs()];
+            let kind = JointKind::Table;
+            (kind, format!("{} {}", kind.name(), letter.name()))
+        }
+    }
+}
+
+fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
+    let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
+    let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
+    let velocity = errors.of(positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY)));
+    let acceleration =
+        errors.of(positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION)));
+    Some(Axis { min: min?, max: max?, max_velocity: velocity?, max_acceleration: acceleration? })
+}
+
+/// A number above 0; without a default the key is needed.
+fn positive(ini: &Ini, section: &str, key: &str, default: Option<f64>) -> Result<f64, IniError> {
+    let value = match (ini.numbers::<1>(section, key)?, default) {
+        (None, Some(default)) => default,
+        _ => ini.require_numbers::<1>(section, key)?[0],
+    };
+    if value > 0.0 {
+        return Ok(value);
+    }
+    let expected = "expected more than 0";
+    Err(ini.refuse(ini.require(section, key, expected)?, expected))
+}
+
+fn units_per_mm(ini: &Ini) -> Result<f64, IniError> {
+    let expected = "expected mm or inch";
+    let entry = ini.require("TRAJ", "LINEAR_UNITS", expected)?;
+    match entry.value.as_str() {
+        "mm" | "metric" => Ok(1.0),
+        "inch" | "in" | "imperial" => Ok(1.0 / 25.4),
+        _ => Err(ini.refuse(entry, expected)),
+    }
+}
+
+fn program(ini: &Ini) -> Program {
+    let text = |section, key| ini.first(section, key).map(|e: &Entry| e.value.clone());
+    let folder = ini.file().parent().unwrap_or(Path::new(""));
+    Program {
+        parameter_file: text("RS274NGC", "PARAMETER_FILE").map(|name| folder.join(name)),
+        tool_table: text("EMCIO", "TOOL_TABLE").map(|name| folder.join(name)),
+        startup_code: text("RS274NGC", "RS274NGC_STARTUP_CODE"),
+        random_tools: text("EMCIO", "RANDOM_TOOLCHANGER").is_some_and(|value| value == "1"),
+        expanded: ini.expanded().map(Into::into),
+    }
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The tool table, `[EMCIO]TOOL_TABLE`: which offsets a program may put in force.
+
+use crate::read::machine::MachineConfig;
+use kinematics::Vector3;
+use std::fs;
+
+/// One tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tool {
+    /// Its T number.
+    pub number: i64,
+    /// Its offset x y z, machine units.
+    pub offset: Vector3<f64>,
+}
+
+impl Tool {
+    /// Number and offset for people.
+    pub fn name(&self) -> String {
+        let words = ["X", "Y", "Z"].into_iter().zip(self.offset.iter());
+        let words: Vec<String> =
+            words.filter(|(_, x)| **x != 0.0).map(|(letter, x)| format!(" {letter}{x}")).collect();
+        format!("T{}{}", self.number, words.concat())
+    }
+}
+
+/// The tools of a machine; none where its file names no table.
+///
+/// # Errors
+/// A sentence: the table cannot be read, or a line of it is none.
+pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, String> {
+    let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
+    let name = file.display();
+    let bytes = fs::read(file).map_err(|error| format!("{name}: {error}"))?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut tools = vec![];
+    for (n, line) in text.lines().enumerate() {
+        let words = line.split(';').next().unwrap_or_default();
+        if !words.trim().is_empty() {
+            tools.push(tool(words).map_err(|what| format!("{name}:{}: {what}", n + 1))?);
+        }
+    }
+    Ok(tools)
+}
+
+/// Letters, each with its number behind it.
+fn tool(words: &str) -> Result<Tool, String> {
+    let mut found = Tool { number: 0, offset: Vector3::zeros() };
+    let mut has_number = false;
+    for word in words.split_whitespace() {
+        let refused = || format!("expected a letter and a number, such as T1 or Z40.5, not {word}");
+        let letter = word.chars().next().ok_or_else(refused)?.to_ascii_uppercase();
+        let value: f64 = word[letter.len_utf8()..].parse().map_err(|_| refused())?;
+        if !value.is_finite() {
+            return Err(refused());
+        }
+        match letter {
+            'T' => (found.number, has_number) = (value as i64, true),
+            'X' | 'Y' | 'Z' => found.offset[letter as usize - 'X' as usize] = value,
+            _ => {}
+        }
+    }
+    if has_number { Ok(found) } else { Err("the tool has no number T".into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_stand_in_any_order_and_other_letters_do_not_count() {
+        let found = tool("P3 Z+40.5 t2 D5 x-1.25 I12").unwrap();
+        assert_eq!(found, Tool { number: 2, offset: Vector3::new(-1.25, 0.0, 40.5) });
+        assert_eq!(found.name(), "T2 X-1.25 Z40.5");
+    }
+
+    #[test]
+    fn what_is_no_tool_is_refused() {
+        for (line, expected) in [
+            ("T1 Zlong", "not Zlong"),
+            ("T1 Znan", "not Znan"),
+            ("T1 é", "not é"),
+            ("P1 Z3", "no number T"),
+        ] {
+            assert!(tool(line).unwrap_err().contains(expected), "{line}");
+        }
+    }
+}

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What studies need and LinuxCNC does not know: a TOML file beside the machine's INI file.
+//!
+//! Every value may be missing; a study that needs one says so. Units stand in the keys, so that a
+//! value without its unit is an unknown key.
+
+use crate::read::machine::MachineConfig;
+use kinematics::{LegKind, Vector3};
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
+use std::path::Path;
+
+/// The file.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Study {
+    /// The legs.
+    pub legs: Legs,
+    /// The joints of the table under the workpiece.
+    pub table: Table,
+    /// What a pose must keep beside the limits of the INI file.
+    pub limits: Limits,
+    /// A motion of the control point.
+    pub law: Option<Law>,
+}
+
+/// `[legs]`: one number for all legs, or a list with one for each.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Legs {
+    /// Force per change of length, joints and drive included.
+    pub stiffness_n_per_um: Option<Each>,
+    /// Standard deviation of the joint value; of an arm's angle as the travel of its end.
+    pub joint_sigma_um: Option<Each>,
+    /// Diameter of the rods, which their least distance starts from.
+    pub rod_diameter_mm: Option<Positive>,
+    /// What takes the torque that an axial force makes in a strut's thread.
+    pub screw: Screw,
+}
+
+/// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Screw {
+    /// The motor, which holds the nut against the housing: the torque goes through both cardan
+    /// joints, as with a ball screw.
+    #[default]
+    Backdrivable,
+    /// Friction in the thread: no torque reaches the cardan joints.
+    SelfLocking,
+}
+
+/// The legs and table axes as springs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Springs {
+    /// Along every leg and every table axis, N/mm.
+    pub n_per_mm: Vec<f64>,
+    /// Of the struts with a lead.
+    pub screw: Screw,
+}
+
+/// `[table]`: its joints, in order.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Table {
+    /// Force per displacement.
+    pub stiffness_n_per_um: Option<Each>,
+    /// Standard deviation of the joint value.
+    pub joint_sigma_um: Option<Each>,
+}
+
+/// `[limits]`.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// Smallest conditioning, as the module's pin shows it.
+    pub conditioning: Option<Positive>,
+    /// Largest turn about the fixed axis of a base joint, and across it, either way.
+    pub base_pyramid_deg: Option<[Positive; 2]>,
+    /// Fixed axes of the base joints in the machine frame, one a leg; without them `BASE_N`.
+    pub base_axes: Option<Vec<[f64; 3]>>,
+    /// The same turns at the platform joints.
+    pub platform_pyramid_deg: Option<[Positive; 2]>,
+    /// Fixed axes of the platform joints in the platform frame, one a leg; without them
+    /// `PLATFORM_N`.
+    pub platform_axes: Option<Vec<[f64; 3]>>,
+}
+
+/// `[law]`: the motion that Strutynsky and Yumashev (2008) give in their equation 2, with t the
+/// time and τ its share of the period: X = r cos 2πτ, Y = r sin 2πτ, r = radius + growth τ,
+/// Z = rise + bend τ², all about home; angles are harmonic, amplitude sin 2πτ.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Law {
+    /// One turn.
+    pub period_s: Positive,
+    /// Radius of the spiral at its start.
+    pub radius_mm: f64,
+    /// What the radius gains in one turn.
+    pub growth_mm: f64,
+    /// Height at the start.
+    pub rise_mm: f64,
+    /// What the height gains in one turn, with the square of time.
+    pub bend_mm: f64,
+    /// Amplitudes of A, B and C.
+    #[serde(default)]
+    pub amplitude_deg: [f64; 3],
+}
+
+/// A finite number above 0.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "f64")]
+pub struct Positive(pub f64);
+
+impl TryFrom<f64> for Positive {
+    type Error = String;
+
+    fn try_from(value: f64) -> Result<Self, String> {
+        match value > 0.0 && value.is_finite() {
+            true => Ok(Self(value)),
+            false => Err(format!("{value}: expected more than 0")),
+        }
+    }
+}
+
+/// One positive number for all of them, or one for each.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Each {
+    /// For all.
+    Same(f64),
+    /// In order.
+    Own(Vec<f64>),
+}
+
+impl Each {
+    /// The numbers for `count` of them.
+    ///
+    /// # Errors
+    /// A sentence, where a list has another length.
+    pub fn of(&self, key: &str, count: usize) -> Result<Vec<f64>, String> {
+        match self {
+            Self::Same(value) => Ok(vec![*value; count]),
+            Self::Own(values) if values.len() == count => Ok(values.clone()),
+            Self::Own(values) => Err(format!(
+                "{key}: expected one number, or {count} of them; found {}",
+                values.len()
+            )),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Each {
+    // By hand, because an untagged enum would only say that nothing matched.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(EachVisitor)
+    }
+}
+
+struct EachVisitor;
+
+impl<'de> Visitor<'de> for EachVisitor {
+    type Value = Each;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number above 0, or a list of them")
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Each, E> {
+        Positive::try_from(value).map(|value| Each::Same(value.0)).map_err(E::custom)
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Each, E> {
+        self.visit_f64(value as f64)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Each, A::Error> {
+        let mut values = vec![];
+        while let Some(Positive(value)) = items.next_element()? {
+            values.push(value);
+        }
+        Ok(Each::Own(values))
+    }
+}
+
+impl Study {
+    /// Reads a study.
+    ///
+    /// # Errors
+    /// A sentence naming the file and, where something in it is wrong, line and key.
+    pub fn read(file: &Path) -> Result<Self, String> {
+        let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
+        Self::parse(&text).map_err(|error| format!("{}: {error}", file.display()))
+    }
+
+    /// The springs of every leg and every table axis.
+    ///
+    /// # Errors
+    /// A sentence, where a stiffness is missing or a list does not fit the machine.
+    pub fn springs(&self, config: &MachineConfig) -> Result<Springs, String> {
+        let key = "stiffness_n_per_um";
+        let all = self.of_joints(
+            config,
+            key,
+            [&self.legs.stiffness_n_per_um, &self.table.stiffness_n_per_um],
+        )?;
+        let all = all.ok_or_else(|| format!("the study names no {key} of [legs]"))?;
+        let n_per_mm = all.into_iter().map(|value| value * 1e3).collect();
+        Ok(Springs { n_per_mm, screw: self.legs.screw })
+    }
+
+    /// Standard deviation of every joint, in its unit; `None` where the file names none.
+    ///
+    /// # Errors
+    /// As [`Study::springs`].
+    pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, String> {
+        let all = self.of_joints(
+            config,
+            "joint_sigma_um",
+            [&self.legs.joint_sigma_um, &self.table.joint_sigma_um],
+        )?;
+        let unit = |(i, value): (usize, f64)| {
+            let travel = value * 1e-3 * config.units_per_mm;
+            match config.geometry.legs().get(i).map(|leg| leg.kind) {
+                Some(LegKind::Crank(crank)) => {
+                    (travel / Vector3::from(crank.arm).norm()).to_degrees()
+                }
+                _ => travel,
+            }
+        };
+        Ok(all.map(|values| values.into_iter().enumerate().map(unit).collect()))
+    }
+
+    /// Values of legs, then of table axes; `None` where those of the legs are missing.
+    fn of_joints(
+        &self,
+        config: &MachineConfig,
+        key: &str,
+        [legs, table]: [&Option<Each>; 2],
+    ) -> Result<Option<Vec<f64>>, String> {
+        let Some(legs) = legs else { return Ok(None) };
+        let mut values = legs.of(key, config.legs())?;
+        let axes = config.joints.len() - config.legs();
+        if axes > 0 {
+            let table = table.as_ref().ok_or_else(|| {
+                format!("the study names no {key} of [table], which the machine has")
+            })?;
+            values.extend(table.of(key, axes)?);
+        }
+        Ok(Some(values))
+    }
+
+    /// A study from its text.
+    ///
+    /// # Errors
+    /// As [`Study::read`].
+    pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_number_stands_for_all_legs_and_a_list_for_each() {
+        let study = Study::parse(
+            "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = [1, 2.5]\nrod_diameter_mm = 3\n",
+        );
+        let legs = study.unwrap().legs;
+        assert_eq!(legs.stiffness_n_per_um.unwrap().of("k", 2), Ok(vec![10.0, 10.0]));
+        let sigma = legs.joint_sigma_um.unwrap();
+        assert_eq!(sigma.of("s", 2), Ok(vec![1.0, 2.5]));
+        assert!(sigma.of("s", 3).unwrap_err().contains("expected one number, or 3"));
+        assert_eq!(legs.rod_diameter_mm, Some(Positive(3.0)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line_and_a_way_out() {
+        for (text, line, word) in [
+            ("[legs]\nstiffness = 10\n", "line 2", "stiffness_n_per_um"),
+            ("[legs]\n\nstiffness_n_per_um = -1\n", "line 3", "-1: expected more than 0"),
+            ("[legs]\nstiffness_n_per_um = [1, -2]\n", "line 2", "-2: expected more than 0"),
+            ("[legs]\nstiffness_n_per_um = \"10\"\n", "line 2", "a number above 0"),
+            ("[legs]\nrod_diameter_mm = nan\n", "line 2", "expected more than 0"),
+            ("[leg]\n", "line 1", "unknown field `leg`"),
+            ("[law]\nperiod_s = 1\n", "line 1", "missing field"),
+            ("[legs\n", "line 1", "]"),
+        ] {
+            let told = Study::parse(text).unwrap_err().to_string();
+            assert!(told.contains(line) && told.contains(word), "{text}: {told}");
+        }
+    }
+}

@@ -1,0 +1,397 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What errors of the joints do to the pose, and how near singular poses are.
+//!
+//! With J the Jacobian of the joints by the pose and g how much a leg gets longer per joint unit,
+//! forward kinematics minimise the errors of the legs' lengths, so that small errors dq of the
+//! joints move the pose by `dX = (g J)⁺ g dq`, which is J⁻¹ dq for as many legs as coordinates.
+//! A pose is singular where J loses rank (the legs do not hold the platform, *parallel*) or where
+//! a rod stands square to the motion of its lower end (*serial*).
+//!
+//! Paper 001 takes the ratios of rates along one path, l̇ⱼ/ẋᵢ, for partial derivatives. They are the
+//! outer product of two vectors, of rank 1 wherever the machine stands, and become infinite where
+//! a coordinate of the path turns back; see [`ratios`].
+
+use crate::proof::axis_box::AxisBox;
+use crate::read::machine::MachineConfig;
+use crate::study::stance::{self, Rows, Stance};
+use kinematics::{Fault, Joints, MAX_JOINTS, Pose, Vector3};
+use nalgebra::{SMatrix, SVector};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use std::f64::consts::PI;
+
+/// Pose coordinates by joints: X Y Z in machine units, A B C in degrees, per joint unit.
+pub type Gain = SMatrix<f64, 6, MAX_JOINTS>;
+
+/// Length that makes an angle a length where none is given, mm (paper 001's m).
+pub const LENGTH_MM: f64 = 100.0;
+
+/// Steps of a search along a ray, and halvings of what it finds.
+const RAY_STEPS: usize = 60;
+const HALVINGS: usize = 60;
+
+/// Conditioning below which the least place of a ray is singular: the V of a crossing is met to
+/// 1e-12 of the ray, that of a place passed by is far above.
+const SINGULAR: f64 = 1e-8;
+
+/// Errors of a pose and how well it is held.
+#[derive(Clone, Debug)]
+pub struct Sensitivity {
+    /// Pose by joint errors.
+    pub gain: Gain,
+    /// Largest and smallest singular value of J with angles times the length, and its determinant
+    /// (its magnitude; the product of the singular values where legs exceed coordinates).
+    pub singular_values: [f64; 2],
+    /// See `singular_values`.
+    pub determinant: f64,
+}
+
+/// Jacobian of the joints, per machine unit and degree, columns that no joint moves 0.
+///
+/// # Errors
+/// As [`kinematics::Machine::inverse`].
+pub fn jacobian(stance: &Stance, tool: &Vector3<f64>) -> Result<Rows, Fault> {
+    let jacobian = stance.config.machine.pose_jacobian(&stance.pose, tool)?;
+    Ok(stance::moved_columns(stance.config, jacobian))
+}
+
+impl Sensitivity {
+    /// At a pose; `None` where it is singular. `length` turns angles into lengths, machine units.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub fn at(
+        config: &MachineConfig,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        length: f64,
+    ) -> Result<Option<Self>, Fault> {
+        let stance = Stance::new(config, *pose, *tool)?;
+        let jacobian = jacobian(&stance, tool)?;
+        let scaled = scaled(&jacobian, length);
+        let moved = stance::moved(config).len();
+        let weights = weights(&stance);
+        let Some(inverse) = stance::inverse(&(weights * scaled), moved) else { return Ok(None) };
+        let mut gain = inverse * weights;
+        for k in 3..6 {
+            gain.row_mut(k).scale_mut(180.0 / PI / length);
+        }
+        let values = stance::singular_values(&scaled, moved);
+        Ok(Some(Self {
+            gain,
+            singular_values: [values[0], values[moved - 1]],
+            determinant: values.iter().product(),
+        }))
+    }
+
+    /// Largest error of each coordinate where no joint is off by more than its `bound`.
+    pub fn worst(&self, bound: &[f64]) -> [f64; 6] {
+        std::array::from_fn(|i| {
+            bound.iter().enumerate().map(|(j, b)| self.gain[(i, j)].abs() * b).sum()
+        })
+    }
+
+    /// Covariance of the pose for independent errors of these standard deviations.
+    pub fn covariance(&self, sigma: &[f64]) -> SMatrix<f64, 6, 6> {
+        let mut scaled = self.gain;
+        for j in 0..MAX_JOINTS {
+            scaled.column_mut(j).scale_mut(sigma.get(j).copied().unwrap_or(0.0));
+        }
+        scaled * scaled.transpose()
+    }
+
+    /// Standard deviation of each coordinate.
+    pub fn sigma(&self, sigma: &[f64]) -> [f64; 6] {
+        let covariance = self.covariance(sigma);
+        std::array::from_fn(|i| covariance[(i, i)].sqrt())
+    }
+}
+
+fn scaled(jacobian: &Rows, length: f64) -> Rows {
+    let mut scaled = *jacobian;
+    for k in 3..6 {
+        scaled.column_mut(k).scale_mut(180.0 / PI / length);
+    }
+    scaled
+}
+
+fn weights(stance: &Stance) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
+    let gains = stance.gains();
+    let value = |i: usize| gains.get(i).copied().unwrap_or(0.0);
+    SMatrix::from_diagonal(&SVector::<f64, MAX_JOINTS>::from_fn(|i, _| value(i)))
+}
+
+/// What random errors of the joints did to the pose, by the core's forward kinematics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    /// Poses drawn.
+    pub count: usize,
+    /// Standard deviation of each coordinate: X Y Z in machine units, A B C in degrees.
+    pub sigma: [f64; 6],
+}
+
+/// Draws independent normal errors of the joints, and takes every one through forward kinematics;
+/// the same numbers in every run.
+///
+/// # Errors
+/// The pose, or one of those with an error, has no joint values or no pose.
+pub fn monte_carlo(
+    config: &MachineConfig,
+    pose: &Pose,
+    tool: &Vector3<f64>,
+    sigma: &[f64],
+    count: usize,
+) -> Result<Drawn, Fault> {
+    let joints = config.machine.inverse(pose, tool)?;
+    // Joints with errors contradict each other where legs exceed coordinates, by design.
+    let solver = kinematics::Solver { residual_limit: config.machine.size(), ..config.solver };
+    let mut rng = Pcg64::seed_from_u64(0);
+    let (mut sum, mut square) = ([0.0; 6], [0.0; 6]);
+    let asked = pose.to_degrees();
+    for _ in 0..count {
+        let mut off = joints;
+        for (joint, sigma) in off.iter_mut().zip(sigma) {
+            *joint += sigma * normal(&mut rng);
+        }
+        let found = config.machine.forward(&off, pose, tool, &solver)?.pose.to_degrees();
+        for k in 0..6 {
+            sum[k] += found[k] - asked[k];
+            square[k] += (found[k] - asked[k]).powi(2);
+        }
+    }
+    let n = count as f64;
+    let sigma = std::array::from_fn(|k| ((square[k] - sum[k] * sum[k] / n) / (n - 1.0)).sqrt());
+    Ok(Drawn { count, sigma })
+}
+
+/// A normal number, by Box and Muller.
+fn normal(rng: &mut Pcg64) -> f64 {
+    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
+    radius * (2.0 * PI * rng.random::<f64>()).cos()
+}
+
+/// Kind of a singular pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The legs do not hold the platform.
+    Parallel,
+    /// A rod stands so nearly square to the motion of its lower end that the core refuses what lies
+    /// beyond.
+    Serial,
+}
+
+/// A singular pose near a region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Singular {
+    /// Kind.
+    pub kind: Kind,
+    /// Place.
+    pub pose: [f64; 6],
+    /// How far out: 0 in the middle of the region, 1 on its border, beyond 1 outside.
+    pub reach: f64,
+}
+
+/// What a search for singular poses has found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Near {
+    /// Rays looked along.
+    pub rays: usize,
+    /// The nearest of each kind, where there is one.
+    pub nearest: Vec<Singular>,
+    /// The smallest conditioning inside the region.
+    pub least: f64,
+}
+
+/// Looks along `rays` random rays from the middle of a region to `factor` times its border; a
+/// search finds what it meets, and proves nothing about the rest.
+pub fn near(
+    config: &MachineConfig,
+    region: &AxisBox,
+    tool: &Vector3<f64>,
+    rays: usize,
+    factor: f64,
+) -> Near {
+    let mut rng = Pcg64::seed_from_u64(0);
+    let mut near = Near { rays, nearest: vec![], least: f64::INFINITY };
+    for _ in 0..rays {
+        let ray = Ray::random(region, &mut rng);
+        let hold = |reach: f64| ray.hold(config, tool, reach);
+        near.look_along(&ray, hold, factor);
+    }
+    near
+}
+
+impl Near {
+    fn look_along(&mut self, ray: &Ray, hold: impl Fn(f64) -> Option<f64>, factor: f64) {
+        let step = factor / RAY_STEPS as f64;
+        let mut values: Vec<f64> = vec![];
+        for k in 0..=RAY_STEPS {
+            let reach = step * k as f64;
+            let Some(value) = hold(reach) else {
+                self.note(Kind::Serial, ray, last(&hold, reach - step, reach));
+                break;
+            };
+            if reach <= 1.0 {
+                self.least = self.least.min(value);
+            }
+            values.push(value);
+        }
+        for (k, three) in values.windows(3).enumerate() {
+            if three[1] <= three[0] && three[1] <= three[2] {
+                let (reach, value) = lowest(&hold, step * k as f64, step * (k + 2) as f64);
+                if value < SINGULAR {
+                    self.note(Kind::Parallel, ray, reach);
+                    return;
+                }
+            }
+        }
+    }
+
+    fn note(&mut self, kind: Kind, ray: &Ray, reach: f64) {
+        let found = Singular { kind, pose: ray.at(reach), reach };
+        match self.nearest.iter_mut().find(|known| known.kind == kind) {
+            Some(known) if known.reach <= reach => (),
+            Some(known) => *known = found,
+            None => self.nearest.push(found),
+        }
+    }
+}
+
+/// The last reach that has a value, between one that has and one that has not.
+fn last(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..HALVINGS {
+        let middle = (low + high) / 2.0;
+        match hold(middle) {
+            Some(_) => low = middle,
+            None => high = middle,
+        }
+    }
+    low
+}
+
+/// Place and value of a minimum, by the golden section.
+fn lowest(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> (f64, f64) {
+    let value = |reach| hold(reach).unwrap_or(f64::INFINITY);
+    let share = (5.0_f64.sqrt() - 1.0) / 2.0;
+    for _ in 0..HALVINGS {
+        let (left, right) = (high - share * (high - low), low + share * (high - low));
+        match value(left) < value(right) {
+            true => high = right,
+            false => low = left,
+        }
+    }
+    ((low + high) / 2.0, value((low + high) / 2.0))
+}
+
+/// A ray from the middle of a region.
+struct Ray {
+    middle: [f64; 6],
+    /// To the border.
+    way: [f64; 6],
+}
+
+impl Ray {
+    fn random(region: &AxisBox, rng: &mut Pcg64) -> Self {
+        let direction: [f64; 6] = std::array::from_fn(|_| 2.0 * rng.random::<f64>() - 1.0);
+        let half = |k: usize| (region.high[k] - region.low[k]) / 2.0;
+        let longest = (0..6)
+            .filter(|k| half(*k) > 0.0)
+            .map(|k| direction[k].abs())
+            .fold(f64::MIN_POSITIVE, f64::max);
+        Self {
+            middle: std::array::from_fn(|k| (region.high[k] + region.low[k]) / 2.0),
+            way: std::array::from_fn(|k| half(k) * direction[k] / longest),
+        }
+    }
+
+    fn at(&self, reach: f64) -> [f64; 6] {
+        std::array::from_fn(|k| self.middle[k] + reach * self.way[k])
+    }
+
+    /// Conditioning; `None` where there are no joint values.
+    fn hold(&self, config: &MachineConfig, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
+        config.machine.conditioning(&Pose::from_degrees(self.at(reach)), tool).ok()
+    }
+}
+
+/// Ratios of rates along a path, q̇ⱼ/ẋᵢ, a row a joint: the table that paper 001 calls a matrix of
+/// partial derivatives. Whatever the machine, it has rank 1, and it says nothing about other
+/// directions than that of the path.
+pub fn ratios(joint_rates: &[f64], pose_rates: &[f64]) -> Vec<Vec<f64>> {
+    joint_rates.iter().map(|q| pose_rates.iter().map(|x| q / x).collect()).collect()
+}
+
+/// What is found at one pose of a motion.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Seconds.
+    pub time: f64,
+    /// x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
+    /// Rates of the pose, per second.
+    pub rate: [f64; 6],
+    /// Joint values.
+    pub joints: Joints,
+    /// Joint units per second.
+    pub rates: Joints,
+    /// Standard deviations of the coordinates.
+    pub sigma: [f64; 6],
+    /// Smallest singular value of J, angles times the length.
+    pub hold: f64,
+}
+
+/// One pose of a motion, with its rate.
+///
+/// # Errors
+/// A sentence with the time: the pose is out of reach or singular.
+pub fn along(
+    config: &MachineConfig,
+    time: f64,
+    (pose, rate): (&[f64; 6], &[f64; 6]),
+    tool: &Vector3<f64>,
+    sigma: &[f64],
+    length: f64,
+) -> Result<Point, String> {
+    let at = Pose::from_degrees(*pose);
+    let told = |fault: Fault| format!("at {time:.3} s: {fault}");
+    let moving = config.machine.moving(&at, tool, rate).map_err(told)?;
+    let found = Sensitivity::at(config, &at, tool, length).map_err(told)?;
+    let found = found.ok_or_else(|| format!("at {time:.3} s: a singular pose"))?;
+    Ok(Point {
+        time,
+        pose: *pose,
+        rate: *rate,
+        joints: moving.joints,
+        rates: moving.rates,
+        sigma: found.sigma(sigma),
+        hold: found.singular_values[1],
+    })
+}
+
+/// Points of a motion as CSV.
+pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
+    let count = config.joints.len();
+    let letters = ["x", "y", "z", "a", "b", "c"];
+    let named = |what: &str| letters.map(|letter| format!("{what}_{letter}")).to_vec();
+    let joints = |what: &str| (0..count).map(|i| format!("{what}_{i}")).collect::<Vec<_>>();
+    let names = [
+        vec!["time".to_string()],
+        letters.map(String::from).to_vec(),
+        joints("joint"),
+        joints("rate"),
+        named("sigma"),
+        vec!["hold".to_string()],
+    ];
+    let mut text = names.concat().join(",") + "\n";
+    for point in points {
+        let numbers = std::iter::once(point.time)
+            .chain(point.pose)
+            .chain(point.joints[..count].iter().copied())
+            .chain(point.rates[..count].iter().copied())
+            .chain(point.sigma)
+            .chain([point.hold]);
+        let cells: Vec<String> = numbers.map(|x| x.to_string()).collect();
+        text.push_str(&(cells.join(",") + "\n"));
+    }
+    text
+}

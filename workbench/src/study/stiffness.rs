@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How stiffly the legs hold the tool: 6 × 6 matrices at the tool tip and what they look like.
+//!
+//! `K = Gᵀ K_θ G` (paper 004 equation 9) with rows G of the legs about the tool tip, so that forces
+//! in N and moments in N·mm are K times displacements in mm and turns in radians, in machine axes.
+//! The rows are those of the joints, with the correction for a turning nut: with the motor held, an
+//! axial force f sends the torque f · lead / 2π of its thread through both cardan joints. Where
+//! friction holds the thread ([`Screw::SelfLocking`]), they are those of the lengths alone.
+//!
+//! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
+//! and K is not asked for.
+
+use crate::read::machine::MachineConfig;
+use crate::study::file::{Screw, Springs};
+use crate::study::stance::{self, Rows, Stance};
+use kinematics::{
+    Fault, Geometry, LegGeometry, MAX_JOINTS, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
+};
+use nalgebra::{Matrix6, SMatrix, SVector};
+use std::f64::consts::PI;
+
+/// Stiffness at a pose, in N, mm and rad, about the tool tip, in machine axes.
+#[derive(Clone, Debug)]
+pub struct Stiffness {
+    /// Displacement and turn per force and moment, 1/N·mm and 1/N·mm².
+    pub compliance: Matrix6<f64>,
+    /// The inverse of it, where joints move all six coordinates.
+    pub matrix: Option<Matrix6<f64>>,
+}
+
+/// Principal axes of a part of a compliance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipsoid {
+    /// Stiffness along each axis, smallest first: N/mm, or N·mm/rad; infinite where rigid.
+    pub stiffness: [f64; 3],
+    /// Unit vectors of the axes, columns in the same order.
+    pub axes: Matrix3<f64>,
+}
+
+impl Stiffness {
+    /// At a pose; `None` where it is singular.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn at(
+        config: &MachineConfig,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        springs: &Springs,
+    ) -> Result<Option<Self>, Fault> {
+        let stance = Stance::new(config, *pose, *tool)?;
+        let rows = match springs.screw {
+            Screw::Backdrivable => stance.joint_rows()?,
+            Screw::SelfLocking => stance.rows(),
+        };
+        Ok(Self::of_rows(&stance, &rows, &springs.n_per_mm))
+    }
+
+    fn of_rows(stance: &Stance, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
+        let config = stance.config;
+        let moved = stance::moved(config).len();
+        // Angles times a length of the machine: rows of one unit, for the test of their rank.
+        let radius = config.machine.radius();
+        let scale = |k: usize| if k < 3 { 1.0 } else { 1.0 / radius };
+        let root = SVector::<f64, MAX_JOINTS>::from_fn(|i, _| {
+            n_per_mm.get(i).copied().unwrap_or(0.0).sqrt()
+        });
+        let weighted = Rows::from_fn(|i, k| root[i] * rows[(i, k)] * scale(k));
+        let inverse = stance::inverse(&weighted, moved)?;
+        // Of the coordinates: machine units and radians per force in N times machine units.
+        let of_pose = inverse * inverse.transpose();
+        let map = stance::rate_map(&stance.pose);
+        let mut to_twist = SMatrix::<f64, 6, 6>::identity();
+        to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
+        // Lengths in mm: the rows of angles are lengths a radian.
+        let per_mm = config.units_per_mm;
+        let unit = Matrix6::from_diagonal(&SVector::<f64, 6>::from_fn(|k, _| {
+            if k < 3 { 1.0 } else { per_mm / radius }
+        }));
+        let to_tip = to_twist * unit;
+        let compliance = to_tip * of_pose * to_tip.transpose();
+        let matrix = (moved == 6).then(|| compliance.try_inverse()).flatten();
+        Some(Self { compliance, matrix })
+    }
+
+    /// Axes of displacements per force at the tip, which is free to turn.
+    pub fn translation(&self) -> Ellipsoid {
+        Ellipsoid::of(&self.compliance.fixed_view::<3, 3>(0, 0).into_owned())
+    }
+
+    /// Axes of turns per moment, the tip free to move.
+    pub fn rotation(&self) -> Ellipsoid {
+        Ellipsoid::of(&self.compliance.fixed_view::<3, 3>(3, 3).into_owned())
+    }
+}
+
+/// Compliances below this share of the largest are those of rigid directions: rounding.
+const RIGID: f64 = 1e-12;
+
+impl Ellipsoid {
+    fn of(compliance: &Matrix3<f64>) -> Self {
+        let eigen = compliance.symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let most = eigen.eigenvalues[order[0]];
+        let stiffness = order.map(|k| match eigen.eigenvalues[k] {
+            value if value > RIGID * most => 1.0 / value,
+            _ => f64::INFINITY,
+        });
+        let columns = order.map(|k| eigen.eigenvectors.column(k).into_owned());
+        Self { stiffness, axes: Matrix3::from_columns(&columns) }
+    }
+}
+
+impl Ellipsoid {
+    /// Outline of what loads of one amount do, whichever way they point, seen in a plane of two
+    /// axes: `count` points, and the first one again.
+    pub fn outline(&self, plane: [usize; 2], load: f64, count: usize) -> Vec<(f64, f64)> {
+        let yields = Matrix3::from_diagonal(&Vector3::from(self.stiffness.map(|k| load / k)));
+        // C² of the compliance: farthest along w of all C u is C² w/|C w|.
+        let square = self.axes * yields * yields * self.axes.transpose();
+        let point = |k: usize| {
+            let (up, across) = (2.0 * PI * k as f64 / count as f64).sin_cos();
+            let mut along = Vector3::zeros();
+            (along[plane[0]], along[plane[1]]) = (across, up);
+            let far = square * along;
+            let reach = along.dot(&far).sqrt();
+            match reach > 0.0 {
+                true => (far[plane[0]] / reach, far[plane[1]] / reach),
+                false => (0.0, 0.0),
+            }
+        };
+        (0..=count).map(point).collect()
+    }
+}
+
+/// The machine with its platform anchors `factor` times as far from the axis of the control point.
+///
+/// # Errors
+/// The core refuses that machine.
+pub fn with_platform(config: &MachineConfig, factor: f64) -> Result<MachineConfig, Fault> {
+    let mut legs = config.geometry.legs().to_vec();
+    for LegGeometry { platform, .. } in &mut legs {
+        (platform[0], platform[1]) = (platform[0] * factor, platform[1] * factor);
+    }
+    let layout = config.machine.layout();
+    let mut geometry = Geometry::of_layout(*layout, |i| legs[i]);
+    (geometry.centre, geometry.home) = (config.geometry.centre, config.geometry.home);
+    let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS])?;
+    Ok(MachineConfig { machine, geometry, ..config.clone() })
+}
+
+impl Stiffness {
+    /// Smallest stiffness of translation (N/mm) and of rotation (N·mm/rad).
+    pub fn least(&self) -> [f64; 2] {
+        [self.translation().stiffness[0], self.rotation().stiffness[0]]
+    }
+}
+
+/// The smallest stiffnesses on a grid in a plane of two coordinates.
+#[derive(Clone, Debug)]
+pub struct Map {
+    /// Numbers of the coordinates across and up.
+    pub plane: [usize; 2],
+    /// Values of the coordinates along the two sides.
+    pub sides: [Vec<f64>; 2],
+    /// The place that the plane goes through.
+    pub place: [f64; 3],
+    /// N/mm and N·mm/rad, row by row upwards; NaN where the machine is not.
+    pub least: Vec<[f64; 2]>,
+}
+
+impl Map {
+    /// `count` by `count` places between the `corners`, at one orientation.
+    pub fn over(
+        pose: &Pose,
+        plane: [usize; 2],
+        [low, high]: [&[f64; 6]; 2],
+        count: usize,
+        at: impl Fn(&Pose) -> Option<Stiffness>,
+    ) -> Self {
+        let side = |k: usize| -> Vec<f64> {
+            let share = |n: usize| n as f64 / (count - 1) as f64;
+            (0..count).map(|n| low[k] + (high[k] - low[k]) * share(n)).collect()
+        };
+        let sides = plane.map(side);
+        let [across, up] = &sides;
+        let least = up.iter().flat_map(|up| across.iter().map(move |x| (up, x)));
+        let least = least.map(|(up, x)| {
+            let mut pose = *pose;
+            (pose.position[plane[0]], pose.position[plane[1]]) = (*x, *up);
+            at(&pose).map_or([f64::NAN; 2], |found| found.least())
+        });
+        let least = least.collect();
+        Self { plane, place: pose.position.into(), least, sides }
+    }
+
+    /// Whether the machine is nowhere on it.
+    pub fn is_empty(&self) -> bool {
+        self.least.iter().all(|[value, _]| value.is_nan())
+    }
+
+    /// Rows of CSV, places that the machine reaches only: X, Y, Z, N/um, N m/rad.
+    pub fn csv(&self) -> String {
+        let count = self.sides[0].len();
+        let mut text = String::new();
+        for (n, [translation, rotation]) in self.least.iter().enumerate() {
+            if translation.is_nan() {
+                continue;
+            }
+            let mut place = self.place;
+            place[self.plane[0]] = self.sides[0][n % count];
+            place[self.plane[1]] = self.sides[1][n / count];
+            let [x, y, z] = place;
+            text.push_str(&format!("{x},{y},{z},{},{}\n", translation * 1e-3, rotation * 1e-3));
+        }
+        text
+    }
+}

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Runs every replay case of tests/cases/replay, and sees that no shipped program lacks one.
+
+mod case;
+
+use case::{Case, Outcome};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == extension));
+    files.sort();
+    files
+}
+
+fn cases() -> Vec<(PathBuf, Case)> {
+    let read = |file: PathBuf| {
+        let case = Case::read(&file).unwrap_or_else(|error| panic!("{error}"));
+        (file, case)
+    };
+    files(&root().join("tests/cases/replay"), "toml").into_iter().map(read).collect()
+}
+
+#[test]
+fn every_case_keeps_its_expectations() {
+    let configs = root().join("configs");
+    let cases = cases();
+    let outcomes: Vec<Result<Outcome, String>> = thread::scope(|scope| {
+        let configs = &configs;
+        let running: Vec<_> =
+            cases.iter().map(|(_, case)| scope.spawn(|| case.run(configs))).collect();
+        running.into_iter().map(|case| case.join().unwrap()).collect()
+    });
+    let mut failures = vec![];
+    for ((file, _), outcome) in cases.iter().zip(outcomes) {
+        let name = file.file_stem().unwrap().display();
+        match outcome {
+            Ok(outcome) => {
+                println!("{name}\n{}\n", outcome.replay);
+                failures.extend(outcome.failures.iter().map(|text| format!("{name}: {text}")));
+            }
+            Err(error) => failures.push(format!("{name}: {error}")),
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn every_shipped_program_has_a_case() {
+    let covered: BTreeSet<(String, String)> =
+        cases().into_iter().map(|(_, case)| (case.machine, case.program)).collect();
+    for machine in std::fs::read_dir(root().join("configs")).unwrap() {
+        let machine = machine.unwrap();
+        let name = machine.file_name().into_string().unwrap();
+        for program in files(&machine.path().join("programs"), "ngc") {
+            let program = format!("programs/{}", program.file_name().unwrap().display());
+            let key = (name.clone(), program);
+            assert!(
+                covered.contains(&key),
+                "no case in tests/cases/replay for {} {}",
+                key.0,
+                key.1
+            );
+        }
+    }
+}
