@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -40,6 +40,7 @@ help:
 	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
+	@echo "make test-bare  make demo and make test in a Debian with nothing else; SUITE=bookworm"
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
 	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
 	@echo "make check      formatting, lints, documentation, generated files"
@@ -84,6 +85,11 @@ test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --long --judge target/host/judge
+
+# Says how long each took. As root, with debootstrap.
+SUITE := bookworm
+test-bare:
+	tests/bare/run.sh $(SUITE)
 
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
 LINT = lint() { \

@@ -26,7 +26,8 @@ SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are buil
 
 def rerun_unprivileged(script, arguments, timeout, out=None, given=(), lanes=1):
     """Runs `script` (path inside the repository) as a normal user and returns its exit code, the
-    largest of all lanes.
+    largest of all lanes. `timeout` is for all lanes at once; where there can be only one it has that
+    much for the work of each.
 
     Every lane runs the same script with the same arguments in the same folder: they share out the
     work with `claimed`. The script finds the files and folders `given` in its folder `given`. What it writes
@@ -67,6 +68,7 @@ def _run_as_user(folder, script, arguments, timeout, lanes):
         commands, end = [[*lane, *command]] * lanes, signal.SIGKILL  # takes the whole lane along
     elif lanes > 1:
         print("one LinuxCNC after another: only root can give each what it needs for itself")
+        timeout *= lanes
     processes = [subprocess.Popen(command, env=environment) for command in commands]
     deadline = time.monotonic() + timeout
     try:

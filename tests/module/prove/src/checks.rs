@@ -2,7 +2,7 @@
 //! The checks: each says what it found, what is allowed, and what to do about a difference.
 
 use crate::built::{Built, Pointer, Symbol};
-use crate::contract::{Contract, Entry, When};
+use crate::contract::{Contract, Entry, Provider, Version, When};
 use crate::graph::{Graph, Reached};
 use std::collections::BTreeSet;
 
@@ -85,6 +85,7 @@ pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
         calls(&mut graph, &proved),
         recursion(&proved),
     ];
+    checks.extend(contract.linuxcnc.iter().map(|version| missing(built, contract, version)));
     checks.extend(proved.iter().map(stack));
     checks.extend([segments(built), executable_stack(built), relocations(built), binding(built)]);
     checks
@@ -163,6 +164,20 @@ fn imports(built: &Built, contract: &Contract) -> Check {
     }
     let bound = format!("the {} of the contract", allowed.len());
     Check::new("imported symbols", built.imports.len().to_string(), bound, complaints)
+}
+
+/// LinuxCNC refuses a module of which it cannot find every symbol.
+fn missing(built: &Built, contract: &Contract, version: &Version) -> Check {
+    let Version { version, exports } = version;
+    let complaints: Vec<String> = contract
+        .import
+        .iter()
+        .filter(|i| i.from == Provider::LinuxCnc && built.imports.contains(&i.name))
+        .filter(|i| !exports.contains(&i.name))
+        .map(|i| format!("LinuxCNC {version} has no {}: it would not load the module", i.name))
+        .collect();
+    let name = format!("symbols that LinuxCNC {version} lacks");
+    Check::new(&name, complaints.len().to_string(), "none", complaints)
 }
 
 fn imports_at_run(contract: &Contract, proved: &[Proved<'_>]) -> Check {

@@ -32,16 +32,40 @@ fn yes() -> bool {
     true
 }
 
+/// Who defines an imported symbol.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Provider {
+    /// LinuxCNC: HAL and RTAPI.
+    #[default]
+    LinuxCnc,
+    /// The C library and the start files of the C compiler.
+    C,
+}
+
 /// A symbol of another library.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
     /// Its name.
     pub name: String,
+    /// Who defines it.
+    #[serde(default)]
+    pub from: Provider,
     /// `run`: may be called in the servo thread.
     pub when: When,
     /// Why it is needed, and why it does no harm.
     pub reason: String,
+}
+
+/// A version of LinuxCNC that loads the module.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Version {
+    /// Its first two numbers.
+    pub version: String,
+    /// Symbols of HAL and RTAPI that it exports to realtime modules.
+    pub exports: Vec<String>,
 }
 
 /// Everything that is promised.
@@ -54,6 +78,8 @@ pub struct Contract {
     pub data: Vec<String>,
     /// Symbols of other libraries.
     pub import: Vec<Import>,
+    /// Versions of LinuxCNC that load the module.
+    pub linuxcnc: Vec<Version>,
 }
 
 impl Contract {

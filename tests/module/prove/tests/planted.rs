@@ -130,6 +130,13 @@ fn imports_are_caught_by_name_and_by_when_they_are_called() {
 }
 
 #[test]
+fn an_import_that_one_version_of_linuxcnc_lacks_is_caught() {
+    let older = CONTRACT.replace("[\"make_pin\", \"print\"]", "[\"print\"]");
+    let check = ["symbols that LinuxCNC 2 lacks"];
+    assert_caught(&of_c(&[], &older), &check, "LinuxCNC 2 has no make_pin");
+}
+
+#[test]
 fn an_allowance_without_a_reason_or_without_use_is_caught() {
     let silent = CONTRACT.replace("\"tells\"", "\"\"");
     assert_caught(&of_c(&[], &silent), &["imported symbols"], "print is allowed without a reason");

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the contract says of LinuxCNC, held to the one that is installed.
+
+use object::{Object, ObjectSymbol};
+use prove::contract::Contract;
+use std::collections::BTreeSet;
+use std::process::Command;
+
+const CONTRACT: &str = include_str!("../contract.toml");
+
+/// The process that loads realtime modules, and the module that all others need.
+const EXPORTING: [&str; 2] = ["/usr/bin/rtapi_app", "/usr/lib/linuxcnc/modules/hal_lib.so"];
+
+fn exported() -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for path in EXPORTING {
+        let data = std::fs::read(path).expect("LinuxCNC is installed");
+        let file = object::File::parse(&*data).expect("a library or a program");
+        let defined = file.dynamic_symbols().filter(|symbol| symbol.is_definition());
+        names.extend(defined.filter_map(|symbol| symbol.name().ok().map(String::from)));
+    }
+    names
+}
+
+fn installed() -> String {
+    let mut command = Command::new("linuxcnc_var");
+    let output = command.arg("LINUXCNCVERSION").output().expect("LinuxCNC is installed");
+    String::from_utf8(output.stdout).expect("a version")
+}
+
+#[test]
+fn the_installed_linuxcnc_exports_what_the_contract_lists_for_its_version() {
+    let contract = Contract::parse(CONTRACT).expect("a contract");
+    let installed = installed();
+    let is_installed = |version: &str| installed.starts_with(&format!("{version}."));
+    let version = contract.linuxcnc.iter().find(|v| is_installed(&v.version));
+    let version = version.unwrap_or_else(|| panic!("the contract has no LinuxCNC {installed}"));
+    let exported = exported();
+    let missing: Vec<&String> = version.exports.iter().filter(|e| !exported.contains(*e)).collect();
+    assert!(missing.is_empty(), "LinuxCNC {installed} does not export {missing:?}");
+}
