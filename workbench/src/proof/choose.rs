@@ -6,7 +6,8 @@
 //! p, and followed downhill (Adam's rule). What is found needs no proof of its own: the
 //! prover judges it.
 
-use crate::proof::one_to_one::{Claim, Doubt, Matrix, Prover, Rows, steps_needed};
+use crate::proof::one_to_one::{Doubt, Matrix, Prover, Rows, steps_needed};
+use crate::read::boxes::Claim;
 use kinematics::{MAX_LEGS, WorkspaceBox};
 use nalgebra::SMatrix;
 

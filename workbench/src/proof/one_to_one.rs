@@ -19,6 +19,7 @@
 //! equations of the legs, written here once more.
 
 use crate::proof::jet::{Interval, Jet};
+use crate::read::boxes::Claim;
 use kinematics::{
     BOX_TOLERANCE, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS, Machine, Pose,
     Vector3, WorkspaceBox,
@@ -39,17 +40,6 @@ pub type Matrix = SMatrix<f64, 6, 6>;
 /// Legs by coordinates.
 pub type Rows = SMatrix<f64, 8, 6>;
 
-/// A box with what its proof needs beside it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
-    /// The box.
-    pub region: WorkspaceBox,
-    /// Weight of each coordinate in the norm: per machine unit, per degree.
-    pub weight: [f64; 6],
-    /// The bound c that ‖1 − M J‖ is claimed not to exceed.
-    pub contraction: f64,
-}
-
 /// Why a claim is not proved.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Doubt {
@@ -62,6 +52,8 @@ pub enum Doubt {
     /// More cells than allowed would be needed.
     Effort(usize),
 }
+
+impl std::error::Error for Doubt {}
 
 impl std::fmt::Display for Doubt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -91,6 +91,35 @@ impl fmt::Display for Limit {
     }
 }
 
+/// Why there is no workspace to look at.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NoWorkspace {
+    /// A machine without X, Y or Z.
+    #[error("no joint moves {0}: there is no space to look at")]
+    Held(char),
+    /// Home is out of reach.
+    #[error(transparent)]
+    Home(#[from] Fault),
+    /// Axes of another machine.
+    #[error("{key}: expected {expected} axes; found {found}")]
+    Axes {
+        /// The key of the study.
+        key: String,
+        /// One a leg.
+        expected: usize,
+        /// How many the study has.
+        found: usize,
+    },
+    /// A leg whose turns are limited about nobody knows what.
+    #[error("{end}_pyramid_deg: leg {leg} has no axis; name {end}_axes")]
+    NoAxis {
+        /// Base or platform.
+        end: &'static str,
+        /// The leg.
+        leg: usize,
+    },
+}
+
 /// The limits of a machine, and the orientations in which a position has to keep them.
 pub struct Workspace<'a> {
     config: &'a MachineConfig,
@@ -163,18 +192,18 @@ impl<'a> Workspace<'a> {
     /// study.
     ///
     /// # Errors
-    /// A sentence: a machine without X, Y or Z, home out of reach, a study that does not fit.
+    /// See [`NoWorkspace`].
     pub fn new(
         config: &'a MachineConfig,
         tool: Vector3<f64>,
         orientations: Vec<[f64; 3]>,
         study: &file::Study,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, NoWorkspace> {
         let layout = config.machine.layout();
         if let Some(held) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {
-            return Err(format!("no joint moves {}: there is no space to look at", held.name()));
+            return Err(NoWorkspace::Held(held.name()));
         }
-        let stance = Stance::new(config, config.home_pose(), tool).map_err(|f| f.to_string())?;
+        let stance = Stance::new(config, config.home_pose(), tool)?;
         let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
         let gap = diameter.max(config.clearance.unwrap_or(0.0));
@@ -327,17 +356,18 @@ fn pyramids(
     limits: &file::Limits,
     end: End,
     home: &[Vector3<f64>],
-) -> Result<Vec<Pyramid>, String> {
+) -> Result<Vec<Pyramid>, NoWorkspace> {
     let (name, most, axes) = match end {
         End::Base => ("base", limits.base_pyramid_deg, &limits.base_axes),
         End::Platform => ("platform", limits.platform_pyramid_deg, &limits.platform_axes),
     };
     let given = axes.as_deref().unwrap_or(&[]);
     if !given.is_empty() && given.len() != home.len() {
-        return Err(format!("{name}_axes: expected {} axes; found {}", home.len(), given.len()));
+        let (expected, found) = (home.len(), given.len());
+        return Err(NoWorkspace::Axes { key: format!("{name}_axes"), expected, found });
     }
     let Some(most) = most else { return Ok(vec![]) };
-    let axis = |i: usize| -> Result<Vector3<f64>, String> {
+    let axis = |i: usize| -> Result<Vector3<f64>, NoWorkspace> {
         let strut = match (config.geometry.legs()[i].kind, end) {
             (LegKind::Strut(strut), End::Base) => Some(strut.base_axis),
             (LegKind::Strut(strut), End::Platform) => Some(strut.platform_axis),
@@ -346,7 +376,7 @@ fn pyramids(
         let axis = Vector3::from(given.get(i).copied().or(strut).unwrap_or_default());
         match axis.norm() > 0.0 {
             true => Ok(axis.normalize()),
-            false => Err(format!("{name}_pyramid_deg: leg {i} has no axis; name {name}_axes")),
+            false => Err(NoWorkspace::NoAxis { end: name, leg: i }),
         }
     };
     // The platform is level at home: there both ends see the leg alike.

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm replay`.
 
+use super::failure::{Failure, refused, tell_error};
 use super::joints::{coordinates, joint_names};
-use super::{Bar, Failure, MachineFile, Verdict, is_still};
-use pkm::draw::plots;
+use super::{Bar, MachineFile, Verdict, moves};
+use pkm::draw::motion;
+use pkm::draw::plot::Plot;
 use pkm::draw::sample::Sample;
-use pkm::files::write_whole;
-use pkm::program::interpreter;
+use pkm::files::Locate;
 use pkm::program::replay::{Visit, duration_of_all, replay_seen};
 use pkm::read::machine::MachineConfig;
 use std::io::{BufWriter, Write};
@@ -45,17 +46,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let period = arguments.period.unwrap_or(config.period);
     if !(period >= SHORTEST_PERIOD && period.is_finite()) {
         let text = format!("--period {period}: expected at least {SHORTEST_PERIOD} seconds");
-        return Err(Failure::Told(text));
+        return Err(refused(text));
     }
-    std::fs::File::open(&arguments.program)
-        .map_err(|error| Failure::at(&arguments.program, error))?;
-    let moves = interpreter::moves(&config, &arguments.program, None)
-        .map_err(|error| Failure::Told(error.to_string()))?;
-    if is_still(&config, &moves) {
-        return Err(Failure::at(&arguments.program, "the program moves nothing"));
-    }
+    let moves = moves(&config, &arguments.program)?;
     if let Some(folder) = &arguments.plots {
-        std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+        std::fs::create_dir_all(folder).at(folder)?;
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
     let names = [vec!["time".into(), "line".into()], coordinates(), joint_names(&config)];
@@ -83,12 +78,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Err(fault) => vec![fault.to_string()],
     };
     for text in &told {
-        let _ = writeln!(anstream::stderr(), "pkm: {}: {text}", arguments.program.display());
+        tell_error(&format!("{}: {text}", arguments.program.display()));
     }
     if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
-        for plot in plots::all(&config, &samples).map_err(Failure::Told)? {
-            write_whole(&folder.join(&plot.file), &plot.svg).map_err(Failure::Told)?;
-        }
+        Plot::write_all(&motion::all(&config, &samples)?, folder)?;
     }
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
