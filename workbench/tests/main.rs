@@ -21,6 +21,7 @@ mod preflight;
 mod random_program;
 mod replay;
 mod rods;
+mod rooms;
 mod sensitivity;
 mod shipped;
 mod stiffness;
