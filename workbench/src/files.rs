@@ -30,6 +30,24 @@ impl<T, E> Locate<T, E> for Result<T, E> {
     }
 }
 
+/// A table as the text of a CSV file.
+///
+/// # Panics
+/// A row has more or fewer cells than the header.
+pub fn csv<R: IntoIterator<Item: ToString>>(
+    header: &[impl AsRef<str>],
+    rows: impl IntoIterator<Item = R>,
+) -> String {
+    let mut out = csv::Writer::from_writer(vec![]);
+    let mut write = |cells: Vec<String>| out.write_record(cells).expect("rows of one length");
+    write(header.iter().map(|name| name.as_ref().to_string()).collect());
+    for row in rows {
+        write(row.into_iter().map(|cell| cell.to_string()).collect());
+    }
+    let bytes = out.into_inner().expect("memory takes everything");
+    String::from_utf8(bytes).expect("cells are text")
+}
+
 /// Writes beside the file, then renames.
 ///
 /// # Errors

@@ -3,7 +3,8 @@
 
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{FONT, Frame, STYLES, drawn, legend, path_axes};
-use crate::study::workspace::{Limit, Slice};
+use crate::study::slice::Slice;
+use crate::study::workspace::Limit;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

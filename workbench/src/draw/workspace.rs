@@ -4,7 +4,9 @@
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, STYLES, drawn, legend, path_axes, project};
 use crate::draw::slice::sliced;
-use crate::study::workspace::{Body, Ray, Slice};
+use crate::study::body::Body;
+use crate::study::slice::Slice;
+use crate::study::workspace::Ray;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 

@@ -76,10 +76,8 @@ fn best_halves(prover: &Prover, region: &WorkspaceBox) -> Result<[Candidate; 2],
         candidate(prover, low, high)
     };
     let halved = |k: usize| {
-        std::thread::scope(|scope| {
-            let lower = scope.spawn(|| half(k, false));
-            Ok([half(k, true)?, lower.join().expect("no thread panics")?])
-        })
+        let (upper, lower) = rayon::join(|| half(k, true), || half(k, false));
+        Ok([upper?, lower?])
     };
     let all = prover.active().iter().map(|k| halved(*k)).collect::<Result<Vec<_>, Doubt>>()?;
     let worse = |halves: &[Candidate; 2]| halves[0].largest.max(halves[1].largest);

@@ -11,6 +11,7 @@
 //! outer product of two vectors, of rank 1 wherever the machine stands, and become infinite where
 //! a coordinate of the path turns back; see [`ratios`].
 
+use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::machine::MachineConfig;
 use crate::study::stance::{self, Rows, Stance};
@@ -388,16 +389,13 @@ pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
         named("sigma"),
         vec!["hold".to_string()],
     ];
-    let mut text = names.concat().join(",") + "\n";
-    for point in points {
-        let numbers = std::iter::once(point.time)
+    let row = |point: &Point| {
+        std::iter::once(point.time)
             .chain(point.pose)
-            .chain(point.joints[..count].iter().copied())
-            .chain(point.rates[..count].iter().copied())
+            .chain(point.joints.into_iter().take(count))
+            .chain(point.rates.into_iter().take(count))
             .chain(point.sigma)
-            .chain([point.hold]);
-        let cells: Vec<String> = numbers.map(|x| x.to_string()).collect();
-        text.push_str(&(cells.join(",") + "\n"));
-    }
-    text
+            .chain([point.hold])
+    };
+    files::csv(&names.concat(), points.iter().map(row))
 }

@@ -11,9 +11,9 @@ use std::path::PathBuf;
 
 /// Why a subcommand gave no answer: any error, which has its place and tells what to do.
 #[derive(Debug)]
-pub struct Failure(Box<dyn Error>);
+pub struct Failure(Box<dyn Error + Send + Sync>);
 
-impl<E: Error + 'static> From<E> for Failure {
+impl<E: Error + Send + Sync + 'static> From<E> for Failure {
     fn from(error: E) -> Self {
         Self(Box::new(error))
     }
@@ -39,12 +39,12 @@ pub struct MovesNothing(pub PathBuf);
 #[error("{place}: {error}")]
 struct At {
     place: String,
-    error: Box<dyn Error>,
+    error: Box<dyn Error + Send + Sync>,
 }
 
 impl Failure {
     /// An error with its place.
-    pub fn at(place: impl Display, error: impl Error + 'static) -> Self {
+    pub fn at(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
         At { place: place.to_string(), error: Box::new(error) }.into()
     }
 

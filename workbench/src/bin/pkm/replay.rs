@@ -10,7 +10,6 @@ use pkm::draw::sample::Sample;
 use pkm::files::Locate;
 use pkm::program::replay::{Visit, duration_of_all, replay_seen};
 use pkm::read::machine::MachineConfig;
-use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
 /// Writes the joint values that a program asks for
@@ -52,9 +51,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(folder) = &arguments.plots {
         std::fs::create_dir_all(folder).at(folder)?;
     }
-    let mut out = BufWriter::new(std::io::stdout().lock());
+    let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let names = [vec!["time".into(), "line".into()], coordinates(), joint_names(&config)];
-    writeln!(out, "{}", names.concat().join(","))?;
+    out.write_record(names.concat())?;
     let mut samples = vec![];
     let mut unwritten = None;
     let whole = duration_of_all(&config, &moves);
@@ -62,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let replayed = replay_seen(&config, &moves, period, |visit| {
         bar.set(visit.time / whole);
         if unwritten.is_none() {
-            unwritten = write_row(&mut out, &config, visit).err();
+            unwritten = out.write_record(row(&config, visit)).err();
         }
         if arguments.plots.is_some() {
             samples.push(sample(visit));
@@ -86,12 +85,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn write_row(out: &mut impl Write, config: &MachineConfig, visit: &Visit) -> std::io::Result<()> {
-    write!(out, "{},{}", visit.time, visit.line)?;
-    for value in visit.pose.iter().chain(&visit.joints[..config.joints.len()]) {
-        write!(out, ",{value}")?;
-    }
-    writeln!(out)
+fn row(config: &MachineConfig, visit: &Visit) -> impl Iterator<Item = String> {
+    let numbers = visit.pose.into_iter().chain(visit.joints.into_iter().take(config.joints.len()));
+    [visit.time.to_string(), visit.line.to_string()]
+        .into_iter()
+        .chain(numbers.map(|x| x.to_string()))
 }
 
 fn sample(visit: &Visit) -> Sample {

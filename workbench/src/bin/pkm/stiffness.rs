@@ -8,7 +8,7 @@ use kinematics::{Pose, Vector3};
 use pkm::draw::ellipsoid::of_ellipsoids;
 use pkm::draw::plot::Plot;
 use pkm::draw::stiffness::{of_platform_sizes, of_stiffness};
-use pkm::files::{Locate, write_whole};
+use pkm::files::{Locate, csv, write_whole};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
@@ -103,8 +103,8 @@ fn draw(
         return Err(refused("no place of the maps is within the machine's limits"));
     }
     if let Some(file) = &arguments.csv {
-        let rows = maps.iter().map(Map::csv).collect::<String>();
-        write_whole(file, &format!("x,y,z,translation_n_per_um,rotation_n_m_per_rad\n{rows}"))?;
+        let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
+        write_whole(file, &csv(&header, maps.iter().flat_map(Map::rows)))?;
     }
     let Some(folder) = &arguments.plots else { return Ok(()) };
     let mut plots = vec![];

@@ -9,9 +9,9 @@ use pkm::draw::plot::Plot;
 use pkm::draw::workspace::of_workspace;
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
-use pkm::study::workspace::{
-    Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
-};
+use pkm::study::body::{Body, Counted, Effort, counted, csv, obj};
+use pkm::study::slice::{Plane, Slice};
+use pkm::study::workspace::{Limit, Ray, Workspace, tilts};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -97,10 +97,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Some(from) => Vector3::from_column_slice(from),
         None => config.home_pose().position,
     };
-    let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let threads = arguments.threads.unwrap_or(most);
+    // 0: as many as there are processors.
+    let threads = arguments.threads.map_or(0, NonZero::get);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let start = Instant::now();
-    let seen = look(arguments, &workspace, from, planes, threads)?;
+    let seen = pool.install(|| look(arguments, &workspace, from, planes))?;
     let seconds = start.elapsed().as_secs_f64();
     let Seen { body, counted, slices } = &seen;
     if let Some(file) = &arguments.csv {
@@ -120,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         anstream::stderr(),
         "{looked} positions, {:.2} million a second, threads: {}",
         looked / seconds * 1e-6,
-        threads
+        pool.current_num_threads()
     );
     Ok(Verdict::Fits)
 }
@@ -137,14 +138,12 @@ fn look(
     workspace: &Workspace,
     from: Vector3<f64>,
     planes: Vec<Plane>,
-    threads: NonZero<usize>,
 ) -> Result<Seen, Failure> {
     let bar = Bar::new("looking along rays");
     let effort = Effort {
         bands: arguments.bands.into(),
         step: workspace.extent() / STEPS,
         grid: arguments.grid.into(),
-        threads,
         progress: &|share| bar.set(share),
     };
     let body = Body::seen(workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
