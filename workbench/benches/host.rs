@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! positions a second of a study of the workspace, and lines a second of programs followed before cutting. Times are printed, never asserted; what
-//! stays are the ratios of one run.
+//! positions a second of a study of the workspace, and lines a second of programs followed before
+//! cutting. Times are printed, never asserted; what stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
 use pkm::program::offset::Offset;
 use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
-use pkm::study::batch;
+use pkm::study::body::{Body, Effort, counted};
 use pkm::study::file::Study;
-use pkm::study::workspace::{Body, Effort, Workspace, counted};
+use pkm::study::workspace::Workspace;
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;
-use std::num::NonZero;
 use std::path::Path;
 use std::time::Instant;
 
@@ -65,7 +66,7 @@ fn one_by_one(machine: &Machine, poses: &[Pose], tool: &Vector3<f64>) {
     }
 }
 
-fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
+fn row(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
     let (machine, tool) = (&config.machine, &config.spindle);
     let poses = raster(config);
     let mut seconds = vec![Vec::new(); cores.len() + 1];
@@ -73,7 +74,8 @@ fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
         seconds[0].push(timed(|| one_by_one(machine, &poses, tool)));
         for (times, cores) in seconds[1..].iter_mut().zip(cores) {
             times.push(timed(|| {
-                black_box(batch::inverse(machine, &poses, tool, *cores));
+                let joints = poses.par_iter().map(|pose| machine.inverse(pose, tool));
+                black_box(cores.install(|| joints.collect::<Vec<_>>()));
             }));
         }
     }
@@ -84,22 +86,22 @@ fn row(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
 }
 
 /// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
-fn looked_over(config: &MachineConfig, name: &str, cores: &[NonZero<usize>]) {
+fn looked_over(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
     let workspace =
         Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
     let from = config.home_pose().position;
-    let look = |threads: NonZero<usize>| {
+    let look = || {
         let step = workspace.extent() / STEPS;
-        let effort = Effort { bands: BANDS, step, grid: GRID, threads, progress: &|_| () };
+        let effort = Effort { bands: BANDS, step, grid: GRID, progress: &|_| () };
         let body = Body::seen(&workspace, from, &effort).unwrap();
         body.looked() + counted(&workspace, &body.corners(), &effort).points
     };
-    let positions = look(cores[0]);
+    let positions = look();
     let mut seconds = vec![Vec::new(); cores.len()];
     for _ in 0..SCANS {
-        for (times, threads) in seconds.iter_mut().zip(cores) {
+        for (times, cores) in seconds.iter_mut().zip(cores) {
             times.push(timed(|| {
-                black_box(look(*threads));
+                black_box(cores.install(look));
             }));
         }
     }
@@ -161,10 +163,12 @@ fn programs(configs: &Path) {
 
 fn main() {
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let mut cores = vec![NonZero::<usize>::MIN];
-    cores.extend((most.get() > 1).then_some(most));
-    let columns: Vec<String> = cores.iter().map(|n| format!("batch, threads: {n}")).collect();
+    let pool = |threads: usize| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let most = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut cores = vec![pool(1)];
+    cores.extend((most > 1).then(|| pool(most)));
+    let threads = || cores.iter().map(ThreadPool::current_num_threads);
+    let columns: Vec<String> = threads().map(|n| format!("batch, threads: {n}")).collect();
     println!("\nInverse over a raster of poses, in million poses a second:\n");
     println!("| machine | within reach | one by one | {} |", columns.join(" | "));
     println!("|---|--:|--:|{}", "--:|".repeat(columns.len()));
@@ -172,7 +176,7 @@ fn main() {
         let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         row(&config, name, &cores);
     }
-    let columns: Vec<String> = cores.iter().map(|n| format!("threads: {n}")).collect();
+    let columns: Vec<String> = threads().map(|n| format!("threads: {n}")).collect();
     println!("\nPositions of `pkm workspace`, every limit checked, in millions a second:\n");
     println!("| machine | positions | {} |", columns.join(" | "));
     println!("|---|--:|{}", "--:|".repeat(columns.len()));

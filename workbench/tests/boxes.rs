@@ -7,9 +7,10 @@ use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
 };
-use pkm::proof::boxes::{self, BoxSection};
+use pkm::proof::boxes::{found, prove};
 use pkm::proof::choose;
 use pkm::proof::one_to_one::{Doubt, Prover};
+use pkm::read::boxes::{self, BoxSection};
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -82,7 +83,7 @@ fn every_shipped_box_is_proved_and_holds_the_whole_workspace() {
 }
 
 fn proved(config: &MachineConfig, section: &BoxSection) -> Result<String, Doubt> {
-    Ok(format!("proved with {} cells", boxes::prove(config, section)?))
+    Ok(format!("proved with {} cells", prove(config, section)?))
 }
 
 /// The numbers of the claim, and its norm at random poses and at faces and corners.
@@ -181,7 +182,7 @@ fn two_boxes_with_a_pose_each_are_refused_with_their_code() {
     let region = &mut below.claim.region;
     (region.low[2], region.high[2]) = (-above.claim.region.high[2], -above.claim.region.low[2]);
     region.matrix[2] = region.matrix[2].map(|m| -m);
-    boxes::prove(&config, &below).expect("the mirror image is as good");
+    prove(&config, &below).expect("the mirror image is as good");
     let regions = [above.claim.region, below.claim.region];
     let mut rng = Pcg64::seed_from_u64(43);
     for _ in 0..100 {
@@ -203,7 +204,7 @@ fn a_claim_that_is_not_true_is_not_proved() {
     let refused = |what: &str, change: &dyn Fn(&mut BoxSection)| {
         let mut section = good.clone();
         change(&mut section);
-        let doubt = boxes::prove(&config, &section).expect_err(what);
+        let doubt = prove(&config, &section).expect_err(what);
         println!("{what}: {doubt}");
         doubt
     };
@@ -244,9 +245,9 @@ fn config_with_reach(name: &str) -> Result<usize, Doubt> {
 #[test]
 fn a_box_is_found_for_a_machine_that_has_none() {
     let config = config("rotary-delta");
-    let found = boxes::found(&config).unwrap();
+    let found = found(&config).unwrap();
     let [(section, _)] = found.as_slice() else { panic!("{} boxes", found.len()) };
-    boxes::prove(&config, section).unwrap();
+    prove(&config, section).unwrap();
     let letters = config.machine.layout().coordinates().as_slice();
     let text = boxes::text(0, section, letters, config.legs());
     let path = Path::new("rotary-delta.ini");

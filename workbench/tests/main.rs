@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! All tests of the workbench from outside in one program, which is linked once.
 
-mod batch;
 mod boxes;
 mod calibrate;
 mod calibrate_command;
@@ -21,6 +20,7 @@ mod preflight;
 mod random_program;
 mod replay;
 mod rods;
+mod rooms;
 mod sensitivity;
 mod shipped;
 mod stiffness;

@@ -10,11 +10,10 @@ use pkm::program::replay::duration;
 use pkm::proof::axis_box::range;
 use pkm::proof::cell::{Course, Reach, Way};
 use pkm::read::machine::MachineConfig;
-use pkm::study::batch;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 use std::fs;
-use std::num::NonZero;
 use std::path::Path;
 use std::time::Instant;
 
@@ -211,8 +210,7 @@ fn trial(machine: &str, seed: u64) -> (bool, usize, bool) {
 fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
     let trials: Vec<(&str, u64)> =
         (0..cases(100) as u64).flat_map(|seed| MACHINES.map(|machine| (machine, seed))).collect();
-    let threads = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let found = batch::each(&trials, threads, |(machine, seed)| trial(machine, *seed));
+    let found: Vec<_> = trials.par_iter().map(|(machine, seed)| trial(machine, *seed)).collect();
     let fitting = found.iter().filter(|(fits, ..)| *fits).count();
     let looked_at: usize = found.iter().filter(|(fits, ..)| *fits).map(|(_, poses, _)| poses).sum();
     let broken = found.iter().filter(|(.., seen)| *seen).count();

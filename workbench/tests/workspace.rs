@@ -4,11 +4,10 @@
 use crate::shipped::config;
 use kinematics::Vector3;
 use pkm::read::machine::MachineConfig;
+use pkm::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
 use pkm::study::file::Study;
-use pkm::study::workspace::{
-    Body, Effort, Limit, Plane, Slice, Workspace, counted, csv, mesh_volume, obj, tilts,
-};
-use std::num::NonZero;
+use pkm::study::slice::{Plane, Slice};
+use pkm::study::workspace::{Limit, Workspace, tilts};
 
 fn level<'a>(config: &'a MachineConfig, study: &Study) -> Workspace<'a> {
     Workspace::new(config, config.spindle, vec![[0.0; 3]], study).unwrap()
@@ -16,13 +15,7 @@ fn level<'a>(config: &'a MachineConfig, study: &Study) -> Workspace<'a> {
 
 /// Coarse, for tests; on two threads.
 fn effort(workspace: &Workspace) -> Effort<'static> {
-    Effort {
-        bands: 24,
-        step: workspace.extent() / 150.0,
-        grid: 40,
-        threads: NonZero::new(2).unwrap(),
-        progress: &|_| (),
-    }
+    Effort { bands: 24, step: workspace.extent() / 150.0, grid: 40, progress: &|_| () }
 }
 
 /// From home, at home's orientation: distances of an independent calculation.
@@ -220,10 +213,10 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     assert_eq!(same.ray(&home.position, &Vector3::x(), 5.0), ray);
     let turned = Study::parse(&format!("{text}platform_axes = {}\n", "[[1, 0, 0]]")).unwrap();
     let told = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
-    assert_eq!(told, "platform_axes: expected 6 axes; found 1");
+    assert_eq!(told.to_string(), "platform_axes: expected 6 axes; found 1");
     let rods = crate::shipped::config("linear-delta");
     let told = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
-    assert_eq!(told, "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
+    assert_eq!(told.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
 }
 
 #[test]
@@ -270,10 +263,12 @@ fn any_number_of_threads_sees_the_same() {
     let workspace = level(&config, &Study::default());
     let home = config.home_pose().position;
     let seen = |threads: usize| {
-        let effort =
-            Effort { bands: 8, threads: NonZero::new(threads).unwrap(), ..effort(&workspace) };
-        let body = Body::seen(&workspace, home, &effort).unwrap();
-        (body.volume(), counted(&workspace, &body.corners(), &effort))
+        let effort = Effort { bands: 8, ..effort(&workspace) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let body = Body::seen(&workspace, home, &effort).unwrap();
+            (body.volume(), counted(&workspace, &body.corners(), &effort))
+        })
     };
     assert_eq!(seen(1), seen(3));
 }

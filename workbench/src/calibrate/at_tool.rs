@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How sure the tip is: what the covariance of the parameters makes of its place.
 
-use super::model::{Model, Place};
-use super::reading::{Changed, Posed, unit};
+use super::model::{Model, Place, unit};
+use super::reading::{Changed, Posed};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};

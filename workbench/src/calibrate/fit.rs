@@ -5,13 +5,12 @@
 //! drawing's tolerances and the noise are normal. What no reading tells keeps the drawing's value,
 //! for only the second sum sees it.
 
-use super::least_squares::{Linear, minimum};
+use super::least_squares::{Linear, NotConverged, minimum};
 use super::model::Model;
 use super::reading::{Changed, Reading};
 use kinematics::{Fault, Pose};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal};
-use std::fmt;
 
 /// How often an outlier is found in readings that have none.
 const FALSE_ALARM: f64 = 1e-3;
@@ -37,9 +36,12 @@ const NOISE_ROUNDS: usize = 4;
 const FOLDS: usize = 5;
 
 /// Why there is no fit.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Misfit {
     /// The numbers read are not more than what they would determine.
+    #[error(
+        "too few readings: {numbers} numbers, which are no more than the {determined} values that          they determine, so that none of them can be checked; measure more"
+    )]
     TooFew {
         /// Numbers read.
         numbers: usize,
@@ -47,33 +49,17 @@ pub enum Misfit {
         determined: usize,
     },
     /// A reading that the machine cannot have given, or a geometry that is none.
+    #[error("{0}: {1}")]
     Unreachable(String, Fault),
     /// So many readings are off that it is not for them.
+    #[error(
+        "{0} of {1} readings do not agree with the others: check plate, probe and the order of the          holes, or give a larger --noise"
+    )]
     TooManyOutliers(usize, usize),
     /// The search for the minimum.
-    Search(String),
+    #[error(transparent)]
+    Search(#[from] NotConverged),
 }
-
-impl fmt::Display for Misfit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Misfit::TooFew { numbers, determined } => write!(
-                f,
-                "too few readings: {numbers} numbers, which are no more than the {determined} \
-                 values that they determine, so that none of them can be checked; measure more"
-            ),
-            Misfit::Unreachable(name, fault) => write!(f, "{name}: {fault}"),
-            Misfit::TooManyOutliers(off, all) => write!(
-                f,
-                "{off} of {all} readings do not agree with the others: check plate, probe and the \
-                 order of the holes, or give a larger --noise"
-            ),
-            Misfit::Search(text) => write!(f, "{text}"),
-        }
-    }
-}
-
-impl std::error::Error for Misfit {}
 
 /// A reading that is not believed, and left out.
 #[derive(Clone, Debug, PartialEq)]

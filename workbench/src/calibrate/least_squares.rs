@@ -43,12 +43,17 @@ impl<F: FnMut(&[f64]) -> Option<Linear>> LeastSquaresProblem<f64, lm::Dyn, lm::D
     }
 }
 
+/// A search that found no minimum.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("least squares did not converge: {0}")]
+pub struct NotConverged(String);
+
 /// The place of least squares near `start`, or why none was found. `evaluate` gives nothing where
 /// there are no residuals.
 pub fn minimum(
     start: &[f64],
     evaluate: impl FnMut(&[f64]) -> Option<Linear>,
-) -> Result<Vec<f64>, String> {
+) -> Result<Vec<f64>, NotConverged> {
     let place = lm::DVector::from_column_slice(start);
     let mut problem = Problem { evaluate, place: place.clone(), here: None };
     problem.set_params(&place);
@@ -59,7 +64,7 @@ pub fn minimum(
         | TerminationReason::Orthogonal
         | TerminationReason::Converged { .. }
         | TerminationReason::NoImprovementPossible(_) => Ok(found.place.as_slice().to_vec()),
-        other => Err(format!("least squares did not converge: {other:?}")),
+        other => Err(NotConverged(format!("{other:?}"))),
     }
 }
 

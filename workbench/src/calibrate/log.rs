@@ -20,7 +20,6 @@ use super::plate::Plate;
 use super::reading::{Measured, Reading};
 use crate::read::machine::MachineConfig;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
-use std::fmt;
 
 /// First line of a log.
 pub const HEADER: &str = "pkm calibration log 1";
@@ -30,18 +29,13 @@ pub const HEADER: &str = "pkm calibration log 1";
 const AGREEMENT: f64 = 1e-7;
 
 /// What is wrong with a log.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{line}: {text}")]
 pub struct BadLog {
     /// Line, counted from 1.
     pub line: usize,
     /// What, and a way out.
     pub text: String,
-}
-
-impl fmt::Display for BadLog {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.line, self.text)
-    }
 }
 
 /// One touch as logged.
@@ -61,6 +55,16 @@ pub struct Touch {
     pub tool: [f64; 3],
     /// Hash of the geometry that LinuxCNC computed with.
     pub geometry: u32,
+}
+
+/// Pose, tool and joints of a touch.
+pub(super) type Taken = (Pose, Vector3<f64>, [f64; MAX_JOINTS]);
+
+impl Touch {
+    /// What is wrong with it.
+    pub(super) fn bad(&self, text: String) -> BadLog {
+        BadLog { line: self.line, text }
+    }
 }
 
 /// Text behind a word that it has to begin with.
@@ -204,14 +208,13 @@ pub(super) fn readings_of(
     touches: &[Touch],
     frame: usize,
     named: &str,
-    taken: impl Fn(&Touch) -> Result<(Pose, Vector3<f64>, [f64; MAX_JOINTS]), String>,
+    taken: impl Fn(&Touch) -> Result<Taken, BadLog>,
 ) -> Result<Vec<Reading>, BadLog> {
     let mut groups: Vec<(u32, [i64; 3])> = vec![];
     let mut readings = vec![];
     for touch in touches {
-        let bad = |text| BadLog { line: touch.line, text };
-        let (pose, tool, joints) = taken(touch).map_err(bad)?;
-        let measured = measured(plate, touch).map_err(bad)?;
+        let (pose, tool, joints) = taken(touch)?;
+        let measured = measured(plate, touch)?;
         let place = (touch.hole, tilt(&touch.at));
         let group = groups.iter().position(|other| *other == place).unwrap_or_else(|| {
             groups.push(place);
@@ -246,34 +249,33 @@ fn way(approach: i32) -> &'static str {
     }
 }
 
-fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, String> {
+fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, BadLog> {
     let hole = plate.hole(touch.hole);
-    let hole = hole.ok_or_else(|| format!("the plate has no hole {}", touch.hole))?;
+    let hole = hole.ok_or_else(|| touch.bad(format!("the plate has no hole {}", touch.hole)))?;
     match touch.approach {
         -3 => Ok(Measured::Face(plate.ball / 2.0)),
         1 | -1 | 2 | -2 => {
             Ok(Measured::Bore { axis: hole.place, radius: (hole.diameter - plate.ball) / 2.0 })
         }
-        other => Err(format!("approach {other}: expected 1, -1 (X), 2, -2 (Y) or -3 (down)")),
+        other => {
+            Err(touch.bad(format!("approach {other}: expected 1, -1 (X), 2, -2 (Y) or -3 (down)")))
+        }
     }
 }
 
 /// Pose, tool and joints of a touch that this machine can have logged.
-fn checked(
-    config: &MachineConfig,
-    touch: &Touch,
-) -> Result<(Pose, Vector3<f64>, [f64; MAX_JOINTS]), String> {
+fn checked(config: &MachineConfig, touch: &Touch) -> Result<Taken, BadLog> {
     let own = config.geometry.hash();
     if touch.geometry != own {
-        return Err(format!(
+        return Err(touch.bad(format!(
             "logged with geometry {:#010x}, {} is {own:#010x}: calibrate the file that LinuxCNC ran with",
             touch.geometry,
             config.file.display()
-        ));
+        )));
     }
     if touch.joints.len() != config.joints.len() {
         let (found, expected) = (touch.joints.len(), config.joints.len());
-        return Err(format!("{found} joints, the machine has {expected}"));
+        return Err(touch.bad(format!("{found} joints, the machine has {expected}")));
     }
     let tool = Vector3::from(touch.tool);
     let pose = shown(config, touch.at, &tool);
@@ -286,7 +288,7 @@ fn checked(
     if miss.is_some_and(|miss| miss <= AGREEMENT * config.machine.size()) {
         return Ok((pose, tool, joints));
     }
-    Err(disagreement(config, touch, &joints, &tool, miss))
+    Err(touch.bad(disagreement(config, touch, &joints, &tool, miss)))
 }
 
 /// Why joints and position of a touch do not agree.

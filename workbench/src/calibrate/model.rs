@@ -2,7 +2,6 @@
 //! What may change: the parameters of a machine and of its measuring frames, the drawing's
 //! values with their tolerances, and the machine that a set of changes makes.
 
-use super::reading::unit;
 use kinematics::leg::StrutGeometry;
 use kinematics::{Fault, Geometry, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3};
 use nalgebra::{Matrix3, Rotation3};
@@ -259,4 +258,9 @@ fn turn_more(leg: &mut LegGeometry, change: f64) {
     {
         *lead += change * lead.signum();
     }
+}
+
+/// Unit vector of an axis.
+pub(super) fn unit(axis: usize) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)))
 }

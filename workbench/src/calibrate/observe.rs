@@ -7,8 +7,8 @@
 //! for nobody sees where base and frame stand together. At constant orientation base and platform
 //! anchors of a leg show as their difference only: 24 at most.
 
-use super::model::{Frame, Model, Place};
-use super::reading::{Measured, Reading, unit};
+use super::model::{Frame, Model, Place, unit};
+use super::reading::{Measured, Reading};
 use kinematics::Vector3;
 use nalgebra::{DMatrix, DVector};
 

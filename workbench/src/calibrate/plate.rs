@@ -2,10 +2,12 @@
 //! The plate with holes that the calibration program probes, and where it lies.
 
 use super::model::Frame;
+use crate::files::{AtFile, Locate};
 use kinematics::Vector3;
 use nalgebra::Matrix3;
 use serde::Deserialize;
 use std::fs;
+use std::io;
 use std::path::Path;
 
 /// Share of the least distance between holes that one may be from its place: more, and it might be
@@ -46,37 +48,91 @@ pub struct Hole {
     pub diameter: f64,
 }
 
+/// A plate that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum PlateError {
+    /// No file that can be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// Not what the file of a plate holds.
+    #[error(transparent)]
+    Malformed(#[from] AtFile<toml::de::Error>),
+    /// Values that no plate has.
+    #[error(transparent)]
+    Bad(#[from] AtFile<BadPlate>),
+}
+
+/// Why nothing can be probed on a plate.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BadPlate {
+    /// The probe's ball has no size.
+    #[error("ball = {0}: expected a diameter above 0")]
+    Ball(f64),
+    /// The ball does not go into a hole.
+    #[error("hole {number}: diameter = {diameter}: expected more than that of the ball, {ball}")]
+    Narrow {
+        /// The hole.
+        number: u32,
+        /// Its diameter.
+        diameter: f64,
+        /// That of the ball.
+        ball: f64,
+    },
+    /// A hole that is nowhere.
+    #[error("hole {0}: place: expected two numbers")]
+    Nowhere(u32),
+    /// A number that two holes have.
+    #[error("hole {0} is given twice")]
+    Twice(u32),
+}
+
+/// Why touches do not tell where a plate lies.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Astray {
+    /// In fewer than three holes.
+    #[error(
+        "touches in {0} holes do not tell where the plate lies: probe three at least, not in a line"
+    )]
+    TooFew(usize),
+    /// The plate fits where its holes are numbered otherwise: number in the log, number on the plate.
+    #[error(
+        "holes in the wrong order: what the log calls hole {}; number them so and probe again, or \
+         correct the log's numbers",
+        .0.iter().map(|(number, other)| format!("{number} is {other}")).collect::<Vec<_>>().join(", ")
+    )]
+    Order(Vec<(u32, u32)>),
+    /// A hole, and how far it is from where the plate has it.
+    #[error("hole {0} is {1:.1} from where the plate has it: is this the plate that was probed?")]
+    Away(u32, f64),
+}
+
 impl Plate {
     /// Reads a plate in machine units.
     ///
     /// # Errors
-    /// A sentence with file and place.
-    pub fn read(file: &Path, units_per_mm: f64) -> Result<Self, String> {
-        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-        let text = fs::read_to_string(file).map_err(|error| named(&error))?;
-        let plate: Self = toml::from_str(&text).map_err(|error| named(&error))?;
-        plate.check().map_err(|text| named(&text))?;
+    /// See [`PlateError`].
+    pub fn read(file: &Path, units_per_mm: f64) -> Result<Self, PlateError> {
+        let text = fs::read_to_string(file).at(file)?;
+        let plate: Self = toml::from_str(&text).at(file)?;
+        plate.check().at(file)?;
         let scale = units_per_mm * if plate.unit == Unit::Mm { 1.0 } else { 25.4 };
         Ok(plate.scaled(scale))
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), BadPlate> {
         if !(self.ball > 0.0) {
-            return Err(format!("ball = {}: expected a diameter above 0", self.ball));
+            return Err(BadPlate::Ball(self.ball));
         }
         for (i, hole) in self.hole.iter().enumerate() {
-            let Hole { number, diameter, .. } = hole;
-            if !(*diameter > self.ball) {
-                let ball = self.ball;
-                return Err(format!(
-                    "hole {number}: diameter = {diameter}: expected more than that of the ball, {ball}"
-                ));
+            let Hole { number, diameter, place } = *hole;
+            if !(diameter > self.ball) {
+                return Err(BadPlate::Narrow { number, diameter, ball: self.ball });
             }
-            if !hole.place.iter().all(|x| x.is_finite()) {
-                return Err(format!("hole {number}: place: expected two numbers"));
+            if !place.iter().all(|x| x.is_finite()) {
+                return Err(BadPlate::Nowhere(number));
             }
-            if self.hole[..i].iter().any(|other| other.number == *number) {
-                return Err(format!("hole {number} is given twice"));
+            if self.hole[..i].iter().any(|other| other.number == number) {
+                return Err(BadPlate::Twice(number));
             }
         }
         Ok(())
@@ -110,12 +166,9 @@ impl Plate {
     /// # Errors
     /// They are fewer than three, or not where the plate has them; another order that would fit is
     /// told.
-    pub fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, String> {
+    pub fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
         if centres.len() < 3 {
-            let count = centres.len();
-            return Err(format!(
-                "touches in {count} holes do not tell where the plate lies: probe three at least, not in a line"
-            ));
+            return Err(Astray::TooFew(centres.len()));
         }
         let nominal: Vec<Vector3<f64>> =
             centres.iter().map(|(number, _)| self.point(*number)).collect();
@@ -127,22 +180,12 @@ impl Plate {
         if miss(worst) <= limit {
             return Ok(frame);
         }
-        let text =
-            format!("hole {} is {:.1} from where the plate has it", centres[worst].0, miss(worst));
         Err(match self.other_order(&seen, limit) {
             Some(order) => {
-                let pairs: Vec<String> = centres
-                    .iter()
-                    .zip(order)
-                    .filter(|((number, _), other)| number != other)
-                    .map(|((number, _), other)| format!("{number} is {other}"))
-                    .collect();
-                format!(
-                    "holes in the wrong order: what the log calls hole {}; number them so and probe again, or correct the log's numbers",
-                    pairs.join(", ")
-                )
+                let pairs = centres.iter().map(|(number, _)| *number).zip(order);
+                Astray::Order(pairs.filter(|(number, other)| number != other).collect())
             }
-            None => format!("{text}: is this the plate that was probed?"),
+            None => Astray::Away(centres[worst].0, miss(worst)),
         })
     }
 
@@ -229,12 +272,12 @@ mod tests {
 
     #[test]
     fn another_order_is_told() {
-        let text = plate().found_at(&seen(&[1, 3, 2, 4, 5])).unwrap_err();
+        let text = plate().found_at(&seen(&[1, 3, 2, 4, 5])).unwrap_err().to_string();
         assert!(text.contains("what the log calls hole 2 is 3, 3 is 2;"), "{text}");
         let mut astray = seen(&[1, 2, 3, 4, 5]);
         astray[2].1.x += 30.0;
-        let text = plate().found_at(&astray).unwrap_err();
+        let text = plate().found_at(&astray).unwrap_err().to_string();
         assert!(text.contains("is this the plate that was probed?"), "{text}");
-        assert!(plate().found_at(&astray[..2]).unwrap_err().contains("three at least"));
+        assert!(plate().found_at(&astray[..2]).unwrap_err().to_string().contains("three at least"));
     }
 }

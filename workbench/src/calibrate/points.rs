@@ -23,6 +23,7 @@ use super::plate::{Hole, Plate};
 use super::reading::Reading;
 use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
+use std::fmt;
 
 /// How far a ball may be from where plate and place let expect it, in its diameters: half the way
 /// from the height at which it lies on the face to that at which it dips into a bore.
@@ -55,7 +56,8 @@ pub fn readings(
     let lying = lying(text)?;
     let mut touches: Vec<Touch> = vec![];
     for (line, at) in lines(text)? {
-        let (hole, approach) = placed(plate, &lying, &at).map_err(|text| BadLog { line, text })?;
+        let (hole, approach) = placed(plate, &lying, &at)
+            .map_err(|nowhere| BadLog { line, text: nowhere.to_string() })?;
         let (joints, geometry) = (vec![], config.geometry.hash());
         let touch = Touch { line, hole, approach, at, joints, tool: tool.into(), geometry };
         match touches.last_mut() {
@@ -65,7 +67,8 @@ pub fn readings(
     }
     log::readings_of(plate, &touches, frame, named, |touch| {
         let pose = log::shown(config, touch.at, &tool);
-        let joints = config.machine.inverse(&pose, &tool).map_err(|fault| fault.to_string())?;
+        let joints =
+            config.machine.inverse(&pose, &tool).map_err(|fault| touch.bad(fault.to_string()))?;
         Ok((pose, tool, joints))
     })
 }
@@ -126,23 +129,54 @@ fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
     Ok(found.into_iter().map(|(line, _, at)| (line, at)).collect())
 }
 
+/// A place on the plate.
+#[derive(Debug)]
+struct Spot(Vector3<f64>);
+
+impl fmt::Display for Spot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} {:.3} {:.3} on the plate", self.0.x, self.0.y, self.0.z)
+    }
+}
+
+/// Why a tip touches nothing of the plate.
+#[derive(Debug, thiserror::Error)]
+enum Nowhere {
+    #[error("in another unit than the machine's: run the program in the machine's unit")]
+    OtherUnit,
+    #[error(
+        "{0}: work coordinates, a probing move that met nothing, or another place of the plate than \
+         \"# plate\" says?"
+    )]
+    Elsewhere(Box<Nowhere>),
+    #[error("the plate has no hole")]
+    NoHole,
+    #[error("{0} is over hole {1} or its edge")]
+    OverHole(Spot, u32),
+    #[error("{0} is neither on the face nor down in a hole")]
+    OffPlate(Spot),
+    #[error(
+        "{place} is no wall: the axis of hole {hole} is {away:.3} away, its walls are {walls:.3}"
+    )]
+    NoWall { place: Spot, hole: u32, away: f64, walls: f64 },
+    #[error("{0} may be a wall of hole {1} or of hole {2}")]
+    TwoWalls(Spot, u32, u32),
+}
+
 /// Hole and approach of a touch, by where it is on the plate.
-fn placed(plate: &Plate, lying: &Frame, at: &[f64; 6]) -> Result<(u32, i32), String> {
+fn placed(plate: &Plate, lying: &Frame, at: &[f64; 6]) -> Result<(u32, i32), Nowhere> {
     let tip = Vector3::new(at[0], at[1], at[2]);
-    touched(plate, lying, &tip).map_err(|text| {
+    touched(plate, lying, &tip).map_err(|nowhere| {
         let mut units = [25.4, 1.0 / 25.4].into_iter();
         match units.any(|unit| touched(plate, lying, &(tip * unit)).is_ok()) {
-            true => "in another unit than the machine's: run the program in the machine's unit".into(),
-            false => format!(
-                "{text}: work coordinates, a probing move that met nothing, or another place of the \
-                 plate than \"# plate\" says?"
-            ),
+            true => Nowhere::OtherUnit,
+            false => Nowhere::Elsewhere(Box::new(nowhere)),
         }
     })
 }
 
 /// The same of a tip; why it is of nothing.
-fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32), String> {
+fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32), Nowhere> {
     let reach = REACH * plate.ball;
     let there = lying.seen(tip);
     let from_axis =
@@ -150,31 +184,28 @@ fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32
     let mut near: Vec<(f64, &Hole)> =
         plate.hole.iter().map(|hole| (from_axis(hole).norm(), hole)).collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let [x, y, z] = there.into();
-    let place = format!("{x:.3} {y:.3} {z:.3} on the plate");
-    let Some((away, hole)) = near.first() else { return Err("the plate has no hole".into()) };
+    let [_, _, z] = there.into();
+    let place = Spot(there);
+    let Some((away, hole)) = near.first() else { return Err(Nowhere::NoHole) };
     // On the face the ball's centre is half a diameter up.
     if (z - plate.ball / 2.0).abs() <= reach {
         return match *away > hole.diameter / 2.0 + reach {
             true => Ok((hole.number, -3)),
-            false => Err(format!("{place} is over hole {} or its edge", hole.number)),
+            false => Err(Nowhere::OverHole(place, hole.number)),
         };
     }
     if z > 0.0 || z < -TOO_DEEP * plate.ball {
-        return Err(format!("{place} is neither on the face nor down in a hole"));
+        return Err(Nowhere::OffPlate(place));
     }
     let is_wall =
         |(away, hole): &&(f64, &Hole)| (away - (hole.diameter - plate.ball) / 2.0).abs() <= reach;
     match near.iter().filter(is_wall).collect::<Vec<_>>()[..] {
         [(_, hole)] => Ok((hole.number, along(&(lying.rotation * from_axis(hole))))),
-        [] => Err(format!(
-            "{place} is no wall: the axis of hole {} is {away:.3} away, its walls are {:.3}",
-            hole.number,
-            (hole.diameter - plate.ball) / 2.0
-        )),
-        [(_, a), (_, b), ..] => {
-            Err(format!("{place} may be a wall of hole {} or of hole {}", a.number, b.number))
+        [] => {
+            let walls = (hole.diameter - plate.ball) / 2.0;
+            Err(Nowhere::NoWall { place, hole: hole.number, away: *away, walls })
         }
+        [(_, a), (_, b), ..] => Err(Nowhere::TwoWalls(place, a.number, b.number)),
     }
 }
 

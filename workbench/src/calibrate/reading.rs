@@ -2,7 +2,7 @@
 //! What was measured: a reading of the tip at known joints, its residual and how that follows
 //! the tip and the frame it was measured in.
 
-use super::model::{Frame, Model, Place};
+use super::model::{Frame, Model, Place, unit};
 use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion};
 
@@ -307,11 +307,6 @@ fn rates_of_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
     let cross = turn.cross_matrix();
     let second = 1.0 / 12.0 + square / 720.0 + square * square / 30240.0;
     Matrix3::identity() - cross / 2.0 + cross * cross * second
-}
-
-/// Unit vector of an axis.
-pub(super) fn unit(axis: usize) -> Vector3<f64> {
-    Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)))
 }
 
 fn by_trigger(measured: &Measured) -> DVector<f64> {

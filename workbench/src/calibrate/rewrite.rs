@@ -2,16 +2,44 @@
 //! The INI file with another geometry: every other line, comments and layout stay.
 
 use super::model::{Model, Place};
-use crate::proof::boxes;
+use crate::files::{AtFile, Locate};
+use crate::proof::boxes::found;
+use crate::proof::one_to_one::Doubt;
+use crate::read::boxes;
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
-use kinematics::Geometry;
-use kinematics::{LegKind, PerLeg};
+use crate::read::machine::{MachineConfig, MachineError};
+use kinematics::{Fault, Geometry, LegKind, PerLeg};
 use similar::TextDiff;
+use std::io;
 use std::path::Path;
 
 /// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.
 const DECIMALS: usize = 6;
+
+/// Why there is no new file.
+#[derive(Debug, thiserror::Error)]
+pub enum RewriteError {
+    /// The old one cannot be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// A section that stands in an included file.
+    #[error(transparent)]
+    Elsewhere(#[from] AtFile<Elsewhere>),
+    /// The new text is no machine.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The new machine does not reach its home.
+    #[error(transparent)]
+    Home(#[from] Fault),
+    /// No boxes are proved for the new machine.
+    #[error(transparent)]
+    Doubt(#[from] Doubt),
+}
+
+/// A section that is not in the file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("[{0}] is not in the file itself: calibrate where its values stand")]
+pub struct Elsewhere(String);
 
 /// What a value of the file becomes.
 struct Edit {
@@ -24,20 +52,19 @@ struct Edit {
 /// proved for the old geometry, are taken out with `boxes=`.
 ///
 /// # Errors
-/// A sentence: the values stand in an included file, or the new text is no machine.
+/// See [`RewriteError`].
 pub fn calibrated(
     config: &MachineConfig,
     model: &Model,
     changes: &[f64],
-) -> Result<String, String> {
-    let text = std::fs::read_to_string(&config.file)
-        .map_err(|error| format!("{}: {error}", config.file.display()))?;
+) -> Result<String, RewriteError> {
+    let text = std::fs::read_to_string(&config.file).at(&config.file)?;
     let (geometry, offsets) = model.changed(changes);
     let mut lines: Vec<String> = without_boxes(&text);
     let mut edits = of_legs(model, &geometry, &offsets);
     edits.extend(of_home(config, model, changes)?);
     for edit in &edits {
-        enter(&mut lines, edit).map_err(|text| format!("{}: {text}", config.file.display()))?;
+        enter(&mut lines, edit).at(&config.file)?;
     }
     let new = lines.join("\n") + "\n";
     read_back(&config.file, &new)?;
@@ -48,15 +75,17 @@ pub fn calibrated(
 ///
 /// # Errors
 /// It is none.
-pub fn read_back(file: &Path, text: &str) -> Result<MachineConfig, String> {
-    let ini = Ini::parse(file, text).map_err(|error| error.to_string())?;
-    MachineConfig::from_ini(&ini).map_err(|error| error.to_string())
+pub fn read_back(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
+    MachineConfig::from_ini(&Ini::parse(file, text)?)
 }
 
-/// The text with boxes proved for its machine; `told` in words where there are none.
-pub fn with_boxes(file: &Path, text: &str) -> Result<String, String> {
+/// The text with boxes proved for its machine.
+///
+/// # Errors
+/// The text is no machine, or there are no boxes.
+pub fn with_boxes(file: &Path, text: &str) -> Result<String, RewriteError> {
     let config = read_back(file, text)?;
-    let found = boxes::found(&config).map_err(|doubt| doubt.to_string())?;
+    let found = found(&config)?;
     let letters = config.machine.layout().coordinates().as_slice();
     let mut text = text
         .lines()
@@ -121,13 +150,11 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
 }
 
 /// HOME of the joints: the same pose, by the new geometry.
-fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, String> {
+fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, Fault> {
     if model.number(Place::Length(0)).is_none() {
         return Ok(vec![]);
     }
-    let machine = model.machine(changes).map_err(|fault| fault.to_string())?;
-    let joints =
-        machine.inverse(&config.home_pose(), &config.spindle).map_err(|fault| fault.to_string())?;
+    let joints = model.machine(changes)?.inverse(&config.home_pose(), &config.spindle)?;
     let edit =
         |n: usize| Edit { section: format!("JOINT_{n}"), key: "HOME", value: decimal(joints[n]) };
     Ok((0..config.joints.len())
@@ -144,11 +171,9 @@ fn section(lines: &[String], name: &str) -> Option<std::ops::Range<usize>> {
     Some(first..next.map_or(lines.len(), |next| first + next))
 }
 
-fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), String> {
+fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), Elsewhere> {
     let Edit { section: name, key, value } = edit;
-    let range = section(lines, name).ok_or_else(|| {
-        format!("[{name}] is not in the file itself: calibrate where its values stand")
-    })?;
+    let range = section(lines, name).ok_or_else(|| Elsewhere(name.clone()))?;
     let is_own = |line: &String| line.split_once('=').is_some_and(|(word, _)| word.trim() == *key);
     match lines[range.clone()].iter().position(is_own) {
         Some(at) => {
@@ -205,7 +230,10 @@ mod tests {
         assert_eq!(lines.join("\n"), new);
         let other = Edit { section: "LEG_7".into(), key: "BASE", value: String::new() };
         assert!(
-            enter(&mut lines, &other).unwrap_err().contains("[LEG_7] is not in the file itself")
+            enter(&mut lines, &other)
+                .unwrap_err()
+                .to_string()
+                .contains("[LEG_7] is not in the file")
         );
     }
 

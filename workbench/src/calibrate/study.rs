@@ -4,18 +4,20 @@
 use super::at_tool::{self, Ellipsoid};
 use super::fit::{Fit, Misfit, fit, held_out, residuals, rms};
 use super::heading;
-use super::log::{self, HEADER};
+use super::log::{self, BadLog, HEADER};
 use super::model::{Frame, Model, Tolerance};
 use super::observe;
 use super::plan;
-use super::plate::Plate;
+use super::plate::{Astray, Plate, PlateError};
 use super::points;
 use super::reading::{Changed, Measured, Reading};
 use super::table;
-use crate::read::ini::Ini;
+use crate::files::{AtFile, Locate};
+use crate::read::ini::{Ini, IniError};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, MAX_LEGS, PerLeg, Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Places that may be measured next.
@@ -66,22 +68,53 @@ pub struct HoleError {
     pub miss: f64,
 }
 
+/// Why files give no readings.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// The plate.
+    #[error(transparent)]
+    Plate(#[from] PlateError),
+    /// The machine's INI file.
+    #[error(transparent)]
+    Ini(#[from] IniError),
+    /// The machine's geometry.
+    #[error(transparent)]
+    Geometry(#[from] AtFile<Fault>),
+    /// A line of a file, counted from 1.
+    #[error("{}:{}", .0.file.display(), .0.error)]
+    Line(AtFile<BadLog>),
+    /// Touches that do not tell where the plate lies.
+    #[error(transparent)]
+    Astray(#[from] AtFile<Astray>),
+    /// Touches, and nobody says of what.
+    #[error("{}: touches need the plate that was probed: --plate FILE.toml", .0.display())]
+    NoPlate(PathBuf),
+}
+
+impl From<AtFile<BadLog>> for ReadError {
+    fn from(error: AtFile<BadLog>) -> Self {
+        Self::Line(error)
+    }
+}
+
 /// Readings of files, and the model with a frame for each file.
 ///
 /// # Errors
-/// A sentence that names file and line.
+/// See [`ReadError`].
 pub fn read(
     config: &MachineConfig,
     files: &[PathBuf],
     wishes: &Wishes,
-) -> Result<(Model, Vec<Reading>), String> {
+) -> Result<(Model, Vec<Reading>), ReadError> {
     let plate = match &wishes.plate {
         Some(file) => Some(Plate::read(file, config.units_per_mm)?),
         None => None,
     };
     let offsets = offsets(config)?;
-    let mut model = Model::new(config.geometry, offsets, &wishes.tolerance)
-        .map_err(|fault| format!("{}: {fault}", config.file.display()))?;
+    let mut model = Model::new(config.geometry, offsets, &wishes.tolerance).at(&config.file)?;
     let mut readings = vec![];
     for (k, file) in files.iter().enumerate() {
         let (mut own, frame) = of_file(config, file, plate.as_ref(), k)?;
@@ -98,22 +131,19 @@ fn of_file(
     file: &Path,
     plate: Option<&Plate>,
     frame: usize,
-) -> Result<(Vec<Reading>, Frame), String> {
-    let named = |text: &dyn std::fmt::Display| format!("{}: {text}", file.display());
-    let text = std::fs::read_to_string(file).map_err(|error| named(&error))?;
+) -> Result<(Vec<Reading>, Frame), ReadError> {
+    let text = std::fs::read_to_string(file).at(file)?;
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let at = |bad: log::BadLog| format!("{}:{bad}", file.display());
-    let plate =
-        || plate.ok_or_else(|| named(&"touches need the plate that was probed: --plate FILE.toml"));
+    let plate = || plate.ok_or_else(|| ReadError::NoPlate(file.into()));
     let readings = match kind(&text) {
         Some(Kind::Table) => {
-            let readings = table::readings(config, &text, frame, &name).map_err(at)?;
+            let readings = table::readings(config, &text, frame, &name).at(file)?;
             let frame = table::frame(&readings);
             return Ok((readings, frame));
         }
         Some(Kind::Log) => log::readings(config, plate()?, &text, frame, &name),
         Some(Kind::Points) => points::readings(config, plate()?, &text, frame, &name),
-        None => Err(log::BadLog {
+        None => Err(BadLog {
             line: 1,
             text: format!(
                 "neither a log of the calibration program (\"{HEADER}\"), nor points of PROBEOPEN, \
@@ -121,9 +151,9 @@ fn of_file(
             ),
         }),
     };
-    let readings = readings.map_err(at)?;
+    let readings = readings.at(file)?;
     let centres = log::centres(plate()?, &readings);
-    let frame = plate()?.found_at(&centres).map_err(|text| named(&text))?;
+    let frame = plate()?.found_at(&centres).at(file)?;
     Ok((readings, frame))
 }
 
@@ -146,12 +176,11 @@ fn kind(text: &str) -> Option<Kind> {
     }
 }
 
-fn offsets(config: &MachineConfig) -> Result<PerLeg, String> {
-    let ini = Ini::read(&config.file).map_err(|error| error.to_string())?;
+fn offsets(config: &MachineConfig) -> Result<PerLeg, IniError> {
+    let ini = Ini::read(&config.file)?;
     let mut offsets = [0.0; MAX_LEGS];
     for (n, offset) in offsets.iter_mut().enumerate().take(config.legs()) {
-        *offset =
-            ini.number_or(&format!("LEG_{n}"), "OFFSET", 0.0).map_err(|error| error.to_string())?;
+        *offset = ini.number_or(&format!("LEG_{n}"), "OFFSET", 0.0)?;
     }
     Ok(offsets)
 }

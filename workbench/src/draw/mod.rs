@@ -1,7 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pictures and pages.
+//! Pictures and pages: one file a picture, or a few that belong together.
+//!
+//! Every picture is drawn on a [`sheet`]; [`lines`] go over time or over a path, [`contour`] lines over
+//! a plane.
 
+mod contour;
+pub mod course;
+pub mod ellipsoid;
+mod lines;
+pub mod margins;
+pub mod motion;
 pub mod page;
-pub mod plots;
+pub mod plot;
+pub mod rods;
 pub mod sample;
-pub mod study_plots;
+pub mod sensitivity;
+mod sheet;
+mod slice;
+pub mod stiffness;
+mod tool_path;
+pub mod workspace;

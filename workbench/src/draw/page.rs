@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pages of a browser about one run or one program.
 
-use crate::draw::plots::Plot;
+use crate::draw::plot::Plot;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = "body { font-family: sans-serif; max-width: 62em; margin: 2em auto }

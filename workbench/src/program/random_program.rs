@@ -24,12 +24,17 @@ const TRIES: usize = 2000;
 /// One tool change a number of moves.
 const MOVES_PER_TOOL: u32 = 8;
 
+/// A machine that finds no way on.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("no legal move found from {0:?} in {TRIES} tries")]
+pub struct NoMove([f64; 6]);
+
 /// A program of at least `seconds` of motion from the machine's home; the same seed
 /// gives the same program.
 ///
 /// # Errors
 /// No legal move is found from some pose.
-pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result<String, String> {
+pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result<String, NoMove> {
     let mut walk = Walk {
         config,
         rng: Pcg64::seed_from_u64(seed),
@@ -88,7 +93,7 @@ impl Walk<'_> {
         line.expect("a string takes any text");
     }
 
-    fn go(&mut self) -> Result<(), String> {
+    fn go(&mut self) -> Result<(), NoMove> {
         for _ in 0..TRIES {
             let next = self.draw();
             let (from, tool) = (self.pose, self.tool);
@@ -101,7 +106,7 @@ impl Walk<'_> {
                 return Ok(());
             }
         }
-        Err(format!("no legal move found from {:?} in {TRIES} tries", self.pose))
+        Err(NoMove(self.pose))
     }
 
     /// An end point in the axis limits: near or far, in places, in angles or in both.

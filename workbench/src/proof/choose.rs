@@ -6,7 +6,8 @@
 //! p, and followed downhill (Adam's rule). What is found needs no proof of its own: the
 //! prover judges it.
 
-use crate::proof::one_to_one::{Claim, Doubt, Matrix, Prover, Rows, steps_needed};
+use crate::proof::one_to_one::{Doubt, Matrix, Prover, Rows, steps_needed};
+use crate::read::boxes::Claim;
 use kinematics::{MAX_LEGS, WorkspaceBox};
 use nalgebra::SMatrix;
 
@@ -75,10 +76,8 @@ fn best_halves(prover: &Prover, region: &WorkspaceBox) -> Result<[Candidate; 2],
         candidate(prover, low, high)
     };
     let halved = |k: usize| {
-        std::thread::scope(|scope| {
-            let lower = scope.spawn(|| half(k, false));
-            Ok([half(k, true)?, lower.join().expect("no thread panics")?])
-        })
+        let (upper, lower) = rayon::join(|| half(k, true), || half(k, false));
+        Ok([upper?, lower?])
     };
     let all = prover.active().iter().map(|k| halved(*k)).collect::<Result<Vec<_>, Doubt>>()?;
     let worse = |halves: &[Candidate; 2]| halves[0].largest.max(halves[1].largest);

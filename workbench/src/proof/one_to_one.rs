@@ -19,14 +19,14 @@
 //! equations of the legs, written here once more.
 
 use crate::proof::jet::{Interval, Jet};
+use crate::read::boxes::Claim;
 use kinematics::{
     BOX_TOLERANCE, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS, Machine, Pose,
     Vector3, WorkspaceBox,
 };
 use nalgebra::SMatrix;
 use std::ops::Add;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Margin for rounding in bounds and norms, of quantities near 1.
 const ROUNDING: f64 = 1e-7;
@@ -38,17 +38,6 @@ pub type Matrix = SMatrix<f64, 6, 6>;
 
 /// Legs by coordinates.
 pub type Rows = SMatrix<f64, 8, 6>;
-
-/// A box with what its proof needs beside it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
-    /// The box.
-    pub region: WorkspaceBox,
-    /// Weight of each coordinate in the norm: per machine unit, per degree.
-    pub weight: [f64; 6],
-    /// The bound c that ‖1 − M J‖ is claimed not to exceed.
-    pub contraction: f64,
-}
 
 /// Why a claim is not proved.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,6 +51,8 @@ pub enum Doubt {
     /// More cells than allowed would be needed.
     Effort(usize),
 }
+
+impl std::error::Error for Doubt {}
 
 impl std::fmt::Display for Doubt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -95,6 +86,15 @@ struct Platform {
     /// Centre, as the legs see it.
     point: [Jet; 3],
     rotation: [[Jet; 3]; 3],
+}
+
+/// A proof at work.
+struct Work<'a> {
+    claim: &'a Claim,
+    /// Most cells.
+    limit: usize,
+    count: AtomicUsize,
+    failed: AtomicBool,
 }
 
 /// What one cell says.
@@ -167,61 +167,36 @@ impl<'a> Prover<'a> {
     pub fn prove(&self, claim: &Claim, limit: usize) -> Result<usize, Doubt> {
         self.check(claim)?;
         let whole = Cell { low: claim.region.low, high: claim.region.high };
-        let open = Mutex::new((vec![whole], 0_usize));
-        let failed = Mutex::new(None);
-        let count = AtomicUsize::new(0);
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        std::thread::scope(|scope| {
-            for _ in 0..threads {
-                scope.spawn(|| {
-                    if let Err(doubt) = self.work(claim, limit, &open, &count, &failed) {
-                        failed.lock().expect("no thread panics").get_or_insert(doubt);
-                    }
-                });
+        let (count, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let work = Work { claim, limit, count, failed };
+        self.prove_cell(&work, &whole)?;
+        Ok(work.count.into_inner())
+    }
+
+    /// Proves a cell, or its halves, side by side; nothing more once any cell has failed.
+    fn prove_cell(&self, work: &Work, cell: &Cell) -> Result<(), Doubt> {
+        if work.failed.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let proved = self.judged(work, cell);
+        if proved.is_err() {
+            work.failed.store(true, Ordering::Relaxed);
+        }
+        match proved? {
+            Verdict::Proved => Ok(()),
+            Verdict::Split(k) => {
+                let [lower, upper] = cell.halves(k);
+                let both =
+                    rayon::join(|| self.prove_cell(work, &lower), || self.prove_cell(work, &upper));
+                both.0.and(both.1)
             }
-        });
-        match failed.into_inner().expect("no thread panics") {
-            Some(doubt) => Err(doubt),
-            None => Ok(count.into_inner()),
         }
     }
 
-    /// Takes cells until none is left; beside the open cells stands how many are worked on.
-    fn work(
-        &self,
-        claim: &Claim,
-        limit: usize,
-        open: &Mutex<(Vec<Cell>, usize)>,
-        count: &AtomicUsize,
-        failed: &Mutex<Option<Doubt>>,
-    ) -> Result<(), Doubt> {
-        loop {
-            if failed.lock().expect("no thread panics").is_some() {
-                return Ok(());
-            }
-            let taken = {
-                let mut open = open.lock().expect("no thread panics");
-                let cell = open.0.pop();
-                match cell {
-                    Some(_) => open.1 += 1,
-                    None if open.1 == 0 => return Ok(()),
-                    None => {}
-                }
-                cell
-            };
-            let Some(cell) = taken else {
-                std::thread::yield_now();
-                continue;
-            };
-            if count.fetch_add(1, Ordering::Relaxed) >= limit {
-                return Err(Doubt::Effort(limit));
-            }
-            let verdict = self.judge(claim, &cell)?;
-            let mut open = open.lock().expect("no thread panics");
-            if let Verdict::Split(k) = verdict {
-                open.0.extend(cell.halves(k));
-            }
-            open.1 -= 1;
+    fn judged(&self, work: &Work, cell: &Cell) -> Result<Verdict, Doubt> {
+        match work.count.fetch_add(1, Ordering::Relaxed) < work.limit {
+            true => self.judge(work.claim, cell),
+            false => Err(Doubt::Effort(work.limit)),
         }
     }
 

@@ -4,7 +4,7 @@
 //!
 //! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
 
-use crate::proof::boxes::{self, BoxSection};
+use crate::read::boxes::{self, BoxSection};
 use crate::read::ini::{Entry, Ini, IniError};
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{

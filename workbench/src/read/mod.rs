@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A machine as its files describe it: INI file, tool table, and what is wrong with them.
 
+pub mod boxes;
 pub mod diagnostic;
 pub mod ini;
 pub mod machine;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The tool table, `[EMCIO]TOOL_TABLE`: which offsets a program may put in force.
 
+use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
 use kinematics::Vector3;
 use std::fs;
+use std::io;
+use std::path::PathBuf;
 
 /// One tool.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,31 +27,60 @@ impl Tool {
     }
 }
 
+/// A tool table that cannot be read, or a line of it that is no tool.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// No file that can be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// A line, counted from 1.
+    #[error("{}:{line}: {error}", .file.display())]
+    Line {
+        /// The table.
+        file: PathBuf,
+        /// Its line.
+        line: usize,
+        /// What is wrong with it.
+        error: BadTool,
+    },
+}
+
+/// Why a line is no tool.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum BadTool {
+    /// A word that is none.
+    #[error("expected a letter and a number, such as T1 or Z40.5, not {0}")]
+    Word(String),
+    /// Nothing says which tool it is.
+    #[error("the tool has no number T")]
+    NoNumber,
+}
+
 /// The tools of a machine; none where its file names no table.
 ///
 /// # Errors
-/// A sentence: the table cannot be read, or a line of it is none.
-pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, String> {
+/// See [`TableError`].
+pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
     let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
-    let name = file.display();
-    let bytes = fs::read(file).map_err(|error| format!("{name}: {error}"))?;
+    let bytes = fs::read(file).at(file)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut tools = vec![];
     for (n, line) in text.lines().enumerate() {
         let words = line.split(';').next().unwrap_or_default();
         if !words.trim().is_empty() {
-            tools.push(tool(words).map_err(|what| format!("{name}:{}: {what}", n + 1))?);
+            let bad = |error| TableError::Line { file: file.clone(), line: n + 1, error };
+            tools.push(tool(words).map_err(bad)?);
         }
     }
     Ok(tools)
 }
 
 /// Letters, each with its number behind it.
-fn tool(words: &str) -> Result<Tool, String> {
+fn tool(words: &str) -> Result<Tool, BadTool> {
     let mut found = Tool { number: 0, offset: Vector3::zeros() };
     let mut has_number = false;
     for word in words.split_whitespace() {
-        let refused = || format!("expected a letter and a number, such as T1 or Z40.5, not {word}");
+        let refused = || BadTool::Word(word.into());
         let letter = word.chars().next().ok_or_else(refused)?.to_ascii_uppercase();
         let value: f64 = word[letter.len_utf8()..].parse().map_err(|_| refused())?;
         if !value.is_finite() {
@@ -60,7 +92,7 @@ fn tool(words: &str) -> Result<Tool, String> {
             _ => {}
         }
     }
-    if has_number { Ok(found) } else { Err("the tool has no number T".into()) }
+    if has_number { Ok(found) } else { Err(BadTool::NoNumber) }
 }
 
 #[cfg(test)]
@@ -82,7 +114,7 @@ mod tests {
             ("T1 é", "not é"),
             ("P1 Z3", "no number T"),
         ] {
-            assert!(tool(line).unwrap_err().contains(expected), "{line}");
+            assert!(tool(line).unwrap_err().to_string().contains(expected), "{line}");
         }
     }
 }

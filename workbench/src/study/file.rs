@@ -4,11 +4,13 @@
 //! Every value may be missing; a study that needs one says so. Units stand in the keys, so that a
 //! value without its unit is an unknown key.
 
+use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
 use kinematics::{LegKind, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
+use std::io;
 use std::path::Path;
 
 /// The file.
@@ -108,18 +110,57 @@ pub struct Law {
     pub amplitude_deg: [f64; 3],
 }
 
+/// A study that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// No file that can be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// No study: line and key are told.
+    #[error(transparent)]
+    Malformed(#[from] AtFile<toml::de::Error>),
+}
+
+/// A study that does not have what is asked of it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Lacking {
+    /// A key.
+    #[error("the study names no {key} of [{section}]{}", if *.section == "table" { ", which the machine has" } else { "" })]
+    Key {
+        /// Its section.
+        section: &'static str,
+        /// The key.
+        key: &'static str,
+    },
+    /// A list of another length than the machine has legs or axes.
+    #[error("{key}: expected one number, or {expected} of them; found {found}")]
+    Length {
+        /// Its key.
+        key: &'static str,
+        /// How many there are.
+        expected: usize,
+        /// How many the list has.
+        found: usize,
+    },
+}
+
+/// A number that is 0 or less, or none.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("{0}: expected more than 0")]
+pub struct NotPositive(f64);
+
 /// A finite number above 0.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "f64")]
 pub struct Positive(pub f64);
 
 impl TryFrom<f64> for Positive {
-    type Error = String;
+    type Error = NotPositive;
 
-    fn try_from(value: f64) -> Result<Self, String> {
+    fn try_from(value: f64) -> Result<Self, NotPositive> {
         match value > 0.0 && value.is_finite() {
             true => Ok(Self(value)),
-            false => Err(format!("{value}: expected more than 0")),
+            false => Err(NotPositive(value)),
         }
     }
 }
@@ -137,15 +178,12 @@ impl Each {
     /// The numbers for `count` of them.
     ///
     /// # Errors
-    /// A sentence, where a list has another length.
-    pub fn of(&self, key: &str, count: usize) -> Result<Vec<f64>, String> {
+    /// A list of another length.
+    pub fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
         match self {
             Self::Same(value) => Ok(vec![*value; count]),
             Self::Own(values) if values.len() == count => Ok(values.clone()),
-            Self::Own(values) => Err(format!(
-                "{key}: expected one number, or {count} of them; found {}",
-                values.len()
-            )),
+            Self::Own(values) => Err(Lacking::Length { key, expected: count, found: values.len() }),
         }
     }
 }
@@ -187,24 +225,24 @@ impl Study {
     /// Reads a study.
     ///
     /// # Errors
-    /// A sentence naming the file and, where something in it is wrong, line and key.
-    pub fn read(file: &Path) -> Result<Self, String> {
-        let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
-        Self::parse(&text).map_err(|error| format!("{}: {error}", file.display()))
+    /// See [`StudyError`].
+    pub fn read(file: &Path) -> Result<Self, StudyError> {
+        let text = std::fs::read_to_string(file).at(file)?;
+        Ok(Self::parse(&text).at(file)?)
     }
 
     /// The springs of every leg and every table axis.
     ///
     /// # Errors
-    /// A sentence, where a stiffness is missing or a list does not fit the machine.
-    pub fn springs(&self, config: &MachineConfig) -> Result<Springs, String> {
+    /// See [`Lacking`].
+    pub fn springs(&self, config: &MachineConfig) -> Result<Springs, Lacking> {
         let key = "stiffness_n_per_um";
         let all = self.of_joints(
             config,
             key,
             [&self.legs.stiffness_n_per_um, &self.table.stiffness_n_per_um],
         )?;
-        let all = all.ok_or_else(|| format!("the study names no {key} of [legs]"))?;
+        let all = all.ok_or(Lacking::Key { section: "legs", key })?;
         let n_per_mm = all.into_iter().map(|value| value * 1e3).collect();
         Ok(Springs { n_per_mm, screw: self.legs.screw })
     }
@@ -213,7 +251,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::springs`].
-    pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, String> {
+    pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, Lacking> {
         let all = self.of_joints(
             config,
             "joint_sigma_um",
@@ -235,16 +273,14 @@ impl Study {
     fn of_joints(
         &self,
         config: &MachineConfig,
-        key: &str,
+        key: &'static str,
         [legs, table]: [&Option<Each>; 2],
-    ) -> Result<Option<Vec<f64>>, String> {
+    ) -> Result<Option<Vec<f64>>, Lacking> {
         let Some(legs) = legs else { return Ok(None) };
         let mut values = legs.of(key, config.legs())?;
         let axes = config.joints.len() - config.legs();
         if axes > 0 {
-            let table = table.as_ref().ok_or_else(|| {
-                format!("the study names no {key} of [table], which the machine has")
-            })?;
+            let table = table.as_ref().ok_or(Lacking::Key { section: "table", key })?;
             values.extend(table.of(key, axes)?);
         }
         Ok(Some(values))
@@ -272,7 +308,7 @@ mod tests {
         assert_eq!(legs.stiffness_n_per_um.unwrap().of("k", 2), Ok(vec![10.0, 10.0]));
         let sigma = legs.joint_sigma_um.unwrap();
         assert_eq!(sigma.of("s", 2), Ok(vec![1.0, 2.5]));
-        assert!(sigma.of("s", 3).unwrap_err().contains("expected one number, or 3"));
+        assert!(sigma.of("s", 3).unwrap_err().to_string().contains("expected one number, or 3"));
         assert_eq!(legs.rod_diameter_mm, Some(Positive(3.0)));
     }
 

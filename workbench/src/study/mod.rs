@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Studies of a machine: what its design makes of stiffness, errors and room to move.
 
-pub mod batch;
+pub mod body;
 pub mod file;
 pub mod law;
 pub mod rods;
 pub mod sensitivity;
+pub mod slice;
 pub mod stance;
 pub mod stiffness;
 pub mod workspace;

@@ -11,12 +11,14 @@
 //! outer product of two vectors, of rank 1 wherever the machine stands, and become infinite where
 //! a coordinate of the path turns back; see [`ratios`].
 
+use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::machine::MachineConfig;
 use crate::study::stance::{self, Rows, Stance};
 use kinematics::{Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
@@ -151,7 +153,7 @@ pub fn monte_carlo(
     for _ in 0..count {
         let mut off = joints;
         for (joint, sigma) in off.iter_mut().zip(sigma) {
-            *joint += sigma * normal(&mut rng);
+            *joint += sigma * rng.sample::<f64, _>(StandardNormal);
         }
         let found = config.machine.forward(&off, pose, tool, &solver)?.pose.to_degrees();
         for k in 0..6 {
@@ -162,12 +164,6 @@ pub fn monte_carlo(
     let n = count as f64;
     let sigma = std::array::from_fn(|k| ((square[k] - sum[k] * sum[k] / n) / (n - 1.0)).sqrt());
     Ok(Drawn { count, sigma })
-}
-
-/// A normal number, by Box and Muller.
-fn normal(rng: &mut Pcg64) -> f64 {
-    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-    radius * (2.0 * PI * rng.random::<f64>()).cos()
 }
 
 /// Kind of a singular pose.
@@ -340,10 +336,21 @@ pub struct Point {
     pub hold: f64,
 }
 
+/// Where a motion ends early: a time in seconds, and why.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum End {
+    /// The pose is out of reach.
+    #[error("at {0:.3} s: {1}")]
+    Reach(f64, Fault),
+    /// The legs do not hold the platform.
+    #[error("at {0:.3} s: a singular pose")]
+    Singular(f64),
+}
+
 /// One pose of a motion, with its rate.
 ///
 /// # Errors
-/// A sentence with the time: the pose is out of reach or singular.
+/// See [`End`].
 pub fn along(
     config: &MachineConfig,
     time: f64,
@@ -351,12 +358,12 @@ pub fn along(
     tool: &Vector3<f64>,
     sigma: &[f64],
     length: f64,
-) -> Result<Point, String> {
+) -> Result<Point, End> {
     let at = Pose::from_degrees(*pose);
-    let told = |fault: Fault| format!("at {time:.3} s: {fault}");
+    let told = |fault: Fault| End::Reach(time, fault);
     let moving = config.machine.moving(&at, tool, rate).map_err(told)?;
     let found = Sensitivity::at(config, &at, tool, length).map_err(told)?;
-    let found = found.ok_or_else(|| format!("at {time:.3} s: a singular pose"))?;
+    let found = found.ok_or(End::Singular(time))?;
     Ok(Point {
         time,
         pose: *pose,
@@ -382,16 +389,13 @@ pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
         named("sigma"),
         vec!["hold".to_string()],
     ];
-    let mut text = names.concat().join(",") + "\n";
-    for point in points {
-        let numbers = std::iter::once(point.time)
+    let row = |point: &Point| {
+        std::iter::once(point.time)
             .chain(point.pose)
-            .chain(point.joints[..count].iter().copied())
-            .chain(point.rates[..count].iter().copied())
+            .chain(point.joints.into_iter().take(count))
+            .chain(point.rates.into_iter().take(count))
             .chain(point.sigma)
-            .chain([point.hold]);
-        let cells: Vec<String> = numbers.map(|x| x.to_string()).collect();
-        text.push_str(&(cells.join(",") + "\n"));
-    }
-    text
+            .chain([point.hold])
+    };
+    files::csv(&names.concat(), points.iter().map(row))
 }

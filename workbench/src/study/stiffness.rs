@@ -200,20 +200,16 @@ impl Map {
         self.least.iter().all(|[value, _]| value.is_nan())
     }
 
-    /// Rows of CSV, places that the machine reaches only: X, Y, Z, N/um, N m/rad.
-    pub fn csv(&self) -> String {
+    /// Places that the machine reaches, with the values there: X, Y, Z, N/um, N m/rad.
+    pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> + '_ {
         let count = self.sides[0].len();
-        let mut text = String::new();
-        for (n, [translation, rotation]) in self.least.iter().enumerate() {
-            if translation.is_nan() {
-                continue;
-            }
+        let reached = self.least.iter().enumerate().filter(|(_, least)| !least[0].is_nan());
+        reached.map(move |(n, [translation, rotation])| {
             let mut place = self.place;
             place[self.plane[0]] = self.sides[0][n % count];
             place[self.plane[1]] = self.sides[1][n / count];
             let [x, y, z] = place;
-            text.push_str(&format!("{x},{y},{z},{},{}\n", translation * 1e-3, rotation * 1e-3));
-        }
-        text
+            [x, y, z, translation * 1e-3, rotation * 1e-3]
+        })
     }
 }

@@ -8,14 +8,11 @@
 //! once more, independently, a count on a grid.
 
 use crate::read::machine::{JointKind, MachineConfig};
-use crate::study::batch;
 use crate::study::file;
 use crate::study::stance::Stance;
 use kinematics::{Fault, LegKind, Letter, Pose, Segment, Vector3, Watch};
 use std::f64::consts::PI;
 use std::fmt;
-use std::num::NonZero;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Halvings of a step: down to the rounding of a position.
 const HALVINGS: usize = 48;
@@ -91,6 +88,35 @@ impl fmt::Display for Limit {
     }
 }
 
+/// Why there is no workspace to look at.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NoWorkspace {
+    /// A machine without X, Y or Z.
+    #[error("no joint moves {0}: there is no space to look at")]
+    Held(char),
+    /// Home is out of reach.
+    #[error(transparent)]
+    Home(#[from] Fault),
+    /// Axes of another machine.
+    #[error("{key}: expected {expected} axes; found {found}")]
+    Axes {
+        /// The key of the study.
+        key: String,
+        /// One a leg.
+        expected: usize,
+        /// How many the study has.
+        found: usize,
+    },
+    /// A leg whose turns are limited about nobody knows what.
+    #[error("{end}_pyramid_deg: leg {leg} has no axis; name {end}_axes")]
+    NoAxis {
+        /// Base or platform.
+        end: &'static str,
+        /// The leg.
+        leg: usize,
+    },
+}
+
 /// The limits of a machine, and the orientations in which a position has to keep them.
 pub struct Workspace<'a> {
     config: &'a MachineConfig,
@@ -163,18 +189,18 @@ impl<'a> Workspace<'a> {
     /// study.
     ///
     /// # Errors
-    /// A sentence: a machine without X, Y or Z, home out of reach, a study that does not fit.
+    /// See [`NoWorkspace`].
     pub fn new(
         config: &'a MachineConfig,
         tool: Vector3<f64>,
         orientations: Vec<[f64; 3]>,
         study: &file::Study,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, NoWorkspace> {
         let layout = config.machine.layout();
         if let Some(held) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {
-            return Err(format!("no joint moves {}: there is no space to look at", held.name()));
+            return Err(NoWorkspace::Held(held.name()));
         }
-        let stance = Stance::new(config, config.home_pose(), tool).map_err(|f| f.to_string())?;
+        let stance = Stance::new(config, config.home_pose(), tool)?;
         let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
         let gap = diameter.max(config.clearance.unwrap_or(0.0));
@@ -327,17 +353,18 @@ fn pyramids(
     limits: &file::Limits,
     end: End,
     home: &[Vector3<f64>],
-) -> Result<Vec<Pyramid>, String> {
+) -> Result<Vec<Pyramid>, NoWorkspace> {
     let (name, most, axes) = match end {
         End::Base => ("base", limits.base_pyramid_deg, &limits.base_axes),
         End::Platform => ("platform", limits.platform_pyramid_deg, &limits.platform_axes),
     };
     let given = axes.as_deref().unwrap_or(&[]);
     if !given.is_empty() && given.len() != home.len() {
-        return Err(format!("{name}_axes: expected {} axes; found {}", home.len(), given.len()));
+        let (expected, found) = (home.len(), given.len());
+        return Err(NoWorkspace::Axes { key: format!("{name}_axes"), expected, found });
     }
     let Some(most) = most else { return Ok(vec![]) };
-    let axis = |i: usize| -> Result<Vector3<f64>, String> {
+    let axis = |i: usize| -> Result<Vector3<f64>, NoWorkspace> {
         let strut = match (config.geometry.legs()[i].kind, end) {
             (LegKind::Strut(strut), End::Base) => Some(strut.base_axis),
             (LegKind::Strut(strut), End::Platform) => Some(strut.platform_axis),
@@ -346,7 +373,7 @@ fn pyramids(
         let axis = Vector3::from(given.get(i).copied().or(strut).unwrap_or_default());
         match axis.norm() > 0.0 {
             true => Ok(axis.normalize()),
-            false => Err(format!("{name}_pyramid_deg: leg {i} has no axis; name {name}_axes")),
+            false => Err(NoWorkspace::NoAxis { end: name, leg: i }),
         }
     };
     // The platform is level at home: there both ends see the leg alike.
@@ -377,301 +404,4 @@ pub fn tilts(config: &MachineConfig, tilt: f64, directions: usize) -> Vec<[f64; 
         }
     }
     all
-}
-
-/// The body that rays in all directions see.
-#[derive(Clone, Debug)]
-pub struct Body {
-    /// Where the rays begin.
-    pub from: Vector3<f64>,
-    /// Rings of rays from below (elevation −90) to above (90); the first and the last ring have
-    /// one ray, the others as many as `around`, from azimuth 0.
-    pub rings: Vec<Vec<Ray>>,
-    /// Rays of a ring.
-    pub around: usize,
-}
-
-/// How finely a workspace is looked at, and by how many threads.
-pub struct Effort<'a> {
-    /// Rays from pole to pole; twice as many go around.
-    pub bands: usize,
-    /// Length of a step along a ray, machine units.
-    pub step: f64,
-    /// Points of the grid along its longest side.
-    pub grid: usize,
-    /// Threads.
-    pub threads: NonZero<usize>,
-    /// Shown the share of the work done.
-    pub progress: &'a (dyn Fn(f64) + Sync),
-}
-
-impl Effort<'_> {
-    /// `f` of every item, progress shown from `from` to `to`.
-    fn each<T: Sync, U: Send>(
-        &self,
-        items: &[T],
-        (from, to): (f64, f64),
-        f: impl Fn(&T) -> U + Sync,
-    ) -> Vec<U> {
-        let done = AtomicUsize::new(0);
-        batch::each(items, self.threads, |item| {
-            let result = f(item);
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            (self.progress)(from + (to - from) * count as f64 / items.len() as f64);
-            result
-        })
-    }
-}
-
-impl Body {
-    /// From a place inside.
-    ///
-    /// # Errors
-    /// The limit that the place itself breaks.
-    pub fn seen(workspace: &Workspace, from: Vector3<f64>, effort: &Effort) -> Result<Self, Limit> {
-        workspace.check(&from)?;
-        let around = 2 * effort.bands;
-        let elevation = |ring: usize| PI * (ring as f64 / effort.bands as f64 - 0.5);
-        let mut directions = vec![];
-        for ring in 0..=effort.bands {
-            let (sin, cos) = elevation(ring).sin_cos();
-            let pole = ring == 0 || ring == effort.bands;
-            for k in 0..if pole { 1 } else { around } {
-                let (y, x) = (2.0 * PI * k as f64 / around as f64).sin_cos();
-                let level = if pole { 0.0 } else { cos };
-                directions.push(Vector3::new(level * x, level * y, sin));
-            }
-        }
-        let look = |direction: &Vector3<f64>| workspace.ray(&from, direction, effort.step);
-        let mut rays = effort.each(&directions, (0.0, 0.5), look).into_iter();
-        let ring = |ring: usize| {
-            let pole = ring == 0 || ring == effort.bands;
-            rays.by_ref().take(if pole { 1 } else { around }).collect()
-        };
-        Ok(Self { from, rings: (0..=effort.bands).map(ring).collect(), around })
-    }
-
-    /// All rays, each with the solid angle it stands for.
-    pub fn rays(&self) -> impl Iterator<Item = (f64, &Ray)> {
-        let band = PI / (self.rings.len() - 1) as f64;
-        self.rings.iter().enumerate().flat_map(move |(ring, rays)| {
-            let middle = band * ring as f64 - PI / 2.0;
-            let edge = |side: f64| (middle + side * band / 2.0).clamp(-PI / 2.0, PI / 2.0).sin();
-            let angle = 2.0 * PI * (edge(1.0) - edge(-1.0)) / rays.len() as f64;
-            rays.iter().map(move |ray| (angle, ray))
-        })
-    }
-
-    /// Volume of all pieces of the rays.
-    pub fn volume(&self) -> f64 {
-        let piece = |[from, to]: &[f64; 2]| (to.powi(3) - from.powi(3)) / 3.0;
-        self.rays().map(|(angle, ray)| angle * ray.inside.iter().map(piece).sum::<f64>()).sum()
-    }
-
-    /// Positions looked at.
-    pub fn looked(&self) -> usize {
-        self.rays().map(|(_, ray)| ray.looked).sum()
-    }
-
-    /// Share of the directions that every limit ends, largest first.
-    pub fn shares(&self) -> Vec<(Limit, f64)> {
-        let mut shares: Vec<(Limit, f64)> = vec![];
-        for (angle, ray) in self.rays() {
-            let share = angle / (4.0 * PI);
-            match shares.iter_mut().find(|(limit, _)| *limit == ray.limit) {
-                Some((_, sum)) => *sum += share,
-                None => shares.push((ray.limit, share)),
-            }
-        }
-        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
-        shares
-    }
-
-    /// Corners of a box around all pieces.
-    pub fn corners(&self) -> [Vector3<f64>; 2] {
-        let ends = self.rays().flat_map(|(_, ray)| {
-            let far = ray.inside.last().map_or(0.0, |piece| piece[1]);
-            [self.from + ray.direction * far, self.from + ray.direction * ray.exit()]
-        });
-        ends.fold([self.from, self.from], |[low, high], end| [low.inf(&end), high.sup(&end)])
-    }
-
-    /// Points of the surface around the place where the rays begin, and its triangles, seen from
-    /// outside counterclockwise.
-    pub fn mesh(&self) -> (Vec<Vector3<f64>>, Vec<[usize; 3]>) {
-        let points = self.rays().map(|(_, ray)| self.from + ray.direction * ray.exit()).collect();
-        let last = self.rings.len() - 1;
-        let point = |ring: usize, k: usize| match ring {
-            0 => 0,
-            _ if ring == last => 1 + (last - 1) * self.around,
-            _ => 1 + (ring - 1) * self.around + k % self.around,
-        };
-        let mut triangles = vec![];
-        for ring in 0..last {
-            for k in 0..self.around {
-                let (a, b) = (point(ring, k), point(ring, k + 1));
-                let (c, d) = (point(ring + 1, k), point(ring + 1, k + 1));
-                let halves = [[a, b, d], [a, d, c]];
-                triangles.extend(halves.iter().filter(|[a, b, c]| a != b && b != c && c != a));
-            }
-        }
-        (points, triangles)
-    }
-}
-
-/// Volume of a closed surface.
-pub fn mesh_volume((points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> f64 {
-    let corner = |[a, b, c]: &[usize; 3]| points[*a].dot(&points[*b].cross(&points[*c])) / 6.0;
-    triangles.iter().map(corner).sum()
-}
-
-/// The surface as a Wavefront OBJ file.
-pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> String {
-    let mut text = format!("# workspace, lengths in {unit}\n");
-    for point in points {
-        text.push_str(&format!("v {} {} {}\n", point.x, point.y, point.z));
-    }
-    for [a, b, c] in triangles {
-        text.push_str(&format!("f {} {} {}\n", a + 1, b + 1, c + 1));
-    }
-    text
-}
-
-/// A volume counted on a grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Counted {
-    /// Volume of the cells whose middles are within the limits.
-    pub volume: f64,
-    /// Points of the grid.
-    pub points: usize,
-}
-
-/// Counts a grid over a box that holds the body.
-pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effort) -> Counted {
-    // What rays between those looked along see is a little more.
-    let margin = Vector3::repeat(0.02 * (corners[1] - corners[0]).max());
-    let (low, high) = (corners[0] - margin, corners[1] + margin);
-    let cell = (high - low).max() / effort.grid as f64;
-    let count = (high - low).map(|side| (side / cell).ceil() as usize);
-    let columns: Vec<[usize; 2]> =
-        (0..count.x).flat_map(|i| (0..count.y).map(move |j| [i, j])).collect();
-    let middle = |k: usize, n: usize| low[k] + (n as f64 + 0.5) * cell;
-    let inside = |[i, j]: &[usize; 2]| {
-        let at = |n: usize| Vector3::new(middle(0, *i), middle(1, *j), middle(2, n));
-        (0..count.z).filter(|n| workspace.check(&at(*n)).is_ok()).count()
-    };
-    let cells: usize = effort.each(&columns, (0.5, 1.0), inside).into_iter().sum();
-    Counted { volume: cells as f64 * cell.powi(3), points: columns.len() * count.z }
-}
-
-/// A plane through the place where the rays begin.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Plane {
-    /// Name for people.
-    pub name: String,
-    /// Unit vectors across and up.
-    pub axes: [Vector3<f64>; 2],
-}
-
-impl Plane {
-    /// `xy`, `xz`, `yz`, or the three components of a normal, separated by commas.
-    pub fn parse(text: &str) -> Option<Self> {
-        let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
-        let axes = match text.to_ascii_lowercase().as_str() {
-            "xy" => [x, y],
-            "xz" => [x, z],
-            "yz" => [y, z],
-            _ => {
-                let words: Vec<f64> =
-                    text.split(',').map(|w| w.trim().parse()).collect::<Result<_, _>>().ok()?;
-                let [a, b, c] = words[..] else { return None };
-                let normal = Vector3::new(a, b, c).try_normalize(0.0)?;
-                // Across lies level, up as steep as the plane allows.
-                let across = z.cross(&normal).try_normalize(1e-9).unwrap_or(x);
-                [across, normal.cross(&across)]
-            }
-        };
-        Some(Self { name: text.to_ascii_uppercase(), axes })
-    }
-}
-
-/// What rays in a plane see.
-#[derive(Clone, Debug)]
-pub struct Slice {
-    /// The plane.
-    pub plane: Plane,
-    /// Where the rays begin.
-    pub from: Vector3<f64>,
-    /// Evenly around.
-    pub rays: Vec<Ray>,
-}
-
-impl Slice {
-    /// From a place inside, along `rays` rays.
-    pub fn seen(
-        workspace: &Workspace,
-        plane: Plane,
-        from: Vector3<f64>,
-        rays: usize,
-        effort: &Effort,
-    ) -> Self {
-        let direction = |k: usize| {
-            let (sin, cos) = (2.0 * PI * k as f64 / rays as f64).sin_cos();
-            plane.axes[0] * cos + plane.axes[1] * sin
-        };
-        let directions: Vec<_> = (0..rays).map(direction).collect();
-        let look = |direction: &Vector3<f64>| workspace.ray(&from, direction, effort.step);
-        let rays = effort.each(&directions, (1.0, 1.0), look);
-        Self { plane, from, rays }
-    }
-
-    /// Area of all pieces.
-    pub fn area(&self) -> f64 {
-        let angle = 2.0 * PI / self.rays.len() as f64;
-        let piece = |[from, to]: &[f64; 2]| (to * to - from * from) / 2.0;
-        self.rays.iter().flat_map(|ray| &ray.inside).map(piece).sum::<f64>() * angle
-    }
-
-    /// Crossings in coordinates of the plane, counted from the machine's origin, with their limit.
-    pub fn outline(&self) -> Vec<([f64; 2], Limit)> {
-        let point = |ray: &Ray, distance: f64| {
-            let place = self.from + ray.direction * distance;
-            self.plane.axes.map(|axis| axis.dot(&place))
-        };
-        let crossings = |ray: &Ray| -> Vec<_> {
-            ray.crossings().map(|(distance, limit)| (point(ray, distance), limit)).collect()
-        };
-        self.rays.iter().flat_map(crossings).collect()
-    }
-
-    /// Angles between which the slice is seen from the machine's origin (its place in the plane),
-    /// degrees from the plane's first axis; `None` where the origin lies in it.
-    pub fn sector(&self) -> Option<[f64; 2]> {
-        let from = self.plane.axes.map(|axis| axis.dot(&self.from));
-        let towards = from[1].atan2(from[0]);
-        let beside = |[x, y]: [f64; 2]| {
-            let angle = y.atan2(x) - towards;
-            angle - 2.0 * PI * (angle / (2.0 * PI)).round()
-        };
-        let angles: Vec<f64> = self.outline().iter().map(|(point, _)| beside(*point)).collect();
-        let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let seen = high - low < PI && from.iter().any(|value| *value != 0.0);
-        seen.then(|| [low, high].map(|angle| (angle + towards).to_degrees()))
-    }
-}
-
-/// Ends of the rays as CSV.
-pub fn csv(body: &Body) -> String {
-    let mut text = String::from("direction_x,direction_y,direction_z,distance,x,y,z,limit\n");
-    for (_, ray) in body.rays() {
-        for (distance, limit) in ray.crossings() {
-            let (way, place) = (ray.direction, body.from + ray.direction * distance);
-            text.push_str(&format!(
-                "{},{},{},{distance},{},{},{},{limit}\n",
-                way.x, way.y, way.z, place.x, place.y, place.z
-            ));
-        }
-    }
-    text
 }

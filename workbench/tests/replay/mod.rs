@@ -4,9 +4,9 @@
 mod case;
 
 use case::{Case, Outcome};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::thread;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -32,12 +32,8 @@ fn cases() -> Vec<(PathBuf, Case)> {
 fn every_case_keeps_its_expectations() {
     let configs = root().join("configs");
     let cases = cases();
-    let outcomes: Vec<Result<Outcome, String>> = thread::scope(|scope| {
-        let configs = &configs;
-        let running: Vec<_> =
-            cases.iter().map(|(_, case)| scope.spawn(|| case.run(configs))).collect();
-        running.into_iter().map(|case| case.join().unwrap()).collect()
-    });
+    let outcomes: Vec<Result<Outcome, String>> =
+        cases.par_iter().map(|(_, case)| case.run(&configs)).collect();
     let mut failures = vec![];
     for ((file, _), outcome) in cases.iter().zip(outcomes) {
         let name = file.file_stem().unwrap().display();

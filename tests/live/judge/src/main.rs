@@ -6,6 +6,7 @@
 
 use judge::{page, trace};
 use pkm::read::machine::MachineConfig;
+use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,7 +20,7 @@ fn main() -> ExitCode {
         Ok(arguments) => match run(&arguments) {
             Ok(true) => ExitCode::SUCCESS,
             Ok(false) => ExitCode::from(1),
-            Err(error) => unjudged(&error),
+            Err(error) => unjudged(&error.to_string()),
         },
     }
 }
@@ -30,14 +31,14 @@ fn unjudged(error: &str) -> ExitCode {
 }
 
 /// Whether every figure is as it must be.
-fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, String> {
-    let config = MachineConfig::read(ini).map_err(|e| e.to_string())?;
+fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Box<dyn Error>> {
+    let config = MachineConfig::read(ini)?;
     let result = trace::read_result(result_file)?;
     let samples = trace::read_trace(&config, trace_file).map_err(|error| match &result.error {
         Some(reason) => format!("{error}; the run itself failed: {reason}"),
         None => error,
     })?;
-    let judged = trace::judge(&config, &samples, &result).map_err(|e| e.to_string())?;
+    let judged = trace::judge(&config, &samples, &result)?;
     page::write(folder, &config, &samples, &result, &judged)?;
     // A reader that has gone away does not change the verdict.
     let _ = writeln!(std::io::stdout(), "{judged}report: {}", folder.join("report.html").display());

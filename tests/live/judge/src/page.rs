@@ -3,12 +3,13 @@
 
 use crate::trace::{Report, RunResult};
 use maud::{Markup, html};
+use pkm::draw::motion;
 use pkm::draw::page::page;
-use pkm::draw::plots::{self, Plot};
+use pkm::draw::plot::Plot;
 use pkm::draw::sample::Sample;
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
-use std::fs;
+use std::error::Error;
 use std::path::Path;
 
 /// Writes plots and report.html into `folder`, which is made if needed.
@@ -16,21 +17,18 @@ use std::path::Path;
 /// Every file appears complete or not at all.
 ///
 /// # Errors
-/// A sentence naming the file, or what could not be drawn.
+/// A file that cannot be written, or what cannot be drawn.
 pub fn write(
     folder: &Path,
     config: &MachineConfig,
     samples: &[Sample],
     result: &RunResult,
     report: &Report,
-) -> Result<(), String> {
-    let plots = plots::all(config, samples)?;
-    fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    for plot in &plots {
-        write_whole(&folder.join(&plot.file), &plot.svg)?;
-    }
+) -> Result<(), Box<dyn Error>> {
+    let plots = motion::all(config, samples)?;
+    Plot::write_all(&plots, folder)?;
     let title = format!("{}: {}", result.config, result.program);
-    write_whole(&folder.join("report.html"), &page(&title, &body(report, &plots)))
+    Ok(write_whole(&folder.join("report.html"), &page(&title, &body(report, &plots)))?)
 }
 
 fn body(report: &Report, plots: &[Plot]) -> Markup {

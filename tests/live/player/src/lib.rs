@@ -18,6 +18,7 @@ use pkm::calibrate::model::Frame;
 use pkm::calibrate::plate::Plate;
 use pkm::read::machine::MachineConfig;
 use std::cell::UnsafeCell;
+use std::error::Error;
 use std::ffi::{CStr, CString, c_char, c_int, c_long, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
@@ -182,9 +183,9 @@ fn text(parameter: &Shared<*mut c_char>) -> Result<String, String> {
     Ok(unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned())
 }
 
-fn loaded() -> Result<(MachineConfig, Plate, Frame), String> {
+fn loaded() -> Result<(MachineConfig, Plate, Frame), Box<dyn Error>> {
     let file = text(&MACHINE)?;
-    let config = MachineConfig::read(Path::new(&file)).map_err(|error| error.to_string())?;
+    let config = MachineConfig::read(Path::new(&file))?;
     let plate = Plate::read(Path::new(&text(&PLATE)?), config.units_per_mm)?;
     let pose = text(&POSE)?;
     let numbers: Option<Vec<f64>> = pose.split(',').map(|word| word.parse().ok()).collect();
@@ -222,7 +223,7 @@ unsafe fn make_pins(component: c_int, pins: *mut Pins, joints: usize) -> Result<
     }
 }
 
-fn start() -> Result<Truth, String> {
+fn start() -> Result<Truth, Box<dyn Error>> {
     let (config, plate, frame) = loaded()?;
     // SAFETY: the name ends with a zero.
     let component = unsafe { hal_init(NAME.as_ptr()) };
@@ -261,8 +262,8 @@ pub extern "C" fn rtapi_app_main() -> c_int {
             unsafe { *TRUTH.0.get() = Some(truth) };
             0
         }
-        Err(text) => {
-            let text = CString::new(text).unwrap_or_default();
+        Err(error) => {
+            let text = CString::new(error.to_string()).unwrap_or_default();
             // SAFETY: both strings end with a zero, and "%s" takes one.
             unsafe {
                 rtapi_print_msg(RTAPI_MSG_ERR, c"pkmkins_truth: %s\n".as_ptr(), text.as_ptr())

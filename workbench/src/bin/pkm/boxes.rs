@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm boxes`.
 
-use super::{Bar, Failure, MachineFile, Verdict};
-use pkm::proof::boxes;
+use super::failure::{Failure, tell_error};
+use super::{Bar, MachineFile, Verdict};
+use pkm::proof::boxes as proof;
+use pkm::proof::one_to_one::Doubt;
+use pkm::read::boxes;
 use pkm::read::machine::MachineConfig;
 use std::io::Write;
 
@@ -21,6 +24,17 @@ pub struct Arguments {
     machine: MachineFile,
 }
 
+/// Why there is no proof.
+#[derive(Debug, thiserror::Error)]
+enum Unproved {
+    /// Of any box.
+    #[error(transparent)]
+    Search(#[from] Doubt),
+    /// Of a section of the file.
+    #[error("[BOX_{0}] {1}")]
+    Section(usize, Doubt),
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let bar = Bar::spinner("looking for a proof");
@@ -33,16 +47,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             out.flush()?;
             Ok(Verdict::Fits)
         }
-        Err(text) => {
-            let file = config.file.display();
-            let _ = writeln!(anstream::stderr(), "pkm: {file}: {text}");
+        Err(error) => {
+            tell_error(&format!("{}: {error}", config.file.display()));
             Ok(Verdict::Misfit)
         }
     }
 }
 
-fn found(config: &MachineConfig) -> Result<String, String> {
-    let found = boxes::found(config).map_err(|doubt| doubt.to_string())?;
+fn found(config: &MachineConfig) -> Result<String, Unproved> {
+    let found = proof::found(config)?;
     let letters = config.machine.layout().coordinates().as_slice();
     let mut text = format!("# boxes={} in [KINS]KINEMATICS\n", found.len());
     for (k, (section, cells)) in found.iter().enumerate() {
@@ -52,10 +65,10 @@ fn found(config: &MachineConfig) -> Result<String, String> {
     Ok(text)
 }
 
-fn proved(config: &MachineConfig) -> Result<String, String> {
+fn proved(config: &MachineConfig) -> Result<String, Unproved> {
     let mut text = String::new();
     for (k, section) in config.boxes.iter().enumerate() {
-        let cells = boxes::prove(config, section).map_err(|doubt| format!("[BOX_{k}] {doubt}"))?;
+        let cells = proof::prove(config, section).map_err(|doubt| Unproved::Section(k, doubt))?;
         let c = section.claim.contraction;
         text += &format!("[BOX_{k}] proved with {cells} cells: contraction {c}\n");
     }

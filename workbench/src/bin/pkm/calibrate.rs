@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm calibrate`.
 
-use super::{Failure, MachineFile, Verdict};
+use super::failure::{Failure, refused};
+use super::{MachineFile, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
 use pkm::calibrate::model::{Place, Tolerance};
 use pkm::calibrate::rewrite;
 use pkm::calibrate::study::{self, Study, Wishes};
-use pkm::files::write_whole;
+use pkm::files::{Locate, write_whole};
 use pkm::read::machine::MachineConfig;
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::fmt::Write as _;
@@ -84,17 +85,18 @@ pub struct Arguments {
     next: usize,
 }
 
+/// The machine's own file for a new one.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is the machine's own file: --in-place writes into it", .0.display())]
+struct OwnFile(PathBuf);
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let wishes = wishes(arguments, &config)?;
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
-        return Err(Failure::at(
-            &config.file,
-            "is the machine's own file: --in-place writes into it",
-        ));
+        return Err(OwnFile(config.file).into());
     }
-    let (model, readings) =
-        study::read(&config, &arguments.files, &wishes).map_err(Failure::Told)?;
+    let (model, readings) = study::read(&config, &arguments.files, &wishes)?;
     // Hidden where standard error is no terminal.
     let bar = ProgressBar::new(STEPS).with_message("calibrating");
     if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
@@ -102,8 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let study = study::study(&config, model, readings, wishes.noise, |share| {
         bar.set_position((share * STEPS as f64) as u64);
-    })
-    .map_err(|misfit| Failure::Told(misfit.to_string()))?;
+    })?;
     let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
     let new = new_text(arguments, &config, &study)?;
     bar.finish_and_clear();
@@ -112,10 +113,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         text += &next(&config, &study, arguments.next)?;
     }
     if let Some(target) = target {
-        let old = std::fs::read_to_string(&config.file)
-            .map_err(|error| Failure::at(&config.file, error))?;
+        let old = std::fs::read_to_string(&config.file).at(&config.file)?;
         let names = (config.file.display().to_string(), target.display().to_string());
-        write_whole(target, &new).map_err(Failure::Told)?;
+        write_whole(target, &new)?;
         text += &format!(
             "\n{}\nwritten: {}\n",
             rewrite::difference(&old, &new, (&names.0, &names.1)),
@@ -129,10 +129,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let verdict = if concerns.is_empty() { Verdict::Fits } else { Verdict::Misfit };
     let mut out = anstream::stdout().lock();
     // A reader that has gone away does not change the verdict.
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::from) {
-        Ok(()) | Err(Failure::Unread) => Ok(verdict),
-        Err(failure) => Err(failure),
-    }
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    Failure::unless_unread(written.map_err(Failure::from))?;
+    Ok(verdict)
 }
 
 fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
@@ -144,13 +143,13 @@ fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failu
     let Arguments { tolerance, noise, lead, trigger, .. } = arguments;
     for (name, value) in [("tolerance", *tolerance), ("noise", *noise)] {
         if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
-            return Err(Failure::Told(format!("--{name} {value}: expected more than 0")));
+            return Err(refused(format!("--{name} {value}: expected more than 0")));
         }
     }
     let trigger = trigger.unwrap_or(0.05 * config.units_per_mm);
     for (name, value) in [("lead", *lead), ("trigger", trigger)] {
         if !(value >= 0.0 && value.is_finite()) {
-            return Err(Failure::Told(format!("--{name} {value}: expected 0 or more")));
+            return Err(refused(format!("--{name} {value}: expected 0 or more")));
         }
     }
     let lengths = tolerance.unwrap_or(config.units_per_mm);
@@ -169,10 +168,9 @@ fn new_text(
     config: &MachineConfig,
     study: &Study,
 ) -> Result<String, Failure> {
-    let new =
-        rewrite::calibrated(config, &study.model, &study.found.changes).map_err(Failure::Told)?;
+    let new = rewrite::calibrated(config, &study.model, &study.found.changes)?;
     match arguments.boxes {
-        true => rewrite::with_boxes(&config.file, &new).map_err(Failure::Told),
+        true => Ok(rewrite::with_boxes(&config.file, &new)?),
         false => Ok(new),
     }
 }
@@ -305,8 +303,7 @@ fn expected_held_out(study: &Study) -> f64 {
 }
 
 fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, Failure> {
-    let poses = study::next_poses(config, study, count)
-        .map_err(|fault| Failure::Told(fault.to_string()))?;
+    let poses = study::next_poses(config, study, count)?;
     let mut text = "\n  to measure next, best first: tip X Y Z, A B C\n".to_string();
     for pose in poses {
         let words = pose.map(|value| format!("{:>10.3}", value + 0.0));

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm check`.
 
-use super::{Bar, Failure, MachineFile, Verdict};
+use super::failure::Failure;
+use super::{Bar, MachineFile, Verdict};
 use pkm::check::report::{Report, axis_lines, check, tilt_table};
 use pkm::read::diagnostic::rendered;
 use std::io::Write;
@@ -32,13 +33,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     drop(bar);
     let verdict = if report.fits() { Verdict::Fits } else { Verdict::Misfit };
     // A reader that has gone away does not change the verdict.
-    match write(&report) {
-        Ok(()) => Ok(verdict),
-        Err(error) => match Failure::from(error) {
-            Failure::Unread => Ok(verdict),
-            failure => Err(failure),
-        },
-    }
+    Failure::unless_unread(write(&report).map_err(Failure::from))?;
+    Ok(verdict)
 }
 
 fn write(report: &Report) -> std::io::Result<()> {

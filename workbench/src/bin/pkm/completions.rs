@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm completions`.
 
-use super::{Cli, Failure, Verdict};
+use super::failure::Failure;
+use super::{Cli, Verdict};
 use clap::CommandFactory;
 use clap_complete::Shell;
 use std::io::Write;

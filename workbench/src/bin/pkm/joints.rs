@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm joints`: inverse kinematics.
 
+use super::failure::Failure;
 use super::rows::{Answer, answer};
-use super::{Failure, MachineFile, Verdict};
+use super::{MachineFile, Verdict};
 use kinematics::{Letter, Pose, Vector3};
 use pkm::read::machine::MachineConfig;
 
@@ -56,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let tool = arguments.tool.vector(&config);
     let reply = |row: &[f64]| -> Answer {
         let pose = Pose::from_degrees(std::array::from_fn(|k| row[k]));
-        let joints = config.machine.inverse(&pose, &tool).map_err(|fault| fault.to_string())?;
+        let joints = config.machine.inverse(&pose, &tool)?;
         Ok(joints[..config.joints.len()].to_vec())
     };
     answer(&arguments.pose, &coordinates(), &joint_names(&config), reply)

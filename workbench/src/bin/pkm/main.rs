@@ -8,6 +8,7 @@ mod boxes;
 mod calibrate;
 mod check;
 mod completions;
+mod failure;
 mod joints;
 mod man;
 mod pose;
@@ -22,16 +23,13 @@ mod stiffness;
 mod workspace;
 
 use clap::{Parser, Subcommand};
+use failure::{Failure, MovesNothing};
 use indicatif::{ProgressBar, ProgressStyle};
-use kinematics::{Fault, Letter, Pose};
-use pkm::draw::plots::Plot;
-use pkm::files::write_whole;
-use pkm::program::interpreter::Move;
-use pkm::read::diagnostic::{Severity, rendered};
-use pkm::read::ini::{Ini, IniError};
-use pkm::read::machine::{MachineConfig, MachineError};
+use kinematics::{Letter, Pose};
+use pkm::files::Locate;
+use pkm::program::interpreter::{self, Move};
+use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
-use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -53,63 +51,6 @@ pub enum Verdict {
     Fits,
     /// Something does not.
     Misfit,
-}
-
-/// Why a subcommand gave no answer.
-#[derive(Debug)]
-pub enum Failure {
-    /// A sentence for people.
-    Told(String),
-    /// Text made for people, lines marked and in colours.
-    Shown(String),
-    /// Nobody reads the output any more.
-    Unread,
-}
-
-impl Failure {
-    /// A failure at a file.
-    fn at(file: &Path, error: impl std::fmt::Display) -> Self {
-        Self::Told(format!("{}: {error}", file.display()))
-    }
-
-    /// A geometry that is none, at the section of the leg that the fault names.
-    fn of_geometry(file: &Path, fault: Fault) -> Self {
-        match (fault.leg, Ini::read(file)) {
-            (Some(leg), Ok(ini)) => {
-                ini.refuse_section(&format!("LEG_{leg}"), &fault.to_string()).into()
-            }
-            _ => Self::at(file, fault),
-        }
-    }
-}
-
-impl From<io::Error> for Failure {
-    /// Of writing to standard output.
-    fn from(error: io::Error) -> Self {
-        match error.kind() {
-            ErrorKind::BrokenPipe => Self::Unread,
-            _ => Self::Told(format!("standard output: {error}")),
-        }
-    }
-}
-
-impl From<IniError> for Failure {
-    fn from(error: IniError) -> Self {
-        Self::Shown(rendered(Severity::Error, &error.0))
-    }
-}
-
-impl From<MachineError> for Failure {
-    fn from(error: MachineError) -> Self {
-        match error {
-            MachineError::Ini(errors) => {
-                let shown: Vec<String> =
-                    errors.iter().map(|error| rendered(Severity::Error, &error.0)).collect();
-                Self::Shown(shown.join("\n\n"))
-            }
-            MachineError::Geometry(file, fault) => Self::of_geometry(&file, fault),
-        }
-    }
 }
 
 /// The table of the subcommands.
@@ -173,9 +114,19 @@ impl MachineFile {
     }
 }
 
-/// Whether a program leaves the machine where it is.
-fn is_still(config: &MachineConfig, moves: &[Move]) -> bool {
-    moves.iter().all(|step| step.end == config.home)
+/// The moves of a program, which has to move something.
+fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
+    // Told before the interpreter, in the system's words.
+    std::fs::File::open(program).at(program)?;
+    moving(config, program, interpreter::moves(config, program, None)?)
+}
+
+/// Refuses a program that leaves the machine where it is.
+fn moving(config: &MachineConfig, program: &Path, moves: Vec<Move>) -> Result<Vec<Move>, Failure> {
+    match moves.iter().all(|step| step.end == config.home) {
+        true => Err(MovesNothing(program.into()).into()),
+        false => Ok(moves),
+    }
 }
 
 /// What shows how much of a long work is done; hidden where standard error is no terminal, and
@@ -222,7 +173,7 @@ struct StudyFile {
 impl StudyFile {
     /// The file, or a study in which every value is missing.
     fn read(&self) -> Result<Study, Failure> {
-        self.study.as_deref().map_or(Ok(Study::default()), Study::read).map_err(Failure::Told)
+        Ok(self.study.as_deref().map_or(Ok(Study::default()), Study::read)?)
     }
 }
 
@@ -232,29 +183,17 @@ fn in_words(pose: &Pose) -> String {
     Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// Pictures into a folder, which is made if needed.
-fn write_plots(folder: &Path, plots: &[Plot]) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
-    for plot in plots {
-        write_whole(&folder.join(&plot.file), &plot.svg).map_err(Failure::Told)?;
-    }
-    Ok(())
-}
-
 impl Cli {
     /// Runs the subcommand; what goes wrong is told on standard error.
     fn run(&self) -> ExitCode {
         match self.command.run() {
-            Ok(Verdict::Fits) | Err(Failure::Unread) => ExitCode::SUCCESS,
+            Ok(Verdict::Fits) => ExitCode::SUCCESS,
             Ok(Verdict::Misfit) => ExitCode::from(1),
-            Err(Failure::Told(text)) => unjudged(&format!("pkm: {text}")),
-            Err(Failure::Shown(text)) => unjudged(&text),
+            Err(failure) if failure.is_unread() => ExitCode::SUCCESS,
+            Err(failure) => {
+                failure.tell();
+                ExitCode::from(2)
+            }
         }
     }
-}
-
-fn unjudged(text: &str) -> ExitCode {
-    // Nothing is left to do where standard error is closed as well.
-    let _ = writeln!(anstream::stderr(), "{text}");
-    ExitCode::from(2)
 }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm man`.
 
-use super::{Cli, Failure, Verdict};
+use super::failure::Failure;
+use super::{Cli, Verdict};
 use clap::CommandFactory;
-use pkm::files::write_whole;
+use pkm::files::{Locate, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Writes the manual pages of pkm
@@ -16,7 +17,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let folder = &arguments.folder;
-    std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+    std::fs::create_dir_all(folder).at(folder)?;
     let main = Cli::command();
     for part in main.get_subcommands() {
         let name = format!("pkm-{}", part.get_name());
@@ -29,6 +30,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 fn page(folder: &Path, command: clap::Command, name: &str) -> Result<(), Failure> {
     let mut text = vec![];
     let file = folder.join(format!("{name}.1"));
-    clap_mangen::Man::new(command).render(&mut text).map_err(|error| Failure::at(&file, error))?;
-    write_whole(&file, &String::from_utf8_lossy(&text)).map_err(Failure::Told)
+    clap_mangen::Man::new(command).render(&mut text).at(&file)?;
+    Ok(write_whole(&file, &String::from_utf8_lossy(&text))?)
 }

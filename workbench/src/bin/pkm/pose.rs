@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm pose`: forward kinematics.
 
+use super::failure::Failure;
 use super::joints::{Tool, coordinates, joint_names};
 use super::rows::{Answer, answer};
-use super::{Failure, MachineFile, Verdict};
+use super::{MachineFile, Verdict};
 use kinematics::Pose;
 
 /// Poses of joint values (forward kinematics)
@@ -38,10 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         .map_or(config.home_pose(), |seed| Pose::from_degrees(std::array::from_fn(|k| seed[k])));
     let reply = |row: &[f64]| -> Answer {
         let joints = std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
-        let solution = config
-            .machine
-            .forward(&joints, &seed, &tool, &config.solver)
-            .map_err(|fault| fault.to_string())?;
+        let solution = config.machine.forward(&joints, &seed, &tool, &config.solver)?;
         seed = solution.pose;
         Ok(solution.pose.to_degrees().to_vec())
     };

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses that a study runs through: those of a program, or CSV from standard input.
 
+use super::failure::{Failure, refused};
 use super::joints::{Tool, coordinates};
-use super::{Failure, is_still, rows};
+use super::{moves, rows};
 use kinematics::{Pose, Vector3};
-use pkm::program::interpreter;
 use pkm::program::replay::replay_seen;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ impl At {
             Err(_) if self.pose.is_empty() => config.home_pose(),
             Err(_) => {
                 let count = self.pose.len();
-                return Err(Failure::Told(format!("expected X Y Z A B C; found {count} numbers")));
+                return Err(refused(format!("expected X Y Z A B C; found {count} numbers")));
             }
         };
         Ok((pose, self.tool.vector(config)))
@@ -79,7 +79,7 @@ impl Source {
             None => self.of_input(config)?,
         };
         match stops.stops.is_empty() {
-            true => Err(Failure::Told("there is no pose to look at".into())),
+            true => Err(refused("there is no pose to look at")),
             false => Ok(stops),
         }
     }
@@ -87,14 +87,9 @@ impl Source {
     fn of_program(&self, config: &MachineConfig, program: &Path) -> Result<Stops, Failure> {
         let period = self.period.unwrap_or(config.period);
         if !(period > 0.0 && period.is_finite()) {
-            return Err(Failure::Told(format!("--period {period}: expected more than 0 seconds")));
+            return Err(refused(format!("--period {period}: expected more than 0 seconds")));
         }
-        std::fs::File::open(program).map_err(|error| Failure::at(program, error))?;
-        let moves = interpreter::moves(config, program, None)
-            .map_err(|error| Failure::Told(error.to_string()))?;
-        if is_still(config, &moves) {
-            return Err(Failure::at(program, "the program moves nothing"));
-        }
+        let moves = moves(config, program)?;
         let mut stops = vec![];
         let replayed = replay_seen(config, &moves, period, |visit| {
             stops.push(Stop {

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm preflight`.
 
-use super::{Bar, Failure, MachineFile, Verdict, is_still};
-use kinematics::{Fault, Letter};
+use super::failure::Failure;
+use super::{Bar, MachineFile, Verdict, moving};
+use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
-use pkm::draw::{page, plots};
-use pkm::files::write_whole;
+use pkm::draw::{margins, page};
+use pkm::files::{Locate, write_whole};
 use pkm::program::interpreter::{self, Move, Reading};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Break, LineLoad, Preflight, preflight};
@@ -77,13 +78,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let ini = Ini::read(&arguments.machine.machine)?;
     // Told before the interpreter, in the system's words.
-    std::fs::read(&arguments.program).map_err(|error| Failure::at(&arguments.program, error))?;
-    let Reading { moves, files } = interpreter::reading(&config, &arguments.program)
-        .map_err(|error| Failure::Told(error.to_string()))?;
+    std::fs::read(&arguments.program).at(&arguments.program)?;
+    let Reading { moves, files } = interpreter::reading(&config, &arguments.program)?;
     let texts = texts(&files)?;
-    if is_still(&config, &moves) {
-        return Err(Failure::at(&arguments.program, "the program moves nothing"));
-    }
+    let moves = moving(&config, &arguments.program, moves)?;
     let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
     let mut warnings = cautions(&config, &ini, &texts);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
@@ -102,10 +100,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let verdict = if answer.fits { Verdict::Fits } else { Verdict::Misfit };
     // A reader that has gone away does not change the verdict.
-    match tell(arguments.format, &config, &answer, &blocks) {
-        Err(Failure::Unread) | Ok(()) => Ok(verdict),
-        Err(failure) => Err(failure),
-    }
+    Failure::unless_unread(tell(arguments.format, &config, &answer, &blocks))?;
+    Ok(verdict)
 }
 
 fn followed(
@@ -115,13 +111,12 @@ fn followed(
     message: &'static str,
 ) -> Result<Preflight, Failure> {
     let bar = Bar::new(message);
-    preflight(config, moves, keep, |share| bar.set(share))
-        .map_err(|fault| Failure::Told(fault.to_string()))
+    Ok(preflight(config, moves, keep, |share| bar.set(share))?)
 }
 
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let text = |file: &PathBuf| {
-        let bytes = std::fs::read(file).map_err(|error| Failure::at(file, error))?;
+        let bytes = std::fs::read(file).at(file)?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     };
     files.iter().map(text).collect()
@@ -156,9 +151,8 @@ fn offset(
         // Another place does not make a program slower.
         return Ok(None);
     }
-    let fault = |fault: Fault| Failure::Told(fault.to_string());
     let bar = Bar::spinner("looking for another work offset");
-    let shifted = offset::shift(config, moves).map_err(fault)?;
+    let shifted = offset::shift(config, moves)?;
     drop(bar);
     if let Some(found) = confirmed(config, arguments, shifted)? {
         return Ok(Some(found));
@@ -167,7 +161,7 @@ fn offset(
         return Ok(None);
     }
     let bar = Bar::spinner("looking for a turned work offset");
-    let turned = offset::turn(config, moves).map_err(fault)?;
+    let turned = offset::turn(config, moves)?;
     drop(bar);
     confirmed(config, arguments, turned)
 }
@@ -197,9 +191,7 @@ fn tell(
     match format {
         Format::Text => out.write_all(in_words(config, answer, blocks).as_bytes())?,
         Format::Json => {
-            let text = serde_json::to_string_pretty(answer)
-                .map_err(|error| Failure::Told(format!("standard output: {error}")))?;
-            writeln!(out, "{text}")?;
+            writeln!(out, "{}", serde_json::to_string_pretty(answer)?)?;
         }
     }
     out.flush()?;
@@ -288,7 +280,7 @@ fn write_report(
     answer: &Answer,
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
-    let plots = plots::of_places(config, &answer.found.places).map_err(Failure::Told)?;
+    let plots = margins::of_places(config, &answer.found.places)?;
     let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
-    write_whole(file, &text).map_err(Failure::Told)
+    Ok(write_whole(file, &text)?)
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm random`.
 
-use super::{Failure, MachineFile, Verdict};
+use super::failure::{Failure, refused, tell_error};
+use super::{MachineFile, Verdict};
 use pkm::program::random_program::random_program;
 use std::io::Write;
 
@@ -32,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let seconds = arguments.seconds;
     if !(seconds > 0.0 && seconds <= LONGEST) {
         let text = format!("--seconds {seconds}: expected more than 0 and at most {LONGEST}");
-        return Err(Failure::Told(text));
+        return Err(refused(text));
     }
     let config = arguments.machine.read()?;
     match random_program(&config, arguments.seed, seconds) {
@@ -42,8 +43,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             out.flush()?;
             Ok(Verdict::Fits)
         }
-        Err(text) => {
-            let _ = writeln!(anstream::stderr(), "pkm: {}: {text}", config.file.display());
+        Err(error) => {
+            tell_error(&format!("{}: {error}", config.file.display()));
             Ok(Verdict::Misfit)
         }
     }

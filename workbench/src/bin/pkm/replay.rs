@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm replay`.
 
+use super::failure::{Failure, refused, tell_error};
 use super::joints::{coordinates, joint_names};
-use super::{Bar, Failure, MachineFile, Verdict, is_still};
-use pkm::draw::plots;
+use super::{Bar, MachineFile, Verdict, moves};
+use pkm::draw::motion;
+use pkm::draw::plot::Plot;
 use pkm::draw::sample::Sample;
-use pkm::files::write_whole;
-use pkm::program::interpreter;
+use pkm::files::Locate;
 use pkm::program::replay::{Visit, duration_of_all, replay_seen};
 use pkm::read::machine::MachineConfig;
-use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
 /// Writes the joint values that a program asks for
@@ -45,21 +45,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let period = arguments.period.unwrap_or(config.period);
     if !(period >= SHORTEST_PERIOD && period.is_finite()) {
         let text = format!("--period {period}: expected at least {SHORTEST_PERIOD} seconds");
-        return Err(Failure::Told(text));
+        return Err(refused(text));
     }
-    std::fs::File::open(&arguments.program)
-        .map_err(|error| Failure::at(&arguments.program, error))?;
-    let moves = interpreter::moves(&config, &arguments.program, None)
-        .map_err(|error| Failure::Told(error.to_string()))?;
-    if is_still(&config, &moves) {
-        return Err(Failure::at(&arguments.program, "the program moves nothing"));
-    }
+    let moves = moves(&config, &arguments.program)?;
     if let Some(folder) = &arguments.plots {
-        std::fs::create_dir_all(folder).map_err(|error| Failure::at(folder, error))?;
+        std::fs::create_dir_all(folder).at(folder)?;
     }
-    let mut out = BufWriter::new(std::io::stdout().lock());
+    let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let names = [vec!["time".into(), "line".into()], coordinates(), joint_names(&config)];
-    writeln!(out, "{}", names.concat().join(","))?;
+    out.write_record(names.concat())?;
     let mut samples = vec![];
     let mut unwritten = None;
     let whole = duration_of_all(&config, &moves);
@@ -67,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let replayed = replay_seen(&config, &moves, period, |visit| {
         bar.set(visit.time / whole);
         if unwritten.is_none() {
-            unwritten = write_row(&mut out, &config, visit).err();
+            unwritten = out.write_record(row(&config, visit)).err();
         }
         if arguments.plots.is_some() {
             samples.push(sample(visit));
@@ -83,22 +77,19 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Err(fault) => vec![fault.to_string()],
     };
     for text in &told {
-        let _ = writeln!(anstream::stderr(), "pkm: {}: {text}", arguments.program.display());
+        tell_error(&format!("{}: {text}", arguments.program.display()));
     }
     if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
-        for plot in plots::all(&config, &samples).map_err(Failure::Told)? {
-            write_whole(&folder.join(&plot.file), &plot.svg).map_err(Failure::Told)?;
-        }
+        Plot::write_all(&motion::all(&config, &samples)?, folder)?;
     }
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn write_row(out: &mut impl Write, config: &MachineConfig, visit: &Visit) -> std::io::Result<()> {
-    write!(out, "{},{}", visit.time, visit.line)?;
-    for value in visit.pose.iter().chain(&visit.joints[..config.joints.len()]) {
-        write!(out, ",{value}")?;
-    }
-    writeln!(out)
+fn row(config: &MachineConfig, visit: &Visit) -> impl Iterator<Item = String> {
+    let numbers = visit.pose.into_iter().chain(visit.joints.into_iter().take(config.joints.len()));
+    [visit.time.to_string(), visit.line.to_string()]
+        .into_iter()
+        .chain(numbers.map(|x| x.to_string()))
 }
 
 fn sample(visit: &Visit) -> Sample {

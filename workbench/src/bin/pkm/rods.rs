@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm rods`.
 
+use super::failure::{Failure, tell_error};
 use super::joints::{coordinates, joint_names};
 use super::poses::{Source, Stop};
-use super::{Failure, MachineFile, StudyFile, Verdict, write_plots};
+use super::{MachineFile, StudyFile, Verdict};
 use kinematics::Vector3;
-use pkm::draw::study_plots::{Course, of_rods};
+use pkm::draw::course::Course;
+use pkm::draw::plot::Plot;
+use pkm::draw::rods::of_rods;
 use pkm::read::machine::MachineConfig;
 use pkm::study::rods::{Rods, View};
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Where the legs are along a program or a list of poses
@@ -59,10 +61,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             false => Course::by_number(seen.len()),
         };
         let rods: Vec<Rods> = seen.iter().map(|(_, rods)| rods.clone()).collect();
-        write_plots(folder, &of_rods(&config, &course, &rods).map_err(Failure::Told)?)?;
+        Plot::write_all(&of_rods(&config, &course, &rods)?, folder)?;
     }
     for text in &told {
-        let _ = writeln!(anstream::stderr(), "pkm: {text}");
+        tell_error(text);
     }
     write_rows(&config, &view, &seen)?;
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
@@ -72,16 +74,16 @@ fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Res
     let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let names =
         [vec!["time".into(), "line".into()], coordinates(), joint_names(config), view.names()];
-    out.write_record(names.concat()).map_err(super::rows::unwritten)?;
+    out.write_record(names.concat())?;
     for (stop, rods) in seen {
         let joints = config.machine.inverse(&stop.pose, &stop.tool);
-        let joints = joints.map_err(|fault| Failure::Told(fault.to_string()))?;
+        let joints = joints?;
         let own = [vec![stop.time.to_string(), stop.line.to_string()]];
         let numbers =
             stop.pose.to_degrees().into_iter().chain(joints).take(6 + config.joints.len());
         let values = rods.values().into_iter().map(|v| v.map_or(String::new(), |v| v.to_string()));
         let cells = own.concat().into_iter().chain(numbers.map(|x| x.to_string())).chain(values);
-        out.write_record(cells.collect::<Vec<_>>()).map_err(super::rows::unwritten)?;
+        out.write_record(cells.collect::<Vec<_>>())?;
     }
     out.flush()?;
     Ok(())

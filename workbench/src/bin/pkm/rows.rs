@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Rows of numbers: from the command line, or as CSV from standard input.
 
-use super::{Failure, Verdict};
+use super::Verdict;
+use super::failure::{Failure, refused, tell_error};
+use kinematics::Fault;
 use std::io::Write;
 
 const INPUT: &str = "standard input";
 
 /// What a row came to: numbers, or why there are none.
-pub type Answer = Result<Vec<f64>, String>;
+pub type Answer = Result<Vec<f64>, Fault>;
 
 /// Answers one row of numbers with a line of numbers, or, without any, every row of standard
 /// input, whose header has to name all `columns` (others are left alone), with a row of CSV
@@ -23,7 +25,7 @@ pub fn answer(
     }
     if given.len() != columns.len() {
         let text = format!("expected {} numbers: {}", columns.len(), columns.join(" "));
-        return Err(Failure::Told(format!("{text}; found {}", given.len())));
+        return Err(refused(format!("{text}; found {}", given.len())));
     }
     let mut out = anstream::stdout().lock();
     match reply(given) {
@@ -33,8 +35,8 @@ pub fn answer(
             }
             Ok(Verdict::Fits)
         }
-        Err(text) => {
-            let _ = writeln!(anstream::stderr(), "pkm: {text}");
+        Err(fault) => {
+            tell_error(&fault);
             Ok(Verdict::Misfit)
         }
     }
@@ -47,18 +49,18 @@ fn stream(
 ) -> Result<Verdict, Failure> {
     let rows = Rows::open(columns)?;
     let mut out = csv::Writer::from_writer(anstream::stdout().lock());
-    out.write_record(named).map_err(unwritten)?;
+    out.write_record(named)?;
     let mut verdict = Verdict::Fits;
     rows.each(|line, values| {
         let cells = match reply(values) {
             Ok(values) => values.iter().map(f64::to_string).collect(),
-            Err(text) => {
-                let _ = writeln!(anstream::stderr(), "pkm: {INPUT}:{line}: {text}");
+            Err(fault) => {
+                tell_error(&format!("{INPUT}:{line}: {fault}"));
                 verdict = Verdict::Misfit;
                 vec![String::new(); named.len()]
             }
         };
-        out.write_record(cells).map_err(unwritten)
+        Ok(out.write_record(cells)?)
     })?;
     out.flush()?;
     Ok(verdict)
@@ -75,7 +77,7 @@ impl Rows {
     pub fn open(columns: &[String]) -> Result<Self, Failure> {
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::stdin().lock());
-        let header = reader.headers().map_err(|error| unread(&error))?;
+        let header = reader.headers().map_err(unread)?;
         let places = places(header, columns)?;
         Ok(Self { reader, places })
     }
@@ -86,11 +88,10 @@ impl Rows {
         mut see: impl FnMut(u64, &[f64]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         for record in self.reader.into_records() {
-            let record = record.map_err(|error| unread(&error))?;
+            let record = record.map_err(unread)?;
             let line = record.position().map_or(0, csv::Position::line);
-            let values = numbers(&record, &self.places).map_err(|word| {
-                Failure::Told(format!("{INPUT}:{line}: \"{word}\" is no number"))
-            })?;
+            let values = numbers(&record, &self.places)
+                .map_err(|error| Failure::at(format_args!("{INPUT}:{line}"), error))?;
             see(line, &values)?;
         }
         Ok(())
@@ -102,29 +103,26 @@ fn places(header: &csv::StringRecord, columns: &[String]) -> Result<Vec<usize>, 
     let missing = columns.iter().find(|name| place(name).is_none());
     match missing {
         None => Ok(columns.iter().filter_map(place).collect()),
-        Some(name) => Err(Failure::Told(format!(
+        Some(name) => Err(refused(format!(
             "{INPUT}:1: the header names no column {name}; expected {}",
             columns.join(",")
         ))),
     }
 }
 
-fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, String> {
+/// A cell that holds none.
+#[derive(Debug, thiserror::Error)]
+#[error("\"{0}\" is no number")]
+struct NoNumber(String);
+
+fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoNumber> {
     let number = |place: &usize| {
         let word = record.get(*place).unwrap_or_default();
-        word.parse().map_err(|_| word.to_string())
+        word.parse().map_err(|_| NoNumber(word.into()))
     };
     places.iter().map(number).collect()
 }
 
-fn unread(error: &csv::Error) -> Failure {
-    Failure::Told(format!("{INPUT}: {error}"))
-}
-
-/// A failure of writing CSV to standard output.
-pub fn unwritten(error: csv::Error) -> Failure {
-    match error.into_kind() {
-        csv::ErrorKind::Io(error) => error.into(),
-        other => Failure::Told(format!("standard output: {other:?}")),
-    }
+fn unread(error: csv::Error) -> Failure {
+    Failure::at(INPUT, error)
 }

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm sensitivity`.
 
+use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
-use super::{Failure, MachineFile, StudyFile, Verdict, in_words, write_plots};
+use super::{MachineFile, StudyFile, Verdict, in_words, moves};
 use kinematics::{Letter, Pose, Vector3};
-use pkm::draw::study_plots::of_sensitivity;
+use pkm::draw::plot::Plot;
+use pkm::draw::sensitivity::of_sensitivity;
 use pkm::files::write_whole;
-use pkm::program::interpreter;
 use pkm::program::replay::replay_seen;
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
-use pkm::study::file::Study;
+use pkm::study::file::{Lacking, Study};
 use pkm::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
 };
@@ -93,25 +94,25 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let sigma = sigma(arguments, &config, &study)?;
     let length = arguments.length * config.units_per_mm;
     let found = Sensitivity::at(&config, &pose, &tool, length)
-        .map_err(|fault| Failure::Told(format!("{}: {fault}", in_words(&pose))))?;
+        .map_err(|fault| Failure::at(in_words(&pose), fault))?;
     let Some(found) = found else {
         let text =
             format!("{}: a singular pose: the legs do not hold the platform", in_words(&pose));
-        let _ = writeln!(anstream::stderr(), "pkm: {text}");
+        tell_error(&text);
         return Ok(Verdict::Misfit);
     };
     let (points, end) = motion(arguments, &config, &study, &tool, &sigma, length)?;
     if let Some(file) = &arguments.csv {
-        write_whole(file, &csv(&config, &points)).map_err(Failure::Told)?;
+        write_whole(file, &csv(&config, &points))?;
     }
     if let Some(folder) = &arguments.plots {
-        let plots = of_sensitivity(&config, &found, &sigma, &points).map_err(Failure::Told)?;
-        write_plots(folder, &plots)?;
+        let plots = of_sensitivity(&config, &found, &sigma, &points)?;
+        Plot::write_all(&plots, folder)?;
     }
     tell(arguments, &config, &pose, &tool, &found, &sigma)?;
     tell_ratios(arguments, &config, &points)?;
     if let Some(text) = &end {
-        let _ = writeln!(anstream::stderr(), "pkm: {text}");
+        tell_error(&text);
     }
     Ok(if end.is_none() { Verdict::Fits } else { Verdict::Misfit })
 }
@@ -120,16 +121,16 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     let positive = [("--length", arguments.length), ("--factor", arguments.factor)];
     for (name, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
-            return Err(Failure::Told(format!("{name} {value}: expected more than 0")));
+            return Err(refused(format!("{name} {value}: expected more than 0")));
         }
     }
     let moves = arguments.law || arguments.along.is_some();
     if !moves && (arguments.csv.is_some() || arguments.ratios.is_some()) {
         let text = "--csv and --ratios need a motion: --along PROGRAM.ngc or --law";
-        return Err(Failure::Told(text.into()));
+        return Err(refused(text));
     }
     match arguments.draws {
-        0 | 1 => Err(Failure::Told("--draws: expected 2 or more".into())),
+        0 | 1 => Err(refused("--draws: expected 2 or more")),
         _ => Ok(()),
     }
 }
@@ -139,17 +140,17 @@ fn sigma(
     config: &MachineConfig,
     study: &Study,
 ) -> Result<Vec<f64>, Failure> {
-    let named = |error: String| match &arguments.study.study {
-        Some(file) => Failure::at(file, error),
-        None => Failure::Told(error),
+    let named = |lacking: Lacking| match &arguments.study.study {
+        Some(file) => Failure::at(file.display(), lacking),
+        None => lacking.into(),
     };
     if let Some(sigma) = study.joint_sigma(config).map_err(named)? {
         return Ok(sigma);
     }
     let text =
         format!("[legs]\njoint_sigma_um = {SIGMA_UM:?}\n[table]\njoint_sigma_um = {SIGMA_UM:?}\n");
-    let usual = Study::parse(&text).map_err(|error| Failure::Told(error.to_string()))?;
-    Ok(usual.joint_sigma(config).map_err(Failure::Told)?.unwrap_or_default())
+    let usual = Study::parse(&text)?;
+    Ok(usual.joint_sigma(config)?.unwrap_or_default())
 }
 
 /// One pose of a motion.
@@ -179,8 +180,8 @@ fn motion(
         let motion = (&step.pose, &step.rate);
         match along(config, step.time, motion, &step.tool, sigma, length) {
             Ok(point) => points.push(point),
-            Err(text) => {
-                end = Some(text);
+            Err(error) => {
+                end = Some(error.to_string());
                 break;
             }
         }
@@ -193,7 +194,7 @@ fn of_law(
     study: &Study,
     tool: &Vector3<f64>,
 ) -> Result<Vec<Step>, Failure> {
-    let missing = || Failure::Told("--law: the study file has no section [law]".into());
+    let missing = || refused("--law: the study file has no section [law]");
     let law = study.law.as_ref().ok_or_else(missing)?;
     let step = |k: usize| {
         let time = law.period_s.0 * k as f64 / LAW_POSES as f64;
@@ -207,9 +208,7 @@ fn of_program(
     config: &MachineConfig,
     program: &Path,
 ) -> Result<(Vec<Step>, Option<String>), Failure> {
-    std::fs::File::open(program).map_err(|error| Failure::at(program, error))?;
-    let moves = interpreter::moves(config, program, None)
-        .map_err(|error| Failure::Told(error.to_string()))?;
+    let moves = moves(config, program)?;
     let mut steps = vec![];
     let mut before = config.home;
     let replayed = replay_seen(config, &moves, config.period, |visit| {
@@ -217,9 +216,6 @@ fn of_program(
         before = visit.pose;
         steps.push(Step { time: visit.time, pose: visit.pose, rate, tool: visit.tool.into() });
     });
-    if steps.is_empty() {
-        return Err(Failure::at(program, "the program moves nothing"));
-    }
     Ok((steps, replayed.err().map(|fault| format!("{}: {fault}", program.display()))))
 }
 
@@ -232,7 +228,7 @@ fn tell(
     sigma: &[f64],
 ) -> Result<(), Failure> {
     let drawn = monte_carlo(config, pose, tool, sigma, arguments.draws)
-        .map_err(|fault| Failure::Told(format!("{}: {fault}", in_words(pose))))?;
+        .map_err(|fault| Failure::at(in_words(pose), fault))?;
     let unit = config.length_unit();
     let mut out = anstream::stdout().lock();
     writeln!(out, "{} at {}", config.file.display(), in_words(pose))?;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stiffness`.
 
+use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
-use super::{Failure, MachineFile, Verdict, in_words, write_plots};
+use super::{MachineFile, Verdict, in_words};
 use kinematics::{Pose, Vector3};
-use pkm::draw::study_plots::{of_ellipsoids, of_platform_sizes, of_stiffness};
-use pkm::files::write_whole;
+use pkm::draw::ellipsoid::of_ellipsoids;
+use pkm::draw::plot::Plot;
+use pkm::draw::stiffness::{of_platform_sizes, of_stiffness};
+use pkm::files::{Locate, csv, write_whole};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::{Springs, Study};
@@ -62,15 +65,15 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
-    let study = Study::read(&arguments.study).map_err(Failure::Told)?;
-    let springs = study.springs(&config).map_err(|error| Failure::at(&arguments.study, error))?;
+    let study = Study::read(&arguments.study)?;
+    let springs = study.springs(&config).at(&arguments.study)?;
     let (pose, tool) = arguments.at.read(&config)?;
     let found = Stiffness::at(&config, &pose, &tool, &springs)
-        .map_err(|fault| Failure::Told(format!("{}: {fault}", in_words(&pose))))?;
+        .map_err(|fault| Failure::at(in_words(&pose), fault))?;
     let Some(found) = found else {
         let text =
             format!("{}: a singular pose: the legs do not hold the platform", in_words(&pose));
-        let _ = writeln!(anstream::stderr(), "pkm: {text}");
+        tell_error(&text);
         return Ok(Verdict::Misfit);
     };
     if arguments.plots.is_some() || arguments.csv.is_some() {
@@ -90,7 +93,7 @@ fn draw(
     found: &Stiffness,
 ) -> Result<(), Failure> {
     let [_, _, _, a, b, c] = pose.to_degrees();
-    let workspace = Workspace::new(config, *tool, vec![[a, b, c]], study).map_err(Failure::Told)?;
+    let workspace = Workspace::new(config, *tool, vec![[a, b, c]], study)?;
     let range = axis_box::range(config);
     let map = |[across, up]: [usize; 2]| {
         let reached = |place: &Vector3<f64>| workspace.check(place).is_ok();
@@ -101,21 +104,20 @@ fn draw(
     };
     let maps = [[0, 1], [0, 2], [1, 2]].map(map);
     if maps.iter().all(Map::is_empty) {
-        return Err(Failure::Told("no place of the maps is within the machine's limits".into()));
+        return Err(refused("no place of the maps is within the machine's limits"));
     }
     if let Some(file) = &arguments.csv {
-        let rows = maps.iter().map(Map::csv).collect::<String>();
-        write_whole(file, &format!("x,y,z,translation_n_per_um,rotation_n_m_per_rad\n{rows}"))
-            .map_err(Failure::Told)?;
+        let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
+        write_whole(file, &csv(&header, maps.iter().flat_map(Map::rows)))?;
     }
     let Some(folder) = &arguments.plots else { return Ok(()) };
     let mut plots = vec![];
     for map in &maps {
-        plots.extend(of_stiffness(config.length_unit(), map).map_err(Failure::Told)?);
+        plots.extend(of_stiffness(config.length_unit(), map)?);
     }
-    plots.push(of_platform_sizes(&sizes(config, pose, tool, springs)).map_err(Failure::Told)?);
-    plots.extend(of_ellipsoids(found).map_err(Failure::Told)?);
-    write_plots(folder, &plots)
+    plots.push(of_platform_sizes(&sizes(config, pose, tool, springs))?);
+    plots.extend(of_ellipsoids(found)?);
+    Ok(Plot::write_all(&plots, folder)?)
 }
 
 /// Factor, and the smallest stiffness of translation and rotation, where that machine is one.

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm workspace`.
 
+use super::failure::{Failure, refused};
 use super::joints::Tool;
-use super::{Bar, Failure, MachineFile, StudyFile, Verdict, write_plots};
+use super::{Bar, MachineFile, StudyFile, Verdict};
 use kinematics::Vector3;
-use pkm::draw::study_plots::of_workspace;
+use pkm::draw::plot::Plot;
+use pkm::draw::workspace::of_workspace;
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
-use pkm::study::workspace::{
-    Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
-};
+use pkm::study::body::{Body, Counted, Effort, counted, csv, obj};
+use pkm::study::slice::{Plane, Slice};
+use pkm::study::workspace::{Limit, Ray, Workspace, tilts};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -90,26 +92,27 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let orientations = orientations(arguments, &config)?;
     let planes = planes(&arguments.plane)?;
     let tool = arguments.tool.vector(&config);
-    let workspace = Workspace::new(&config, tool, orientations, &study).map_err(Failure::Told)?;
+    let workspace = Workspace::new(&config, tool, orientations, &study)?;
     let from = match arguments.from.as_deref() {
         Some(from) => Vector3::from_column_slice(from),
         None => config.home_pose().position,
     };
-    let most = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let threads = arguments.threads.unwrap_or(most);
+    // 0: as many as there are processors.
+    let threads = arguments.threads.map_or(0, NonZero::get);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let start = Instant::now();
-    let seen = look(arguments, &workspace, from, planes, threads)?;
+    let seen = pool.install(|| look(arguments, &workspace, from, planes))?;
     let seconds = start.elapsed().as_secs_f64();
     let Seen { body, counted, slices } = &seen;
     if let Some(file) = &arguments.csv {
-        write_whole(file, &csv(body)).map_err(Failure::Told)?;
+        write_whole(file, &csv(body))?;
     }
     if let Some(file) = &arguments.mesh {
-        write_whole(file, &obj(config.length_unit(), &body.mesh())).map_err(Failure::Told)?;
+        write_whole(file, &obj(config.length_unit(), &body.mesh()))?;
     }
     if let Some(folder) = &arguments.plots {
-        let plots = of_workspace(config.length_unit(), body, slices).map_err(Failure::Told)?;
-        write_plots(folder, &plots)?;
+        let plots = of_workspace(config.length_unit(), body, slices)?;
+        Plot::write_all(&plots, folder)?;
     }
     tell(&config, &workspace, &seen)?;
     let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
@@ -118,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         anstream::stderr(),
         "{looked} positions, {:.2} million a second, threads: {}",
         looked / seconds * 1e-6,
-        threads
+        pool.current_num_threads()
     );
     Ok(Verdict::Fits)
 }
@@ -135,14 +138,12 @@ fn look(
     workspace: &Workspace,
     from: Vector3<f64>,
     planes: Vec<Plane>,
-    threads: NonZero<usize>,
 ) -> Result<Seen, Failure> {
     let bar = Bar::new("looking along rays");
     let effort = Effort {
         bands: arguments.bands.into(),
         step: workspace.extent() / STEPS,
         grid: arguments.grid.into(),
-        threads,
         progress: &|share| bar.set(share),
     };
     let body = Body::seen(workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
@@ -153,7 +154,7 @@ fn look(
 }
 
 fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
-    Failure::Told(format!(
+    refused(format!(
         "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
          for less tilt",
         from.x, from.y, from.z
@@ -163,9 +164,7 @@ fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
 fn orientations(arguments: &Arguments, config: &MachineConfig) -> Result<Vec<[f64; 3]>, Failure> {
     match arguments.tilt {
         Some(tilt) if (0.0..90.0).contains(&tilt) => Ok(tilts(config, tilt, DIRECTIONS)),
-        Some(tilt) => {
-            Err(Failure::Told(format!("--tilt {tilt}: expected 0 or more, and less than 90")))
-        }
+        Some(tilt) => Err(refused(format!("--tilt {tilt}: expected 0 or more, and less than 90"))),
         None if arguments.orientation.is_empty() => Ok(vec![[0.0; 3]]),
         None => Ok(arguments.orientation.chunks(3).map(|abc| [abc[0], abc[1], abc[2]]).collect()),
     }
@@ -174,7 +173,7 @@ fn orientations(arguments: &Arguments, config: &MachineConfig) -> Result<Vec<[f6
 fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
     let plane = |name: &String| {
         let text = format!("--plane {name}: expected xy, xz, yz or a normal such as 1,1,0");
-        Plane::parse(name).ok_or(Failure::Told(text))
+        Plane::parse(name).ok_or(refused(text))
     };
     names.iter().map(plane).collect()
 }

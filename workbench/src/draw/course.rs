@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Lines over a sequence of poses.
+
+use crate::draw::lines::{Line, drawn_lines};
+use crate::draw::plot::{DrawError, Plot};
+use crate::draw::sheet::{Frame, TIME};
+
+/// Name and abscissae of a sequence of poses: the time, or the number of the pose.
+pub struct Course {
+    /// What the abscissa is.
+    pub name: &'static str,
+    /// One for each pose.
+    pub at: Vec<f64>,
+}
+
+impl Course {
+    /// By time, in seconds.
+    pub fn in_time(at: Vec<f64>) -> Self {
+        Self { name: TIME, at }
+    }
+
+    /// By number, from 0.
+    pub fn by_number(count: usize) -> Self {
+        Self { name: "number of the pose", at: (0..count).map(|k| k as f64).collect() }
+    }
+}
+
+pub(super) fn lines_over(
+    course: &Course,
+    file: &str,
+    caption: &str,
+    y: &str,
+    lines: &[Line],
+) -> Result<Plot, DrawError> {
+    let frame = Frame { title: caption, x: course.name, y, limits: vec![] };
+    let svg = drawn_lines(&frame, lines)?;
+    Ok(Plot { file: file.into(), caption: caption.into(), svg })
+}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A picture that is ready: its name and its text.
+
+use crate::files::{AtFile, Locate, write_whole};
+use plotters::drawing::DrawingAreaErrorKind;
+use std::fs;
+use std::io;
+use std::path::Path;
+
+/// A plot: its file name and its SVG text.
+#[derive(Clone, Debug)]
+pub struct Plot {
+    /// File name, ending in .svg.
+    pub file: String,
+    /// What it shows, one line.
+    pub caption: String,
+    /// The drawing.
+    pub svg: String,
+}
+
+impl Plot {
+    /// Writes pictures into a folder, which is made if needed; each appears complete or not at all.
+    ///
+    /// # Errors
+    /// The first file that cannot be written.
+    pub fn write_all(plots: &[Self], folder: &Path) -> Result<(), AtFile<io::Error>> {
+        fs::create_dir_all(folder).at(folder)?;
+        plots.iter().try_for_each(|plot| write_whole(&folder.join(&plot.file), &plot.svg))
+    }
+}
+
+/// What the drawing library does not draw.
+#[derive(Debug, thiserror::Error)]
+#[error("the plot cannot be drawn: {0}")]
+pub struct DrawError(#[from] DrawingAreaErrorKind<io::Error>);

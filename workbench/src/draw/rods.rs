@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The legs along a sequence of poses: angles, gaps, and paths of points of the platform.
+
+use crate::draw::course::{Course, lines_over};
+use crate::draw::lines::{Line, thin, thin_low};
+use crate::draw::plot::{DrawError, Plot};
+use crate::read::machine::MachineConfig;
+use crate::study::rods::Rods;
+
+/// Pictures of the legs along a sequence of poses.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_rods(
+    config: &MachineConfig,
+    course: &Course,
+    rods: &[Rods],
+) -> Result<Vec<Plot>, DrawError> {
+    let mut plots = vec![];
+    for (file, caption, y, value) in ANGLES {
+        let lines: Vec<Line> = (0..config.legs())
+            .filter(|i| rods.first().is_some_and(|first| value(first, *i).is_some()))
+            .map(|i| {
+                let points = rods.iter().map(|rods| value(rods, i).unwrap_or(f64::NAN));
+                let points = course.at.iter().copied().zip(without_turns(points));
+                Line { name: config.joints[i].name.clone(), points: thin(points) }
+            })
+            .collect();
+        if !lines.is_empty() {
+            plots.push(lines_over(course, file, caption, y, &lines)?);
+        }
+    }
+    plots.push(between(course, rods)?);
+    plots.extend(gaps(config, course, rods)?);
+    plots.extend(traces(config, course, rods)?);
+    Ok(plots)
+}
+
+/// One angle of a leg.
+type Angle = fn(&Rods, usize) -> Option<f64>;
+
+/// Pictures of angles: file, caption, ordinate, value.
+const ANGLES: [(&str, &str, &str, Angle); 5] = [
+    ("rods-elevation.svg", "Legs above the XY plane", "elevation in degrees", |r, i| {
+        Some(r.rods[i].elevation)
+    }),
+    ("rods-azimuth.svg", "Legs about Z, from X", "azimuth in degrees", |r, i| {
+        Some(r.rods[i].azimuth)
+    }),
+    ("base-cones.svg", "Legs from their direction at home, at the base", "angle in degrees", {
+        |r, i| Some(r.rods[i].base_cone)
+    }),
+    (
+        "platform-cones.svg",
+        "Legs from their direction at home, at the platform",
+        "angle in degrees",
+        |r, i| Some(r.rods[i].platform_cone),
+    ),
+    ("guide-angles.svg", "Rods to their guides", "angle in degrees", |r, i| r.rods[i].guide),
+];
+
+/// Angles in degrees, each within half a turn of the one before.
+fn without_turns(angles: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+    angles.scan(None, |last: &mut Option<f64>, angle| {
+        let turns = last.map_or(0.0, |last| ((angle - last) / 360.0).round());
+        *last = Some(angle - 360.0 * turns);
+        *last
+    })
+}
+
+fn between(course: &Course, rods: &[Rods]) -> Result<Plot, DrawError> {
+    let line =
+        |name: &str, pick: fn(f64, f64) -> f64| Line {
+            name: name.into(),
+            points: thin(course.at.iter().copied().zip(
+                rods.iter().map(|rods| rods.between.iter().copied().reduce(pick).unwrap_or(0.0)),
+            )),
+        };
+    let lines = [line("greatest", f64::max), line("least", f64::min)];
+    lines_over(course, "between.svg", "Angles between two legs", "angle in degrees", &lines)
+}
+
+fn gaps(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Option<Plot>, DrawError> {
+    let gaps = rods.iter().map(|rods| rods.nearest.map_or(f64::NAN, |n| n.distance));
+    let points = thin_low(course.at.iter().copied().zip(gaps));
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let lines = [Line { name: "nearest pair".into(), points }];
+    let y = format!("gap in {}", config.length_unit());
+    lines_over(course, "gaps.svg", "Least gap between two legs", &y, &lines).map(Some)
+}
+
+fn traces(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Vec<Plot>, DrawError> {
+    let count = rods.first().map_or(0, |rods| rods.points.len());
+    let trace = |k: usize| {
+        let line = |axis: usize| Line {
+            name: ["X", "Y", "Z"][axis].into(),
+            points: thin(course.at.iter().copied().zip(rods.iter().map(|r| r.points[k][axis]))),
+        };
+        let caption = format!("Point {k} of the platform, in base");
+        let y = format!("position in {}", config.length_unit());
+        lines_over(course, &format!("point-{k}.svg"), &caption, &y, &[0, 1, 2].map(line))
+    };
+    (0..count).map(trace).collect()
+}

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What errors of the joints do: bars at one pose, and lines along a motion.
+
+use crate::draw::course::{Course, lines_over};
+use crate::draw::lines::{Line, thin};
+use crate::draw::plot::{DrawError, Plot};
+use crate::draw::sheet::{FONT, Frame, drawn};
+use crate::read::machine::MachineConfig;
+use crate::study::sensitivity::{Point, Sensitivity};
+use kinematics::Letter;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_sensitivity(
+    config: &MachineConfig,
+    found: &Sensitivity,
+    sigma: &[f64],
+    points: &[Point],
+) -> Result<Vec<Plot>, DrawError> {
+    let unit = config.length_unit();
+    let mut plots = vec![];
+    for (part, from, unit) in [("position", 0, unit), ("angles", 3, "degrees")] {
+        let groups: Vec<(char, Vec<f64>)> = Letter::ALL[from..from + 3]
+            .iter()
+            .filter(|letter| !config.machine.layout().is_held(**letter))
+            .map(|letter| {
+                let gain = |(j, s): (usize, &f64)| found.gain[(letter.index(), j)] * s;
+                (letter.name(), sigma.iter().enumerate().map(gain).collect())
+            })
+            .collect();
+        if groups.is_empty() {
+            continue;
+        }
+        let caption = format!("Share of each joint in the error of the {part}");
+        let y = format!("error for one standard deviation, in {unit}");
+        let svg = bars(&Frame { title: &caption, x: "", y: &y, limits: vec![] }, &groups)?;
+        plots.push(Plot { file: format!("sensitivity-{part}.svg"), caption, svg });
+    }
+    if !points.is_empty() {
+        plots.extend(of_motion(config, points)?);
+    }
+    Ok(plots)
+}
+
+/// What a line shows of a point of a motion.
+type Value<'a> = Box<dyn Fn(&Point) -> f64 + 'a>;
+
+fn of_motion(config: &MachineConfig, points: &[Point]) -> Result<Vec<Plot>, DrawError> {
+    let unit = config.length_unit();
+    let course = Course::in_time(points.iter().map(|point| point.time).collect());
+    let draw = |file: &str, caption: &str, y: &str, lines: Vec<(String, Value)>| {
+        let line = |(name, value): (String, Value)| Line {
+            name,
+            points: thin(points.iter().map(|point| (point.time, value(point)))),
+        };
+        let lines: Vec<Line> = lines.into_iter().map(line).collect();
+        lines_over(&course, file, caption, y, &lines)
+    };
+    let moved = |from: usize| {
+        let letters = Letter::ALL[from..from + 3].iter();
+        letters.filter(|letter| !config.machine.layout().is_held(**letter))
+    };
+    let mut plots = vec![];
+    for (part, from, unit) in [("position", 0, unit), ("angles", 3, "degrees")] {
+        if moved(from).count() == 0 {
+            continue;
+        }
+        let pose = moved(from).map(|letter| {
+            let value: Value = Box::new(|point: &Point| point.pose[letter.index()]);
+            (letter.name().to_string(), value)
+        });
+        let file = format!("motion-{part}.svg");
+        plots.push(draw(
+            &file,
+            &format!("Motion: {part}"),
+            &format!("{part} in {unit}"),
+            pose.collect(),
+        )?);
+        let sigma = moved(from).map(|letter| {
+            let value: Value = Box::new(|point: &Point| point.sigma[letter.index()]);
+            (letter.name().to_string(), value)
+        });
+        let caption = format!("Standard deviation of the {part} along the motion");
+        let file = format!("motion-sigma-{part}.svg");
+        plots.push(draw(&file, &caption, &format!("deviation in {unit}"), sigma.collect())?);
+    }
+    for group in config.groups() {
+        let stem = group.kind.plural().replace(' ', "-");
+        let joints = |rates: bool| -> Vec<(String, Value)> {
+            let line = |i: &usize| {
+                let i = *i;
+                let value: Value = match rates {
+                    true => Box::new(move |point: &Point| point.rates[i]),
+                    false => Box::new(move |point: &Point| point.joints[i]),
+                };
+                (config.joints[i].name.clone(), value)
+            };
+            group.joints.iter().map(line).collect()
+        };
+        let caption = format!("Motion: {}", group.kind.plural());
+        let y = format!("{} in {}", group.kind.quantity(), group.unit);
+        plots.push(draw(&format!("motion-{stem}.svg"), &caption, &y, joints(false))?);
+        let caption = format!("Motion: rates of {}", group.kind.plural());
+        let y = format!("rate in {}/s", group.unit);
+        plots.push(draw(&format!("motion-{stem}-rates.svg"), &caption, &y, joints(true))?);
+    }
+    let hold: Vec<(String, Value)> =
+        vec![("smallest singular value".into(), Box::new(|point: &Point| point.hold))];
+    plots.push(draw("motion-hold.svg", "How well the legs hold the platform", "no unit", hold)?);
+    Ok(plots)
+}
+
+/// Bars in groups, each bar with the number of its joint.
+fn bars(frame: &Frame, groups: &[(char, Vec<f64>)]) -> Result<String, DrawError> {
+    let all = || groups.iter().flat_map(|(_, values)| values.iter().copied());
+    let most = all().fold(0.0, |most: f64, value| most.max(value.abs())).max(f64::MIN_POSITIVE);
+    let count = groups[0].1.len();
+    drawn(|root| {
+        let width = groups.len() as f64;
+        let mut chart = ChartBuilder::on(root)
+            .caption(frame.title, (FONT, 22))
+            .margin(12)
+            .x_label_area_size(20)
+            .y_label_area_size(84)
+            .build_cartesian_2d(0.0..width, -1.25 * most..1.25 * most)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .x_labels(0)
+            .y_desc(frame.y)
+            .label_style((FONT, 14))
+            .axis_desc_style((FONT, 16))
+            .light_line_style(WHITE)
+            .draw()?;
+        let style = |size: i32| {
+            let style = (FONT, size).into_font().color(&BLACK);
+            style.pos(Pos::new(HPos::Center, VPos::Center))
+        };
+        for (g, (name, values)) in groups.iter().enumerate() {
+            let left = |j: usize| g as f64 + 0.1 + 0.8 * j as f64 / count as f64;
+            for (j, value) in values.iter().enumerate() {
+                let corners = [(left(j), 0.0), (left(j) + 0.64 / count as f64, *value)];
+                let grey = RGBColor(190, 190, 190);
+                let filled = Rectangle::new(corners, grey.filled());
+                let outline = Rectangle::new(corners, BLACK.stroke_width(1));
+                chart.draw_series([filled, outline])?;
+                let beyond = value + most * 0.05 * if *value < 0.0 { -1.0 } else { 1.0 };
+                let at = (left(j) + 0.32 / count as f64, beyond);
+                chart.draw_series([Text::new(j.to_string(), at, style(14))])?;
+            }
+            let at = (g as f64 + 0.5, -1.17 * most);
+            chart.draw_series([Text::new(name.to_string(), at, style(20))])?;
+        }
+        let zero = [(0.0, 0.0), (width, 0.0)];
+        chart.draw_series([PathElement::new(zero, BLACK.stroke_width(1))])?;
+        Ok(())
+    })
+}

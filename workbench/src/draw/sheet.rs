@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A sheet: its size, its axes and its legend. Made to be read in black and white as well: lines
+//! differ in dashes, not in colour alone.
+
+use crate::draw::plot::DrawError;
+use kinematics::MAX_LEGS;
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use std::ops::Range;
+
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+pub(super) type Chart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub(super) const SIZE: (u32, u32) = (960, 600);
+pub(super) const TIME: &str = "time in s";
+pub(super) const FONT: &str = "sans-serif";
+
+/// Plots of joints are this much longer than the data: the legend covers nothing.
+pub(super) const LEGEND_ROOM: f64 = 1.2;
+
+/// Isometric view: X to the right and down, Y to the right and up, Z up.
+const COS_30: f64 = 0.866_025_403_784_438_6;
+
+/// Pixels around a plot.
+const MARGIN: u32 = 12;
+
+/// Pixels for ticks and description below a plot, and to its left.
+const BELOW: u32 = 44;
+
+const LEFT: u32 = 64;
+
+/// Pixels that the caption takes above a plot.
+const CAPTION: u32 = 28;
+
+/// Dark shades that print apart, and (dash, gap) in pixels.
+pub(super) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
+    (RGBColor(0, 0, 0), (40, 1)),
+    (RGBColor(0, 90, 160), (12, 5)),
+    (RGBColor(180, 40, 20), (5, 4)),
+    (RGBColor(0, 120, 70), (2, 4)),
+    (RGBColor(120, 60, 140), (30, 6)),
+    (RGBColor(150, 100, 0), (9, 9)),
+    (RGBColor(90, 90, 90), (18, 16)),
+    (RGBColor(0, 110, 120), (3, 9)),
+];
+
+/// What stands around the lines.
+pub(super) struct Frame<'a> {
+    pub title: &'a str,
+    pub x: &'a str,
+    pub y: &'a str,
+    /// Horizontal lines, named.
+    pub limits: Vec<(String, f64)>,
+}
+
+pub(super) fn drawn(
+    draw: impl FnOnce(&Area) -> Result<(), DrawError>,
+) -> Result<String, DrawError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        draw(&root)?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+pub(super) fn axes<'a, 'b>(
+    area: &'a Area<'b>,
+    frame: &Frame,
+    x: Range<f64>,
+    y: Range<f64>,
+) -> Result<Chart<'a, 'b>, DrawError> {
+    let mut chart = ChartBuilder::on(area)
+        .caption(frame.title, (FONT, 22))
+        .margin(MARGIN)
+        .x_label_area_size(BELOW)
+        .y_label_area_size(LEFT)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .x_desc(frame.x)
+        .y_desc(frame.y)
+        .label_style((FONT, 14))
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .axis_desc_style((FONT, 16))
+        .light_line_style(WHITE)
+        .draw()?;
+    Ok(chart)
+}
+
+/// Ticks are round numbers: without the digits of their rounding, and without "-0".
+fn tick(value: &f64) -> String {
+    format!("{}", (value * 1e6).round() / 1e6 + 0.0)
+}
+
+/// Both axes at one scale.
+pub(super) fn path_axes<'a, 'b>(
+    area: &'a Area<'b>,
+    frame: &Frame,
+    points: &[(f64, f64)],
+) -> Result<Chart<'a, 'b>, DrawError> {
+    let (width, height) = area.dim_in_pixel();
+    let (width, height) = (width - LEFT - 2 * MARGIN, height - BELOW - CAPTION - 2 * MARGIN);
+    let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
+    let scale = ((x.end - x.start) / f64::from(width)).max((y.end - y.start) / f64::from(height));
+    let around = |range: Range<f64>, pixels: u32| {
+        let (middle, half) = ((range.start + range.end) / 2.0, scale * f64::from(pixels) / 2.0);
+        middle - half..middle + half
+    };
+    axes(area, frame, around(x, width), around(y, height))
+}
+
+pub(super) fn project([x, y, z]: [f64; 3]) -> (f64, f64) {
+    ((x + y) * COS_30, z + (y - x) * 0.5)
+}
+
+pub(super) fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), DrawError> {
+    chart
+        .configure_series_labels()
+        .background_style(WHITE.mix(0.85))
+        .border_style(BLACK)
+        .legend_area_size(44)
+        .label_font((FONT, 14))
+        .position(SeriesLabelPosition::UpperRight)
+        .draw()?;
+    Ok(())
+}
+
+/// Lowest and highest value.
+pub(super) fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+/// The range of the values with a margin; a flat line gets one unit around it.
+pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = span(values);
+    let span = high - low;
+    let margin = if span > 1e-9 * high.abs() { 0.06 * span } else { 1.0 };
+    low - margin..high + margin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_circle_is_drawn_round_in_every_part_of_a_sheet() {
+        let circle: Vec<(f64, f64)> = (0..100).map(|k| f64::from(k).sin_cos()).collect();
+        let frame = Frame { title: "Circle", x: "X", y: "Y", limits: vec![] };
+        for grid in [(1, 1), (1, 2), (2, 2)] {
+            drawn(|root| {
+                let part = &root.split_evenly(grid)[0];
+                let chart = path_axes(part, &frame, &circle)?;
+                let (x, y) = (chart.x_range(), chart.y_range());
+                let (width, height) = chart.plotting_area().dim_in_pixel();
+                let scale = (x.end - x.start) / f64::from(width) / (y.end - y.start);
+                // One pixel of 200, that of the caption's height.
+                assert!((scale * f64::from(height) - 1.0).abs() < 6e-3, "{grid:?} {scale}");
+                Ok(())
+            })
+            .unwrap();
+        }
+    }
+
+    #[test]
+    fn a_flat_line_has_room() {
+        assert_eq!(padded([0.0, 0.0].into_iter()), -1.0..1.0);
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        assert_eq!([tick(&-0.0), tick(&0.300_000_000_4), tick(&1400.0)], ["0", "0.3", "1400"]);
+    }
+}

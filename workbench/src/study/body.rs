@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The body of a workspace: rays in all directions, its volume and surface, and a count on a grid.
+
+use crate::files;
+use crate::study::workspace::{Limit, Ray, Workspace};
+use kinematics::Vector3;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How finely a workspace is looked at.
+pub struct Effort<'a> {
+    /// Rays from pole to pole; twice as many go around.
+    pub bands: usize,
+    /// Length of a step along a ray, machine units.
+    pub step: f64,
+    /// Points of the grid along its longest side.
+    pub grid: usize,
+    /// Shown the share of the work done.
+    pub progress: &'a (dyn Fn(f64) + Sync),
+}
+
+impl Effort<'_> {
+    /// `f` of every item, in order, on all threads of the pool; progress shown from `from` to `to`.
+    pub(super) fn each<T: Sync, U: Send>(
+        &self,
+        items: &[T],
+        (from, to): (f64, f64),
+        f: impl Fn(&T) -> U + Sync,
+    ) -> Vec<U> {
+        let done = AtomicUsize::new(0);
+        let one = |item: &T| {
+            let result = f(item);
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.progress)(from + (to - from) * count as f64 / items.len() as f64);
+            result
+        };
+        items.par_iter().map(one).collect()
+    }
+}
+
+/// The body that rays in all directions see.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Where the rays begin.
+    pub from: Vector3<f64>,
+    /// Rings of rays from below (elevation −90) to above (90); the first and the last ring have
+    /// one ray, the others as many as `around`, from azimuth 0.
+    pub rings: Vec<Vec<Ray>>,
+    /// Rays of a ring.
+    pub around: usize,
+}
+
+impl Body {
+    /// From a place inside.
+    ///
+    /// # Errors
+    /// The limit that the place itself breaks.
+    pub fn seen(workspace: &Workspace, from: Vector3<f64>, effort: &Effort) -> Result<Self, Limit> {
+        workspace.check(&from)?;
+        let around = 2 * effort.bands;
+        let elevation = |ring: usize| PI * (ring as f64 / effort.bands as f64 - 0.5);
+        let mut directions = vec![];
+        for ring in 0..=effort.bands {
+            let (sin, cos) = elevation(ring).sin_cos();
+            let pole = ring == 0 || ring == effort.bands;
+            for k in 0..if pole { 1 } else { around } {
+                let (y, x) = (2.0 * PI * k as f64 / around as f64).sin_cos();
+                let level = if pole { 0.0 } else { cos };
+                directions.push(Vector3::new(level * x, level * y, sin));
+            }
+        }
+        let look = |direction: &Vector3<f64>| workspace.ray(&from, direction, effort.step);
+        let mut rays = effort.each(&directions, (0.0, 0.5), look).into_iter();
+        let ring = |ring: usize| {
+            let pole = ring == 0 || ring == effort.bands;
+            rays.by_ref().take(if pole { 1 } else { around }).collect()
+        };
+        Ok(Self { from, rings: (0..=effort.bands).map(ring).collect(), around })
+    }
+
+    /// All rays, each with the solid angle it stands for.
+    pub fn rays(&self) -> impl Iterator<Item = (f64, &Ray)> {
+        let band = PI / (self.rings.len() - 1) as f64;
+        self.rings.iter().enumerate().flat_map(move |(ring, rays)| {
+            let middle = band * ring as f64 - PI / 2.0;
+            let edge = |side: f64| (middle + side * band / 2.0).clamp(-PI / 2.0, PI / 2.0).sin();
+            let angle = 2.0 * PI * (edge(1.0) - edge(-1.0)) / rays.len() as f64;
+            rays.iter().map(move |ray| (angle, ray))
+        })
+    }
+
+    /// Volume of all pieces of the rays.
+    pub fn volume(&self) -> f64 {
+        let piece = |[from, to]: &[f64; 2]| (to.powi(3) - from.powi(3)) / 3.0;
+        self.rays().map(|(angle, ray)| angle * ray.inside.iter().map(piece).sum::<f64>()).sum()
+    }
+
+    /// Positions looked at.
+    pub fn looked(&self) -> usize {
+        self.rays().map(|(_, ray)| ray.looked).sum()
+    }
+
+    /// Share of the directions that every limit ends, largest first.
+    pub fn shares(&self) -> Vec<(Limit, f64)> {
+        let mut shares: Vec<(Limit, f64)> = vec![];
+        for (angle, ray) in self.rays() {
+            let share = angle / (4.0 * PI);
+            match shares.iter_mut().find(|(limit, _)| *limit == ray.limit) {
+                Some((_, sum)) => *sum += share,
+                None => shares.push((ray.limit, share)),
+            }
+        }
+        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        shares
+    }
+
+    /// Corners of a box around all pieces.
+    pub fn corners(&self) -> [Vector3<f64>; 2] {
+        let ends = self.rays().flat_map(|(_, ray)| {
+            let far = ray.inside.last().map_or(0.0, |piece| piece[1]);
+            [self.from + ray.direction * far, self.from + ray.direction * ray.exit()]
+        });
+        ends.fold([self.from, self.from], |[low, high], end| [low.inf(&end), high.sup(&end)])
+    }
+
+    /// Points of the surface around the place where the rays begin, and its triangles, seen from
+    /// outside counterclockwise.
+    pub fn mesh(&self) -> (Vec<Vector3<f64>>, Vec<[usize; 3]>) {
+        let points = self.rays().map(|(_, ray)| self.from + ray.direction * ray.exit()).collect();
+        let last = self.rings.len() - 1;
+        let point = |ring: usize, k: usize| match ring {
+            0 => 0,
+            _ if ring == last => 1 + (last - 1) * self.around,
+            _ => 1 + (ring - 1) * self.around + k % self.around,
+        };
+        let mut triangles = vec![];
+        for ring in 0..last {
+            for k in 0..self.around {
+                let (a, b) = (point(ring, k), point(ring, k + 1));
+                let (c, d) = (point(ring + 1, k), point(ring + 1, k + 1));
+                let halves = [[a, b, d], [a, d, c]];
+                triangles.extend(halves.iter().filter(|[a, b, c]| a != b && b != c && c != a));
+            }
+        }
+        (points, triangles)
+    }
+}
+
+/// Volume of a closed surface.
+pub fn mesh_volume((points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> f64 {
+    let corner = |[a, b, c]: &[usize; 3]| points[*a].dot(&points[*b].cross(&points[*c])) / 6.0;
+    triangles.iter().map(corner).sum()
+}
+
+/// The surface as a Wavefront OBJ file.
+pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> String {
+    let mut text = format!("# workspace, lengths in {unit}\n");
+    for point in points {
+        text.push_str(&format!("v {} {} {}\n", point.x, point.y, point.z));
+    }
+    for [a, b, c] in triangles {
+        text.push_str(&format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    }
+    text
+}
+
+/// A volume counted on a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counted {
+    /// Volume of the cells whose middles are within the limits.
+    pub volume: f64,
+    /// Points of the grid.
+    pub points: usize,
+}
+
+/// Counts a grid over a box that holds the body.
+pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effort) -> Counted {
+    // What rays between those looked along see is a little more.
+    let margin = Vector3::repeat(0.02 * (corners[1] - corners[0]).max());
+    let (low, high) = (corners[0] - margin, corners[1] + margin);
+    let cell = (high - low).max() / effort.grid as f64;
+    let count = (high - low).map(|side| (side / cell).ceil() as usize);
+    let columns: Vec<[usize; 2]> =
+        (0..count.x).flat_map(|i| (0..count.y).map(move |j| [i, j])).collect();
+    let middle = |k: usize, n: usize| low[k] + (n as f64 + 0.5) * cell;
+    let inside = |[i, j]: &[usize; 2]| {
+        let at = |n: usize| Vector3::new(middle(0, *i), middle(1, *j), middle(2, n));
+        (0..count.z).filter(|n| workspace.check(&at(*n)).is_ok()).count()
+    };
+    let cells: usize = effort.each(&columns, (0.5, 1.0), inside).into_iter().sum();
+    Counted { volume: cells as f64 * cell.powi(3), points: columns.len() * count.z }
+}
+
+/// Ends of the rays as CSV.
+pub fn csv(body: &Body) -> String {
+    let header = ["direction_x", "direction_y", "direction_z", "distance", "x", "y", "z", "limit"];
+    let crossings = |(_, ray)| Ray::crossings(ray).map(move |crossing| (ray, crossing));
+    let row = |(ray, (distance, limit)): (&Ray, (f64, Limit))| {
+        let (way, place) = (ray.direction, body.from + ray.direction * distance);
+        let numbers = [way.x, way.y, way.z, distance, place.x, place.y, place.z];
+        numbers.map(|x| x.to_string()).into_iter().chain([limit.to_string()])
+    };
+    files::csv(&header, body.rays().flat_map(crossings).map(row))
+}
