@@ -8,6 +8,7 @@
 
 use crate::cell::Reach;
 use crate::interpreter::Move;
+use crate::limits::least_distance;
 use crate::machine::{Axis, MachineConfig};
 use kinematics::{Fault, Letter, Vector3};
 use serde::Serialize;
@@ -244,8 +245,8 @@ impl<'a> Search<'a> {
             let angle = course.middle.clamp(-1.0, 1.0).acos().to_degrees();
             cone.map(|cone| lacking(cone - angle, cone))
         });
-        let gaps = way.gaps.iter().zip(self.config.clearance.iter().cycle());
-        let gaps = gaps.map(|(gap, limit)| lacking(gap.middle - limit, *limit));
+        let limit = least_distance(self.config);
+        let gaps = way.gaps.iter().map(|gap| lacking(gap.middle - limit, limit));
         let hold = lacking(reach.conditioning(pose) - self.config.conditioning_limit, 1.0);
         axes + joints.sum::<f64>() + cones.sum::<f64>() + gaps.sum::<f64>() + hold
     }

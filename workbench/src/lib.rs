@@ -19,6 +19,7 @@ pub mod ini;
 pub mod interpreter;
 pub mod jet;
 pub mod law;
+pub mod limits;
 pub mod loads;
 pub mod machine;
 pub mod mobility;

@@ -8,6 +8,7 @@
 //! once more, independently, a count on a grid.
 
 use crate::batch;
+use crate::limits::least_distance;
 use crate::machine::{JointKind, MachineConfig};
 use crate::stance::Stance;
 use crate::study;
@@ -101,7 +102,7 @@ pub struct Workspace<'a> {
     home: Vec<Vector3<f64>>,
     base_pyramids: Vec<Pyramid>,
     platform_pyramids: Vec<Pyramid>,
-    /// Least distance of the centre lines; 0 where nothing is asked.
+    /// Least distance of the centre lines.
     gap: f64,
     conditioning: Option<f64>,
 }
@@ -177,7 +178,7 @@ impl<'a> Workspace<'a> {
         let stance = Stance::new(config, config.home_pose(), tool).map_err(|f| f.to_string())?;
         let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
-        let gap = diameter.max(config.clearance.unwrap_or(0.0));
+        let gap = diameter.max(least_distance(config));
         Ok(Self {
             config,
             watch: Watch::new(&config.machine, &config.geometry),
@@ -215,8 +216,7 @@ impl<'a> Workspace<'a> {
         }
         let legs = machine.segments(&pose, &self.tool).map_err(of_reach)?;
         self.check_joints(&pose, &legs)?;
-        if self.gap > 0.0
-            && let Some(nearest) = self.watch.nearest(&legs)
+        if let Some(nearest) = self.watch.nearest(&legs)
             && !(nearest.distance >= self.gap)
         {
             return Err(Limit::Gap(nearest.pair));
