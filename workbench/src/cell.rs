@@ -37,7 +37,7 @@
 
 use crate::machine::MachineConfig;
 use kinematics::{
-    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3, Watch,
+    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3,
 };
 use nalgebra::SMatrix;
 use std::f64::consts::PI;
@@ -812,7 +812,7 @@ fn watched_pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
     if config.clearance.is_none() {
         return vec![];
     }
-    let watch = Watch::new(&config.machine, &config.geometry);
+    let watch = config.machine.watch();
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| watch.is_watched(*pair)).collect()
 }

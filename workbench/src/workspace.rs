@@ -180,7 +180,7 @@ impl<'a> Workspace<'a> {
         let gap = diameter.max(config.clearance.unwrap_or(0.0));
         Ok(Self {
             config,
-            watch: Watch::new(&config.machine, &config.geometry),
+            watch: config.machine.watch().clone(),
             tool,
             orientations,
             base_pyramids: pyramids(config, &study.limits, End::Base, &home)?,
