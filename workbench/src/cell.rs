@@ -39,7 +39,7 @@ use crate::limits::least_distance;
 use crate::machine::MachineConfig;
 use kinematics::{
     Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Nearest, Pose, Segment,
-    Vector3, Watch,
+    Vector3,
 };
 use nalgebra::SMatrix;
 use std::f64::consts::PI;
@@ -837,7 +837,7 @@ fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
 
 /// Pairs of legs, lower number first, that share no anchor.
 fn watched_pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
-    let watch = Watch::new(&config.machine, &config.geometry);
+    let watch = config.machine.watch();
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| watch.is_watched(*pair)).collect()
 }

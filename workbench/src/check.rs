@@ -342,12 +342,12 @@ fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Ne
 /// How near the legs come to each other.
 struct NearestLegs<'a> {
     config: &'a MachineConfig,
-    watch: Watch,
+    watch: &'a Watch,
 }
 
 impl<'a> NearestLegs<'a> {
     fn of(config: &'a MachineConfig) -> Self {
-        Self { config, watch: Watch::new(&config.machine, &config.geometry) }
+        Self { config, watch: config.machine.watch() }
     }
 
     fn at(&self, pose: &[f64; 6]) -> Option<Nearest> {

@@ -181,7 +181,7 @@ impl<'a> Workspace<'a> {
         let gap = diameter.max(least_distance(config));
         Ok(Self {
             config,
-            watch: Watch::new(&config.machine, &config.geometry),
+            watch: config.machine.watch().clone(),
             tool,
             orientations,
             base_pyramids: pyramids(config, &study.limits, End::Base, &home)?,
