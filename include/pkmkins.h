@@ -131,6 +131,12 @@ enum pkmkins_cause {
   PKMKINS_LEGS_NEAR = -94,
   // the joint would have to be faster than its limit (shown).
   PKMKINS_JOINT_TOO_FAST = -95,
+  // the tool axis comes to its largest tilt (degrees shown).
+  PKMKINS_TILT_AHEAD = -96,
+  // the leg comes to the end of its base joint's pyramid (degrees shown).
+  PKMKINS_BASE_PYRAMID_AHEAD = -97,
+  // the leg comes to the end of its platform joint's pyramid (degrees shown).
+  PKMKINS_PLATFORM_PYRAMID_AHEAD = -98,
   // the pose asks for X, which this machine holds at 0.
   PKMKINS_HELD_X = -80,
   // the pose asks for Y, which this machine holds at 0.

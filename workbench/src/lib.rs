@@ -6,6 +6,7 @@ pub mod calibrate;
 pub mod check;
 pub mod draw;
 pub mod files;
+pub mod limits;
 pub mod program;
 pub mod proof;
 pub mod read;

@@ -6,6 +6,7 @@ mod calibrate;
 mod calibrate_command;
 mod calibrate_tables;
 mod cell;
+mod check;
 mod commands;
 mod configs;
 mod golden;

@@ -10,11 +10,12 @@
 //! w² ≤ w(σ)² + 2 β σ. Between two places looked at the right side is nearly straight, so that
 //! its least value is at one of them.
 
+use crate::at::At;
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, MAX_LEGS, PerLeg};
-use crate::machine::{Machine, Moving, Segment};
+use crate::layout::Joints;
+use crate::limits::Limits;
+use crate::machine::Machine;
 use crate::pose::Pose;
-use crate::watch::Watch;
 use libm::{sincos, sqrt};
 use nalgebra::Vector3;
 
@@ -38,25 +39,6 @@ const FARTHER: f64 = 1.2;
 
 /// Speed below which nothing is known of the direction: sizes of the machine per second.
 const AT_REST: f64 = 1e-6;
-
-/// What must not be exceeded; infinite or 1e99 where there is no limit.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Smallest joint values.
-    pub min: Joints,
-    /// Largest joint values.
-    pub max: Joints,
-    /// Joint speeds, joint units per second.
-    pub speed: Joints,
-    /// Cones of the base joints, degrees; 0 = no limit.
-    pub base_cone: PerLeg,
-    /// Cones of the platform joints, degrees; 0 = no limit.
-    pub platform_cone: PerLeg,
-    /// Conditioning at which the machine has to stand; it slows from twice that.
-    pub conditioning: f64,
-    /// Smallest distance of legs that share no anchor; 0 = no limit.
-    pub clearance: f64,
-}
 
 /// What the planner can do, and is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -169,19 +151,20 @@ impl Motion {
     }
 }
 
-/// A place on the way.
-struct Place<'a> {
-    machine: &'a Machine,
-    tool: &'a Vector3<f64>,
-    pose: Pose,
-    rate: [f64; 6],
+/// What is seen at a place on the way.
+struct View {
+    /// Largest speed at which no joint is too fast, and the joint.
+    joints: (f64, Option<Fault>),
+    /// The first limit that is not kept.
+    refused: Option<Fault>,
+    /// Where it is limited, and the legs reach the place.
+    singular_value: Option<f64>,
 }
 
-impl Watch {
+impl Machine {
     /// Looks along a motion; work is bounded: nine places.
     pub fn ahead(
         &self,
-        machine: &Machine,
         tool: &Vector3<f64>,
         limits: &Limits,
         motion: &Motion,
@@ -192,82 +175,99 @@ impl Watch {
             return Outlook { allowed: 0.0, because: None, soon: None };
         }
         let horizon = planner.latency + FARTHER / (2.0 * braking);
-        let at = |time: f64| {
-            let (pose, rate) = motion.after(time);
-            Place { machine, tool, pose, rate }
+        let view = |share: f64| {
+            let (pose, rate) = motion.after(horizon * share);
+            View::of(self.at(&pose, tool), &rate, limits, share == 0.0 || share == 1.0)
         };
-        let hold = Hold::between(&at(0.0), &at(horizon), limits, planner.requested);
+        let (here, there) = (view(0.0), view(1.0));
+        let hold = Hold::between(&here, &there, limits, planner.requested);
         let mut outlook = Outlook { allowed: f64::INFINITY, because: None, soon: None };
         for k in 0..=PLACES {
             let share = f64::from(k) / f64::from(PLACES);
-            let time = horizon * share;
-            let place = at(time);
-            let moving = place.moving();
-            let (allowed, because) = match &moving {
-                Ok(moving) => moving.speed(limits, &hold, share),
-                Err(fault) => (0.0, Some(*fault)),
+            let between;
+            let view = match k {
+                0 => &here,
+                PLACES => &there,
+                _ => {
+                    between = view(share);
+                    &between
+                }
             };
-            let now = speed_before(allowed, braking, time - planner.latency);
-            if !(now >= outlook.allowed) {
-                outlook.allowed = now;
-                outlook.because = because.map(|fault| (fault, time));
-            }
-            if outlook.soon.is_none() {
-                let slower = because.filter(|_| allowed < 1.0);
-                outlook.soon = self.refused(&place, moving, limits).or(slower);
-            }
+            outlook.add(view, view.speed(&hold, share), horizon * share, (braking, planner));
         }
         outlook
     }
 
     /// What is not allowed at the pose, at rest.
-    pub fn here(
-        &self,
-        machine: &Machine,
-        tool: &Vector3<f64>,
-        limits: &Limits,
-        pose: &Pose,
-    ) -> Option<Fault> {
-        let place = Place { machine, tool, pose: *pose, rate: [0.0; 6] };
-        self.refused(&place, place.moving(), limits)
+    pub fn here(&self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
+        refused(&self.at(pose, tool), limits)
+    }
+}
+
+impl Outlook {
+    /// Takes a place into account that the present speed comes to after a time.
+    fn add(
+        &mut self,
+        view: &View,
+        (allowed, because): (f64, Option<Fault>),
+        time: f64,
+        (braking, planner): (f64, &Planner),
+    ) {
+        let now = speed_before(allowed, braking, time - planner.latency);
+        if !(now >= self.allowed) {
+            self.allowed = now;
+            self.because = because.map(|fault| (fault, time));
+        }
+        if self.soon.is_none() {
+            self.soon = view.refused.or(because.filter(|_| allowed < 1.0));
+        }
+    }
+}
+
+fn refused(at: &Result<At<'_>, Fault>, limits: &Limits) -> Option<Fault> {
+    match at {
+        Ok(at) => at.first_broken(limits)?.fault(),
+        Err(fault) => Some(*fault),
+    }
+}
+
+impl View {
+    fn of(at: Result<At<'_>, Fault>, rate: &[f64; 6], limits: &Limits, at_an_end: bool) -> Self {
+        let rates = at.as_ref().map_err(|fault| *fault).and_then(|at| at.rates(rate));
+        let joints = match &rates {
+            Ok(rates) => joint_speed(rates, limits),
+            Err(fault) => (0.0, Some(*fault)),
+        };
+        let refused = rates.err().or_else(|| refused(&at, limits));
+        let needed = at_an_end && limits.conditioning != 0.0;
+        let singular_value = at.ok().filter(|_| needed).map(|at| at.smallest_singular_value());
+        Self { joints, refused, singular_value }
     }
 
-    fn refused(
-        &self,
-        place: &Place<'_>,
-        moving: Result<Moving, Fault>,
-        limits: &Limits,
-    ) -> Option<Fault> {
-        let moving = match moving {
-            Ok(moving) => moving,
-            Err(fault) => return Some(fault),
-        };
-        let count = place.machine.layout().joints();
-        moving.outside(limits, count).or_else(|| self.leaning(place, &moving.segments, limits))
+    /// Largest speed here and what limits it.
+    fn speed(&self, hold: &Hold, share: f64) -> (f64, Option<Fault>) {
+        match hold.speed(share) {
+            Some((slower, why)) if !(self.joints.0 <= slower) => (slower, Some(why)),
+            _ => self.joints,
+        }
     }
+}
 
-    /// A leg outside its cones, or too near to another.
-    fn leaning(
-        &self,
-        place: &Place<'_>,
-        legs: &[Segment; MAX_LEGS],
-        limits: &Limits,
-    ) -> Option<Fault> {
-        let cones = self.cones(&place.pose.rotation(), legs);
-        let beyond = |angles: &PerLeg, limits: &PerLeg, cause: Cause| {
-            let outside = |angle: &f64, limit: &f64| *limit != 0.0 && !(angle <= limit);
-            let found = angles.iter().zip(limits).position(|(angle, limit)| outside(angle, limit));
-            found.map(|i| Fault::of_leg(cause, i, angles.get(i).copied().unwrap_or(0.0)))
-        };
-        let near = || {
-            let nearest = (limits.clearance != 0.0).then(|| self.nearest(legs))??;
-            let touches = !(nearest.distance >= limits.clearance);
-            touches.then(|| Fault::of_leg(Cause::LegsNear, nearest.pair[0], nearest.distance))
-        };
-        beyond(&cones.base, &limits.base_cone, Cause::BaseConeAhead)
-            .or_else(|| beyond(&cones.platform, &limits.platform_cone, Cause::PlatformConeAhead))
-            .or_else(near)
+/// Largest speed at which no joint is too fast, as a multiple of that with these rates, and the
+/// joint.
+fn joint_speed(rates: &Joints, limits: &Limits) -> (f64, Option<Fault>) {
+    let mut slowest = (f64::INFINITY, None);
+    for (i, (rate, limit)) in rates.iter().zip(&limits.speed).enumerate() {
+        if *rate == 0.0 {
+            continue;
+        }
+        let allowed = SPEED_SHARE * limit.max(0.0) / rate.abs();
+        if !(allowed >= slowest.0) {
+            let careful = if allowed.is_nan() { 0.0 } else { allowed };
+            slowest = (careful, Some(Fault::of_leg(Cause::JointTooFast, i, *limit)));
+        }
     }
+    slowest
 }
 
 /// Speed now that becomes `allowed` by braking for a time at the present speed.
@@ -285,13 +285,12 @@ struct Hold {
 }
 
 impl Hold {
-    fn between(here: &Place<'_>, there: &Place<'_>, limits: &Limits, requested: f64) -> Self {
+    fn between(here: &View, there: &View, limits: &Limits, requested: f64) -> Self {
         // Where no leg could stand at all, the place itself says so.
-        let of = |place: &Place<'_>| place.machine.conditioning(&place.pose, place.tool).ok();
-        let now = of(here).unwrap_or(0.0);
+        let now = here.singular_value.unwrap_or(0.0);
         Self {
             now,
-            change: of(there).map_or(0.0, |t| t - now),
+            change: there.singular_value.map_or(0.0, |t| t - now),
             limit: limits.conditioning,
             requested,
         }
@@ -312,55 +311,11 @@ impl Hold {
     }
 }
 
-impl Place<'_> {
-    fn moving(&self) -> Result<Moving, Fault> {
-        self.machine.moving(&self.pose, self.tool, &self.rate)
-    }
-}
-
-impl Moving {
-    /// Largest speed here and what limits it.
-    fn speed(&self, limits: &Limits, hold: &Hold, share: f64) -> (f64, Option<Fault>) {
-        let (joints, fault) = self.joint_speed(limits);
-        match hold.speed(share) {
-            Some((slower, why)) if !(joints <= slower) => (slower, Some(why)),
-            _ => (joints, fault),
-        }
-    }
-
-    /// Largest speed at which no joint is too fast, and the joint.
-    fn joint_speed(&self, limits: &Limits) -> (f64, Option<Fault>) {
-        let mut slowest = (f64::INFINITY, None);
-        for (i, (rate, limit)) in self.rates.iter().zip(&limits.speed).enumerate() {
-            if *rate == 0.0 {
-                continue;
-            }
-            let allowed = SPEED_SHARE * limit.max(0.0) / rate.abs();
-            if !(allowed >= slowest.0) {
-                let careful = if allowed.is_nan() { 0.0 } else { allowed };
-                slowest = (careful, Some(Fault::of_leg(Cause::JointTooFast, i, *limit)));
-            }
-        }
-        slowest
-    }
-
-    /// A joint outside its range, of so many.
-    fn outside(&self, limits: &Limits, count: usize) -> Option<Fault> {
-        let ranges = limits.min.iter().zip(&limits.max);
-        for (i, (joint, (min, max))) in self.joints.iter().zip(ranges).enumerate().take(count) {
-            if !(joint >= min && joint <= max) {
-                return Some(Fault::of_leg(Cause::JointLimitAhead, i, *joint));
-            }
-        }
-        None
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::{Geometry, LegGeometry};
-    use crate::layout::{Letters, MAX_JOINTS};
+    use crate::layout::{Letters, MAX_JOINTS, MAX_LEGS};
     use crate::leg::StrutGeometry;
 
     const PERIOD: f64 = 1e-3;
@@ -395,16 +350,6 @@ mod tests {
     fn of(poses: &[Pose; 3], linear: f64) -> Option<Motion> {
         Motion::of(&machine(), poses.each_ref(), PERIOD, linear)
     }
-
-    const NO_LIMITS: Limits = Limits {
-        min: [f64::NEG_INFINITY; MAX_JOINTS],
-        max: [f64::INFINITY; MAX_JOINTS],
-        speed: [f64::INFINITY; MAX_JOINTS],
-        base_cone: [0.0; MAX_LEGS],
-        platform_cone: [0.0; MAX_LEGS],
-        conditioning: 0.0,
-        clearance: 0.0,
-    };
 
     const PLANNER: Planner = Planner { linear: 50.0, angular: 400.0, requested: 2.0, latency: 0.0 };
 
@@ -509,32 +454,32 @@ mod tests {
     #[test]
     fn the_slower_of_joints_and_hold_is_told_with_its_reason() {
         let hold = Hold { now: 0.25, change: -0.0625, limit: 0.125, requested: 4.0 };
-        let pose = Pose::from_degrees([20.0, 10.0, 100.0, 0.0, 0.0, 0.0]);
-        let moving = machine().moving(&pose, &Vector3::zeros(), &[0.0; 6]).expect("within reach");
-        let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
-        let moving = Moving { rates, ..moving };
-        let limits = Limits { speed: [8.0; MAX_JOINTS], ..NO_LIMITS };
+        let view = |speed: f64| {
+            let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
+            let limits = Limits { speed: [speed; MAX_JOINTS], ..Limits::NONE };
+            let joints = joint_speed(&rates, &limits);
+            View { joints, refused: None, singular_value: None }
+        };
         // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
-        let (speed, why) = moving.speed(&limits, &hold, 1.0);
+        let (speed, why) = view(8.0).speed(&hold, 1.0);
         assert_eq!((speed, why), (1.96, Some(Fault::of_leg(Cause::JointTooFast, 1, 8.0))));
         let slower = Hold { requested: 2.0, ..hold };
         let told = Fault::with_value(Cause::HoldAhead, 0.1875);
-        assert_eq!(moving.speed(&limits, &slower, 1.0), (1.0, Some(told)));
-        assert_eq!(moving.speed(&NO_LIMITS, &slower, 0.0), (f64::INFINITY, None));
+        assert_eq!(view(8.0).speed(&slower, 1.0), (1.0, Some(told)));
+        assert_eq!(view(f64::INFINITY).speed(&slower, 0.0).0, f64::INFINITY);
     }
 
     #[test]
     fn what_slows_on_the_way_is_told_soon_and_nothing_brakes_before_the_latency_is_over() {
         let machine = machine();
-        let watch = Watch::new(&machine, &geometry());
         let motion = straight([-10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let look = |limits: &Limits, planner: &Planner| {
-            watch.ahead(&machine, &Vector3::zeros(), limits, &motion, planner)
+            machine.ahead(&Vector3::zeros(), limits, &motion, planner)
         };
-        let free = look(&NO_LIMITS, &PLANNER);
+        let free = look(&Limits::NONE, &PLANNER);
         assert_eq!((free.allowed, free.soon), (f64::INFINITY, None));
         // No joint ever has to be faster than the platform with its 10 a second.
-        let slow = |most: f64| Limits { speed: [most; MAX_JOINTS], ..NO_LIMITS };
+        let slow = |most: f64| Limits { speed: [most; MAX_JOINTS], ..Limits::NONE };
         assert_eq!(look(&slow(10.3), &PLANNER).soon, None);
         let soon = look(&slow(0.5), &PLANNER).soon.expect("too fast");
         assert_eq!((soon.cause, soon.value), (Cause::JointTooFast, 0.5));

@@ -237,6 +237,12 @@ causes! {
         "stop, and lead the program through another pose";
     JointTooFast = -95, "the joint would have to be faster than its limit (shown)",
         "if the feed is stopped: abort the program, and lead it through another pose";
+    TiltAhead = -96, "the tool axis comes to its largest tilt (degrees shown)",
+        "stop, and lead the program through another pose";
+    BasePyramidAhead = -97, "the leg comes to the end of its base joint's pyramid (degrees shown)",
+        "stop, and lead the program through another pose";
+    PlatformPyramidAhead = -98, "the leg comes to the end of its platform joint's pyramid (degrees shown)",
+        "stop, and lead the program through another pose";
     // Coordinates that no joint moves.
     HeldX = -80, "the pose asks for X, which this machine holds at 0",
         "leave X out of the program, and its work offset at 0";

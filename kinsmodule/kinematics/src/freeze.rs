@@ -246,9 +246,11 @@ impl<const N: usize> Mechanism<N> {
 
     /// Fixes the fold of the nut correction at a pose that is no reference pose.
     pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
-        let posed = self.posed(&self.held(pose, false)?, tool)?;
+        let pose = self.held(pose, false)?;
+        let legs = self.at(&pose, tool)?;
+        let (n, rotation) = (legs.placed.directions(), legs.stand.place.rotation);
         let Some(nut) = &mut self.nut else { return Ok(None) };
-        nut.fold_at(&posed.placed.directions(), &posed.stand.place.rotation)
+        nut.fold_at(&n, &rotation)
     }
 
     /// Refuses a layout whose legs leave the platform free at `place`.

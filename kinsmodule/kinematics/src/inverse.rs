@@ -5,8 +5,8 @@ use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, are_finite, between, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
-use crate::machine::{Mechanism, Place, Placed, Segment};
-use crate::nut::{Nut, Turns};
+use crate::machine::{Mechanism, Place, Placed};
+use crate::nut::{Nut, Turns, Twist};
 use crate::pose::{FLAT, Pose, Trigonometry};
 use nalgebra::Vector3;
 
@@ -19,15 +19,6 @@ pub(crate) struct Stand {
     pub place: Place,
     /// The reference point in base, legs and table together.
     pub point: Vector3<f64>,
-}
-
-/// A pose with its legs, as Jacobian and reports see it.
-pub(crate) struct Posed<const N: usize> {
-    pub trig: Trigonometry,
-    pub stand: Stand,
-    /// The legs from their base anchors at joint value 0.
-    pub placed: Placed<N>,
-    pub corrections: [f64; N],
 }
 
 impl<const N: usize> Mechanism<N> {
@@ -194,52 +185,22 @@ impl<const N: usize> Mechanism<N> {
         Fault::of_leg(Cause::ResultNotFinite, bad, joints[bad])
     }
 
-    pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
-        Ok(self.per_leg(&self.posed(pose, tool)?.corrections))
-    }
-
-    pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; MAX_LEGS], Fault> {
-        let posed = self.posed(pose, tool)?;
-        let anchors = self.moved_anchors(&self.joints_of(&posed)?)?;
-        Ok(self.segments_of(&posed, &anchors))
-    }
-
-    /// The legs of a pose between their moved base anchors and the platform.
-    pub(crate) fn segments_of(&self, posed: &Posed<N>, anchors: &Lanes3<N>) -> [Segment; MAX_LEGS] {
-        let mut segments =
-            [Segment { base: Vector3::zeros(), platform: Vector3::zeros() }; MAX_LEGS];
-        for (i, segment) in segments.iter_mut().enumerate().take(self.count()) {
-            *segment = Segment {
-                base: anchors.get(i),
-                platform: posed.stand.place.centre + posed.placed.arms.get(i),
-            };
-        }
-        segments
-    }
-
     /// Where a pose puts the platform.
     #[inline(always)]
-    fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
+    pub(crate) fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
         Stand { place: Place { centre: self.of_legs(point), rotation, angles: pose.angles }, point }
     }
 
-    /// A pose with its legs.
-    pub(crate) fn posed(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Posed<N>, Fault> {
-        pose.check()?;
-        self.check_tool(tool)?;
-        let pose = &if self.holds { self.held(pose, true)? } else { *pose };
-        let trig = pose.trigonometry();
-        let stand = self.standing(pose, &trig, tool);
-        let mut placed = Placed::ZERO;
-        let corrections = self.corrected(&stand.place, &mut placed)?;
-        Ok(Posed { trig, stand, placed, corrections })
-    }
-
-    /// Legs from their base anchors at joint value 0, and the nut corrections there.
+    /// Legs from their base anchors at joint value 0, their twist and the nut corrections there.
     #[inline(always)]
-    fn corrected(&self, place: &Place, placed: &mut Placed<N>) -> Result<[f64; N], Fault> {
+    pub(crate) fn corrected(
+        &self,
+        place: &Place,
+        placed: &mut Placed<N>,
+        twist: &mut Twist<N>,
+    ) -> Result<[f64; N], Fault> {
         self.place(&self.base, place, placed);
         if self.moving {
             self.refuse_short_struts(placed)?;
@@ -247,9 +208,9 @@ impl<const N: usize> Mechanism<N> {
             self.refuse_short_legs(&placed.length)?;
         }
         let Some(nut) = &self.nut else { return Ok([0.0; N]) };
-        let twist = nut.twist(&placed.directions(), &place.rotation);
-        nut.refuse(&twist)?;
-        Ok(nut.corrections(&twist))
+        *twist = nut.twist(&placed.directions(), &place.rotation);
+        nut.refuse(twist)?;
+        Ok(nut.corrections(twist))
     }
 
     /// A rod may start at its platform anchor, a strut may not.
@@ -265,17 +226,17 @@ impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs at a place.
     #[inline(always)]
     pub(crate) fn joints_at(&self, place: &Place) -> Result<[f64; N], Fault> {
-        let mut placed = Placed::ZERO;
-        let corrections = self.corrected(place, &mut placed)?;
+        let (mut placed, mut twist) = (Placed::ZERO, Twist::ZERO);
+        let corrections = self.corrected(place, &mut placed, &mut twist)?;
         self.leg_joints(&placed, &corrections)
     }
 
-    pub(crate) fn joints_of(&self, posed: &Posed<N>) -> Result<[f64; N], Fault> {
-        self.leg_joints(&posed.placed, &posed.corrections)
-    }
-
     #[inline(always)]
-    fn leg_joints(&self, placed: &Placed<N>, corrections: &[f64; N]) -> Result<[f64; N], Fault> {
+    pub(crate) fn leg_joints(
+        &self,
+        placed: &Placed<N>,
+        corrections: &[f64; N],
+    ) -> Result<[f64; N], Fault> {
         let mut joints = placed.length;
         if self.moving {
             self.native_joints(placed, &mut joints)?;

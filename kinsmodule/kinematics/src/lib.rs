@@ -15,6 +15,7 @@
 #![forbid(unsafe_code)]
 
 mod ahead;
+mod at;
 mod boxes;
 mod certificate;
 mod fault;
@@ -26,15 +27,20 @@ mod jacobian;
 mod lanes;
 mod layout;
 pub mod leg;
+mod legs_at;
+mod limits;
 mod load;
 mod machine;
 mod nut;
 mod pose;
 mod qr;
+mod segment;
+mod singular;
 mod text;
 mod watch;
 
-pub use ahead::{Limits, Motion, Outlook, Planner};
+pub use ahead::{Motion, Outlook, Planner};
+pub use at::At;
 pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
     WorkspaceBox,
@@ -43,10 +49,12 @@ pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};
 pub use layout::{Joints, Layout, Letter, Letters, MAX_JOINTS, MAX_LEGS, PerLeg};
-pub use leg::LegKind;
+pub use leg::{LEAST_DRIVE, LegKind};
+pub use limits::{Limit, Limits, Margin, Part};
 pub use load::{Load, LoadError};
-pub use machine::{Jacobian, Machine, Moving, Segment};
+pub use machine::{Jacobian, Machine};
 pub use nalgebra::{Matrix3, Vector3};
 pub use pose::Pose;
-pub use text::{Part, Text};
+pub use segment::Segment;
+pub use text::{Piece, Text};
 pub use watch::{Cones, Nearest, Watch};

@@ -6,15 +6,18 @@
 //! first one, which makes them harmless to compute with; what they contribute is
 //! dropped (rows and residuals of 0).
 
+use crate::at::{self, At};
 use crate::fault::{Cause, Fault};
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
 use crate::lanes::{Lanes3, are_above, both, cross, dot, pair, put, scaled, sum, times, wide};
-use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, PerLeg};
+use crate::layout::{Joints, Layout, Letter, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::nut::{Nut, Twist};
 use crate::pose::Pose;
+use crate::segment::Segment;
+use crate::watch::Watch;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use wide::f64x2;
 
@@ -31,7 +34,10 @@ pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
 
 /// A parallel machine, made by [`Machine::freeze`], which checks it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Machine(Lanes);
+pub struct Machine {
+    lanes: Lanes,
+    watch: Watch,
+}
 
 /// The machine by number of lanes.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +51,7 @@ enum Lanes {
 /// Calls the same method on whichever mechanism a machine has.
 macro_rules! each {
     ($machine:expr, $mechanism:ident => $call:expr) => {
-        each!(&$machine.0; $mechanism => $call)
+        each!(&$machine.lanes; $mechanism => $call)
     };
     ($lanes:expr; $mechanism:ident => $call:expr) => {
         match $lanes {
@@ -66,11 +72,38 @@ impl Machine {
     /// A [`Fault`] with a cause of the geometry group, naming the leg.
     pub fn freeze(geometry: &Geometry, offset: &PerLeg) -> Result<Self, Fault> {
         let frozen = Frozen { geometry, offset };
-        Ok(Self(match geometry.layout().legs() {
+        let lanes = match geometry.layout().legs() {
             0..=4 => Lanes::Four(frozen.mechanism()?),
             5..=6 => Lanes::Six(frozen.mechanism()?),
             _ => Lanes::Eight(frozen.mechanism()?),
-        }))
+        };
+        let mut machine = Self { lanes, watch: Watch::of(geometry, None) };
+        if let Some(home) = geometry.home {
+            // No tool: it would move a leg where the reference pose is tilted.
+            let watch = machine
+                .at(&Pose::from_degrees(home), &Vector3::zeros())
+                .map(|at| Watch::of(geometry, Some((at.segments(), &at.rotation()))));
+            machine.watch = watch?;
+        }
+        Ok(machine)
+    }
+
+    /// The machine at a pose; `tool` as in [`Machine::inverse`].
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn at<'a>(&'a self, pose: &Pose, tool: &Vector3<f64>) -> Result<At<'a>, Fault> {
+        let legs = match &self.lanes {
+            Lanes::Four(m) => at::Lanes::Four(m.at(pose, tool)?),
+            Lanes::Six(m) => at::Lanes::Six(m.at(pose, tool)?),
+            Lanes::Eight(m) => at::Lanes::Eight(m.at(pose, tool)?),
+        };
+        At::new(legs, &self.watch, pose)
+    }
+
+    /// What does not change about the legs and is needed to watch them.
+    pub fn watch(&self) -> &Watch {
+        &self.watch
     }
 
     /// Whether nut corrections are the literal arcsin: a geometry without a reference pose is
@@ -90,12 +123,12 @@ impl Machine {
     /// # Errors
     /// As [`Machine::inverse`], held coordinates aside; then nothing changes.
     pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
-        each!(&mut self.0; m => m.fold_at(pose, tool))
+        each!(&mut self.lanes; m => m.fold_at(pose, tool))
     }
 
     /// Takes back what [`Machine::fold_at`] has fixed.
     pub fn unfold(&mut self) {
-        each!(&mut self.0; m => if let Some(nut) = &mut m.nut { nut.unfold() });
+        each!(&mut self.lanes; m => if let Some(nut) = &mut m.nut { nut.unfold() });
     }
 
     /// Numbers and letters of the machine.
@@ -204,104 +237,53 @@ impl Machine {
         each!(self, m => m.largest_residual(solver))
     }
 
-    /// Length corrections of a pose by nut rotation, machine units; zeros without a lead.
+    /// [`At::segments`] of a pose.
     ///
     /// # Errors
-    /// As [`Machine::inverse`].
+    /// As [`Machine::at`].
+    pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; MAX_LEGS], Fault> {
+        Ok(*self.at(pose, tool)?.segments())
+    }
+
+    /// [`At::corrections`] of a pose.
+    ///
+    /// # Errors
+    /// As [`Machine::at`].
     pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
-        each!(self, m => m.corrections(pose, tool))
+        Ok(self.at(pose, tool)?.corrections())
     }
 
-    /// The legs at a pose: from moving base anchor to platform anchor, in base.
+    /// [`At::inverse_jacobian`] of a pose.
     ///
     /// # Errors
-    /// As [`Machine::inverse`].
-    pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; 8], Fault> {
-        each!(self, m => m.segments(pose, tool))
-    }
-
-    /// Inverse Jacobian: joint rates per unit twist, one row a joint.
-    ///
-    /// Row i is `[uᵢᵀ (ρᵢ × uᵢ)ᵀ]` over uᵢ · ∂cᵢ/∂q + ∂dᵢ/∂q (see the module `leg`), for
-    /// a strut plus the exact gradient of the nut correction, so that q̇ = J (v; ω), linear
-    /// part first. Frames: v and ω in base axes; reference point = control point (tool
-    /// tip). Units: columns 0–2 joint units per machine unit, 3–5 joint units per radian.
-    /// Held coordinates are not left out: the columns are the derivatives of the equations.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    /// Source: paper 004 and LinuxCNC's genhexkins for struts without the nut term, paper
-    /// 003 equations 14 to 17 (corrected) for rods.
+    /// As there, and as [`Machine::at`].
     pub fn inverse_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
-        each!(self, m => m.inverse_jacobian(pose, tool))
+        self.at(pose, tool)?.inverse_jacobian()
     }
 
-    /// Inverse Jacobian in pose coordinates: ∂q / ∂(x, y, z, a, b, c), one row a joint.
-    ///
-    /// Units: joint units per machine unit and per **degree**.
+    /// [`At::pose_jacobian`] of a pose.
     ///
     /// # Errors
-    /// As [`Machine::inverse`]; [`Cause::TiltNearRightAngle`] where A, B and C are active
-    /// and cos B < 1e-6.
+    /// As there, and as [`Machine::at`].
     pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
-        each!(self, m => m.pose_jacobian(pose, tool))
+        self.at(pose, tool)?.pose_jacobian()
     }
 
-    /// Joint values, joint rates and legs, while the pose changes at `rate` per second: X, Y, Z
-    /// in machine units, A, B, C in **degrees**.
+    /// [`At::smallest_singular_value`] of a pose.
     ///
     /// # Errors
-    /// As [`Machine::inverse`].
-    pub fn moving(
-        &self,
-        pose: &Pose,
-        tool: &Vector3<f64>,
-        rate: &[f64; 6],
-    ) -> Result<Moving, Fault> {
-        each!(self, m => m.moving(pose, tool, rate))
-    }
-
-    /// Smallest singular value of the legs' constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]` over the active
-    /// coordinates: the speed of the platform anchors along their legs, at least, for a unit
-    /// motion (v, r ω) about the solver's reference point, r = [`Machine::radius`]. No
-    /// dimension; 0 where the legs do not hold the platform. For one or two active angles the
-    /// columns are those of the angles. Fixed number of operations.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
+    /// As [`Machine::at`].
     pub fn conditioning(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<f64, Fault> {
-        each!(self, m => m.conditioning(pose, tool))
+        Ok(self.at(pose, tool)?.smallest_singular_value())
     }
 
-    /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not
-    /// square): tells apart ways of assembling the machine, but not all of them.
-    /// Information, not a guard.
+    /// [`At::assembly`] of a pose.
     ///
     /// # Errors
-    /// As [`Machine::inverse`].
+    /// As there, and as [`Machine::at`].
     pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
-        each!(self, m => m.assembly(pose, tool))
+        self.at(pose, tool)?.assembly()
     }
-}
-
-/// A machine at a pose that changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moving {
-    /// Joint values.
-    pub joints: Joints,
-    /// Joint units per second.
-    pub rates: Joints,
-    /// As [`Machine::segments`].
-    pub segments: [Segment; 8],
-}
-
-/// One leg at a pose, in base, machine units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Segment {
-    /// Base anchor, or where carriage or arm have moved it to.
-    pub base: Vector3<f64>,
-    /// Platform anchor.
-    pub platform: Vector3<f64>,
 }
 
 /// How the orientation of the platform is charted.
@@ -453,7 +435,7 @@ impl<const N: usize> Placed<N> {
 
     /// 1/l of legs i and i + 1.
     #[inline(always)]
-    fn curved(&self, i: usize) -> f64x2 {
+    pub fn curved(&self, i: usize) -> f64x2 {
         // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
         both(1.0) / pair(&self.length, i).fast_max(both(f64::MIN_POSITIVE))
     }

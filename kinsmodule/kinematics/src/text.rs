@@ -25,7 +25,7 @@ const POWERS: [(f64, i32); 9] = [
 
 /// A piece of text.
 #[derive(Clone, Copy, Debug)]
-pub enum Part<'a> {
+pub enum Piece<'a> {
     /// As it is.
     Text(&'a [u8]),
     /// A whole number.
@@ -34,37 +34,37 @@ pub enum Part<'a> {
     Number(f64),
 }
 
-impl<'a> From<&'a str> for Part<'a> {
+impl<'a> From<&'a str> for Piece<'a> {
     fn from(text: &'a str) -> Self {
         Self::Text(text.as_bytes())
     }
 }
 
-impl<'a> From<&'a [u8]> for Part<'a> {
+impl<'a> From<&'a [u8]> for Piece<'a> {
     fn from(text: &'a [u8]) -> Self {
         Self::Text(text)
     }
 }
 
-impl From<usize> for Part<'_> {
+impl From<usize> for Piece<'_> {
     fn from(number: usize) -> Self {
         Self::Whole(number as i64)
     }
 }
 
-impl From<u8> for Part<'_> {
+impl From<u8> for Piece<'_> {
     fn from(number: u8) -> Self {
         Self::Whole(number.into())
     }
 }
 
-impl From<i32> for Part<'_> {
+impl From<i32> for Piece<'_> {
     fn from(number: i32) -> Self {
         Self::Whole(number.into())
     }
 }
 
-impl From<f64> for Part<'_> {
+impl From<f64> for Piece<'_> {
     fn from(number: f64) -> Self {
         Self::Number(number)
     }
@@ -74,7 +74,7 @@ impl From<f64> for Part<'_> {
 #[macro_export]
 macro_rules! text {
     ($($part:expr),* $(,)?) => {
-        $crate::Text::of(&[$($crate::Part::from($part)),*])
+        $crate::Text::of(&[$($crate::Piece::from($part)),*])
     };
 }
 
@@ -87,7 +87,7 @@ pub struct Text<const LENGTH: usize> {
 
 impl<const LENGTH: usize> Text<LENGTH> {
     /// All parts, one after the other.
-    pub fn of(parts: &[Part<'_>]) -> Self {
+    pub fn of(parts: &[Piece<'_>]) -> Self {
         let mut text = Self { bytes: [0; LENGTH], used: 0 };
         for part in parts {
             text.push(*part);
@@ -96,11 +96,11 @@ impl<const LENGTH: usize> Text<LENGTH> {
     }
 
     /// Appends a part.
-    pub fn push<'a>(&mut self, part: impl Into<Part<'a>>) {
+    pub fn push<'a>(&mut self, part: impl Into<Piece<'a>>) {
         match part.into() {
-            Part::Text(text) => self.append(text),
-            Part::Whole(number) => self.whole(number),
-            Part::Number(number) => self.number(number),
+            Piece::Text(text) => self.append(text),
+            Piece::Whole(number) => self.whole(number),
+            Piece::Number(number) => self.number(number),
         }
     }
 
@@ -255,7 +255,7 @@ mod tests {
     use std::format;
     use std::string::{String, ToString};
 
-    fn shown(part: impl Into<Part<'static>>) -> String {
+    fn shown(part: impl Into<Piece<'static>>) -> String {
         Text::<64>::of(&[part.into()]).as_str().to_string()
     }
 
@@ -264,7 +264,7 @@ mod tests {
         for number in [0, 7, -7, 10, 409, 1_000_000, -85, i32::MAX, i32::MIN] {
             assert_eq!(shown(number), number.to_string());
         }
-        assert_eq!(shown(Part::Whole(i64::MIN)), i64::MIN.to_string());
+        assert_eq!(shown(Piece::Whole(i64::MIN)), i64::MIN.to_string());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use crate::common::machines::declared;
 use crate::common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
 use crate::common::{Case, NO_TOOL, cases, direction, rng, uniform};
-use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose, Watch};
+use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose};
 use rand_pcg::Pcg64;
 
 const PERIOD: f64 = 1e-3;
@@ -40,10 +40,7 @@ impl<'a> Drive<'a> {
                 min: [-1e99; MAX_JOINTS],
                 max: [1e99; MAX_JOINTS],
                 speed: std::array::from_fn(|_| uniform(rng, 0.1, 1.0) * size),
-                base_cone: [0.0; MAX_LEGS],
-                platform_cone: [0.0; MAX_LEGS],
-                conditioning: 0.0,
-                clearance: 0.0,
+                ..Limits::NONE
             },
             planner: Planner {
                 linear: uniform(rng, 0.5, 5.0) * size,
@@ -64,9 +61,8 @@ impl<'a> Drive<'a> {
     }
 
     fn outlook(&self) -> Outlook {
-        let watch = Watch::new(&self.case.machine, &self.case.geometry);
         let motion = self.motion().expect("it moves");
-        watch.ahead(&self.case.machine, &NO_TOOL, &self.limits, &motion, &self.planner)
+        self.case.machine.ahead(&NO_TOOL, &self.limits, &motion, &self.planner)
     }
 
     /// Deceleration of the speed as a multiple of the present one, per second.
@@ -188,7 +184,7 @@ fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5e-324, -1.0, 0.0, 1e308];
     each_drive(1, 74, |drive, _| {
         for value in odd {
-            for field in 0..9 {
+            for field in 0..12 {
                 let mut spoilt = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
                 match field {
                     0 => spoilt.limits.speed = [value; MAX_JOINTS],
@@ -199,7 +195,10 @@ fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
                     5 => spoilt.limits.conditioning = value,
                     6 => spoilt.limits.max = [value; MAX_JOINTS],
                     7 => spoilt.limits.base_cone = [value; MAX_LEGS],
-                    _ => spoilt.limits.clearance = value,
+                    8 => spoilt.limits.clearance = value,
+                    9 => spoilt.limits.tilt = value,
+                    10 => spoilt.limits.platform_pyramid = [[value; 2]; MAX_LEGS],
+                    _ => spoilt.limits.axis[2] = [f64::NEG_INFINITY, value],
                 }
                 let found = spoilt.outlook();
                 assert!(found.allowed >= 0.0, "field {field} = {value}: {found:?}");
@@ -208,7 +207,7 @@ fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
                 let needed = [true, travels, turns, true].get(field) == Some(&true);
                 let nothing = value.is_nan() && needed;
                 assert!(!nothing || found.allowed == 0.0, "field {field}: {found:?}");
-                let told = value.is_nan() && (field == 6 || field == 7);
+                let told = value.is_nan() && [6, 7, 9, 10].contains(&field);
                 assert!(!told || found.soon.is_some(), "field {field}: {found:?}");
             }
         }
@@ -267,16 +266,16 @@ fn a_motion_is_none_at_rest_and_without_a_period() {
 }
 
 #[test]
-fn joints_rates_and_legs_of_a_motion_are_those_of_the_poses_themselves() {
+fn joints_and_rates_of_a_motion_are_those_of_the_poses_themselves() {
     each_drive(20, 76, |drive, _| {
         let (machine, pose) = (&drive.case.machine, drive.at(0.0));
-        let moving = machine.moving(&pose, &NO_TOOL, &drive.rate).expect("a pose");
-        assert_eq!(moving.joints, machine.inverse(&pose, &NO_TOOL).expect("a pose"));
-        assert_eq!(moving.segments, machine.segments(&pose, &NO_TOOL).expect("a pose"));
+        let at = machine.at(&pose, &NO_TOOL).expect("a pose");
+        assert_eq!(*at.joints(), machine.inverse(&pose, &NO_TOOL).expect("a pose"));
+        let rates = at.rates(&drive.rate).expect("rates");
         let step = 1e-6;
         let joints = |time| machine.inverse(&drive.at(time), &NO_TOOL).expect("a pose");
         let (before, after) = (joints(-step), joints(step));
-        for (i, rate) in moving.rates.iter().enumerate() {
+        for (i, rate) in rates.iter().enumerate() {
             let expected = (after[i] - before[i]) / (2.0 * step);
             // The speeds are some hundred units a second, and steps of time 1e-6.
             let most = CENTRAL_DIFFERENCE * (1.0 + expected.abs()) * 100.0;

@@ -3,36 +3,21 @@
 
 use crate::common::machines::{declared, on_circle, paper_004, strut, with_legs};
 use crate::common::{Case, NO_TOOL, cases, rng, uniform};
-use kinematics::{
-    Cause, LegKind, Limits, MAX_JOINTS, MAX_LEGS, Machine, Pose, Segment, Vector3, Watch,
-};
+use kinematics::{Cause, LegKind, Limits, MAX_LEGS, Machine, Pose, Segment, Vector3, Watch};
 use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
 /// Rounding of angles in degrees: acos of a number near 1 keeps half of the digits.
 const ANGLE: f64 = 2e-6;
 
-/// Limits that nothing meets.
-fn none() -> Limits {
-    Limits {
-        min: [-1e99; MAX_JOINTS],
-        max: [1e99; MAX_JOINTS],
-        speed: [1e99; MAX_JOINTS],
-        base_cone: [0.0; MAX_LEGS],
-        platform_cone: [0.0; MAX_LEGS],
-        conditioning: 0.0,
-        clearance: 0.0,
-    }
-}
-
 fn each_pose(seed: u64, mut check: impl FnMut(&Case, &Watch, &Pose, &[Segment; 8], &mut Pcg64)) {
     for case in declared() {
         let mut rng = rng(seed);
-        let watch = Watch::new(&case.machine, &case.geometry);
+        let watch = case.machine.watch();
         for _ in 0..cases(100).max(10) {
             let pose = (case.sample)(&mut rng);
             let legs = case.machine.segments(&pose, &NO_TOOL).expect("a pose of the workspace");
-            check(&case, &watch, &pose, &legs, &mut rng);
+            check(&case, watch, &pose, &legs, &mut rng);
         }
     }
 }
@@ -92,7 +77,7 @@ fn struts_that_meet_in_base_or_platform_are_not_watched() {
     ];
     let geometry = with_legs(&paper_004(0.0), &legs);
     let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("an octahedron");
-    let watch = Watch::new(&machine, &geometry);
+    let watch = machine.watch();
     let watched = |i: usize| (0..6).filter(|j| watch.is_watched([i, *j])).collect::<Vec<_>>();
     let found: Vec<_> = (0..6).map(watched).collect();
     assert_eq!(found, [vec![3, 4, 5], vec![2, 3, 4], vec![4, 5], vec![5], vec![], vec![]]);
@@ -125,7 +110,7 @@ fn with_a_tilted_reference_pose_cones_are_0_there_and_stay_so_while_all_of_it_tu
     let mut geometry = paper_004(0.0);
     geometry.home = Some([30.0, -20.0, 260.0, 12.0, -9.0, 7.0]);
     let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a machine");
-    let watch = Watch::new(&machine, &geometry);
+    let watch = machine.watch();
     let home = Pose::from_degrees(geometry.home.expect("just given"));
     let legs = machine.segments(&home, &NO_TOOL).expect("a pose");
     let there = watch.cones(&home.rotation(), &legs);
@@ -145,7 +130,7 @@ fn without_a_reference_pose_there_are_no_cones() {
     geometry.home = None;
     let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a machine");
     let legs = machine.segments(&home, &NO_TOOL).expect("a pose");
-    let cones = Watch::new(&machine, &geometry).cones(&home.rotation(), &legs);
+    let cones = machine.watch().cones(&home.rotation(), &legs);
     assert_eq!((cones.base, cones.platform), ([0.0; MAX_LEGS], [0.0; MAX_LEGS]));
 }
 
@@ -189,8 +174,8 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
 fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
     let mut told = [0; 3];
     each_pose(84, |case, watch, pose, legs, rng| {
-        let at = |limits: &Limits| watch.here(&case.machine, &NO_TOOL, limits, pose);
-        assert_eq!(at(&none()), None, "{}", case.name);
+        let at = |limits: &Limits| case.machine.here(&NO_TOOL, limits, pose);
+        assert_eq!(at(&Limits::NONE), None, "{}", case.name);
         let cones = watch.cones(&pose.rotation(), legs);
         let leg = uniform(rng, 0.0, case.geometry.legs().len() as f64) as usize;
         for (k, (angle, cause)) in [
@@ -201,7 +186,7 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
         .enumerate()
         {
             let limited = |limit: f64| {
-                let mut limits = none();
+                let mut limits = Limits::NONE;
                 let cone = if k == 0 { &mut limits.base_cone } else { &mut limits.platform_cone };
                 cone[leg] = limit;
                 at(&limits)
@@ -213,7 +198,7 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
                 told[k] += 1;
             }
         }
-        let near = |clearance: f64| at(&Limits { clearance, ..none() });
+        let near = |clearance: f64| at(&Limits { clearance, ..Limits::NONE });
         if let Some(nearest) = watch.nearest(legs).filter(|n| n.distance > 0.0) {
             assert_eq!(near(nearest.distance), None);
             let fault = near(nearest.distance * 1.001).expect("too near");
@@ -230,9 +215,8 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
 #[test]
 fn a_pose_that_is_none_is_told_with_its_own_cause() {
     let case = &declared()[0];
-    let watch = Watch::new(&case.machine, &case.geometry);
     let mut far = case.home;
     far.position.x = f64::INFINITY;
-    let fault = watch.here(&case.machine, &NO_TOOL, &none(), &far).expect("no pose");
+    let fault = case.machine.here(&NO_TOOL, &Limits::NONE, &far).expect("no pose");
     assert_eq!(fault.cause, Cause::PoseNotFinite);
 }

@@ -2,14 +2,14 @@
 //! The part of the monitor that guards the motion: what it shows about the pose, and the
 //! feed that it allows.
 //!
-//! The calculation is [`kinematics::Watch`]; here are its pins, and what is remembered from
+//! The calculation is [`Machine::ahead`] and [`Machine::at`]; here are its pins, and what is remembered from
 //! cycle to cycle.
 
 use crate::hal::{Direction, HalError, Pin};
 use crate::pins::{Maker, Pins};
 use kinematics::{
-    Fault, Geometry, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
-    Segment, Vector3, Watch, text,
+    At, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
+    Vector3, text,
 };
 
 /// Floor of the feed where the pin holds no share.
@@ -44,6 +44,9 @@ struct OfLeg {
     platform_angle: Pin<f64>,
     base_cone: Pin<f64>,
     platform_cone: Pin<f64>,
+    /// About the joint's fixed axis, and across it.
+    base_pyramid: [Pin<f64>; 2],
+    platform_pyramid: [Pin<f64>; 2],
 }
 
 /// What the guard shows.
@@ -65,6 +68,7 @@ struct Shown {
 struct Asked {
     conditioning_limit: Pin<f64>,
     rod_clearance: Pin<f64>,
+    tilt_limit: Pin<f64>,
     feed_floor: Pin<f64>,
     max_override: Pin<f64>,
     linear_acceleration: Pin<f64>,
@@ -101,15 +105,19 @@ impl GuardPins {
             min,
             max,
             speed,
-            base_cone: [0.0; MAX_LEGS],
-            platform_cone: [0.0; MAX_LEGS],
+            tilt: self.asked.tilt_limit.get(),
             conditioning: self.asked.conditioning_limit.get(),
             clearance: self.asked.rod_clearance.get(),
+            ..Limits::NONE
         };
         let cones = limits.base_cone.iter_mut().zip(&mut limits.platform_cone);
-        for ((base, platform), leg) in cones.zip(&self.legs).take(layout.legs()) {
-            *base = leg.base_cone.get();
-            *platform = leg.platform_cone.get();
+        let pyramids = limits.base_pyramid.iter_mut().zip(&mut limits.platform_pyramid);
+        let legs = self.legs.iter().take(layout.legs());
+        for ((leg, cone), pyramid) in legs.zip(cones).zip(pyramids) {
+            *cone.0 = leg.base_cone.get();
+            *cone.1 = leg.platform_cone.get();
+            *pyramid.0 = leg.base_pyramid.each_ref().map(Pin::get);
+            *pyramid.1 = leg.platform_pyramid.each_ref().map(Pin::get);
         }
         limits
     }
@@ -135,7 +143,15 @@ impl OfLeg {
         make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
         make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
         make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
-        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)
+        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)?;
+        for (pins, end) in
+            [(&mut self.base_pyramid, "base"), (&mut self.platform_pyramid, "platform")]
+        {
+            for (pin, way) in pins.iter_mut().zip([".about", ".across"]) {
+                make.one(pin, In, text!["pkmkins.", end, "-pyramid.", n, way], 0.0)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -170,6 +186,7 @@ impl Asked {
         };
         one(&mut self.conditioning_limit, "conditioning-limit", HOLD)?;
         one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
+        one(&mut self.tilt_limit, "tilt-limit", 0.0)?;
         one(&mut self.feed_floor, "feed-floor", FLOOR)?;
         one(&mut self.max_override, "max-override", 1.0)?;
         one(&mut self.linear_acceleration, "linear-acceleration", FAR)?;
@@ -196,7 +213,6 @@ pub struct Scene<'a> {
 
 /// What the guard remembers.
 pub struct Guard {
-    watch: Option<Watch>,
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
     /// `.current-vel` of the cycle before.
@@ -211,7 +227,6 @@ pub struct Guard {
 impl Guard {
     pub const fn new() -> Self {
         Self {
-            watch: None,
             before: [None; 2],
             speed_before: 0.0,
             scale: 1.0,
@@ -219,12 +234,6 @@ impl Guard {
             inverse_time: 0,
             forward_time: 0,
         }
-    }
-
-    /// Takes over a newly frozen machine.
-    pub fn freeze(&mut self, machine: &Machine, geometry: &Geometry) {
-        self.watch = Some(Watch::new(machine, geometry));
-        self.forget();
     }
 
     /// Nanoseconds that the first forward of a cycle took.
@@ -249,9 +258,7 @@ impl Guard {
     pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
         let pins = &scene.pins.guard;
         let commanded = scene.commanded;
-        if let (Some(watch), Some(pose)) = (&self.watch, scene.pose) {
-            let _ = show_pose(watch, scene, &pose);
-        }
+        show_pose(scene);
         pins.shown.inverse_time.set(shown_time(self.inverse_time));
         pins.shown.forward_time.set(shown_time(self.forward_time));
         // What the planner went in this cycle is the mean of the speeds at its ends.
@@ -273,11 +280,10 @@ impl Guard {
         commanded: Option<Pose>,
         speed: f64,
     ) -> (Option<Fault>, Option<Outlook>) {
-        let Some(watch) = &self.watch else { return (None, None) };
         let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
         let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
         let Some(motion) = self.motion(scene, commanded) else {
-            return (watch.here(scene.machine, scene.tool, &limits, &pose), None);
+            return (scene.machine.here(scene.tool, &limits, &pose), None);
         };
         let asked = &scene.pins.guard.asked;
         let planner = Planner {
@@ -286,7 +292,7 @@ impl Guard {
             requested: requested(asked) / speed,
             latency: LATENCY * scene.period,
         };
-        let view = watch.ahead(scene.machine, scene.tool, &limits, &motion, &planner);
+        let view = scene.machine.ahead(scene.tool, &limits, &motion, &planner);
         (view.soon, Some(view))
     }
 
@@ -333,7 +339,8 @@ impl Guard {
         self.inhibited.is_some()
     }
 
-    fn forget(&mut self) {
+    /// Nothing is known of the motion of a newly frozen machine.
+    pub fn forget(&mut self) {
         self.before = [None; 2];
     }
 }
@@ -347,45 +354,40 @@ fn shown_time(nanoseconds: i64) -> i32 {
     i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
-/// What people read about a pose.
-fn show_pose(watch: &Watch, scene: &Scene<'_>, pose: &Pose) -> Result<(), Fault> {
-    let (pins, machine) = (&scene.pins.guard, scene.machine);
-    show_joints(pins, scene, pose)?;
-    let legs = machine.segments(pose, scene.tool)?;
-    show_legs(pins, watch, machine.layout(), pose, &legs);
-    pins.shown.conditioning.set(machine.conditioning(pose, scene.tool)?);
-    Ok(())
+/// What people read about the pose that forward found.
+fn show_pose(scene: &Scene<'_>) {
+    let at = scene.pose.and_then(|pose| scene.machine.at(&pose, scene.tool).ok());
+    let sign = at.as_ref().and_then(|at| at.assembly().ok());
+    scene.pins.assembly.set(sign.unwrap_or(0));
+    if let Some(at) = at {
+        let _ = show_joints(scene, &at);
+        show_legs(&scene.pins.guard, &at);
+        scene.pins.guard.shown.conditioning.set(at.smallest_singular_value());
+    }
 }
 
-fn show_joints(pins: &GuardPins, scene: &Scene<'_>, pose: &Pose) -> Result<(), Fault> {
-    let count = scene.machine.layout().joints();
-    let joints = scene.machine.inverse(pose, scene.tool)?;
-    let rows = scene.machine.inverse_jacobian(pose, scene.tool)?;
+fn show_joints(scene: &Scene<'_>, at: &At<'_>) -> Result<(), Fault> {
+    let (pins, count) = (&scene.pins.guard, at.layout().joints());
     let [min, max, _] = scene.pins.joint_limits(count);
-    let ranges = joints.iter().zip(min.iter().zip(&max));
+    let ranges = at.joints().iter().zip(min.iter().zip(&max));
     for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
         pins.margin.set((joint - min).min(max - joint));
     }
+    let rows = at.inverse_jacobian()?;
     for (pins, row) in pins.joints.iter().zip(rows.row_iter()).take(count) {
         pins.speed_ratio.set(row.fixed_columns::<3>(0).norm());
     }
     Ok(())
 }
 
-fn show_legs(
-    pins: &GuardPins,
-    watch: &Watch,
-    layout: &Layout,
-    pose: &Pose,
-    legs: &[Segment; MAX_LEGS],
-) {
-    let cones = watch.cones(&pose.rotation(), legs);
+fn show_legs(pins: &GuardPins, at: &At<'_>) {
+    let cones = at.cones();
     let angles = cones.base.iter().zip(&cones.platform);
-    for (pins, (base, platform)) in pins.legs.iter().zip(angles).take(layout.legs()) {
+    for (pins, (base, platform)) in pins.legs.iter().zip(angles).take(at.layout().legs()) {
         pins.base_angle.set(*base);
         pins.platform_angle.set(*platform);
     }
-    if let Some(nearest) = watch.nearest(legs) {
+    if let Some(nearest) = at.nearest() {
         pins.shown.rod_distance.set(nearest.distance);
         for (pin, leg) in pins.shown.rod_pair.iter().zip(nearest.pair) {
             pin.set(leg as i32);

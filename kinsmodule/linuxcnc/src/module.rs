@@ -247,7 +247,7 @@ impl Module {
     /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.
     pub fn jacobian(&self, pose: &Pose) -> Result<Jacobian, Fault> {
         let tool = self.tool_in_effect()?;
-        self.frozen()?.machine.pose_jacobian(pose, &tool)
+        self.frozen()?.machine.at(pose, &tool)?.pose_jacobian()
     }
 
     /// Changes the kinematics: 0 the machine, 1 identity.
@@ -388,7 +388,6 @@ impl Module {
         let commanded = self.calls.end_cycle();
         self.advance_tool(commanded, seconds);
         self.watch_geometry();
-        self.show_assembly();
         if let Some(fault) = self.guarded(commanded, seconds) {
             self.record(&fault);
         }
@@ -400,6 +399,7 @@ impl Module {
     fn guarded(&mut self, commanded: Option<Pose>, period: f64) -> Option<Fault> {
         let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
             self.guard.idle(self.pins, period);
+            self.show_assembly();
             return None;
         };
         self.guard.run(&Scene {
@@ -463,7 +463,7 @@ impl Module {
         if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
         }
-        self.guard.freeze(&machine, &given.geometry);
+        self.guard.forget();
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
         self.callers = [None; CALLERS];
@@ -713,7 +713,7 @@ impl Module {
     fn show_assembly(&self) {
         let sign = self.last_pose.and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;
-            machine.assembly(&pose, &self.tool.offset()).ok()
+            machine.at(&pose, &self.tool.offset()).ok()?.assembly().ok()
         });
         self.pins.assembly.set(sign.unwrap_or(0));
     }

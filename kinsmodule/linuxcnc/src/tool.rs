@@ -373,7 +373,8 @@ impl Survey {
         if !(miss <= SAME_POSE * cycle.machine.size()) {
             return Err(Cause::ToolOutOfReach.into());
         }
-        let jacobian = cycle.machine.inverse_jacobian(pose, &tool).map_err(blocked)?;
+        let jacobian =
+            cycle.machine.at(pose, &tool).and_then(|at| at.inverse_jacobian()).map_err(blocked)?;
         for (i, course) in self.courses.iter_mut().enumerate() {
             let rate = rate_along(&jacobian, i, &travel);
             if !rate.is_finite() {

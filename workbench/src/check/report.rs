@@ -4,6 +4,7 @@
 use crate::check::homing::{self, Trouble};
 use crate::check::mobility::Structure;
 use crate::check::wiring::{self, at_key};
+use crate::limits::least_distance;
 use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::cell::{Reach, Stop};
 use crate::proof::conditioning::{self, Worst};
@@ -11,7 +12,8 @@ use crate::read::diagnostic::Severity;
 use crate::read::ini::{Ini, IniError, Problem};
 use crate::read::machine::{JointKind, MachineConfig, MachineError};
 use crate::read::tools::{self, Tool};
-use kinematics::{Fault, Letter};
+use crate::study::rods::pairs;
+use kinematics::{Fault, Letter, Nearest, Pose, Watch};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
@@ -211,6 +213,8 @@ fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
 /// Conditioning, joint ranges and the box inside the workspace.
 fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: impl FnMut(f64)) {
     let within = axis_box::range(config);
+    let legs = NearestLegs::of(config);
+    legs.at_home(report);
     let reach = match Reach::new(config) {
         Ok(reach) => reach,
         Err(fault) => return home_outside(report, ini, config, Stop::Fault(fault)),
@@ -225,6 +229,7 @@ fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: i
         report.fact("conditioning", format!("{value:.4} at home (0: a singular pose)"));
     }
     joint_ranges(report, config, &reach, &within);
+    legs.within(report, ini, &reach, &within);
     if let Some(Worst { value, pose, taken }) = conditioning::worst(config, &reach, &within) {
         let place = shown_pose(config, &pose);
         report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
@@ -316,7 +321,95 @@ fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
         Stop::Joint(i) => format!("{} is beyond its limits", config.joints[i].name),
         Stop::BaseCone(i) => format!("leg {i} leans beyond its BASE_CONE"),
         Stop::PlatformCone(i) => format!("leg {i} leans beyond its PLATFORM_CONE"),
-        Stop::Clearance([i, j]) => format!("legs {i} and {j} are nearer than ROD_CLEARANCE"),
+        Stop::Clearance(nearest) => {
+            let apart = shown_nearest(config, &nearest);
+            match config.clearance {
+                Some(limit) => format!("{apart}, nearer than ROD_CLEARANCE = {limit}"),
+                None => format!("{apart}: they meet; look at their BASE and PLATFORM"),
+            }
+        }
+    }
+}
+
+fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
+    let unit = config.length_unit();
+    match *distance >= 1e-3 {
+        true => format!("the centre lines of legs {i} and {j} are {distance:.3} {unit} apart"),
+        false => format!("the centre lines of legs {i} and {j} are {distance:.1e} {unit} apart"),
+    }
+}
+
+/// How near the legs come to each other.
+struct NearestLegs<'a> {
+    config: &'a MachineConfig,
+    watch: &'a Watch,
+}
+
+impl<'a> NearestLegs<'a> {
+    fn of(config: &'a MachineConfig) -> Self {
+        Self { config, watch: config.machine.watch() }
+    }
+
+    fn at(&self, pose: &[f64; 6]) -> Option<Nearest> {
+        let pose = Pose::from_degrees(*pose);
+        let legs = self.config.machine.segments(&pose, &self.config.spindle).ok()?;
+        self.watch.nearest(&legs)
+    }
+
+    fn at_home(&self, report: &mut Report) {
+        let nearest = self.at(&self.config.home);
+        if let Some(nearest) = nearest {
+            let text = format!("{} at home", shown_nearest(self.config, &nearest));
+            report.fact("nearest legs", text);
+        }
+        let meeting: Vec<String> = pairs(self.config.legs())
+            .into_iter()
+            .filter(|pair| !self.watch.is_watched(*pair))
+            .map(|[i, j]| format!("{i} and {j}"))
+            .collect();
+        if !meeting.is_empty() {
+            let name = if nearest.is_some() { "" } else { "nearest legs" };
+            let text = format!("not judged, as they share an anchor: {}", meeting.join(", "));
+            report.fact(name, text);
+        }
+    }
+
+    /// What poses within the axis limits show.
+    fn within(&self, report: &mut Report, ini: &Ini, reach: &Reach, within: &AxisBox) {
+        let mut rng = Pcg64::seed_from_u64(3);
+        let mut least: Option<(Nearest, [f64; 6])> = None;
+        for _ in 0..DRAWN {
+            let pose = within.at(std::array::from_fn(|_| rng.random()));
+            let nearest = match reach.check(&pose) {
+                Ok(()) => self.at(&pose),
+                Err(Stop::Clearance(nearest)) if self.config.clearance.is_none() => Some(nearest),
+                Err(_) => None,
+            };
+            let Some(nearest) = nearest else { continue };
+            if least.is_none_or(|(least, _)| nearest.distance < least.distance) {
+                least = Some((nearest, pose));
+            }
+        }
+        let Some((nearest, pose)) = least else { return };
+        let apart = shown_nearest(self.config, &nearest);
+        let place = shown_pose(self.config, &pose);
+        report.fact("", format!("{apart}, the least seen in the axis limits, at {place}"));
+        if self.config.clearance.is_some() {
+            return;
+        }
+        let (severity, text) = match nearest.distance < least_distance(self.config) {
+            true => (
+                Severity::Error,
+                format!("{apart} at {place}: they meet within the axis limits, and nothing stops them"),
+            ),
+            false => (
+                Severity::Warning,
+                "the thickness of the legs is not judged: give the distance that their centre lines \
+                 have to keep, their diameter and some room"
+                    .into(),
+            ),
+        };
+        report.finding(severity, at_key(ini, "PKM", "ROD_CLEARANCE", &text));
     }
 }
 

@@ -6,6 +6,7 @@
 //! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
 //! is for [`crate::program::preflight`] to say, on the moves that the interpreter makes of it.
 
+use crate::limits::least_distance;
 use crate::program::interpreter::Move;
 use crate::proof::cell::Reach;
 use crate::read::machine::{Axis, MachineConfig};
@@ -244,8 +245,8 @@ impl<'a> Search<'a> {
             let angle = course.middle.clamp(-1.0, 1.0).acos().to_degrees();
             cone.map(|cone| lacking(cone - angle, cone))
         });
-        let gaps = way.gaps.iter().zip(self.config.clearance.iter().cycle());
-        let gaps = gaps.map(|(gap, limit)| lacking(gap.middle - limit, *limit));
+        let limit = least_distance(self.config);
+        let gaps = way.gaps.iter().map(|gap| lacking(gap.middle - limit, limit));
         let hold = lacking(reach.conditioning(pose) - self.config.conditioning_limit, 1.0);
         axes + joints.sum::<f64>() + cones.sum::<f64>() + gaps.sum::<f64>() + hold
     }

@@ -12,6 +12,7 @@
 //! cycle by cycle ([`crate::program::loads`]). How much faster a line may be programmed is told for the feed
 //! as the axes allow it ([`duration`]), taken as reached on every move.
 
+use crate::limits::least_distance;
 use crate::program::interpreter::Move;
 use crate::program::loads::{Load, Peak, loads};
 use crate::program::replay::duration;
@@ -61,7 +62,7 @@ pub enum Limit {
     PlatformCone,
     /// The legs hold the platform: no singular pose, and `[PKM]CONDITIONING_LIMIT`.
     Hold,
-    /// `[PKM]ROD_CLEARANCE` of the legs' centre lines.
+    /// `[PKM]ROD_CLEARANCE` of the legs' centre lines; without it, that they do not meet.
     Clearance,
     /// `[JOINT_N]MAX_VELOCITY`.
     Speed,
@@ -561,7 +562,7 @@ impl<'a> Pilot<'a> {
             }
         }
         for gap in &way.gaps {
-            let Some(limit) = config.clearance else { continue };
+            let limit = least_distance(config);
             let [i, j] = gap.pair;
             let part = i * MAX_LEGS + j;
             add(Limit::Clearance, part, gap.middle - limit, gap.least - limit, limit);
@@ -674,6 +675,9 @@ impl<'a> Pilot<'a> {
                  pose), where pkmkins stops the machine at {bound}",
                 worst + self.config.conditioning_limit
             ),
+            Limit::Clearance if self.config.clearance.is_none() => {
+                format!("{part} falls to nothing: they meet")
+            }
             _ if worst < 0.0 => {
                 let unit = self.unit(limit, found.part);
                 format!("{part} leaves its limit of {bound}, on this move by {:.4} {unit}", -worst)
@@ -702,7 +706,7 @@ impl<'a> Pilot<'a> {
             Limit::Speed => config.joints[part].max_velocity,
             Limit::Acceleration => config.joints[part].max_acceleration,
             Limit::Hold => config.conditioning_limit,
-            Limit::Clearance => config.clearance.unwrap_or(0.0),
+            Limit::Clearance => least_distance(config),
             Limit::Reach => 0.0,
         };
         format!("{value} {unit}").trim_end().into()

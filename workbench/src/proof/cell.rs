@@ -35,9 +35,10 @@
 //! the middle, ‖M (G(X) − G(C))‖ < 1 makes M G(X) invertible, so that the legs hold the
 //! platform at every pose of the cell.
 
+use crate::limits::least_distance;
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Pose, Segment, Vector3, Watch,
+    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Nearest, Pose, Segment, Vector3,
 };
 use nalgebra::SMatrix;
 use std::f64::consts::PI;
@@ -99,7 +100,7 @@ pub enum Stop {
     /// A leg leans too much at its platform joint.
     PlatformCone(usize),
     /// Two legs come nearer to each other than they may.
-    Clearance([usize; 2]),
+    Clearance(Nearest),
 }
 
 /// What is known of a cell.
@@ -144,7 +145,7 @@ pub struct Way {
     pub base: Vec<Course>,
     /// The same, seen in the platform.
     pub platform: Vec<Course>,
-    /// Distances of legs, where the machine has a limit of them.
+    /// Distances of legs that share no anchor.
     pub gaps: Vec<Gap>,
     /// Bound of how far [`kinematics::Machine::conditioning`] changes from the middle to an end;
     /// infinite where none is known.
@@ -160,7 +161,8 @@ pub struct Gap {
     pub pair: [usize; 2],
     /// In the middle.
     pub middle: f64,
-    /// Nowhere less than this; minus infinity where nothing is known.
+    /// Nowhere less than this; minus infinity where nothing is known. For pairs that are nowhere
+    /// the nearest ones a lower number than need be.
     pub least: f64,
 }
 
@@ -179,8 +181,10 @@ pub struct Reach<'a> {
     arms: Vec<[Vector3<f64>; 2]>,
     /// Directions of the legs at home.
     home: Vec<Vector3<f64>>,
-    /// Pairs of legs whose distance has a limit.
+    /// Pairs of legs, lower number first, that share no anchor.
     pairs: Vec<[usize; 2]>,
+    /// What their centre lines have to keep.
+    least_distance: f64,
     /// Arms of the platform anchors that the conditioning counts with, by its radius.
     levers: Vec<f64>,
 }
@@ -205,6 +209,8 @@ struct Bend {
     length: f64,
     /// Bounds of the second derivatives of the ends, at the base and at the platform.
     ends: [f64; 2],
+    /// No end moves farther than this.
+    farthest: f64,
 }
 
 /// The middle of a cell.
@@ -249,6 +255,7 @@ impl<'a> Reach<'a> {
             arms: config.geometry.legs().iter().map(arms).collect(),
             home: segments[..config.legs()].iter().map(along).collect(),
             pairs: watched_pairs(config),
+            least_distance: least_distance(config),
             levers: levers(config, &active),
         })
     }
@@ -327,10 +334,10 @@ impl<'a> Reach<'a> {
                 return Err(Stop::PlatformCone(i));
             }
         }
-        let clearance = self.config.clearance.unwrap_or(0.0);
-        for [i, j] in &self.pairs {
-            if !(middle.legs[*i].distance(&middle.legs[*j]) >= clearance) {
-                return Err(Stop::Clearance([*i, *j]));
+        for pair @ [i, j] in &self.pairs {
+            let distance = middle.legs[*i].distance(&middle.legs[*j]);
+            if !(distance >= self.least_distance) {
+                return Err(Stop::Clearance(Nearest { distance, pair: *pair }));
             }
         }
         Ok(())
@@ -374,7 +381,7 @@ impl<'a> Reach<'a> {
                 .collect(),
             base: leans(false),
             platform: leans(true),
-            gaps: self.gaps(&middle, &spread, bends.as_deref()),
+            gaps: self.gaps(&middle, &spread, bends.as_deref(), f64::INFINITY),
             drift: bends.as_ref().map_or(f64::INFINITY, |bends| self.drift(&spread, bends)),
             holds: bends.is_some_and(|bends| self.departure(&middle, &spread, &bends).is_ok()),
         })
@@ -406,8 +413,8 @@ impl<'a> Reach<'a> {
     }
 
     fn gaps_hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
-        let clearance = self.config.clearance.unwrap_or(0.0);
-        self.gaps(middle, spread, Some(bends)).iter().all(|gap| gap.least >= clearance)
+        let gaps = self.gaps(middle, spread, Some(bends), self.least_distance);
+        gaps.iter().all(|gap| gap.least >= self.least_distance)
     }
 
     /// Joint `i` over a cell; without bends nothing is known of a leg's.
@@ -460,7 +467,7 @@ impl<'a> Reach<'a> {
                 let direction = [travel / length, second_of_direction(travel, second, length)];
                 let nut = self.nut_bend(i, middle, spread, &direction, strut.lead)?;
                 let joint = travel * travel / length + second + nut;
-                Some(Bend { joint, direction, length, ends: [0.0, second] })
+                Some(Bend { joint, direction, length, ends: [0.0, second], farthest: travel })
             }
             LegKind::Slider(slider) => {
                 let guide = Vector3::from(slider.guide).normalize();
@@ -575,21 +582,35 @@ impl<'a> Reach<'a> {
         }
     }
 
-    /// Distances of the legs that have a limit.
-    fn gaps(&self, middle: &Middle, spread: &Spread, bends: Option<&[Bend]>) -> Vec<Gap> {
-        let gap = |pair: &[usize; 2]| {
-            let [one, other] = pair.map(|i| &middle.legs[i]);
-            let gap = one.gap(other);
+    /// Distances of the legs; bounds that are `enough`, or those of pairs that are not the nearest
+    /// ones anywhere, are not made any better.
+    fn gaps(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        bends: Option<&[Bend]>,
+        enough: f64,
+    ) -> Vec<Gap> {
+        let between = |[i, j]: [usize; 2]| middle.legs[i].gap(&middle.legs[j]);
+        let gaps: Vec<_> = self.pairs.iter().map(|pair| (*pair, between(*pair))).collect();
+        let nearest = gaps.iter().map(|(_, gap)| gap.norm()).fold(enough, f64::min);
+        let gap = |(pair, gap): &([usize; 2], Vector3<f64>)| {
             let distance = gap.norm();
-            let least = match bends {
-                Some(bends) if distance > 0.0 => {
-                    self.least_gap(*pair, &(gap / distance), middle, spread, bends)
+            let least = bends.map_or(f64::NEG_INFINITY, |bends| {
+                let [i, j] = *pair;
+                // No point of a leg moves farther than its ends.
+                let at_least = distance
+                    - bends[i].farthest
+                    - bends[j].farthest
+                    - ROUNDING * self.config.machine.size();
+                match at_least >= nearest || distance == 0.0 {
+                    true => at_least,
+                    false => self.least_gap(*pair, &(gap / distance), middle, spread, bends),
                 }
-                _ => f64::NEG_INFINITY,
-            };
+            });
             Gap { pair: *pair, middle: distance, least }
         };
-        self.pairs.iter().map(gap).collect()
+        gaps.iter().map(gap).collect()
     }
 
     /// Least distance of two legs along a direction.
@@ -798,7 +819,13 @@ fn rod_bend(
     let joint = (first * first / rod + second + curve * rate * rate) / gain;
     let bent = second + curve * rate * rate + pace * joint;
     let direction = [first / rod, second_of_direction(first, bent, rod)];
-    Some(Bend { joint: joint / unit, direction, length: rod, ends: [bent - second, second] })
+    Some(Bend {
+        joint: joint / unit,
+        direction,
+        length: rod,
+        ends: [bent - second, second],
+        farthest: travel.max(pace * rate),
+    })
 }
 
 /// Bound of the second derivative of a unit vector along a vector with these bounds.
@@ -807,12 +834,9 @@ fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
     second / length + 3.0 * turn * turn
 }
 
-/// Pairs of legs, lower number first, whose distance the machine limits.
+/// Pairs of legs, lower number first, that share no anchor.
 fn watched_pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
-    if config.clearance.is_none() {
-        return vec![];
-    }
-    let watch = Watch::new(&config.machine, &config.geometry);
+    let watch = config.machine.watch();
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| watch.is_watched(*pair)).collect()
 }

@@ -61,7 +61,7 @@ pub fn pairs(legs: usize) -> Vec<[usize; 2]> {
 impl<'a> View<'a> {
     /// Of this machine.
     pub fn new(config: &'a MachineConfig, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
-        let watch = Watch::new(&config.machine, &config.geometry);
+        let watch = config.machine.watch().clone();
         Self { config, watch, points, diameter }
     }
 

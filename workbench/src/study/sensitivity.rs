@@ -361,15 +361,16 @@ pub fn along(
 ) -> Result<Point, End> {
     let at = Pose::from_degrees(*pose);
     let told = |fault: Fault| End::Reach(time, fault);
-    let moving = config.machine.moving(&at, tool, rate).map_err(told)?;
+    let here = config.machine.at(&at, tool).map_err(told)?;
+    let rates = here.rates(rate).map_err(told)?;
     let found = Sensitivity::at(config, &at, tool, length).map_err(told)?;
     let found = found.ok_or(End::Singular(time))?;
     Ok(Point {
         time,
         pose: *pose,
         rate: *rate,
-        joints: moving.joints,
-        rates: moving.rates,
+        joints: *here.joints(),
+        rates,
         sigma: found.sigma(sigma),
         hold: found.singular_values[1],
     })

@@ -7,6 +7,7 @@
 //! volume is the sum of the rays' pieces by their solid angles, islands and holes included, and
 //! once more, independently, a count on a grid.
 
+use crate::limits::least_distance;
 use crate::read::machine::{JointKind, MachineConfig};
 use crate::study::file;
 use crate::study::stance::Stance;
@@ -127,7 +128,7 @@ pub struct Workspace<'a> {
     home: Vec<Vector3<f64>>,
     base_pyramids: Vec<Pyramid>,
     platform_pyramids: Vec<Pyramid>,
-    /// Least distance of the centre lines; 0 where nothing is asked.
+    /// Least distance of the centre lines.
     gap: f64,
     conditioning: Option<f64>,
 }
@@ -203,10 +204,10 @@ impl<'a> Workspace<'a> {
         let stance = Stance::new(config, config.home_pose(), tool)?;
         let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
-        let gap = diameter.max(config.clearance.unwrap_or(0.0));
+        let gap = diameter.max(least_distance(config));
         Ok(Self {
             config,
-            watch: Watch::new(&config.machine, &config.geometry),
+            watch: config.machine.watch().clone(),
             tool,
             orientations,
             base_pyramids: pyramids(config, &study.limits, End::Base, &home)?,
@@ -241,8 +242,7 @@ impl<'a> Workspace<'a> {
         }
         let legs = machine.segments(&pose, &self.tool).map_err(of_reach)?;
         self.check_joints(&pose, &legs)?;
-        if self.gap > 0.0
-            && let Some(nearest) = self.watch.nearest(&legs)
+        if let Some(nearest) = self.watch.nearest(&legs)
             && !(nearest.distance >= self.gap)
         {
             return Err(Limit::Gap(nearest.pair));

@@ -32,7 +32,7 @@ use slider::Slider;
 
 /// Least |cos| of the angle between a rod and the motion of its lower end: nearer to
 /// the dead point joint speeds grow beyond twenty times the platform's.
-pub(crate) const LEAST_DRIVE: f64 = 0.05;
+pub const LEAST_DRIVE: f64 = 0.05;
 
 /// A kind of leg, as the load parameter `legs=` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The legs of a machine at a pose, in its lanes: what [`crate::At`] is made of.
+
+use crate::fault::{Cause, Fault};
+use crate::inverse::Stand;
+use crate::lanes::{Lanes3, cross, dot, put, scaled, sum, wide};
+use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
+use crate::machine::{Mechanism, Placed};
+use crate::nut::Twist;
+use crate::pose::{Pose, Trigonometry};
+use crate::segment::Segment;
+use crate::singular::smallest_singular_value;
+use core::cell::Cell;
+use nalgebra::Vector3;
+
+/// The legs of a machine at a pose.
+pub(crate) struct LegsAt<'a, const N: usize> {
+    pub machine: &'a Mechanism<N>,
+    pub tool: Vector3<f64>,
+    pub trig: Trigonometry,
+    pub stand: Stand,
+    /// Joint values of the legs.
+    pub joints: [f64; N],
+    pub corrections: [f64; N],
+    /// Where the joints put the moving base anchors.
+    pub anchors: Lanes3<N>,
+    /// The legs from there.
+    pub placed: Placed<N>,
+    /// Means something on machines with a nut only.
+    twist: Twist<N>,
+    gradients: Cell<Option<Result<[Gradient; N], Fault>>>,
+    singular_value: Cell<Option<f64>>,
+}
+
+/// Gradient of one joint value.
+#[derive(Clone, Copy)]
+pub(crate) struct Gradient {
+    /// Per velocity of the reference point.
+    pub force: Vector3<f64>,
+    /// Per angular velocity, about the reference point.
+    pub moment: Vector3<f64>,
+}
+
+/// What a cell holds, computed where it holds nothing yet.
+pub(crate) fn once<T: Copy>(cell: &Cell<Option<T>>, compute: impl FnOnce() -> T) -> T {
+    match cell.get() {
+        Some(value) => value,
+        None => {
+            let value = compute();
+            cell.set(Some(value));
+            value
+        }
+    }
+}
+
+impl<const N: usize> Mechanism<N> {
+    /// The legs at a pose.
+    pub(crate) fn at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<LegsAt<'_, N>, Fault> {
+        pose.check()?;
+        self.check_tool(tool)?;
+        let pose = &if self.holds { self.held(pose, true)? } else { *pose };
+        let trig = pose.trigonometry();
+        let stand = self.standing(pose, &trig, tool);
+        let mut legs = LegsAt {
+            machine: self,
+            tool: *tool,
+            trig,
+            stand,
+            joints: [0.0; N],
+            corrections: [0.0; N],
+            anchors: self.base,
+            placed: Placed::ZERO,
+            twist: Twist::ZERO,
+            gradients: Cell::new(None),
+            singular_value: Cell::new(None),
+        };
+        legs.corrections = self.corrected(&legs.stand.place, &mut legs.placed, &mut legs.twist)?;
+        legs.joints = self.leg_joints(&legs.placed, &legs.corrections)?;
+        legs.anchors = self.moved_anchors(&legs.joints)?;
+        if self.moving {
+            self.place(&legs.anchors, &legs.stand.place, &mut legs.placed);
+        }
+        Ok(legs)
+    }
+}
+
+impl<const N: usize> LegsAt<'_, N> {
+    /// Joint values of legs and table.
+    pub fn all_joints(&self) -> Result<Joints, Fault> {
+        self.machine.all_joints(&self.joints, &self.stand.point)
+    }
+
+    pub fn corrections(&self) -> PerLeg {
+        self.machine.per_leg(&self.corrections)
+    }
+
+    pub fn segments(&self) -> [Segment; MAX_LEGS] {
+        let mut segments =
+            [Segment { base: Vector3::zeros(), platform: Vector3::zeros() }; MAX_LEGS];
+        for (i, segment) in segments.iter_mut().enumerate().take(self.machine.count()) {
+            *segment = Segment {
+                base: self.anchors.get(i),
+                platform: self.stand.place.centre + self.placed.arms.get(i),
+            };
+        }
+        segments
+    }
+
+    /// From the control point to the reference point, in base.
+    pub fn lever(&self) -> Vector3<f64> {
+        self.stand.place.rotation * (self.tool + self.machine.reference)
+    }
+
+    fn twist(&self) -> Option<&Twist<N>> {
+        self.machine.nut.is_some().then_some(&self.twist)
+    }
+
+    /// Speed of the platform anchor along the leg per joint rate.
+    fn gain(&self, i: usize, n: &Vector3<f64>) -> f64 {
+        self.machine.legs[i].gain(self.joints[i] + self.machine.offset[i], n)
+    }
+
+    /// How far leg `i` is from its dead point, see [`crate::leg`]; `None` where it has none.
+    pub fn drive(&self, i: usize) -> Option<f64> {
+        let machine = self.machine;
+        (i < machine.count())
+            .then(|| machine.margin(&self.placed, i, self.joints[i] + machine.offset[i]))?
+    }
+
+    /// Gradients of the legs' joint values.
+    pub fn gradients(&self) -> Result<[Gradient; N], Fault> {
+        once(&self.gradients, || self.find_gradients())
+    }
+
+    fn find_gradients(&self) -> Result<[Gradient; N], Fault> {
+        let rows = self.machine.rows(&self.placed, self.twist());
+        let n = self.placed.directions();
+        let mut rates = [0.0; N];
+        for (i, rate) in rates.iter_mut().enumerate() {
+            *rate = 1.0 / self.gain(i, &n.get(i));
+            // So far away that a joint value swallows its leg.
+            if !rate.is_finite() {
+                return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
+            }
+        }
+        Ok(core::array::from_fn(|i| {
+            let rate = rates[i];
+            let force = Vector3::new(rows[0][i], rows[1][i], rows[2][i]);
+            let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]);
+            Gradient { force: force * rate, moment: moment * rate }
+        }))
+    }
+
+    /// Joint rates while the pose changes at `rate` per second, angles in degrees.
+    pub fn rates(&self, rate: &[f64; 6]) -> Result<Joints, Fault> {
+        let machine = self.machine;
+        let [vx, vy, vz, a, b, c] = *rate;
+        let angles = Vector3::new(a, b, c) * (core::f64::consts::PI / 180.0);
+        let omega = self.trig.rate_map() * angles;
+        let speed = Vector3::new(vx, vy, vz) + omega.cross(&self.lever());
+        let legs = self.leg_rates(&machine.of_legs(speed), &omega)?;
+        let mut rates = [0.0; MAX_JOINTS];
+        for (rate, leg) in rates.iter_mut().zip(legs).take(machine.count()) {
+            *rate = leg;
+        }
+        let table = rates.iter_mut().skip(machine.count()).zip(machine.layout.table().as_slice());
+        for (rate, letter) in table {
+            *rate = speed[letter.index().min(2)];
+        }
+        Ok(rates)
+    }
+
+    /// Rates of the legs' joints while the reference point moves at `v` and the platform turns at
+    /// `omega`: the gradients' products with both, in less work than the gradients take.
+    fn leg_rates(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> Result<[f64; N], Fault> {
+        let (v, omega) = (wide(v), wide(omega));
+        let mut rates = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let curved = self.placed.curved(i);
+            let n = scaled(&self.placed.span.pair(i), curved);
+            let speed = sum(&v, &cross(&omega, &self.placed.arms.pair(i)));
+            let mut rate = dot(&n, &speed);
+            if let Some(nut) = &self.machine.nut {
+                let of_nut = nut.rates(&self.twist, i, &n, curved);
+                rate += dot(&of_nut.along, &speed) + dot(&of_nut.moment, &omega);
+            }
+            put(&mut rates, i, rate);
+        }
+        if self.machine.moving {
+            let n = self.placed.directions();
+            for i in 0..N {
+                let per_rate = 1.0 / self.gain(i, &n.get(i));
+                // So far away that a joint value swallows its leg.
+                if !per_rate.is_finite() {
+                    return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
+                }
+                rates[i] *= per_rate;
+            }
+        }
+        Ok(rates)
+    }
+
+    /// Unit constraint rows without nut corrections, column by column, see
+    /// [`Mechanism::to_chart`].
+    pub fn constraint_columns(&self) -> [[f64; N]; 6] {
+        self.machine.charted_rows(&self.placed, None, &self.stand.place)
+    }
+
+    pub fn smallest_singular_value(&self) -> f64 {
+        once(&self.singular_value, || {
+            smallest_singular_value(&self.constraint_columns(), &self.machine.active)
+        })
+    }
+}

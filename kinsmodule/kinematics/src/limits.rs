@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The one list of limits of a machine, and how far a pose is from each of them.
+
+use crate::at::At;
+use crate::fault::{Cause, Fault};
+use crate::layout::{Joints, Letter, MAX_JOINTS, MAX_LEGS, PerLeg};
+use crate::leg::LEAST_DRIVE;
+use core::ops::ControlFlow;
+
+/// A kind of limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Limit {
+    /// Range of a pose coordinate.
+    Axis,
+    /// A leg has to reach its platform anchor.
+    Reach,
+    /// Range of a joint value.
+    JointRange,
+    /// Distance of a rod from its dead point.
+    DeadPoint,
+    /// Angle of a leg from its direction at the reference pose, as its base joint sees it.
+    BaseCone,
+    /// The same as its platform joint sees it.
+    PlatformCone,
+    /// Turns of a leg about the fixed axis of its base joint and across it.
+    BasePyramid,
+    /// The same of its platform joint.
+    PlatformPyramid,
+    /// Angle between tool axis and Z of base.
+    Tilt,
+    /// Distance of legs that share no anchor.
+    Clearance,
+    /// Smallest singular value of the legs' constraint rows.
+    Conditioning,
+    /// Speed of a joint.
+    JointSpeed,
+    /// Acceleration of a joint.
+    JointAcceleration,
+}
+
+impl Limit {
+    /// All of them, in the order in which [`At::margins`] visits them.
+    pub const ALL: [Limit; 13] = [
+        Self::Axis,
+        Self::Reach,
+        Self::JointRange,
+        Self::DeadPoint,
+        Self::BaseCone,
+        Self::PlatformCone,
+        Self::BasePyramid,
+        Self::PlatformPyramid,
+        Self::Tilt,
+        Self::Clearance,
+        Self::Conditioning,
+        Self::JointSpeed,
+        Self::JointAcceleration,
+    ];
+
+    /// Place in [`Limit::ALL`].
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// What people call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Axis => "axis range",
+            Self::Reach => "reach",
+            Self::JointRange => "joint range",
+            Self::DeadPoint => "dead point",
+            Self::BaseCone => "base cone",
+            Self::PlatformCone => "platform cone",
+            Self::BasePyramid => "base pyramid",
+            Self::PlatformPyramid => "platform pyramid",
+            Self::Tilt => "tilt of the tool axis",
+            Self::Clearance => "clearance between legs",
+            Self::Conditioning => "conditioning",
+            Self::JointSpeed => "joint speed",
+            Self::JointAcceleration => "joint acceleration",
+        }
+    }
+}
+
+/// What a limit is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The machine as a whole.
+    Whole,
+    /// A coordinate of the pose.
+    Axis(Letter),
+    /// A joint, counted from 0.
+    Joint(usize),
+    /// A leg, counted from 0.
+    Leg(usize),
+    /// Two legs, lower number first.
+    Legs([usize; 2]),
+}
+
+/// A value beside the range that it has to stay within.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margin {
+    /// Which limit.
+    pub limit: Limit,
+    /// Of what.
+    pub part: Part,
+    /// In units of the range.
+    pub value: f64,
+    /// Smallest and largest allowed value; infinite where there is none. Machine units, degrees,
+    /// joint units, or no dimension, by limit.
+    pub range: [f64; 2],
+}
+
+impl Margin {
+    /// Distance to the nearer end of the range, negative beyond it; NaN where anything is NaN.
+    pub fn room(&self) -> f64 {
+        let [low, high] = [self.value - self.range[0], self.range[1] - self.value];
+        if low.is_nan() || low < high { low } else { high }
+    }
+
+    /// Whether the value is within its range; NaN is not.
+    pub fn is_kept(&self) -> bool {
+        self.value >= self.range[0] && self.value <= self.range[1]
+    }
+
+    /// That of a pose which [`crate::Machine::at`] refuses: out of reach by the value, or a rod at
+    /// its dead point. NaN where the refusal has another cause.
+    pub fn of_fault(fault: &Fault) -> Self {
+        let part = fault.leg.map_or(Part::Whole, |leg| Part::Leg(usize::from(leg)));
+        match fault.cause {
+            Cause::DeadPoint => Self::dead_point(part, fault.value),
+            Cause::OutOfReach => Self::reach(part, -fault.value.abs()),
+            _ => Self::reach(part, f64::NAN),
+        }
+    }
+
+    fn reach(part: Part, value: f64) -> Self {
+        Self { limit: Limit::Reach, part, value, range: [0.0, f64::INFINITY] }
+    }
+
+    fn dead_point(part: Part, value: f64) -> Self {
+        Self { limit: Limit::DeadPoint, part, value, range: [LEAST_DRIVE, f64::INFINITY] }
+    }
+
+    /// What the monitor reports where this is not kept; `None` for what it leaves to others.
+    pub(crate) fn fault(&self) -> Option<Fault> {
+        let cause = match self.limit {
+            Limit::JointRange => Cause::JointLimitAhead,
+            Limit::BaseCone => Cause::BaseConeAhead,
+            Limit::PlatformCone => Cause::PlatformConeAhead,
+            Limit::BasePyramid => Cause::BasePyramidAhead,
+            Limit::PlatformPyramid => Cause::PlatformPyramidAhead,
+            Limit::Tilt => Cause::TiltAhead,
+            Limit::Clearance => Cause::LegsNear,
+            Limit::Conditioning => Cause::HoldAhead,
+            Limit::JointSpeed => Cause::JointTooFast,
+            Limit::DeadPoint => Cause::DeadPoint,
+            Limit::Axis | Limit::Reach | Limit::JointAcceleration => return None,
+        };
+        Some(match self.part {
+            Part::Joint(i) | Part::Leg(i) | Part::Legs([i, _]) => {
+                Fault::of_leg(cause, i, self.value)
+            }
+            Part::Whole | Part::Axis(_) => Fault::with_value(cause, self.value),
+        })
+    }
+}
+
+/// Values of all limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Smallest and largest value of each coordinate X … C, machine units and degrees.
+    pub axis: [[f64; 2]; 6],
+    /// Smallest joint values.
+    pub min: Joints,
+    /// Largest joint values.
+    pub max: Joints,
+    /// Joint speeds, joint units per second.
+    pub speed: Joints,
+    /// Joint accelerations, joint units per second².
+    pub acceleration: Joints,
+    /// Cones of the base joints, degrees; 0 = no limit.
+    pub base_cone: PerLeg,
+    /// Cones of the platform joints, degrees; 0 = no limit.
+    pub platform_cone: PerLeg,
+    /// Turns in the base joints about the fixed axis and across it, either way, degrees; 0 = no
+    /// limit.
+    pub base_pyramid: [[f64; 2]; MAX_LEGS],
+    /// The same in the platform joints.
+    pub platform_pyramid: [[f64; 2]; MAX_LEGS],
+    /// Tilt of the tool axis, degrees; 0 = no limit.
+    pub tilt: f64,
+    /// Smallest singular value of the constraint rows; 0 = no limit. The monitor has the machine
+    /// stand there, and slows it from twice that.
+    pub conditioning: f64,
+    /// Smallest distance of legs that share no anchor; 0 = no limit.
+    pub clearance: f64,
+}
+
+impl Limits {
+    /// None is set.
+    pub const NONE: Self = Self {
+        axis: [[f64::NEG_INFINITY, f64::INFINITY]; 6],
+        min: [f64::NEG_INFINITY; MAX_JOINTS],
+        max: [f64::INFINITY; MAX_JOINTS],
+        speed: [f64::INFINITY; MAX_JOINTS],
+        acceleration: [f64::INFINITY; MAX_JOINTS],
+        base_cone: [0.0; MAX_LEGS],
+        platform_cone: [0.0; MAX_LEGS],
+        base_pyramid: [[0.0; 2]; MAX_LEGS],
+        platform_pyramid: [[0.0; 2]; MAX_LEGS],
+        tilt: 0.0,
+        conditioning: 0.0,
+        clearance: 0.0,
+    };
+
+    /// Visits the margins of joint speeds, those of the first `count` joints.
+    pub fn speeds<B>(
+        &self,
+        rates: &Joints,
+        count: usize,
+        visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        either_way(Limit::JointSpeed, rates, &self.speed, count, visit)
+    }
+
+    /// Visits the margins of joint accelerations, those of the first `count` joints.
+    pub fn accelerations<B>(
+        &self,
+        accelerations: &Joints,
+        count: usize,
+        visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        either_way(Limit::JointAcceleration, accelerations, &self.acceleration, count, visit)
+    }
+}
+
+fn either_way<B>(
+    limit: Limit,
+    values: &Joints,
+    most: &Joints,
+    count: usize,
+    mut visit: impl FnMut(Margin) -> ControlFlow<B>,
+) -> ControlFlow<B> {
+    for (i, (value, most)) in values.iter().zip(most).enumerate().take(count) {
+        visit(Margin { limit, part: Part::Joint(i), value: *value, range: [-most, *most] })?;
+    }
+    ControlFlow::Continue(())
+}
+
+impl At<'_> {
+    /// Visits the margins of all limits that are set, of the pose alone: those of joint speeds and
+    /// accelerations belong to a motion, see [`Limits::speeds`]. Reach was shown when the machine
+    /// took the pose, see [`Margin::of_fault`]. What has no limit is not computed.
+    ///
+    /// A limit on a joint without the axis or the reference pose that it needs has the value NaN,
+    /// which is not kept.
+    pub fn margins<B>(
+        &self,
+        limits: &Limits,
+        mut visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        self.margins_of_shape(limits, &mut visit)?;
+        if limits.clearance != 0.0
+            && let Some(nearest) = self.nearest()
+        {
+            visit(clearance(&nearest, limits))?;
+        }
+        if limits.conditioning != 0.0 {
+            let (value, range) =
+                (self.smallest_singular_value(), [limits.conditioning, f64::INFINITY]);
+            visit(Margin { limit: Limit::Conditioning, part: Part::Whole, value, range })?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// The first limit in the order of the list that is not kept; conditioning aside.
+    pub(crate) fn first_broken(&self, limits: &Limits) -> Option<Margin> {
+        let visit = |margin: Margin| match margin.is_kept() {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(margin),
+        };
+        let near = || {
+            let nearest =
+                (limits.clearance != 0.0).then(|| self.nearest_within(limits.clearance))??;
+            Some(clearance(&nearest, limits)).filter(|margin| !margin.is_kept())
+        };
+        self.margins_of_shape(limits, visit).break_value().or_else(near)
+    }
+
+    /// Those of axes, joints, cones, pyramids and tilt.
+    fn margins_of_shape<B>(
+        &self,
+        limits: &Limits,
+        mut visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let pose = self.pose().to_degrees();
+        for ((letter, value), range) in Letter::ALL.into_iter().zip(pose).zip(limits.axis) {
+            visit(Margin { limit: Limit::Axis, part: Part::Axis(letter), value, range })?;
+        }
+        let ranges = limits.min.iter().zip(&limits.max);
+        let joints = self.joints().iter().zip(ranges).enumerate();
+        for (i, (value, (min, max))) in joints.take(self.layout().joints()) {
+            let (part, range) = (Part::Joint(i), [*min, *max]);
+            visit(Margin { limit: Limit::JointRange, part, value: *value, range })?;
+        }
+        for i in 0..self.layout().legs() {
+            if let Some(drive) = self.drive(i) {
+                visit(Margin::dead_point(Part::Leg(i), drive))?;
+            }
+        }
+        self.margins_of_cones(limits, &mut visit)?;
+        self.margins_of_pyramids(limits, &mut visit)?;
+        if limits.tilt != 0.0 {
+            let (value, range) = (self.tilt(), [0.0, limits.tilt]);
+            visit(Margin { limit: Limit::Tilt, part: Part::Whole, value, range })?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn margins_of_cones<B>(
+        &self,
+        limits: &Limits,
+        visit: &mut impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for (limit, most) in
+            [(Limit::BaseCone, &limits.base_cone), (Limit::PlatformCone, &limits.platform_cone)]
+        {
+            for (i, most) in most.iter().enumerate().take(self.layout().legs()) {
+                if *most == 0.0 {
+                    continue;
+                }
+                let cones = self.cones();
+                let angles = if limit == Limit::BaseCone { &cones.base } else { &cones.platform };
+                let value = angles.get(i).copied().unwrap_or(f64::NAN);
+                visit(Margin { limit, part: Part::Leg(i), value, range: [0.0, *most] })?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn margins_of_pyramids<B>(
+        &self,
+        limits: &Limits,
+        visit: &mut impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let ends = limits.base_pyramid.iter().zip(&limits.platform_pyramid);
+        for (i, (base, platform)) in ends.enumerate().take(self.layout().legs()) {
+            if *base == [0.0; 2] && *platform == [0.0; 2] {
+                continue;
+            }
+            let [at_base, at_platform] = self.turns(i);
+            for (limit, most, turns) in [
+                (Limit::BasePyramid, base, at_base),
+                (Limit::PlatformPyramid, platform, at_platform),
+            ] {
+                for (most, value) in most.iter().zip(turns).filter(|(most, _)| **most != 0.0) {
+                    visit(Margin { limit, part: Part::Leg(i), value, range: [-most, *most] })?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+fn clearance(nearest: &crate::watch::Nearest, limits: &Limits) -> Margin {
+    let (part, range) = (Part::Legs(nearest.pair), [limits.clearance, f64::INFINITY]);
+    Margin { limit: Limit::Clearance, part, value: nearest.distance, range }
+}
