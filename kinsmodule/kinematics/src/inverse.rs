@@ -219,7 +219,7 @@ impl<const N: usize> Mechanism<N> {
 
     /// Where a pose puts the platform.
     #[inline(always)]
-    fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
+    pub(crate) fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
         Stand { place: Place { centre: self.of_legs(point), rotation, angles: pose.angles }, point }

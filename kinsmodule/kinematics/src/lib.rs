@@ -31,6 +31,7 @@ mod machine;
 mod nut;
 mod pose;
 mod qr;
+mod side;
 mod text;
 mod watch;
 
@@ -48,5 +49,6 @@ pub use load::{Load, LoadError};
 pub use machine::{Jacobian, Machine, Moving, Segment};
 pub use nalgebra::{Matrix3, Vector3};
 pub use pose::Pose;
+pub use side::Side;
 pub use text::{Part, Text};
 pub use watch::{Cones, Nearest, Watch};
