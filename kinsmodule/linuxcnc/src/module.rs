@@ -495,6 +495,8 @@ impl Module {
             self.tool.take(tool);
         }
         self.guard.freeze(&machine, &given.geometry);
+        // What was commanded to the machine before says nothing of this one.
+        self.calls = Calls::default();
         self.crossing = Crossing::new();
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
