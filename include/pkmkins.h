@@ -69,6 +69,8 @@ enum pkmkins_cause {
   PKMKINS_RESIDUAL_LIMIT_INVALID = -39,
   // the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose.
   PKMKINS_JOINTS_INCONSISTENT = -40,
+  // the commanded motion has passed a singular pose: its joints fit another pose as well (at the distance shown).
+  PKMKINS_SINGULAR_PASSED = -41,
   // the geometry of the leg holds a value that is NaN or infinite.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,
   // the leg joins the same two points as the leg of the number shown.

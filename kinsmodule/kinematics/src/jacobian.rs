@@ -70,7 +70,7 @@ impl<const N: usize> LegsAt<'_, N> {
 }
 
 /// Sign of the determinant of the first `m` rows and columns.
-fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
+pub(crate) fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
     let m = m.min(MAX_LEGS);
     let mut sign = 1;
     for k in 0..m {

@@ -111,7 +111,8 @@ impl<const N: usize> LegsAt<'_, N> {
         self.stand.place.rotation * (self.tool + self.machine.reference)
     }
 
-    fn twist(&self) -> Option<&Twist<N>> {
+    /// Torsion of the legs, if any has a lead.
+    pub fn twist(&self) -> Option<&Twist<N>> {
         self.machine.nut.is_some().then_some(&self.twist)
     }
 

@@ -35,14 +35,14 @@ pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
 /// A parallel machine, made by [`Machine::freeze`], which checks it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
-    lanes: Lanes,
+    pub(crate) lanes: Lanes,
     watch: Watch,
 }
 
 /// The machine by number of lanes.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "without an allocator there is no box")]
-enum Lanes {
+pub(crate) enum Lanes {
     Four(Mechanism<4>),
     Six(Mechanism<6>),
     Eight(Mechanism<8>),
@@ -61,6 +61,7 @@ macro_rules! each {
         }
     };
 }
+pub(crate) use each;
 
 impl Machine {
     /// Checks a geometry and computes what stays constant.

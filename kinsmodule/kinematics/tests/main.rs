@@ -15,5 +15,6 @@ mod least_squares;
 mod legs;
 mod nut;
 mod properties;
+mod side;
 mod tracking;
 mod watch;

@@ -19,6 +19,8 @@ pub struct Calls {
     repeated: bool,
     /// The pose commanded since the last forward.
     commanded: Option<Pose>,
+    /// The pose commanded in the cycle before.
+    before: Option<Pose>,
 }
 
 impl Calls {
@@ -26,7 +28,10 @@ impl Calls {
     pub fn saw_forward(&mut self) {
         self.repeated = self.awaits_command;
         self.awaits_command = true;
-        self.commanded = None;
+        // The monitor, where it runs, has ended the cycle already.
+        if self.commanded.is_some() || self.repeated {
+            self.before = self.commanded.take();
+        }
     }
 
     /// Whether the next inverse is the one for the commanded pose.
@@ -52,10 +57,17 @@ impl Calls {
         self.repeated
     }
 
+    /// The pose commanded in the cycle before the forward at hand: the last that its joints can have
+    /// followed.
+    pub fn commanded_before(&self) -> Option<&Pose> {
+        self.before.as_ref()
+    }
+
     /// The monitor runs, after all calls of a cycle: the pose that was commanded in it.
     pub fn end_cycle(&mut self) -> Option<Pose> {
         // An inverse before the next forward is for the end point of a queued move.
         self.awaits_command = false;
-        self.commanded.take()
+        self.before = self.commanded.take();
+        self.before
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Rooms: [`abi`] is what LinuxCNC calls, [`hal`] what this module calls, [`load`] the
 //! load parameters, [`pins`] the HAL pins, [`module`] the state between calls, [`calls`] which of them
-//! a servo cycle has brought, [`tool`] how the tool offset follows its request, [`guard`] the watch
+//! a servo cycle has brought, [`crossing`] whether the commanded motion has passed a singular pose, [`tool`] how the tool offset follows its request, [`guard`] the watch
 //! over the motion. All unsafe code of the project is here; each block names who guarantees what it needs.
 //!
 //! LinuxCNC calls `rtapi_app_main` and `rtapi_app_exit` with no servo thread running,
@@ -12,6 +12,7 @@
 
 pub mod abi;
 mod calls;
+mod crossing;
 mod guard;
 mod hal;
 mod load;

@@ -3,6 +3,7 @@
 //! geometry is frozen, which tool offset holds, from which pose forward starts.
 
 use crate::calls::Calls;
+use crate::crossing::{Crossing, Sighting};
 use crate::guard::{Guard, Scene};
 use crate::hal::{nanoseconds, print_error};
 use crate::pins::{Given, Pins};
@@ -88,6 +89,7 @@ pub struct Module {
     machine_was_on: bool,
     /// The start without a seed.
     start: Start,
+    crossing: Crossing,
     report: Report,
     guard: Guard,
 }
@@ -112,6 +114,7 @@ impl Module {
             last_pose: None,
             machine_was_on: false,
             start: Start::new(),
+            crossing: Crossing::new(),
             report: Report { monitored: false, pending: None, told: [None; MOST_TOLD], quiet: 0 },
             guard: Guard::new(),
         }
@@ -198,15 +201,19 @@ impl Module {
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
         let unhomed = self.last_pose.is_none() && is_zero(joints);
         let mut solution = Solution::NONE;
-        let result = prepared.and_then(|()| self.solve(joints, seed, address, &mut solution));
+        let mut result = prepared.and_then(|()| self.solve(joints, seed, address, &mut solution));
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
+        }
+        if result.is_ok() {
+            // A pose that is refused below is what the joints lead to nevertheless.
+            self.remember(address, solution.pose);
+            result = self.refuse_beyond_singular(joints, &solution.pose);
         }
         self.refused = result.is_err();
         self.pins.fwd_kins_fail.set(self.refused);
         self.show_start();
         if result.is_ok() {
-            self.remember(address, solution.pose);
             *pose = solution.pose.to_degrees();
             self.show(&solution, *pose);
         }
@@ -220,6 +227,27 @@ impl Module {
             return Err(fault);
         }
         self.recorded(result)
+    }
+
+    /// Refuses the pose found while the commanded motion is beyond a singular pose.
+    ///
+    /// Once it is, this stays so without a commanded pose as well, until the machine is off.
+    fn refuse_beyond_singular(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
+        let Some(commanded) = self.calls.commanded_before() else {
+            if !self.crossing.has_passed() {
+                return Ok(());
+            }
+            if self.is_off() {
+                self.crossing = Crossing::new();
+                return Ok(());
+            }
+            return Err(Cause::SingularPassed.into());
+        };
+        let Some(Frozen { machine, .. }) = &self.frozen else { return Ok(()) };
+        let (tool, solver) = (&self.tool.offset(), &self.pins.solver());
+        let sighting = Sighting { machine, tool, solver, joints, found, commanded };
+        self.crossing.look(&sighting);
+        if self.crossing.has_passed() { Err(sighting.refusal()) } else { Ok(()) }
     }
 
     /// Drops what was known of the pose when joints had to be homed in between.
@@ -268,7 +296,10 @@ impl Module {
         let kind = self.kind_of(number)?;
         match kind {
             _ if kind == self.kind => {}
-            Kind::Identity => self.identity_joints = None,
+            Kind::Identity => {
+                self.identity_joints = None;
+                self.crossing = Crossing::new();
+            }
             Kind::Machine => {
                 self.find_pose_again()?;
                 self.switched_back = true;
@@ -464,6 +495,9 @@ impl Module {
             self.tool.take(tool);
         }
         self.guard.forget();
+        // What was commanded to the machine before says nothing of this one.
+        self.calls = Calls::default();
+        self.crossing = Crossing::new();
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
         self.callers = [None; CALLERS];
@@ -736,6 +770,7 @@ impl Module {
         let reset = self.pins.fault_reset();
         if reset && !self.reset_was {
             self.pins.clear_fault();
+            self.crossing = Crossing::new();
             self.report.told = [None; MOST_TOLD];
         }
         self.reset_was = reset;

@@ -17,6 +17,7 @@ mod loading;
 mod peers;
 mod pins;
 mod rods;
+mod singular;
 mod start;
 mod switching;
 mod tool_change;

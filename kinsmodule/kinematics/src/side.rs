@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! On which side of the singular poses a pose stands.
+//!
+//! Where a motion passes a singular pose the sign of det J changes. Joints beyond the fold belong to
+//! two poses that are near each other, the commanded one and its mirror image on the near side.
+//! Forward follows the joints, never passes a singular pose, and finds the mirror image: every answer
+//! of it is right, and the sequence is not the machine's motion. So commanded poses have to stay on
+//! forward's side.
+//!
+//! The sign is not computed anew for every pose: it stays where J stays regular, on a ball of radius
+//! ρ with L(ρ) ρ < 1 (module `certificate`). There the base anchors stand still; here the joints
+//! follow the pose, and rods turn faster: a rod with the margin m (module `leg`) whose margin stays
+//! above m/2 moves its lower end by 2 s₁/m at most per unit of motion, which adds 2 s₁²/(m l) to its k.
+
+use crate::certificate::flatness;
+use crate::fault::Fault;
+use crate::jacobian::sign_of_determinant;
+use crate::layout::Joints;
+use crate::layout::MAX_LEGS;
+use crate::machine::{Lanes, Machine, Mechanism, Place, Placed, each};
+use crate::pose::Pose;
+use crate::qr::Qr;
+use libm::sqrt;
+use nalgebra::{Matrix3, Vector3};
+
+/// Radius of the first ball to be tried, as a share of 1/L at its middle: L grows with the ball.
+const FIRST_SHARE: f64 = 0.7;
+
+/// Balls to be tried, each half as large as the one before.
+const TRIES: u32 = 4;
+
+/// A turn by θ changes a rotation matrix by 2√2 sin(θ/2) (Frobenius norm), which is at least
+/// 2√2 θ/π up to half a turn.
+const TURN_PER_CHANGE: f64 = core::f64::consts::PI / (2.0 * core::f64::consts::SQRT_2);
+
+/// The side of the singular poses on which a pose stands, and how far from it that is proved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    sign: i32,
+    centre: Vector3<f64>,
+    rotation: Matrix3<f64>,
+    reach: f64,
+}
+
+impl Side {
+    /// Whether a singular pose lies between the two on any way: both signs of det J are known, and
+    /// differ. Machines with more legs than coordinates have no such sign.
+    pub fn opposes(&self, other: &Self) -> bool {
+        self.sign * other.sign < 0
+    }
+}
+
+impl Machine {
+    /// The side on which a pose stands.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
+        each!(self, m => m.side(pose, tool))
+    }
+
+    /// Whether a pose is so near to that of `side` that it certainly stands on the same side.
+    pub fn is_on(&self, side: &Side, pose: &Pose, tool: &Vector3<f64>) -> bool {
+        each!(self, m => m.is_on(side, pose, tool))
+    }
+
+    /// Largest way of a leg's joint from one set of values to another as a length, machine units: of a
+    /// crank the way of the arm's end.
+    pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {
+        each!(self, m => m.travel(from, to))
+    }
+}
+
+impl<const N: usize> Mechanism<N> {
+    pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
+        let legs = self.at(pose, tool)?;
+        let (joints, placed, place) = (&legs.joints, &legs.placed, &legs.stand.place);
+        let twist = legs.twist();
+        let columns = self.charted_rows(placed, twist, place);
+        let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
+        let reach = match Qr::new(&columns, &self.active) {
+            _ if self.layout.is_redundant() => f64::INFINITY,
+            Some(qr) => self.largest_ball(|rho| {
+                let fixed = flatness(self, placed, twist, &qr, rho, None).ok()?;
+                Some(fixed + self.of_joints(placed, joints, &qr, rho)?)
+            }),
+            None => 0.0,
+        };
+        Ok(Side { sign, centre: place.centre, rotation: place.rotation, reach })
+    }
+
+    pub fn is_on(&self, side: &Side, pose: &Pose, tool: &Vector3<f64>) -> bool {
+        let Place { centre, rotation, .. } = self.standing(pose, &pose.trigonometry(), tool).place;
+        let turn = TURN_PER_CHANGE * self.radius * (rotation - side.rotation).norm();
+        (centre - side.centre).norm_squared() + turn * turn < side.reach * side.reach
+    }
+
+    pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {
+        let legs = self.legs.iter().zip(from.iter().zip(to)).take(self.count());
+        // The margin of a gain of 1 is 1 over the largest gain.
+        let ways =
+            legs.map(|(leg, (from, to))| (to - from).abs() / leg.margin(1.0).map_or(1.0, f64::abs));
+        ways.fold(0.0, f64::max)
+    }
+
+    /// Sign of the determinant of the active columns.
+    fn sign_of(&self, columns: &[[f64; N]; 6]) -> i32 {
+        let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
+        let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
+        for (row, (column, _)) in square.iter_mut().zip(active) {
+            for (to, value) in row.iter_mut().zip(column) {
+                *to = *value;
+            }
+        }
+        sign_of_determinant(square, self.count().min(MAX_LEGS))
+    }
+
+    /// Radius ρ of a ball with L(ρ) ρ < 1; 0 where none was found.
+    fn largest_ball(&self, flat: impl Fn(f64) -> Option<f64>) -> f64 {
+        let Some(least) = flat(0.0) else { return 0.0 };
+        let mut rho = FIRST_SHARE / least;
+        for _ in 0..TRIES {
+            if flat(rho).is_some_and(|flat| flat * rho < 1.0) {
+                return rho;
+            }
+            rho /= 2.0;
+        }
+        0.0
+    }
+
+    /// What the rods' lower ends, which follow the pose, add to L of the ball of radius `rho`;
+    /// `None` where a rod may come too near to its dead point.
+    fn of_joints(
+        &self,
+        placed: &Placed<N>,
+        joints: &[f64; N],
+        qr: &Qr<N>,
+        rho: f64,
+    ) -> Option<f64> {
+        let mut sum = 0.0;
+        for i in 0..self.count() {
+            let (leg, s1, length) = (&self.legs[i], self.s1[i], placed.length[i]);
+            let gain = leg.gain(joints[i] + self.offset[i], &(placed.span.get(i) / length));
+            let Some(margin) = leg.margin(gain) else { continue };
+            let speed = s1 * (1.0 + 2.0 / margin);
+            let turn = speed * rho / length + leg.bend(2.0 * s1 * rho / gain).turn;
+            if !(margin > 0.0 && turn <= margin / 2.0) {
+                return None;
+            }
+            let more = 2.0 * s1 * s1 / (margin * length);
+            sum += more * more;
+        }
+        Some(qr.inverse_norm() * sqrt(sum))
+    }
+}

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether the commanded motion has passed a singular pose.
+//!
+//! Forward follows the joints and stays on its side of the singular poses; a commanded motion that
+//! passes one leaves forward behind, on the mirror image of the commanded pose. Both fit the joints,
+//! so that only the commanded poses tell.
+
+use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
+
+/// Share of the machine's size within which a pose found again is the same one.
+const SAME_POSE: f64 = 1e-6;
+
+/// Share of the machine's size by which joints may be apart from those of the commanded pose and
+/// still follow it: on a machine of 1 m twice the following error at which drives usually stop.
+const FOLLOWING: f64 = 0.02;
+
+/// The commanded pose beside the one that forward has found.
+pub struct Sighting<'a> {
+    pub machine: &'a Machine,
+    pub tool: &'a Vector3<f64>,
+    pub solver: &'a Solver,
+    pub joints: &'a Joints,
+    pub found: &'a Pose,
+    pub commanded: &'a Pose,
+}
+
+/// What is known of the commanded motion.
+pub struct Crossing {
+    /// Side of a commanded pose that was forward's.
+    side: Option<Side>,
+    /// Whether the commanded motion has passed a singular pose and not come back.
+    passed: bool,
+}
+
+impl Crossing {
+    pub const fn new() -> Self {
+        Self { side: None, passed: false }
+    }
+
+    pub fn has_passed(&self) -> bool {
+        self.passed
+    }
+
+    /// Looks at another commanded pose. Most stand near one that was looked at before.
+    #[inline]
+    pub fn look(&mut self, sighting: &Sighting<'_>) {
+        let Sighting { machine, tool, commanded, .. } = *sighting;
+        let known = self.side.as_ref().is_some_and(|side| machine.is_on(side, commanded, tool));
+        if !known {
+            self.compare(sighting);
+        }
+    }
+
+    #[inline(never)]
+    fn compare(&mut self, sighting: &Sighting<'_>) {
+        let Sighting { machine, tool, found, commanded, .. } = *sighting;
+        self.side = None;
+        let (Ok(there), Ok(here)) = (machine.side(commanded, tool), machine.side(found, tool))
+        else {
+            return;
+        };
+        if there.opposes(&here) {
+            self.passed |= sighting.joints_follow();
+        } else if !self.passed || sighting.is_connected() {
+            self.passed = false;
+            self.side = Some(there);
+        }
+    }
+}
+
+impl Sighting<'_> {
+    /// Whether the joints are those of the commanded pose, as far as drives follow.
+    fn joints_follow(&self) -> bool {
+        let Ok(joints) = self.machine.inverse(self.commanded, self.tool) else { return false };
+        self.machine.travel(&joints, self.joints) <= FOLLOWING * self.machine.size()
+    }
+
+    /// Whether the joints lead from the pose found to the commanded one. The sign of det J does not
+    /// tell after a motion that passed two singular poses.
+    fn is_connected(&self) -> bool {
+        let Self { machine, tool, solver, found, commanded, .. } = self;
+        let Ok(joints) = machine.inverse(commanded, tool) else { return false };
+        let led = machine.forward(&joints, found, tool, solver);
+        let same = SAME_POSE * machine.size();
+        led.is_ok_and(|led| led.pose.distance(commanded, machine.radius()) <= same)
+    }
+
+    /// The refusal, with the distance of the two poses.
+    pub fn refusal(&self) -> Fault {
+        let apart = self.found.distance(self.commanded, self.machine.radius());
+        Fault::with_value(Cause::SingularPassed, apart)
+    }
+}
