@@ -6,13 +6,15 @@ use crate::certificate::{CERTAIN_AT_ALL, flatness};
 use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
-use crate::layout::{Letter, PerLeg};
+use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
-use crate::machine::{Chart, FARTHEST, Mechanism, Place};
+use crate::letters::Letter;
+use crate::mechanism::{Chart, FARTHEST, Mechanism};
 use crate::nut::Nut;
+use crate::placed::Place;
 use crate::pose::Pose;
-use crate::qr::Qr;
+use crate::pseudo_inverse::Qr;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -242,6 +244,19 @@ impl<const N: usize> Mechanism<N> {
         self.refuse_free_at(&place)
     }
 
+    /// The legs at a pose without a tool, from moving base anchor to platform anchor.
+    #[inline(never)]
+    pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
+        let place = self.standing(pose, &pose.trigonometry(), &Vector3::zeros()).place;
+        let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
+        let placed = self.placed(&anchors, &place);
+        let mut spans = [Vector3::zeros(); MAX_LEGS];
+        for (i, span) in spans.iter_mut().enumerate().take(self.count()) {
+            *span = placed.span.get(i);
+        }
+        Ok(spans)
+    }
+
     /// Refuses a layout whose legs leave the platform free at `place`.
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
         let anchors = self.moved_anchors(&self.joints_at(place)?)?;
@@ -261,7 +276,7 @@ impl<const N: usize> Mechanism<N> {
 mod tests {
     use super::*;
     use crate::geometry::LegGeometry;
-    use crate::layout::Letters;
+    use crate::letters::Letters;
 
     /// Struts from far below to these platform anchors, which are 2, 2, 4 and 4 from their middle.
     const PLATFORM: [[f64; 3]; 6] = [

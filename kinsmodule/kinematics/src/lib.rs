@@ -28,15 +28,20 @@ mod lanes;
 mod layout;
 pub mod leg;
 mod legs_at;
+mod letters;
 mod limits;
 mod load;
+mod load_error;
 mod machine;
+mod mechanism;
 mod nut;
+mod placed;
 mod pose;
-mod qr;
+mod pseudo_inverse;
 mod segment;
 mod singular;
 mod text;
+mod trig;
 mod watch;
 
 pub use ahead::{Motion, Outlook, Planner};
@@ -45,16 +50,21 @@ pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
     WorkspaceBox,
 };
+pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
 pub use fault::{CAUSES, Cause, Fault};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};
-pub use layout::{Joints, Layout, Letter, Letters, MAX_JOINTS, MAX_LEGS, PerLeg};
+pub use jacobian::Jacobian;
+pub use layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 pub use leg::{LEAST_DRIVE, LegKind};
+pub use letters::{Letter, Letters};
 pub use limits::{Limit, Limits, Margin, Part};
-pub use load::{Load, LoadError};
-pub use machine::{Jacobian, Machine};
+pub use load::Load;
+pub use load_error::LoadError;
+pub use machine::Machine;
 pub use nalgebra::{Matrix3, Vector3};
+pub use nut::{LARGEST_ALONG_AXIS, MIN_SIN_SQUARED};
 pub use pose::Pose;
 pub use segment::Segment;
 pub use text::{Piece, Text};
-pub use watch::{Cones, Nearest, Watch};
+pub use watch::{Cones, Nearest, Turns, Watch};

@@ -20,13 +20,18 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
-use crate::pose::{arcs, arcs_by_half, broad_arcs};
+use crate::leg;
+use crate::trig::{arcs, arcs_by_half, broad_arcs};
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
-const MIN_SIN_SQUARED: f64 = 1e-6;
+pub const MIN_SIN_SQUARED: f64 = 1e-6;
+
+/// Largest |n·A| and |n·B|, widened by what a pose may change, for which a bound of the
+/// correction's derivatives is given: the sine of 89°.
+pub const LARGEST_ALONG_AXIS: f64 = 0.999_847_695_156_391_3;
 
 /// Smallest |cos(φ − φ₀)| at the reference pose: nearer to a quarter turn the
 /// choice of φ₀ would hang on rounding.
@@ -373,17 +378,16 @@ impl Widened {
     /// By `by` radians.
     #[inline(always)]
     fn new(sine: f64x2, by: f64x2) -> Self {
-        const SIN_89: f64 = 0.999_847_695_156_391_3;
         // |sin(θ + by)| ≤ |sin θ| + by, which keeps trigonometry out of the servo path.
         let sin = sine.abs() + by;
         let secant = both(1.0) / (both(1.0) - sin * sin).sqrt();
-        Self { allowed: sin.simd_lt(both(SIN_89)), secant, tan: sin * secant }
+        Self { allowed: sin.simd_lt(both(LARGEST_ALONG_AXIS)), secant, tan: sin * secant }
     }
 }
 
 /// Unit vector of an axis as given.
 fn direction(given: &[f64; 3], leg: usize) -> Result<Vector3<f64>, Fault> {
-    crate::leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
+    leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
 }
 
 #[cfg(test)]
