@@ -12,7 +12,7 @@
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
-use crate::layout::Joints;
+use crate::layout::{Joints, MAX_LEGS};
 use crate::limits::Limits;
 use crate::machine::Machine;
 use crate::pose::Pose;
@@ -21,6 +21,9 @@ use nalgebra::Vector3;
 
 /// Places looked at ahead of the present one.
 const PLACES: u32 = 8;
+
+/// Multiple of the least smallest singular value from which the machine slows.
+const SLOW_FROM: f64 = 2.0;
 
 /// Share of a joint's speed limit that is used: what the places between those looked at, and a
 /// bend of the path that is not seen before it begins, may add.
@@ -155,14 +158,26 @@ impl Motion {
 struct View {
     /// Largest speed at which no joint is too fast, and the joint.
     joints: (f64, Option<Fault>),
-    /// The first limit that is not kept.
+    /// The first limit of the pose that is not kept.
     refused: Option<Fault>,
-    /// Where it is limited, and the legs reach the place.
-    singular_value: Option<f64>,
+    /// Whether the legs reach the place.
+    is_reached: bool,
+}
+
+/// A look along a motion.
+struct Look<'a> {
+    tool: &'a Vector3<f64>,
+    limits: &'a Limits,
+    motion: &'a Motion,
+    /// Time to the last place.
+    horizon: f64,
+    /// The machine at the place that was viewed last.
+    at: At<'a>,
 }
 
 impl Machine {
     /// Looks along a motion; work is bounded: nine places.
+    #[inline(never)]
     pub fn ahead(
         &self,
         tool: &Vector3<f64>,
@@ -175,75 +190,109 @@ impl Machine {
             return Outlook { allowed: 0.0, because: None, soon: None };
         }
         let horizon = planner.latency + FARTHER / (2.0 * braking);
-        let view = |share: f64| {
-            let (pose, rate) = motion.after(horizon * share);
-            View::of(self.at(&pose, tool), &rate, limits, share == 0.0 || share == 1.0)
-        };
-        let (here, there) = (view(0.0), view(1.0));
-        let hold = Hold::between(&here, &there, limits, planner.requested);
+        let at = self.nowhere();
+        Look { tool, limits, motion, horizon, at }.outlook(braking, planner)
+    }
+
+    /// What is not allowed at the pose, at rest.
+    #[inline(never)]
+    pub fn here(&self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
+        match self.at(pose, tool) {
+            Ok(at) => refused(&at, limits),
+            Err(fault) => Some(fault),
+        }
+    }
+}
+
+fn refused(at: &At<'_>, limits: &Limits) -> Option<Fault> {
+    at.first_broken(limits)?.fault()
+}
+
+impl Look<'_> {
+    fn outlook(mut self, braking: f64, planner: &Planner) -> Outlook {
+        let here = self.view(0.0);
+        let rows = self.rows_of(&here);
+        let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
+        let there = self.view(1.0);
+        let hold = self.hold((rows, now), &there, planner.requested);
         let mut outlook = Outlook { allowed: f64::INFINITY, because: None, soon: None };
         for k in 0..=PLACES {
             let share = f64::from(k) / f64::from(PLACES);
+            let time = self.horizon * share;
+            let later = time - planner.latency;
+            // From here on nothing is slower than what a stop at this place asks for.
+            if outlook.soon.is_some() && speed_before(0.0, braking, later) >= outlook.allowed {
+                break;
+            }
             let between;
             let view = match k {
                 0 => &here,
                 PLACES => &there,
                 _ => {
-                    between = view(share);
+                    between = self.view(share);
                     &between
                 }
             };
-            outlook.add(view, view.speed(&hold, share), horizon * share, (braking, planner));
+            let (allowed, because) = view.speed(&hold, share);
+            let now = speed_before(allowed, braking, later);
+            if !(now >= outlook.allowed) {
+                outlook.allowed = now;
+                outlook.because = because.map(|fault| (fault, time));
+            }
+            if outlook.soon.is_none() {
+                outlook.soon = view.refused.or(because.filter(|_| allowed < 1.0));
+            }
         }
         outlook
     }
 
-    /// What is not allowed at the pose, at rest.
-    pub fn here(&self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
-        refused(&self.at(pose, tool), limits)
-    }
-}
-
-impl Outlook {
-    /// Takes a place into account that the present speed comes to after a time.
-    fn add(
-        &mut self,
-        view: &View,
-        (allowed, because): (f64, Option<Fault>),
-        time: f64,
-        (braking, planner): (f64, &Planner),
-    ) {
-        let now = speed_before(allowed, braking, time - planner.latency);
-        if !(now >= self.allowed) {
-            self.allowed = now;
-            self.because = because.map(|fault| (fault, time));
-        }
-        if self.soon.is_none() {
-            self.soon = view.refused.or(because.filter(|_| allowed < 1.0));
+    /// Looks at the place at a share of the way.
+    fn view(&mut self, share: f64) -> View {
+        let (pose, rate) = self.motion.after(self.horizon * share);
+        let moved = self.at.move_to(&pose, self.tool);
+        match moved.and_then(|()| self.at.rates(&rate)) {
+            Ok(rates) => View {
+                joints: joint_speed(&rates, self.limits),
+                refused: refused(&self.at, self.limits),
+                is_reached: true,
+            },
+            Err(fault) => {
+                View { joints: (0.0, Some(fault)), refused: Some(fault), is_reached: false }
+            }
         }
     }
-}
 
-fn refused(at: &Result<At<'_>, Fault>, limits: &Limits) -> Option<Fault> {
-    match at {
-        Ok(at) => at.first_broken(limits)?.fault(),
-        Err(fault) => Some(*fault),
+    /// Constraint rows of the place viewed last, where they are limited and the legs reach it.
+    fn rows_of(&self, view: &View) -> Option<[[f64; 6]; MAX_LEGS]> {
+        (self.limits.conditioning != 0.0 && view.is_reached).then(|| self.at.constraint_rows())
+    }
+
+    /// How the smallest singular value changes to the place viewed last. Its exact value there is
+    /// needed only where what the rows change by might bring it near the limit: singular values
+    /// change by the norm of that at most (Weyl).
+    fn hold(
+        &self,
+        (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64),
+        there: &View,
+        requested: f64,
+    ) -> Hold {
+        let limit = self.limits.conditioning;
+        let none = Hold { now, change: 0.0, limit, requested };
+        let Some((rows, then)) = rows.zip(self.rows_of(there)) else { return none };
+        let mut square = 0.0;
+        for (row, then) in rows.iter().zip(&then) {
+            for (a, b) in row.iter().zip(then) {
+                square += (a - b) * (a - b);
+            }
+        }
+        if now - sqrt(square) > SLOW_FROM * limit {
+            return none;
+        }
+        Hold { change: self.at.smallest_singular_value() - now, ..none }
     }
 }
 
 impl View {
-    fn of(at: Result<At<'_>, Fault>, rate: &[f64; 6], limits: &Limits, at_an_end: bool) -> Self {
-        let rates = at.as_ref().map_err(|fault| *fault).and_then(|at| at.rates(rate));
-        let joints = match &rates {
-            Ok(rates) => joint_speed(rates, limits),
-            Err(fault) => (0.0, Some(*fault)),
-        };
-        let refused = rates.err().or_else(|| refused(&at, limits));
-        let needed = at_an_end && limits.conditioning != 0.0;
-        let singular_value = at.ok().filter(|_| needed).map(|at| at.smallest_singular_value());
-        Self { joints, refused, singular_value }
-    }
-
     /// Largest speed here and what limits it.
     fn speed(&self, hold: &Hold, share: f64) -> (f64, Option<Fault>) {
         match hold.speed(share) {
@@ -285,17 +334,6 @@ struct Hold {
 }
 
 impl Hold {
-    fn between(here: &View, there: &View, limits: &Limits, requested: f64) -> Self {
-        // Where no leg could stand at all, the place itself says so.
-        let now = here.singular_value.unwrap_or(0.0);
-        Self {
-            now,
-            change: there.singular_value.map_or(0.0, |t| t - now),
-            limit: limits.conditioning,
-            requested,
-        }
-    }
-
     /// Speed at a share of the way, with its reason.
     fn speed(&self, share: f64) -> Option<(f64, Fault)> {
         if self.limit == 0.0 || self.change >= 0.0 {
@@ -303,7 +341,7 @@ impl Hold {
         }
         let hold = self.now + self.change * share;
         let part = hold / self.limit - 1.0;
-        if part >= 1.0 {
+        if part >= SLOW_FROM - 1.0 {
             return None;
         }
         let speed = if part > 0.0 { part * self.requested } else { 0.0 };
@@ -315,8 +353,9 @@ impl Hold {
 mod tests {
     use super::*;
     use crate::geometry::{Geometry, LegGeometry};
-    use crate::layout::{Letters, MAX_JOINTS, MAX_LEGS};
+    use crate::layout::MAX_JOINTS;
     use crate::leg::StrutGeometry;
+    use crate::letters::Letters;
 
     const PERIOD: f64 = 1e-3;
     const RADIUS: f64 = 50.0;
@@ -458,7 +497,7 @@ mod tests {
             let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
             let limits = Limits { speed: [speed; MAX_JOINTS], ..Limits::NONE };
             let joints = joint_speed(&rates, &limits);
-            View { joints, refused: None, singular_value: None }
+            View { joints, refused: None, is_reached: true }
         };
         // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
         let (speed, why) = view(8.0).speed(&hold, 1.0);

@@ -2,12 +2,12 @@
 //! The machine at a pose.
 
 use crate::fault::Fault;
+use crate::jacobian::Jacobian;
 use crate::layout::{Joints, Layout, MAX_LEGS, PerLeg};
 use crate::legs_at::{LegsAt, once};
-use crate::machine::Jacobian;
 use crate::pose::Pose;
 use crate::segment::Segment;
-use crate::watch::{Cones, Nearest, Watch};
+use crate::watch::{Cones, Nearest, Turns, Watch};
 use core::cell::Cell;
 use libm::{atan2, hypot};
 use nalgebra::{Matrix3, Vector3};
@@ -24,6 +24,7 @@ pub struct At<'a> {
     joints: Joints,
     segments: [Segment; MAX_LEGS],
     cones: Cell<Option<Cones>>,
+    turns: Cell<Option<[Turns; 2]>>,
     nearest: Cell<Option<Option<Nearest>>>,
 }
 
@@ -47,19 +48,34 @@ macro_rules! each {
 }
 
 impl<'a> At<'a> {
-    pub(crate) fn new(legs: Lanes<'a>, watch: &'a Watch, pose: &Pose) -> Result<Self, Fault> {
-        let mut at = Self {
+    /// To be moved to a pose.
+    pub(crate) fn nowhere(legs: Lanes<'a>, watch: &'a Watch) -> Self {
+        Self {
             legs,
             watch,
-            pose: *pose,
+            pose: Pose { position: Vector3::zeros(), angles: Vector3::zeros() },
             joints: Joints::default(),
             segments: [Segment { base: Vector3::zeros(), platform: Vector3::zeros() }; MAX_LEGS],
             cones: Cell::new(None),
+            turns: Cell::new(None),
             nearest: Cell::new(None),
-        };
-        at.joints = each!(at, legs => legs.all_joints())?;
-        at.segments = each!(at, legs => legs.segments());
-        Ok(at)
+        }
+    }
+
+    /// Takes another pose in the same memory; after an error it is at none.
+    pub(crate) fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
+        match &mut self.legs {
+            Lanes::Four(legs) => legs.move_to(pose, tool),
+            Lanes::Six(legs) => legs.move_to(pose, tool),
+            Lanes::Eight(legs) => legs.move_to(pose, tool),
+        }?;
+        self.pose = *pose;
+        self.joints = each!(self, legs => legs.all_joints())?;
+        each!(self, legs => legs.write_segments(&mut self.segments));
+        self.cones.set(None);
+        self.turns.set(None);
+        self.nearest.set(None);
+        Ok(())
     }
 
     /// The pose.
@@ -135,6 +151,14 @@ impl<'a> At<'a> {
         rows
     }
 
+    /// Per joint the largest rate for a unit velocity of the control point that does not turn.
+    ///
+    /// # Errors
+    /// As [`At::inverse_jacobian`].
+    pub fn speed_ratios(&self) -> Result<Joints, Fault> {
+        each!(self, legs => legs.speed_ratios())
+    }
+
     /// Joint rates while the pose changes at `rate` per second: X, Y, Z in machine units, A, B, C
     /// in **degrees**.
     ///
@@ -179,10 +203,9 @@ impl<'a> At<'a> {
         once(&self.cones, || self.watch.cones(&self.rotation(), &self.segments))
     }
 
-    /// Turns of a leg in its cardan joints, see [`Watch::turns`].
-    pub fn turns(&self, leg: usize) -> [[f64; 2]; 2] {
-        let segment = self.segments.get(leg);
-        segment.map_or([[f64::NAN; 2]; 2], |now| self.watch.turns(&self.rotation(), leg, now))
+    /// Turns of the legs in their cardan joints at base and platform, see [`Watch::turns`].
+    pub fn turns(&self) -> [Turns; 2] {
+        once(&self.turns, || self.watch.turns(&self.rotation(), &self.segments))
     }
 
     /// The two legs that are nearest to each other, of those that share no anchor.
@@ -190,7 +213,7 @@ impl<'a> At<'a> {
         once(&self.nearest, || self.watch.nearest(&self.segments))
     }
 
-    /// As [`Watch::nearest_within`].
+    /// The same of those that are no farther apart than `most`; all that are nearer are among them.
     pub(crate) fn nearest_within(&self, most: f64) -> Option<Nearest> {
         self.watch.nearest_within(&self.segments, most)
     }

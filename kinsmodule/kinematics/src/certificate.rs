@@ -39,19 +39,20 @@
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
 use crate::leg::LEAST_DRIVE;
-use crate::machine::{Mechanism, Placed};
+use crate::mechanism::Mechanism;
 use crate::nut::{Ball, Twist};
-use crate::qr::Qr;
+use crate::placed::Placed;
+use crate::pseudo_inverse::Qr;
 use libm::sqrt;
 use nalgebra::Vector3;
 use wide::f64x2;
 
 /// Largest h = L η that counts as certified: Newton-Kantorovich allows 1/2, the rest
 /// covers what a sub-step leaves unconverged.
-pub(crate) const CERTIFIED: f64 = 0.4;
+pub const CERTIFIED: f64 = 0.4;
 
 /// A pose whose ball is smaller than this share of the size is too near a singular one.
-pub(crate) const CERTAIN_AT_ALL: f64 = 1e-6;
+pub const CERTAIN_AT_ALL: f64 = 1e-6;
 
 /// How the base anchors move while the joints go from one set of values to another in
 /// unit time, seen from a platform that is shifted along.
@@ -202,9 +203,11 @@ pub(crate) mod tests {
     use crate::freeze::Frozen;
     use crate::geometry::{Geometry, LegGeometry};
     use crate::lanes::Lanes3;
-    use crate::layout::{Letters, PerLeg};
+    use crate::layout::PerLeg;
     use crate::leg::{CrankGeometry, LegKind, SliderGeometry, StrutGeometry};
-    use crate::machine::{Chart, Place};
+    use crate::letters::Letters;
+    use crate::mechanism::Chart;
+    use crate::placed::Place;
     use crate::pose::Pose;
     use nalgebra::{Rotation3, Vector3};
     use rand::{Rng, SeedableRng};

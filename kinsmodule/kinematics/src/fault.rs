@@ -2,7 +2,7 @@
 //! Why a call was refused: one table feeds the code, the C header, the manual and
 //! the messages that reach the operator.
 
-use crate::layout::Letter;
+use crate::letters::Letter;
 use crate::text::Text;
 
 /// Bytes of a message with the zero that ends it: LinuxCNC shows 254 characters, some of
@@ -282,6 +282,25 @@ impl Cause {
             Letter::B => Self::HeldB,
             Letter::C => Self::HeldC,
         }
+    }
+}
+
+/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
+const HELD_TOLERANCE: f64 = 1e-9;
+
+impl Letter {
+    /// Refuses a value of this letter, held at 0 on a machine of `size`, that is more than
+    /// rounding.
+    ///
+    /// # Errors
+    /// The cause of the letter, [`Cause::HeldX`] to [`Cause::HeldC`].
+    #[inline]
+    pub fn check_held(self, value: f64, size: f64) -> Result<(), Fault> {
+        let unit = if self.is_angle() { 1.0 } else { size };
+        if value.abs() <= HELD_TOLERANCE * unit {
+            return Ok(());
+        }
+        Err(Fault::with_value(Cause::held(self), value))
     }
 }
 

@@ -6,13 +6,15 @@ use crate::certificate::{CERTAIN_AT_ALL, flatness};
 use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
-use crate::layout::{Letter, PerLeg};
+use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
-use crate::machine::{Chart, FARTHEST, Mechanism, Place};
-use crate::nut::Nut;
+use crate::letters::Letter;
+use crate::mechanism::{Chart, FARTHEST, Mechanism};
+use crate::nut::{Nut, Twist};
+use crate::placed::{Place, Placed};
 use crate::pose::Pose;
-use crate::qr::Qr;
+use crate::pseudo_inverse::Qr;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -247,10 +249,26 @@ impl<const N: usize> Mechanism<N> {
     /// Fixes the fold of the nut correction at a pose that is no reference pose.
     pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
         let pose = self.held(pose, false)?;
-        let legs = self.at(&pose, tool)?;
-        let (n, rotation) = (legs.placed.directions(), legs.stand.place.rotation);
+        pose.check()?;
+        self.check_tool(tool)?;
+        let place = self.standing(&pose, &pose.trigonometry(), tool).place;
+        let (mut placed, mut twist) = (Placed::ZERO, Twist::ZERO);
+        self.corrected(&place, &mut placed, &mut twist)?;
         let Some(nut) = &mut self.nut else { return Ok(None) };
-        nut.fold_at(&n, &rotation)
+        nut.fold_at(&placed.directions(), &place.rotation)
+    }
+
+    /// The legs at a pose without a tool, from moving base anchor to platform anchor.
+    #[inline(never)]
+    pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
+        let place = self.standing(pose, &pose.trigonometry(), &Vector3::zeros()).place;
+        let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
+        let placed = self.placed(&anchors, &place);
+        let mut spans = [Vector3::zeros(); MAX_LEGS];
+        for (i, span) in spans.iter_mut().enumerate().take(self.count()) {
+            *span = placed.span.get(i);
+        }
+        Ok(spans)
     }
 
     /// Refuses a layout whose legs leave the platform free at `place`.
@@ -272,7 +290,7 @@ impl<const N: usize> Mechanism<N> {
 mod tests {
     use super::*;
     use crate::geometry::LegGeometry;
-    use crate::layout::Letters;
+    use crate::letters::Letters;
 
     /// Struts from far below to these platform anchors, which are 2, 2, 4 and 4 from their middle.
     const PLATFORM: [[f64; 3]; 6] = [

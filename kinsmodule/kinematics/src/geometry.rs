@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The geometry as the integrator wrote it, before any check, and its hash.
 
-use crate::layout::{Layout, Letters, MAX_LEGS};
+use crate::layout::{Layout, MAX_LEGS};
 use crate::leg::{LegKind, StrutGeometry};
-use crate::load::LoadError;
+use crate::letters::Letters;
+use crate::load_error::LoadError;
 use nalgebra::Vector3;
 
 /// One leg as given.

@@ -5,8 +5,9 @@ use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, are_finite, between, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
-use crate::machine::{Mechanism, Place, Placed};
+use crate::mechanism::Mechanism;
 use crate::nut::{Nut, Turns, Twist};
+use crate::placed::{Place, Placed};
 use crate::pose::{FLAT, Pose, Trigonometry};
 use nalgebra::Vector3;
 
@@ -19,6 +20,11 @@ pub(crate) struct Stand {
     pub place: Place,
     /// The reference point in base, legs and table together.
     pub point: Vector3<f64>,
+}
+
+impl Stand {
+    /// Level, at the origin.
+    pub const LEVEL: Self = Self { place: Place::LEVEL, point: Vector3::new(0.0, 0.0, 0.0) };
 }
 
 impl<const N: usize> Mechanism<N> {
@@ -290,8 +296,8 @@ mod tests {
     use crate::certificate::tests::random;
     use crate::freeze::Frozen;
     use crate::geometry::{Geometry, LegGeometry};
-    use crate::layout::Letters;
     use crate::leg::StrutGeometry;
+    use crate::letters::Letters;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 

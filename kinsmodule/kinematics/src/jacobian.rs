@@ -3,10 +3,13 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::Lanes3;
-use crate::layout::MAX_LEGS;
+use crate::layout::{MAX_JOINTS, MAX_LEGS};
 use crate::legs_at::{Gradient, LegsAt};
-use crate::machine::{Chart, Jacobian};
-use nalgebra::Vector3;
+use crate::mechanism::Chart;
+use nalgebra::{SMatrix, Vector3};
+
+/// Rows of joints by columns of a twist or pose; rows beyond the last joint are 0.
+pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
 
 /// cos B below which the pose coordinates A and C are not independent.
 const MIN_COS_B: f64 = 1e-6;

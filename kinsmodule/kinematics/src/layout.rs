@@ -2,8 +2,8 @@
 //! Numbers and letters of a machine: which joints there are, and which coordinates of
 //! the pose they move.
 
-use crate::fault::{Cause, Fault};
-use crate::load::LoadError;
+use crate::letters::{Letter, Letters};
+use crate::load_error::LoadError;
 
 /// Most legs of a machine.
 pub const MAX_LEGS: usize = 8;
@@ -16,117 +16,6 @@ pub type Joints = [f64; MAX_JOINTS];
 
 /// One number for each leg; 0 beyond the last leg.
 pub type PerLeg = [f64; MAX_LEGS];
-
-/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
-const HELD_TOLERANCE: f64 = 1e-9;
-
-/// A coordinate of the pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "LinuxCNC's letters")]
-pub enum Letter {
-    X,
-    Y,
-    Z,
-    A,
-    B,
-    C,
-}
-
-impl Letter {
-    /// X Y Z A B C.
-    pub const ALL: [Letter; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
-
-    /// Place in a pose: X = 0 … C = 5.
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-
-    /// The letter itself, upper case.
-    pub const fn name(self) -> char {
-        match self {
-            Self::X => 'X',
-            Self::Y => 'Y',
-            Self::Z => 'Z',
-            Self::A => 'A',
-            Self::B => 'B',
-            Self::C => 'C',
-        }
-    }
-
-    /// Whether it is an angle.
-    pub const fn is_angle(self) -> bool {
-        self.index() >= 3
-    }
-
-    /// Refuses a value of this letter, held at 0 on a machine of `size`, that is more than
-    /// rounding.
-    ///
-    /// # Errors
-    /// The cause of the letter, [`Cause::HeldX`] to [`Cause::HeldC`].
-    #[inline]
-    pub fn check_held(self, value: f64, size: f64) -> Result<(), Fault> {
-        let unit = if self.is_angle() { 1.0 } else { size };
-        if value.abs() <= HELD_TOLERANCE * unit {
-            return Ok(());
-        }
-        Err(Fault::with_value(Cause::held(self), value))
-    }
-}
-
-/// Some letters, each at most once, in the order written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Letters {
-    all: [Letter; 6],
-    count: usize,
-}
-
-impl Letters {
-    /// None.
-    pub const NONE: Self = Self { all: [Letter::X; 6], count: 0 };
-
-    /// X Y Z A B C.
-    pub const XYZABC: Self = Self { all: Letter::ALL, count: 6 };
-
-    /// From text such as `XYZB`, upper or lower case; `None` if a character is no
-    /// letter of the pose, or stands twice.
-    pub fn parse(text: &[u8]) -> Option<Self> {
-        let mut letters = Self::NONE;
-        for character in text {
-            let index = b"XYZABC".iter().position(|l| *l == character.to_ascii_uppercase())?;
-            let letter = *Letter::ALL.get(index)?;
-            if letters.contains(letter) {
-                return None;
-            }
-            *letters.all.get_mut(letters.count)? = letter;
-            letters.count += 1;
-        }
-        // What stands beyond the last letter must not tell two equal lists apart.
-        for rest in letters.all.iter_mut().skip(letters.count) {
-            *rest = Letter::X;
-        }
-        Some(letters)
-    }
-
-    /// In the order written.
-    pub fn as_slice(&self) -> &[Letter] {
-        self.all.get(..self.count).unwrap_or(&self.all)
-    }
-
-    /// Whether `letter` is one of them.
-    pub fn contains(&self, letter: Letter) -> bool {
-        self.as_slice().contains(&letter)
-    }
-
-    /// How many.
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-}
 
 /// Numbers and letters of a machine, in themselves consistent.
 ///
@@ -206,17 +95,6 @@ impl Layout {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn letters_stand_once_each_in_any_order() {
-        assert_eq!(Letters::parse(b"xyzabc"), Some(Letters::XYZABC));
-        let turned = Letters::parse(b"CBAZYX").unwrap();
-        assert!(turned.as_slice().iter().map(|l| l.index()).eq([5, 4, 3, 2, 1, 0]));
-        assert_eq!(Letters::parse(b"").unwrap().len(), 0);
-        for bad in [&b"XX"[..], b"XYZABB", b"XYZABU", b"X Y", b"XYZABCC"] {
-            assert_eq!(Letters::parse(bad), None);
-        }
-    }
 
     #[test]
     fn what_does_not_fit_together_is_refused() {

@@ -5,8 +5,9 @@ use crate::fault::{Cause, Fault};
 use crate::inverse::Stand;
 use crate::lanes::{Lanes3, cross, dot, put, scaled, sum, wide};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
-use crate::machine::{Mechanism, Placed};
+use crate::mechanism::Mechanism;
 use crate::nut::Twist;
+use crate::placed::Placed;
 use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
 use crate::singular::smallest_singular_value;
@@ -54,37 +55,46 @@ pub(crate) fn once<T: Copy>(cell: &Cell<Option<T>>, compute: impl FnOnce() -> T)
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// The legs at a pose.
-    pub(crate) fn at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<LegsAt<'_, N>, Fault> {
-        pose.check()?;
-        self.check_tool(tool)?;
-        let pose = &if self.holds { self.held(pose, true)? } else { *pose };
-        let trig = pose.trigonometry();
-        let stand = self.standing(pose, &trig, tool);
-        let mut legs = LegsAt {
+    /// To be moved to a pose.
+    pub(crate) fn nowhere(&self) -> LegsAt<'_, N> {
+        LegsAt {
             machine: self,
-            tool: *tool,
-            trig,
-            stand,
+            tool: Vector3::zeros(),
+            trig: Trigonometry::LEVEL,
+            stand: Stand::LEVEL,
             joints: [0.0; N],
             corrections: [0.0; N],
-            anchors: self.base,
+            anchors: Lanes3::ZERO,
             placed: Placed::ZERO,
             twist: Twist::ZERO,
             gradients: Cell::new(None),
             singular_value: Cell::new(None),
-        };
-        legs.corrections = self.corrected(&legs.stand.place, &mut legs.placed, &mut legs.twist)?;
-        legs.joints = self.leg_joints(&legs.placed, &legs.corrections)?;
-        legs.anchors = self.moved_anchors(&legs.joints)?;
-        if self.moving {
-            self.place(&legs.anchors, &legs.stand.place, &mut legs.placed);
         }
-        Ok(legs)
     }
 }
 
 impl<const N: usize> LegsAt<'_, N> {
+    /// Takes another pose in the same memory.
+    pub(crate) fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
+        let machine = self.machine;
+        pose.check()?;
+        machine.check_tool(tool)?;
+        let pose = &if machine.holds { machine.held(pose, true)? } else { *pose };
+        self.tool = *tool;
+        self.trig = pose.trigonometry();
+        self.stand = machine.standing(pose, &self.trig, tool);
+        let place = &self.stand.place;
+        self.corrections = machine.corrected(place, &mut self.placed, &mut self.twist)?;
+        self.joints = machine.leg_joints(&self.placed, &self.corrections)?;
+        self.anchors = machine.moved_anchors(&self.joints)?;
+        if machine.moving {
+            machine.place(&self.anchors, &self.stand.place, &mut self.placed);
+        }
+        self.gradients.set(None);
+        self.singular_value.set(None);
+        Ok(())
+    }
+
     /// Joint values of legs and table.
     pub fn all_joints(&self) -> Result<Joints, Fault> {
         self.machine.all_joints(&self.joints, &self.stand.point)
@@ -94,16 +104,13 @@ impl<const N: usize> LegsAt<'_, N> {
         self.machine.per_leg(&self.corrections)
     }
 
-    pub fn segments(&self) -> [Segment; MAX_LEGS] {
-        let mut segments =
-            [Segment { base: Vector3::zeros(), platform: Vector3::zeros() }; MAX_LEGS];
+    pub fn write_segments(&self, segments: &mut [Segment; MAX_LEGS]) {
         for (i, segment) in segments.iter_mut().enumerate().take(self.machine.count()) {
             *segment = Segment {
                 base: self.anchors.get(i),
                 platform: self.stand.place.centre + self.placed.arms.get(i),
             };
         }
-        segments
     }
 
     /// From the control point to the reference point, in base.
@@ -150,6 +157,18 @@ impl<const N: usize> LegsAt<'_, N> {
             let moment = Vector3::new(rows[3][i], rows[4][i], rows[5][i]);
             Gradient { force: force * rate, moment: moment * rate }
         }))
+    }
+
+    pub fn speed_ratios(&self) -> Result<Joints, Fault> {
+        let (machine, legs) = (self.machine, self.gradients()?);
+        let mut ratios = [0.0; MAX_JOINTS];
+        for ratio in ratios.iter_mut().take(machine.layout.joints()) {
+            *ratio = 1.0;
+        }
+        for (ratio, leg) in ratios.iter_mut().zip(&legs).take(machine.count()) {
+            *ratio = machine.of_legs(leg.force).norm();
+        }
+        Ok(ratios)
     }
 
     /// Joint rates while the pose changes at `rate` per second, angles in degrees.

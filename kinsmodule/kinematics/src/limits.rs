@@ -3,8 +3,10 @@
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, Letter, MAX_JOINTS, MAX_LEGS, PerLeg};
+use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::LEAST_DRIVE;
+use crate::letters::Letter;
+use crate::watch::Nearest;
 use core::ops::ControlFlow;
 
 /// A kind of limit.
@@ -287,7 +289,7 @@ impl At<'_> {
         self.margins_of_shape(limits, visit).break_value().or_else(near)
     }
 
-    /// Those of axes, joints, cones, pyramids and tilt.
+    /// Those of axes, joints, dead points, cones, pyramids and tilt.
     fn margins_of_shape<B>(
         &self,
         limits: &Limits,
@@ -311,7 +313,7 @@ impl At<'_> {
         self.margins_of_cones(limits, &mut visit)?;
         self.margins_of_pyramids(limits, &mut visit)?;
         if limits.tilt != 0.0 {
-            let (value, range) = (self.tilt(), [0.0, limits.tilt]);
+            let (value, range) = (self.tilt(), [f64::NEG_INFINITY, limits.tilt]);
             visit(Margin { limit: Limit::Tilt, part: Part::Whole, value, range })?;
         }
         ControlFlow::Continue(())
@@ -332,7 +334,12 @@ impl At<'_> {
                 let cones = self.cones();
                 let angles = if limit == Limit::BaseCone { &cones.base } else { &cones.platform };
                 let value = angles.get(i).copied().unwrap_or(f64::NAN);
-                visit(Margin { limit, part: Part::Leg(i), value, range: [0.0, *most] })?;
+                visit(Margin {
+                    limit,
+                    part: Part::Leg(i),
+                    value,
+                    range: [f64::NEG_INFINITY, *most],
+                })?;
             }
         }
         ControlFlow::Continue(())
@@ -343,18 +350,22 @@ impl At<'_> {
         limits: &Limits,
         visit: &mut impl FnMut(Margin) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        let ends = limits.base_pyramid.iter().zip(&limits.platform_pyramid);
-        for (i, (base, platform)) in ends.enumerate().take(self.layout().legs()) {
-            if *base == [0.0; 2] && *platform == [0.0; 2] {
-                continue;
-            }
-            let [at_base, at_platform] = self.turns(i);
-            for (limit, most, turns) in [
-                (Limit::BasePyramid, base, at_base),
-                (Limit::PlatformPyramid, platform, at_platform),
-            ] {
-                for (most, value) in most.iter().zip(turns).filter(|(most, _)| **most != 0.0) {
-                    visit(Margin { limit, part: Part::Leg(i), value, range: [-most, *most] })?;
+        for (limit, most) in [
+            (Limit::BasePyramid, &limits.base_pyramid),
+            (Limit::PlatformPyramid, &limits.platform_pyramid),
+        ] {
+            for (i, [about, across]) in most.iter().enumerate().take(self.layout().legs()) {
+                if *about == 0.0 && *across == 0.0 {
+                    continue;
+                }
+                let [base, platform] = self.turns();
+                let turns = if limit == Limit::BasePyramid { base } else { platform };
+                for (most, values) in [(about, turns.about), (across, turns.across)] {
+                    if *most != 0.0 {
+                        let value = values.get(i).copied().unwrap_or(f64::NAN);
+                        let (part, range) = (Part::Leg(i), [-most, *most]);
+                        visit(Margin { limit, part, value, range })?;
+                    }
                 }
             }
         }
@@ -362,7 +373,7 @@ impl At<'_> {
     }
 }
 
-fn clearance(nearest: &crate::watch::Nearest, limits: &Limits) -> Margin {
+fn clearance(nearest: &Nearest, limits: &Limits) -> Margin {
     let (part, range) = (Part::Legs(nearest.pair), [limits.clearance, f64::INFINITY]);
     Margin { limit: Limit::Clearance, part, value: nearest.distance, range }
 }

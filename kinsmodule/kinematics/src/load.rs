@@ -2,8 +2,10 @@
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS`.
 
 use crate::boxes::MAX_BOXES;
-use crate::layout::{Layout, Letters, MAX_LEGS};
+use crate::layout::{Layout, MAX_LEGS};
 use crate::leg::Kind;
+use crate::letters::Letters;
+use crate::load_error::LoadError;
 
 /// What the load parameters ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,52 +14,6 @@ pub struct Load {
     /// Numbers and letters.
     pub layout: Layout,
     boxes: usize,
-}
-
-/// Why load parameters are refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LoadError {
-    /// `legs` is not `KIND:COUNT[,KIND:COUNT]`.
-    LegsMalformed,
-    /// A kind of leg that does not exist.
-    KindUnknown,
-    /// No leg, or more than the module drives.
-    LegsWrong,
-    /// `coordinates` holds another character than X Y Z A B C, one of them twice, or none.
-    CoordinatesWrong,
-    /// More coordinates than legs.
-    TooManyCoordinates,
-    /// `table` holds another character than X Y Z, or one of them twice.
-    TableWrong,
-    /// A letter in both `coordinates` and `table`.
-    LetterTwice,
-    /// `boxes` is no number from 0 to [`MAX_BOXES`].
-    BoxesWrong,
-}
-
-impl LoadError {
-    /// One sentence for people, with the way out.
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::LegsMalformed => {
-                "legs= must be KIND:COUNT[,KIND:COUNT], such as strut:6 or slider:4"
-            }
-            Self::KindUnknown => "the kinds of legs are strut, slider, crank",
-            Self::LegsWrong => "a machine has one to eight legs",
-            Self::CoordinatesWrong => {
-                "coordinates= must hold some of the letters X Y Z A B C, each once"
-            }
-            Self::TooManyCoordinates => {
-                "more coordinates than legs: each needs a leg that moves it, such as \
-                 legs=slider:4 coordinates=XYZB"
-            }
-            Self::TableWrong => "table= may hold the letters X Y Z, each once",
-            Self::LetterTwice => {
-                "a letter stands in coordinates= and in table=: either the platform moves it, or the table"
-            }
-            Self::BoxesWrong => "boxes= must be a number from 0 to 8",
-        }
-    }
 }
 
 impl Load {

@@ -21,13 +21,18 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
-use crate::pose::{arcs, arcs_by_half, broad_arcs};
+use crate::leg;
+use crate::trig::{arcs, arcs_by_half, broad_arcs};
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
-const MIN_SIN_SQUARED: f64 = 1e-6;
+pub const MIN_SIN_SQUARED: f64 = 1e-6;
+
+/// Smallest sine of the angle between a strut and a joint axis, widened by what a pose may change,
+/// for which a bound of the correction's derivatives is given: the root of [`MIN_SIN_SQUARED`].
+pub const LEAST_SINE_TO_AXIS: f64 = 1e-3;
 
 /// Largest |φ − φ₀|. At half a turn the correction jumps by a lead, which inverse cannot see
 /// without a memory. Ten degrees before it refuses: to step over these and those behind the jump,
@@ -434,21 +439,19 @@ impl Widened {
     /// By `by` radians.
     #[inline(always)]
     fn new(sine: f64x2, by: f64x2) -> Self {
-        // The root of MIN_SIN_SQUARED.
-        const LEAST_COSINE: f64 = 1e-3;
         let sine = sine.abs();
         let cosine = (both(1.0) - sine * sine).sqrt();
         // sin by ≤ by and cos by ≥ 1 − by²/2 keep trigonometry out of the servo path.
         let least = cosine * (both(1.0) - both(0.5) * by * by) - sine * by;
         let secant = both(1.0) / least;
         let most = sine + cosine * by;
-        Self { allowed: least.simd_gt(both(LEAST_COSINE)), secant, tan: most * secant }
+        Self { allowed: least.simd_gt(both(LEAST_SINE_TO_AXIS)), secant, tan: most * secant }
     }
 }
 
 /// Unit vector of an axis as given.
 fn direction(given: &[f64; 3], leg: usize) -> Result<Vector3<f64>, Fault> {
-    crate::leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
+    leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
 }
 
 #[cfg(test)]

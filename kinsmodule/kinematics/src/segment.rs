@@ -7,10 +7,6 @@ use nalgebra::Vector3;
 /// nearest point then errs by less than the root of it, a ten thousandth of a leg.
 const PARALLEL: f64 = 1e-8;
 
-/// Rounding of a bound that is compared with a distance: a pair of legs is passed over only
-/// where it is farther apart by more than this share.
-const SLACK: f64 = 1.0 + 1e-9;
-
 /// One leg at a pose, in base, machine units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
@@ -56,18 +52,6 @@ impl Segment {
             }
         }
         gap
-    }
-
-    /// Whether another segment is surely farther away than `distance`, without finding how far:
-    /// a plane square to the line between their middles then lies between them. NaN is not sure.
-    pub(crate) fn is_beyond(&self, other: &Self, distance: f64) -> bool {
-        let between = (self.base + self.platform) - (other.base + other.platform);
-        let (d, e) = (self.platform - self.base, other.platform - other.base);
-        // Twice the way between the middles, times its own length, less what the halves reach.
-        let square = between.norm_squared();
-        let free = square - d.dot(&between).abs() - e.dot(&between).abs();
-        let least = 2.0 * distance * SLACK;
-        free > 0.0 && free * free > least * least * square
     }
 
     /// The shortest vector from this segment to a point.
@@ -155,22 +139,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn what_is_beyond_a_distance_is_farther_and_most_of_what_is_farther_is_beyond() {
-        let number = |k: usize| libm::sin((k * k + 5) as f64);
-        let mut beyond = [0; 2];
-        for case in 0..2_000 {
-            let point = |k: usize| Vector3::from_fn(|axis, _| number(12 * case + 3 * k + axis));
-            let one = Segment { base: point(0), platform: point(1) };
-            let other = Segment { base: point(2), platform: point(3) };
-            let distance = one.distance(&other);
-            assert!(!one.is_beyond(&other, distance) && !other.is_beyond(&one, distance));
-            assert!(!one.is_beyond(&other, f64::NAN));
-            beyond[0] += usize::from(one.is_beyond(&other, 0.0));
-            beyond[1] += usize::from(one.is_beyond(&other, 0.5 * distance));
-        }
-        assert!(beyond[0] > 600 && beyond[1] > 300, "{beyond:?}");
     }
 }

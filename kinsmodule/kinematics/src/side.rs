@@ -15,11 +15,12 @@
 use crate::certificate::flatness;
 use crate::fault::Fault;
 use crate::jacobian::sign_of_determinant;
-use crate::layout::Joints;
-use crate::layout::MAX_LEGS;
-use crate::machine::{Lanes, Machine, Mechanism, Place, Placed, each};
+use crate::layout::{Joints, MAX_LEGS};
+use crate::machine::{Lanes, Machine, each};
+use crate::mechanism::Mechanism;
+use crate::placed::{Place, Placed};
 use crate::pose::Pose;
-use crate::qr::Qr;
+use crate::pseudo_inverse::Qr;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 
@@ -73,7 +74,8 @@ impl Machine {
 
 impl<const N: usize> Mechanism<N> {
     pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
-        let legs = self.at(pose, tool)?;
+        let mut legs = self.nowhere();
+        legs.move_to(pose, tool)?;
         let (joints, placed, place) = (&legs.joints, &legs.placed, &legs.stand.place);
         let twist = legs.twist();
         let columns = self.charted_rows(placed, twist, place);

@@ -3,11 +3,11 @@
 //! point at the reference pose, the fixed axes of their joints, and which of them may not touch.
 
 use crate::geometry::{Geometry, LegGeometry};
+use crate::lanes::{Lanes3, both, cross, dot, put, times, wide};
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::{LegKind, direction};
-use crate::pose::broad_arcs;
 use crate::segment::Segment;
-use libm::asin;
+use crate::trig::broad_arcs;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
@@ -17,18 +17,20 @@ const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Watch {
     /// The legs' joints at base and platform; `None` without a reference pose.
-    joints: Option<[[Joint; 2]; MAX_LEGS]>,
+    joints: Option<[Joints; 2]>,
+    /// Number of legs.
+    count: usize,
     /// Pairs of legs, lower number first, that share no anchor.
     apart: [[bool; MAX_LEGS]; MAX_LEGS],
 }
 
-/// A joint at one end of a leg, in the body that it is fixed to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Joint {
+/// The joints at one end of the legs, in the body that they are fixed to.
+#[derive(Clone, Debug, PartialEq)]
+struct Joints {
     /// From base to platform at the reference pose.
-    home: Vector3<f64>,
-    /// Unit vector of the cardan joint's fixed axis; zeros where none is given.
-    axis: Vector3<f64>,
+    home: Lanes3<MAX_LEGS>,
+    /// Unit vectors of the cardan joints' fixed axes; zeros where none is given.
+    axis: Lanes3<MAX_LEGS>,
 }
 
 /// Angles by which the legs have left their direction at the reference pose, degrees.
@@ -38,6 +40,15 @@ pub struct Cones {
     pub base: PerLeg,
     /// As the platform joints see it.
     pub platform: PerLeg,
+}
+
+/// Turns of the legs in their cardan joints at one end, degrees, see [`Watch::turns`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turns {
+    /// About the axis that is fixed in the body.
+    pub about: PerLeg,
+    /// Across it.
+    pub across: PerLeg,
 }
 
 /// Two legs, lower number first, and the distance of their centre lines.
@@ -50,10 +61,11 @@ pub struct Nearest {
 }
 
 impl Watch {
-    /// Of a geometry, with its legs and orientation at the reference pose.
+    /// Of a geometry; with its legs, from base to platform, and its orientation at the reference
+    /// pose.
     pub(crate) fn of(
         geometry: &Geometry,
-        home: Option<(&[Segment; MAX_LEGS], &Matrix3<f64>)>,
+        home: Option<(&[Vector3<f64>; MAX_LEGS], &Matrix3<f64>)>,
     ) -> Self {
         let legs = geometry.legs();
         let apart = core::array::from_fn(|i| {
@@ -62,43 +74,50 @@ impl Watch {
                 i < j && pair.is_some_and(|(one, other)| !share_anchor(one, other))
             })
         });
-        let joints = home.map(|(segments, rotation)| {
-            core::array::from_fn(|i| {
-                let home = segments.get(i).map_or(Vector3::zeros(), Segment::span);
-                let [base, platform] = axes(legs.get(i));
-                let in_platform = rotation.tr_mul(&home);
-                [Joint { home, axis: base }, Joint { home: in_platform, axis: platform }]
-            })
+        let joints = home.map(|(spans, rotation)| {
+            let mut joints = [Joints::NONE, Joints::NONE];
+            let [base, platform] = &mut joints;
+            for (i, (span, leg)) in spans.iter().zip(legs).enumerate() {
+                let [at_base, at_platform] = axes(&leg.kind);
+                base.set(i, *span, at_base);
+                platform.set(i, rotation.tr_mul(span), at_platform);
+            }
+            joints
         });
-        Self { joints, apart }
+        Self { joints, count: legs.len(), apart }
     }
 
     /// Angles of the legs' cones for an orientation of the platform; zeros where the
     /// machine has no reference pose.
     pub fn cones(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> Cones {
         let mut cones = Cones { base: [0.0; MAX_LEGS], platform: [0.0; MAX_LEGS] };
-        let Some(joints) = &self.joints else { return cones };
-        let angles = cones.base.iter_mut().zip(&mut cones.platform);
-        for ((leg, joints), (base, platform)) in legs.iter().zip(joints).zip(angles) {
-            let now = leg.span();
-            let [at_base, at_platform] = joints.map(|joint| joint.home);
-            [*base, *platform] =
-                angles_between([now, rotation.tr_mul(&now)], [at_base, at_platform]);
+        let Some([base, platform]) = &self.joints else { return cones };
+        let back = rotation.transpose();
+        for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
+            let now = spans(legs, i);
+            put(&mut cones.base, i, base.angles(i, &now));
+            put(&mut cones.platform, i, platform.angles(i, &times(&back, &now)));
         }
         cones
     }
 
-    /// Turns of a leg about the fixed axes of its joints at base and platform since the reference
-    /// pose, and its angles across them, degrees: `[about, across]` for either end. NaN where the
-    /// joint has no axis, or the machine no reference pose.
+    /// Turns of the legs about the fixed axes of their joints at base and platform since the
+    /// reference pose, and their angles across them, degrees. NaN where the joint has no axis, or
+    /// the machine no reference pose.
     ///
     /// A cardan joint turns about the axis that is fixed in its body, and the leg then about one
     /// square to it: what the leg leaves of a right angle with the fixed axis is its angle across.
-    pub fn turns(&self, rotation: &Matrix3<f64>, leg: usize, now: &Segment) -> [[f64; 2]; 2] {
-        let joints = self.joints.as_ref().and_then(|joints| joints.get(leg));
-        let Some([base, platform]) = joints else { return [[f64::NAN; 2]; 2] };
-        let now = now.span();
-        [base.turns(&now), platform.turns(&rotation.tr_mul(&now))]
+    pub fn turns(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> [Turns; 2] {
+        let mut turns = [Turns { about: [f64::NAN; MAX_LEGS], across: [f64::NAN; MAX_LEGS] }; 2];
+        let Some([base, platform]) = &self.joints else { return turns };
+        let back = rotation.transpose();
+        let [at_base, at_platform] = &mut turns;
+        for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
+            let now = spans(legs, i);
+            base.turns(i, &now, at_base);
+            platform.turns(i, &times(&back, &now), at_platform);
+        }
+        turns
     }
 
     /// Whether the distance of two legs counts, lower number first: they share no anchor.
@@ -113,15 +132,29 @@ impl Watch {
 
     /// The same of those that are no farther apart than `most`; all that are nearer are among them.
     pub(crate) fn nearest_within(&self, legs: &[Segment; MAX_LEGS], most: f64) -> Option<Nearest> {
+        let (mut middle, mut span) = (Lanes3::<MAX_LEGS>::ZERO, Lanes3::<MAX_LEGS>::ZERO);
+        for (i, leg) in legs.iter().enumerate() {
+            middle.set(i, leg.base + leg.platform);
+            span.set(i, leg.span());
+        }
         let mut nearest: Option<Nearest> = None;
-        for (i, (one, apart)) in legs.iter().zip(&self.apart).enumerate() {
-            for (j, (other, apart)) in legs.iter().zip(apart).enumerate() {
-                if !apart || one.is_beyond(other, nearest.map_or(most, |n| n.distance)) {
+        for i in 0..MAX_LEGS - 1 {
+            let own = [wide(&middle.get(i)), wide(&span.get(i))];
+            for j in (0..MAX_LEGS).step_by(2) {
+                let watched = [self.apart[i][j], self.apart[i][j + 1]];
+                if !(watched[0] || watched[1]) {
                     continue;
                 }
-                let distance = one.distance(other);
-                if !nearest.is_some_and(|n| n.distance <= distance) {
-                    nearest = Some(Nearest { distance, pair: [i, j] });
+                let least = nearest.map_or(most, |n| n.distance);
+                let beyond = are_beyond(&own, &[middle.pair(j), span.pair(j)], least);
+                for (j, (watched, beyond)) in (j..).zip(watched.into_iter().zip(beyond)) {
+                    if !watched || beyond {
+                        continue;
+                    }
+                    let distance = legs[i].distance(&legs[j.min(MAX_LEGS - 1)]);
+                    if !nearest.is_some_and(|n| n.distance <= distance) {
+                        nearest = Some(Nearest { distance, pair: [i, j] });
+                    }
                 }
             }
         }
@@ -129,17 +162,65 @@ impl Watch {
     }
 }
 
-impl Joint {
-    fn turns(&self, leg: &Vector3<f64>) -> [f64; 2] {
-        if self.axis == Vector3::zeros() {
-            return [f64::NAN; 2];
-        }
-        let along = self.axis.dot(leg);
-        let turned = self.home.dot(leg) - self.axis.dot(&self.home) * along;
-        let about = libm::atan2(self.axis.dot(&self.home.cross(leg)), turned);
-        let across = asin((along / leg.norm()).clamp(-1.0, 1.0));
-        [about * DEGREES, across * DEGREES]
+/// Rounding of a bound that is compared with a distance: legs are passed over only where they
+/// are farther apart by more than this share.
+const SLACK: f64 = 1.0 + 1e-9;
+
+/// Whether a leg is surely farther than `distance` from two others, without finding how far: two
+/// planes square to the line between their middles, or to both of them, then lie so far apart
+/// between them. All by twice their middles and by their spans. NaN is not sure.
+#[inline(always)]
+fn are_beyond(one: &[[f64x2; 3]; 2], others: &[[f64x2; 3]; 2], distance: f64) -> [bool; 2] {
+    let between: [f64x2; 3] = core::array::from_fn(|k| one[0][k] - others[0][k]);
+    let least = both(2.0 * distance * SLACK);
+    // Twice the way between the middles, times its own length, less what the halves reach.
+    let square = dot(&between, &between);
+    let free = square - dot(&one[1], &between).abs() - dot(&others[1], &between).abs();
+    let beside = free.simd_gt(both(0.0)) & (free * free).simd_gt(least * least * square);
+    let normal = cross(&one[1], &others[1]);
+    let apart = dot(&between, &normal);
+    let crossing = (apart * apart).simd_gt(least * least * dot(&normal, &normal));
+    (beside | crossing).to_array().map(|mask| mask.to_bits() != 0)
+}
+
+impl Joints {
+    const NONE: Self = Self { home: Lanes3::ZERO, axis: Lanes3::ZERO };
+
+    fn set(&mut self, i: usize, home: Vector3<f64>, axis: Vector3<f64>) {
+        let i = i.min(MAX_LEGS - 1);
+        self.home.set(i, home);
+        self.axis.set(i, axis);
     }
+
+    /// Angles between legs i and i + 1 and their directions at home, degrees; 0 where a leg has
+    /// no length.
+    #[inline(always)]
+    fn angles(&self, i: usize, now: &[f64x2; 3]) -> f64x2 {
+        let home = self.home.pair(i);
+        let across = cross(now, &home);
+        broad_arcs(dot(&across, &across).sqrt(), dot(now, &home)) * both(DEGREES)
+    }
+
+    #[inline(always)]
+    fn turns(&self, i: usize, now: &[f64x2; 3], turns: &mut Turns) {
+        let (home, axis) = (self.home.pair(i), self.axis.pair(i));
+        let along = dot(&axis, now);
+        let turned = dot(&home, now) - dot(&axis, &home) * along;
+        let about = broad_arcs(dot(&axis, &cross(&home, now)), turned);
+        let beside = cross(&axis, now);
+        let across = broad_arcs(along, dot(&beside, &beside).sqrt());
+        // Without an axis there is no turn.
+        let unit = dot(&axis, &axis).simd_gt(both(0.0)).select(both(DEGREES), both(f64::NAN));
+        put(&mut turns.about, i, about * unit);
+        put(&mut turns.across, i, across * unit);
+    }
+}
+
+/// Legs i and i + 1, from base to platform.
+#[inline(always)]
+fn spans(legs: &[Segment; MAX_LEGS], i: usize) -> [f64x2; 3] {
+    let (one, other) = (legs[i].span(), legs[i + 1].span());
+    core::array::from_fn(|k| f64x2::new([one[k], other[k]]))
 }
 
 /// Whether two legs meet at the platform, or at a base anchor that stands still.
@@ -149,57 +230,81 @@ fn share_anchor(one: &LegGeometry, other: &LegGeometry) -> bool {
 }
 
 /// Fixed axes of the joints at base and platform.
-fn axes(leg: Option<&LegGeometry>) -> [Vector3<f64>; 2] {
-    match leg.map(|leg| leg.kind) {
-        Some(LegKind::Strut(strut)) => {
+fn axes(kind: &LegKind) -> [Vector3<f64>; 2] {
+    match kind {
+        LegKind::Strut(strut) => {
             [strut.base_axis, strut.platform_axis].map(|axis| direction(&axis).unwrap_or_default())
         }
-        _ => [Vector3::zeros(); 2],
+        LegKind::Slider(_) | LegKind::Crank(_) => [Vector3::zeros(); 2],
     }
-}
-
-/// Angles between two vectors of any length and two others, degrees; 0 where one has none.
-fn angles_between(a: [Vector3<f64>; 2], b: [Vector3<f64>; 2]) -> [f64; 2] {
-    let across = [a[0].cross(&b[0]).norm_squared(), a[1].cross(&b[1]).norm_squared()];
-    let along = f64x2::new([a[0].dot(&b[0]), a[1].dot(&b[1])]);
-    (broad_arcs(f64x2::new(across).sqrt(), along) * f64x2::splat(DEGREES)).to_array()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn joints(home: Vector3<f64>, axis: Vector3<f64>) -> Joints {
+        Joints { home: Lanes3::from_fn(|_| home), axis: Lanes3::from_fn(|_| axis) }
+    }
+
+    fn wide(v: Vector3<f64>) -> [f64x2; 3] {
+        crate::lanes::wide(&v)
+    }
+
     #[test]
     fn angles_of_directions_are_those_of_their_lengths_across_and_along() {
         // Degrees: 1e-13 are some roundings.
         let x = Vector3::new(2.0, 0.0, 0.0);
+        let home = joints(x, Vector3::zeros());
         for (direction, degrees) in
             [([3.0, 3.0, 0.0], 45.0), ([-1.0, 0.0, -1.0], 135.0), ([0.0, 0.0, 9.0], 90.0)]
         {
-            let [one, other] =
-                angles_between([x, Vector3::from(direction)], [Vector3::from(direction), x]);
-            assert!((one - degrees).abs() < 1e-13 && one == other);
+            for angle in home.angles(2, &wide(Vector3::from(direction))).to_array() {
+                assert!((angle - degrees).abs() < 1e-13, "{angle}");
+            }
         }
-        assert_eq!(angles_between([x, x], [Vector3::zeros(), x]), [0.0; 2]);
+        assert_eq!(home.angles(0, &wide(Vector3::zeros())).to_array(), [0.0; 2]);
     }
 
     #[test]
     fn a_joint_turns_about_its_axis_and_then_across_wherever_the_leg_stood() {
         let axis = Vector3::new(0.0, 1.0, 0.0);
+        let none = Turns { about: [0.0; MAX_LEGS], across: [0.0; MAX_LEGS] };
         for lean in [0.0, 20.0, -35.0_f64] {
             let leg = |about: f64, across: f64| {
                 let (sine, cosine) = libm::sincos(about / DEGREES);
                 let (up, level) = libm::sincos(across / DEGREES);
                 Vector3::new(sine * level, up, cosine * level) * 7.0
             };
-            let joint = Joint { home: leg(10.0, lean), axis };
+            let joints = joints(leg(10.0, lean), axis);
             for (about, across) in [(0.0, 0.0), (30.0, -20.0), (-100.0, 60.0), (5.0, lean)] {
-                let [found, beside] = joint.turns(&leg(10.0 + about, across));
-                // Degrees: 1e-13 are some roundings.
-                assert!((found - about).abs() < 1e-12 && (beside - across).abs() < 1e-12);
+                let mut turns = none;
+                joints.turns(4, &wide(leg(10.0 + about, across)), &mut turns);
+                // Degrees: 1e-12 are some ten roundings.
+                assert!((turns.about[5] - about).abs() < 1e-12, "{turns:?}");
+                assert!((turns.across[5] - across).abs() < 1e-12, "{turns:?}");
             }
         }
-        let none = Joint { home: axis, axis: Vector3::zeros() };
-        assert!(none.turns(&Vector3::x()).iter().all(|turn| turn.is_nan()));
+        let mut turns = none;
+        joints(axis, Vector3::zeros()).turns(0, &wide(axis), &mut turns);
+        assert!(turns.about[0].is_nan() && turns.across[1].is_nan());
+    }
+
+    #[test]
+    fn what_is_beyond_a_distance_is_farther_and_most_of_what_is_farther_is_beyond() {
+        let number = |k: usize| libm::sin((k * k + 5) as f64);
+        let mut beyond = [0; 2];
+        for case in 0..2_000 {
+            let point = |k: usize| Vector3::from_fn(|axis, _| number(12 * case + 3 * k + axis));
+            let one = Segment { base: point(0), platform: point(1) };
+            let other = Segment { base: point(2), platform: point(3) };
+            let seen = |leg: &Segment| [wide(leg.base + leg.platform), wide(leg.span())];
+            let is_beyond = |distance| are_beyond(&seen(&one), &seen(&other), distance)[1];
+            let distance = one.distance(&other);
+            assert!(!is_beyond(distance) && !is_beyond(f64::NAN));
+            beyond[0] += usize::from(is_beyond(0.0));
+            beyond[1] += usize::from(is_beyond(0.5 * distance));
+        }
+        assert!(beyond[0] > 600 && beyond[1] > 300, "{beyond:?}");
     }
 }

@@ -255,6 +255,8 @@ impl Guard {
     }
 
     /// One cycle. A fault is why the feed was inhibited just now.
+    // A frame of its own: a cycle that freezes a geometry needs none of it.
+    #[inline(never)]
     pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
         let pins = &scene.pins.guard;
         let commanded = scene.commanded;
@@ -355,6 +357,8 @@ fn shown_time(nanoseconds: i64) -> i32 {
 }
 
 /// What people read about the pose that forward found.
+// A frame of its own: it ends before the look ahead begins.
+#[inline(never)]
 fn show_pose(scene: &Scene<'_>) {
     let at = scene.pose.and_then(|pose| scene.machine.at(&pose, scene.tool).ok());
     let sign = at.as_ref().and_then(|at| at.assembly().ok());
@@ -373,9 +377,9 @@ fn show_joints(scene: &Scene<'_>, at: &At<'_>) -> Result<(), Fault> {
     for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
         pins.margin.set((joint - min).min(max - joint));
     }
-    let rows = at.inverse_jacobian()?;
-    for (pins, row) in pins.joints.iter().zip(rows.row_iter()).take(count) {
-        pins.speed_ratio.set(row.fixed_columns::<3>(0).norm());
+    let ratios = at.speed_ratios()?;
+    for (pins, ratio) in pins.joints.iter().zip(ratios).take(count) {
+        pins.speed_ratio.set(ratio);
     }
     Ok(())
 }

@@ -744,6 +744,7 @@ impl Module {
         pins.show_corrections(&self.load, &solution.corrections);
     }
 
+    #[inline(never)]
     fn show_assembly(&self) {
         let sign = self.last_pose.and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;

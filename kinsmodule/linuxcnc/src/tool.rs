@@ -357,6 +357,8 @@ impl Survey {
         Ok(Change::Surveying(self))
     }
 
+    // A frame of its own: a cycle that freezes a geometry needs none of it.
+    #[inline(never)]
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let Way { pose, from, to } = &self.way;
         let tool = self.way.at(f64::from(self.next) / f64::from(PARTS));
@@ -373,8 +375,8 @@ impl Survey {
         if !(miss <= SAME_POSE * cycle.machine.size()) {
             return Err(Cause::ToolOutOfReach.into());
         }
-        let jacobian =
-            cycle.machine.at(pose, &tool).and_then(|at| at.inverse_jacobian()).map_err(blocked)?;
+        let at = cycle.machine.at(pose, &tool).map_err(blocked)?;
+        let jacobian = at.inverse_jacobian().map_err(blocked)?;
         for (i, course) in self.courses.iter_mut().enumerate() {
             let rate = rate_along(&jacobian, i, &travel);
             if !rate.is_finite() {

@@ -5,8 +5,9 @@ use super::residual::{Measured, Target, newton_step, norm};
 use super::solver::Solver;
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
-use crate::machine::{Mechanism, Place};
-use crate::qr::Qr;
+use crate::mechanism::Mechanism;
+use crate::placed::Place;
+use crate::pseudo_inverse::Qr;
 
 /// Default of the residual limit as a share of the platform radius: a following error of
 /// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a

@@ -6,8 +6,9 @@ use super::solver::{Certificate, Effort};
 use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
-use crate::machine::{Displacement, Mechanism, Place};
-use crate::qr::Qr;
+use crate::mechanism::Mechanism;
+use crate::placed::{Displacement, Place};
+use crate::pseudo_inverse::Qr;
 
 /// Solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;

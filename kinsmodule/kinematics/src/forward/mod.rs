@@ -16,11 +16,13 @@ pub use solver::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, S
 
 use crate::certificate::CERTIFIED;
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, Letter};
+use crate::layout::Joints;
 use crate::leg::LEAST_DRIVE;
-use crate::machine::{Chart, Mechanism, Place};
+use crate::letters::Letter;
+use crate::mechanism::{Chart, Mechanism};
+use crate::placed::Place;
 use crate::pose::{Pose, Trigonometry, angles_near};
-use crate::qr::Qr;
+use crate::pseudo_inverse::Qr;
 use converge::{Ball, End};
 use nalgebra::Vector3;
 use residual::{Measured, Stance, Target, newton_step, norm};

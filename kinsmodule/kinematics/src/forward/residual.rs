@@ -5,10 +5,11 @@ use crate::certificate::Motion;
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, between, both, inner, pair, put};
 use crate::layout::Joints;
-use crate::machine::{Chart, Displacement, Mechanism, Place, Placed};
+use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Twist;
+use crate::placed::{Displacement, Place, Placed};
 use crate::pose::{Pose, cayley_change, cayley_rate};
-use crate::qr::Qr;
+use crate::pseudo_inverse::Qr;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 

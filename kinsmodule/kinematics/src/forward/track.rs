@@ -6,8 +6,9 @@ use super::residual::{Measured, Target, newton_step, norm};
 use super::solver::{Effort, MAX_SUB_STEPS};
 use crate::certificate::CERTIFIED;
 use crate::fault::{Cause, Fault};
-use crate::machine::{Mechanism, Place};
-use crate::qr::Qr;
+use crate::mechanism::Mechanism;
+use crate::placed::Place;
+use crate::pseudo_inverse::Qr;
 
 /// Trials for the length of one sub-step.
 const MAX_TRIALS: u32 = 4;

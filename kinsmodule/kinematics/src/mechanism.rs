@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The checked machine in its lanes.
+//!
+//! Legs are stored in lanes, as many as the number of legs rounded up to 4, 6 or 8, so
+//! that loops over them have a fixed length. Lanes beyond the last leg are copies of the
+//! first one, which makes them harmless to compute with; what they contribute is
+//! dropped (rows and residuals of 0).
+
+use crate::fault::{Cause, Fault};
+use crate::lanes::{Lanes3, are_above, both, cross, pair, put, scaled, sum, times, wide};
+use crate::layout::Layout;
+use crate::leg::Leg;
+use crate::letters::Letter;
+use crate::nut::{Nut, Twist};
+use crate::placed::{Place, Placed};
+use crate::pose::Pose;
+use nalgebra::{Matrix3, Vector3};
+use wide::f64x2;
+
+/// Largest tool offset, joint offset and distance of the centre in sizes of the machine: with
+/// more the rounding of f64 would take from joints and poses what the solver promises,
+/// 1e6 · 2⁻⁵³ = 1e-10 of the size.
+pub(crate) const FARTHEST: f64 = 1e6;
+
+/// Shortest leg that still has a direction, as a share of the size.
+const MIN_LENGTH: f64 = 1e-6;
+
+/// How the orientation of the platform is charted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Chart {
+    /// A, B and C are active: rotation vectors about the orientation at hand.
+    Group,
+    /// One or two of them are: the angles themselves.
+    Angles,
+    /// None of them is: the platform stays level.
+    Level,
+}
+
+/// A machine of up to N legs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Mechanism<const N: usize> {
+    pub layout: Layout,
+    pub chart: Chart,
+    /// Per coordinate X … C whether the legs move it.
+    pub active: [bool; 6],
+    /// Whether any coordinate is neither moved by the legs nor by a table.
+    pub holds: bool,
+    /// Whether any leg is not a strut: its base anchor moves, or its length bends.
+    pub moving: bool,
+    /// Whether every lane is a strut of its own, and they move all six coordinates.
+    pub plain: bool,
+    pub legs: [Leg; N],
+    /// Base anchors in base.
+    pub base: Lanes3<N>,
+    /// Platform anchors about the reference point.
+    pub arms: Lanes3<N>,
+    /// Reference point of all solvers, in the platform frame: the centroid of the
+    /// platform anchors, so that a long tool does not weaken the certificate; with a held
+    /// or table X, Y, Z the point that these are about.
+    pub reference: Vector3<f64>,
+    /// Joint = native value + correction − offset.
+    pub offset: [f64; N],
+    pub nut: Option<Nut<N>>,
+    /// Largest length of the geometry, see [`Machine::size`].
+    pub size: f64,
+    /// Root mean square distance of the platform anchors from their centroid.
+    pub radius: f64,
+    /// 1 over the radius.
+    pub per_radius: f64,
+    /// Per leg √(1 + m (|arm|/radius)²), m = active angles (1 for the group): bound of
+    /// the platform anchor's speed.
+    pub s1: [f64; N],
+    /// Per leg m |arm|/radius²: bound of the platform anchor's second derivative.
+    pub s2: [f64; N],
+    /// 1 for a lane that is a leg, 0 for one that repeats the first.
+    pub present: [f64; N],
+}
+
+impl<const N: usize> Mechanism<N> {
+    /// Number of legs; a bound that the compiler knows.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.layout.legs().min(N)
+    }
+
+    /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
+    pub fn held(&self, pose: &Pose, strict: bool) -> Result<Pose, Fault> {
+        let given = pose.to_degrees();
+        let mut held = *pose;
+        for letter in Letter::ALL {
+            if !self.layout.is_held(letter) {
+                continue;
+            }
+            let k = letter.index();
+            if strict {
+                letter.check_held(given[k], self.size)?;
+            }
+            if letter.is_angle() {
+                held.angles[k - 3] = 0.0;
+            } else {
+                held.position[k] = 0.0;
+            }
+        }
+        Ok(held)
+    }
+
+    /// Refuses a tool vector that no pose may be computed with.
+    #[inline]
+    pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
+        if self.within_reach(tool).all() {
+            return Ok(());
+        }
+        let largest = tool.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        match tool.iter().all(|v| v.is_finite()) {
+            true => Err(Fault::with_value(Cause::ToolTooLong, largest)),
+            false => Err(Cause::ToolNotFinite.into()),
+        }
+    }
+
+    /// Whether a tool vector is neither too long nor NaN, as a mask: both lanes have to say so.
+    #[inline(always)]
+    pub fn within_reach(&self, tool: &Vector3<f64>) -> f64x2 {
+        let most = both(FARTHEST * self.size);
+        let plane = f64x2::new([tool.x, tool.y]).abs().simd_le(most);
+        plane & both(tool.z).abs().simd_le(most)
+    }
+
+    /// The reference point in base, legs and table together, for a pose with rotation `r`:
+    /// t − o + R (o + reference). The tool o changes nothing while R = 1.
+    #[inline(always)]
+    pub fn point(
+        &self,
+        position: &Vector3<f64>,
+        r: &Matrix3<f64>,
+        tool: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        position - tool + r * (tool + self.reference)
+    }
+
+    /// The part of a point, or of a velocity, that the legs take.
+    #[inline(always)]
+    pub fn of_legs(&self, mut v: Vector3<f64>) -> Vector3<f64> {
+        for k in 0..3 {
+            if !self.active[k] {
+                v[k] = 0.0;
+            }
+        }
+        v
+    }
+
+    /// Legs between `anchors` (moving base anchors) and the platform at a place.
+    #[inline(always)]
+    pub fn placed(&self, anchors: &Lanes3<N>, place: &Place) -> Placed<N> {
+        let mut placed = Placed::ZERO;
+        self.place(anchors, place, &mut placed);
+        placed
+    }
+
+    /// The same in a place that exists. One loop over all of it keeps values in registers.
+    #[inline(always)]
+    pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
+        for i in (0..N).step_by(2) {
+            let [arm, span] = self.leg(anchors, place, i);
+            placed.arms.put(i, arm);
+            placed.put(i, span);
+        }
+    }
+
+    /// Arms of legs i and i + 1 in base, and their way from `anchors` (moving base anchors) to
+    /// the platform.
+    #[inline(always)]
+    pub fn leg(&self, anchors: &Lanes3<N>, place: &Place, i: usize) -> [[f64x2; 3]; 2] {
+        let arm = times(&place.rotation, &self.arms.pair(i));
+        let (c, [x, y, z]) = (wide(&place.centre), anchors.pair(i));
+        [arm, [arm[0] + c[0] - x, arm[1] + c[1] - y, arm[2] + c[2] - z]]
+    }
+
+    /// Shortest length at which a leg has a direction.
+    #[inline(always)]
+    pub fn least_length(&self) -> f64 {
+        MIN_LENGTH * self.size
+    }
+
+    /// Refuses a leg without a direction.
+    #[inline]
+    pub fn refuse_short(&self, i: usize, length: f64) -> Result<(), Fault> {
+        if length > self.least_length() {
+            return Ok(());
+        }
+        Err(Fault::of_leg(Cause::StrutTooShort, i, length))
+    }
+
+    /// Refuses legs without a direction.
+    #[inline(always)]
+    pub fn refuse_short_legs(&self, length: &[f64; N]) -> Result<(), Fault> {
+        if are_above(length, self.least_length()) {
+            return Ok(());
+        }
+        self.short_leg(*length)
+    }
+
+    #[cold]
+    fn short_leg(&self, length: [f64; N]) -> Result<(), Fault> {
+        for (i, l) in length.iter().enumerate() {
+            self.refuse_short(i, *l)?;
+        }
+        Ok(())
+    }
+
+    /// Twist of every leg, if any leg has a lead.
+    #[inline]
+    pub fn twist(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Twist<N>>, Fault> {
+        let Some(nut) = &self.nut else { return Ok(None) };
+        let twist = nut.twist(n, r);
+        nut.refuse_along_axis(&twist)?;
+        Ok(Some(twist))
+    }
+
+    /// Rows of the length constraints at a place of the platform: one column per lane
+    /// array, linear part first, about the reference point; the last three per radian.
+    #[inline(always)]
+    pub fn rows(&self, placed: &Placed<N>, twist: Option<&Twist<N>>) -> [[f64; N]; 6] {
+        let mut columns = [[0.0; N]; 6];
+        for i in (0..N).step_by(2) {
+            let curved = placed.curved(i);
+            let mut force = scaled(&placed.span.pair(i), curved);
+            let mut moment = [both(0.0); 3];
+            if let (Some(nut), Some(twist)) = (&self.nut, twist) {
+                let rates = nut.rates(twist, i, &force, curved);
+                force = sum(&force, &rates.along);
+                moment = rates.moment;
+            }
+            moment = sum(&moment, &cross(&placed.arms.pair(i), &force));
+            for (column, values) in columns.iter_mut().zip(force.into_iter().chain(moment)) {
+                put(column, i, values);
+            }
+        }
+        columns
+    }
+
+    /// The rows in the chart at a place, see [`Self::to_chart`].
+    #[inline(always)]
+    pub fn charted_rows(
+        &self,
+        placed: &Placed<N>,
+        twist: Option<&Twist<N>>,
+        place: &Place,
+    ) -> [[f64; N]; 6] {
+        let mut columns = self.rows(placed, twist);
+        self.to_chart(&mut columns, place);
+        columns
+    }
+
+    /// Columns of the chart from those of the twist: active coordinates only, angular ones
+    /// per unit of radius·angle; the lanes beyond the last leg are 0.
+    #[inline(always)]
+    pub fn to_chart(&self, columns: &mut [[f64; N]; 6], place: &Place) {
+        if self.chart == Chart::Angles {
+            self.of_angles(columns, place);
+        }
+        let inverse = both(self.per_radius);
+        for column in &mut columns[3..] {
+            for i in (0..N).step_by(2) {
+                put(column, i, pair(column, i) * inverse);
+            }
+        }
+        if self.active == [true; 6] && self.count() == N {
+            return;
+        }
+        for (column, active) in columns.iter_mut().zip(self.active) {
+            if !active {
+                *column = [0.0; N];
+            }
+            for value in column.iter_mut().skip(self.count()) {
+                *value = 0.0;
+            }
+        }
+    }
+
+    /// Angular columns per rate of A, B, C instead of ω.
+    fn of_angles(&self, columns: &mut [[f64; N]; 6], place: &Place) {
+        let map = Pose { position: place.centre, angles: place.angles }.trigonometry().rate_map();
+        let of_twist = *columns;
+        for k in 0..3 {
+            for i in 0..N {
+                columns[k + 3][i] = of_twist[3][i] * map[(0, k)]
+                    + of_twist[4][i] * map[(1, k)]
+                    + of_twist[5][i] * map[(2, k)];
+            }
+        }
+    }
+}

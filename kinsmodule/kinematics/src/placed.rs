@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where the platform is, and the legs there.
+
+use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times, wide};
+use nalgebra::{Matrix3, Vector3};
+use wide::f64x2;
+
+/// Where the platform is: its reference point and orientation, in base. In the order in which
+/// vector units write and read it: what is read across two stores has to wait for both.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub(crate) struct Place {
+    pub rotation: Matrix3<f64>,
+    pub centre: Vector3<f64>,
+    /// A, B, C; kept up to date by [`crate::mechanism::Chart::Angles`] only.
+    pub angles: Vector3<f64>,
+}
+
+impl Place {
+    /// Level, with its reference point in the origin.
+    pub const LEVEL: Self = Self {
+        rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        centre: Vector3::new(0.0, 0.0, 0.0),
+        angles: Vector3::new(0.0, 0.0, 0.0),
+    };
+}
+
+/// How the platform moves from one place to another.
+pub(crate) struct Displacement {
+    /// Of the reference point.
+    pub shift: Vector3<f64>,
+    /// The orientation R becomes R + `change` R.
+    pub change: Matrix3<f64>,
+}
+
+impl Displacement {
+    /// The platform stays.
+    pub fn none() -> Self {
+        Self { shift: Vector3::zeros(), change: Matrix3::zeros() }
+    }
+}
+
+/// The legs at one place of the platform.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed<const N: usize> {
+    /// Arms in base (R times the platform anchor about the reference point).
+    pub arms: Lanes3<N>,
+    /// From moving base anchor to platform anchor.
+    pub span: Lanes3<N>,
+    pub length: [f64; N],
+}
+
+impl<const N: usize> Placed<N> {
+    pub const ZERO: Self = Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N] };
+
+    #[inline(always)]
+    pub fn put(&mut self, i: usize, span: [f64x2; 3]) {
+        self.span.put(i, span);
+        put(&mut self.length, i, dot(&span, &span).sqrt());
+    }
+
+    /// The legs after the platform has moved, written to `placed`.
+    #[inline(always)]
+    pub fn moved(&self, by: &Displacement, placed: &mut Self) {
+        let shift = wide(&by.shift);
+        for i in (0..N).step_by(2) {
+            let arm = self.arms.pair(i);
+            let turned = times(&by.change, &arm);
+            placed.arms.put(i, sum(&arm, &turned));
+            placed.put(i, sum(&self.span.pair(i), &sum(&turned, &shift)));
+        }
+    }
+
+    /// Speeds of the lengths while the platform moves at `v` and turns at `omega`.
+    #[inline(always)]
+    pub fn stretch(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+        let (v, omega) = (wide(v), wide(omega));
+        let mut stretch = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let speed = sum(&v, &cross(&omega, &self.arms.pair(i)));
+            put(&mut stretch, i, dot(&self.span.pair(i), &speed) * self.curved(i));
+        }
+        stretch
+    }
+
+    /// Second derivatives of the lengths while the platform moves at `v` and turns at `omega`,
+    /// both constant: u the speed of an arm's end, (|u|² − (n·u)²)/l + n·(ω × (ω × arm)).
+    #[inline(always)]
+    pub fn bend(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+        let (v, omega) = (wide(v), wide(omega));
+        let mut bend = [0.0; N];
+        for i in (0..N).step_by(2) {
+            let turned = cross(&omega, &self.arms.pair(i));
+            let u = sum(&v, &turned);
+            let (span, curved) = (self.span.pair(i), self.curved(i));
+            let along = dot(&span, &u) * curved;
+            let pull = dot(&u, &u) - along * along + dot(&span, &cross(&omega, &turned));
+            put(&mut bend, i, pull * curved);
+        }
+        bend
+    }
+
+    /// Unit vectors along the legs, base to platform.
+    #[inline(always)]
+    pub fn directions(&self) -> Lanes3<N> {
+        let mut n = Lanes3::ZERO;
+        for i in (0..N).step_by(2) {
+            n.put(i, scaled(&self.span.pair(i), self.curved(i)));
+        }
+        n
+    }
+
+    /// 1/l of legs i and i + 1.
+    #[inline(always)]
+    pub fn curved(&self, i: usize) -> f64x2 {
+        // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
+        both(1.0) / pair(&self.length, i).fast_max(both(f64::MIN_POSITIVE))
+    }
+}

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Sines, cosines and arcs of angles that mostly are small, two at once: shorter than libm's.
+
+use crate::lanes::both;
+use libm::atan2;
+use wide::f64x2;
+
+/// Below this share of the cosine a sine's arc is a short series: the first term left out,
+/// t¹³/13, is less than half a unit in the last place.
+const SHORT: f64 = 0.03;
+
+/// atan2 for directions that mostly are next to (0, 1), where a short series is quicker.
+#[inline]
+pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
+    if !(sine.abs() <= SHORT * cosine) {
+        return atan2(sine, cosine);
+    }
+    short_arc(both(sine / cosine)).to_array()[0]
+}
+
+/// The same of two directions.
+#[inline(always)]
+pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+    if !sine.abs().simd_le(both(SHORT) * cosine).all() {
+        return sine.atan2(cosine);
+    }
+    short_arc(sine / cosine)
+}
+
+/// tan of half the angle up to which [`broad_arcs`] needs one polynomial: 47.3°.
+const BROAD: f64 = 7.0 / 16.0;
+
+/// atan2 of two directions that mostly are within 47° of (0, 1).
+#[inline(always)]
+pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
+    let (arcs, told) = arcs_by_half(sine, cosine);
+    if told.all() { arcs } else { sine.atan2(cosine) }
+}
+
+/// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
+/// tells.
+///
+/// The polynomial is that of FreeBSD's msun (s_atan.c), which libm has as well; what the two say
+/// differs by some units in the last place.
+#[inline(always)]
+pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
+    const ARC: [f64; 11] = [
+        3.333_333_333_333_293e-1,
+        -1.999_999_999_987_648_3e-1,
+        1.428_571_427_250_346_6e-1,
+        -1.111_111_040_546_235_6e-1,
+        9.090_887_133_436_507e-2,
+        -7.691_876_205_044_83e-2,
+        6.661_073_137_387_531e-2,
+        -5.833_570_133_790_573_5e-2,
+        4.976_877_994_615_932_4e-2,
+        -3.653_157_274_421_691_6e-2,
+        1.628_582_011_536_578_2e-2,
+    ];
+    let square = sine * sine + cosine * cosine;
+    let base = cosine + square.sqrt();
+    // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
+    let told = square.simd_ge(both(1e-280))
+        & square.simd_le(both(1e300))
+        & sine.abs().simd_lt(both(BROAD) * base);
+    let t = sine / base;
+    let z = t * t;
+    let [a, b, c, d, e, f, g, h, i, j, k] = ARC.map(both);
+    let second = z * z;
+    let low = (a + b * z) + second * (c + d * z);
+    let middle = (e + f * z) + second * (g + h * z);
+    let high = (i + j * z) + second * k;
+    let fourth = second * second;
+    let twice = t + t;
+    (twice - twice * z * (low + fourth * (middle + fourth * high)), told)
+}
+
+#[inline(always)]
+fn short_arc(t: f64x2) -> f64x2 {
+    let u = t * t;
+    let square = u * u;
+    let middle = both(1.0 / 7.0) - u * both(1.0 / 9.0) + square * both(1.0 / 11.0);
+    let tail = both(1.0 / 3.0) - u * both(1.0 / 5.0) + square * middle;
+    t - t * u * tail
+}
+
+/// Terms of the sine, x + x³ (t₀ + t₁ x² + …), and of the cosine, 1 − x²/2 + x⁴ (t₀ + …), for
+/// angles up to π/4. They are those of FreeBSD's msun (k_sin.c, k_cos.c), which libm has as well.
+const TERMS: [[f64; 2]; 6] = [
+    [-1.666_666_666_666_663_2e-1, 4.166_666_666_666_66e-2],
+    [8.333_333_333_322_49e-3, -1.388_888_888_887_411e-3],
+    [-1.984_126_982_985_795e-4, 2.480_158_728_947_673e-5],
+    [2.755_731_370_707_006_8e-6, -2.755_731_435_139_066_3e-7],
+    [-2.505_076_025_340_686_3e-8, 2.087_572_321_298_175e-9],
+    [1.589_690_995_211_55e-10, -1.135_964_755_778_819_5e-11],
+];
+
+/// Sines and cosines of two angles up to π/4, to about one unit in the last place: half the
+/// work of two calls of libm.
+#[inline(always)]
+pub(crate) fn short_sincos(x: f64x2) -> (f64x2, f64x2) {
+    let z = x * x;
+    let sine = z * x * polynomial(TERMS.map(|[sine, _]| both(sine)), z);
+    let cosine = z * z * polynomial(TERMS.map(|[_, cosine]| both(cosine)), z);
+    (x + sine, both(1.0) + (cosine - both(0.5) * z))
+}
+
+/// Sine and cosine of one angle, side by side.
+#[inline(always)]
+pub(crate) fn short_sincos_of_one(x: f64) -> f64x2 {
+    let z = both(x * x);
+    let [square, _] = z.to_array();
+    let tail = z * f64x2::new([x, square]) * polynomial(TERMS.map(f64x2::new), z);
+    f64x2::new([x, 1.0]) + (tail - f64x2::new([0.0, 0.5]) * z)
+}
+
+/// Sum of t_k z^k, in pairs of terms: whoever asks for it waits.
+#[inline(always)]
+fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
+    let square = z * z;
+    (a + b * z) + square * ((c + d * z) + square * (e + f * z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::FRAC_PI_4;
+    use libm::sincos;
+
+    #[test]
+    fn arcs_are_those_of_libm_to_two_roundings_within_and_beyond_the_series() {
+        for k in -400..=400 {
+            // Ratios to a third beyond where the series ends, either way round.
+            let (sine, cosine) = (1e-4 * f64::from(k) * 3.0, 3.0);
+            for (sine, cosine) in [(sine, cosine), (sine, -cosine), (cosine, sine)] {
+                let exact = atan2(sine, cosine);
+                let near = |got: f64, exact: f64| {
+                    assert!((got - exact).abs() <= 2.0 * f64::EPSILON * exact.abs(), "{got}");
+                };
+                near(arc(sine, cosine), exact);
+                let [one, other] = arcs(both(sine), f64x2::new([cosine, 3.0])).to_array();
+                near(one, exact);
+                near(other, atan2(sine, 3.0));
+            }
+        }
+    }
+
+    #[test]
+    fn broad_arcs_are_those_of_libm_all_around_and_for_lengths_whose_squares_vanish() {
+        let near = |sine: f64, cosine: f64| {
+            let [one, other] = broad_arcs(both(sine), f64x2::new([cosine, cosine])).to_array();
+            let exact = atan2(sine, cosine);
+            // Two roundings of length, base and quotient each, and that of the polynomial.
+            let allowed = 4.0 * f64::EPSILON * exact.abs();
+            assert!((one - exact).abs() <= allowed && one == other, "{sine} {cosine}: {one}");
+        };
+        for k in -1000..=1000 {
+            let (sine, cosine) = libm::sincos(f64::from(k) * 3.1415e-3);
+            for length in [1.0, 1e6, 1e-6, 1e150, 1e-140, 1e-155, 1e-160, 1e-200, 1e155] {
+                near(sine * length, cosine * length);
+            }
+        }
+        for sine in [0.0, -0.0] {
+            near(sine, 1.0);
+            near(sine, -1.0);
+            near(sine, 0.0);
+        }
+        // One lane does not stand for the other.
+        let apart = broad_arcs(f64x2::new([0.1, 2.0]), f64x2::new([1.0, -1.0])).to_array();
+        assert!((apart[0] - atan2(0.1, 1.0)).abs() < 1e-16 && apart[1] == atan2(2.0, -1.0));
+        assert!(broad_arcs(both(f64::NAN), both(1.0)).to_array()[0].is_nan());
+    }
+
+    #[test]
+    fn sines_and_cosines_are_those_of_libm_to_a_unit_in_the_last_place() {
+        for k in -1000..=1000 {
+            let angle = FRAC_PI_4 * f64::from(k) / 1000.0;
+            let (sines, cosines) = short_sincos(f64x2::new([angle, -0.5 * angle]));
+            for (angle, (sine, cosine)) in [angle, -0.5 * angle]
+                .into_iter()
+                .zip(sines.to_array().into_iter().zip(cosines.to_array()))
+            {
+                let (exact_sine, exact_cosine) = sincos(angle);
+                let unit = |value: f64| value.abs() * f64::EPSILON;
+                assert!((sine - exact_sine).abs() <= unit(exact_sine), "{angle}");
+                assert!((cosine - exact_cosine).abs() <= unit(exact_cosine), "{angle}");
+                assert_eq!(short_sincos_of_one(angle).to_array(), [sine, cosine]);
+            }
+        }
+    }
+}
