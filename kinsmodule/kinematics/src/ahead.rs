@@ -43,6 +43,9 @@ const FARTHER: f64 = 1.2;
 /// Speed below which nothing is known of the direction: sizes of the machine per second.
 const AT_REST: f64 = 1e-6;
 
+/// Share of what the platform turns by below which X, Y, Z only move by rounding.
+const ROUNDED: f64 = 1e-6;
+
 /// What the planner can do, and is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Planner {
@@ -65,6 +68,7 @@ pub struct Motion {
     /// Unit vector that the linear part turns towards, and how fast, radians per second.
     normal: Vector3<f64>,
     turn: f64,
+    speed: f64,
 }
 
 /// What lies ahead.
@@ -72,6 +76,9 @@ pub struct Motion {
 pub struct Outlook {
     /// Largest speed allowed now, as a multiple of the present one.
     pub allowed: f64,
+    /// Largest speed that the machine can have gathered when an answer acts, as a multiple of the
+    /// present one.
+    pub gathered: f64,
     /// What limits it, and the time at the present speed until there.
     pub because: Option<(Fault, f64)>,
     /// The first thing within the braking distance that is not allowed.
@@ -93,7 +100,9 @@ impl Motion {
         if !(speed + machine.radius() * turning.norm() > AT_REST * machine.size()) {
             return None;
         }
-        let mut motion = Self { pose, rate, normal: Vector3::zeros(), turn: 0.0 };
+        let turns = turning.norm() * machine.radius();
+        let counted = if speed > ROUNDED * turns { speed } else { norm_of_angles(&rate) };
+        let mut motion = Self { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: counted };
         let direction = along / speed;
         let bend = along - before - direction * direction.dot(&(along - before));
         let sideways = bend.norm() / period;
@@ -105,6 +114,12 @@ impl Motion {
             motion.normal = motion.normal_after(motion.turn * period / 2.0, &direction);
         }
         Some(motion)
+    }
+
+    /// Speed as LinuxCNC's planner counts it, per second: of X, Y, Z in machine units, or of A, B,
+    /// C in degrees where these alone move.
+    pub fn speed(&self) -> f64 {
+        self.speed
     }
 
     /// The rate after its linear part has turned by an angle.
@@ -143,15 +158,20 @@ impl Motion {
         (Pose::from_degrees(pose), self.turned(angle))
     }
 
-    /// Deceleration of the speed w that the planner is sure to reach, per second.
-    fn braking(&self, planner: &Planner) -> f64 {
+    /// Acceleration of the speed w that the planner keeps to at most, per second.
+    fn acceleration(&self, planner: &Planner) -> f64 {
         let angular = self.rate[3].abs().max(self.rate[4].abs()).max(self.rate[5].abs());
         let share = |limit: f64, rate: f64| if rate > 0.0 { limit / rate } else { f64::INFINITY };
         let (linear, angular) =
             (share(planner.linear, self.linear().norm()), share(planner.angular, angular));
         // Not `min`, which would take NaN for no limit.
-        BRAKING_SHARE * if linear.is_nan() || linear <= angular { linear } else { angular }
+        if linear.is_nan() || linear <= angular { linear } else { angular }
     }
+}
+
+/// Of A, B and C, degrees per second.
+fn norm_of_angles(rate: &[f64; 6]) -> f64 {
+    Vector3::new(rate[3], rate[4], rate[5]).norm()
 }
 
 /// What is seen at a place on the way.
@@ -185,13 +205,16 @@ impl Machine {
         motion: &Motion,
         planner: &Planner,
     ) -> Outlook {
-        let braking = motion.braking(planner);
+        let acceleration = motion.acceleration(planner);
+        let braking = BRAKING_SHARE * acceleration;
+        let gathered = 1.0 + acceleration * planner.latency;
         if !(braking > 0.0 && braking.is_finite() && planner.latency >= 0.0) {
-            return Outlook { allowed: 0.0, because: None, soon: None };
+            return Outlook { allowed: 0.0, gathered, because: None, soon: None };
         }
         let horizon = planner.latency + FARTHER / (2.0 * braking);
         let at = self.nowhere();
-        Look { tool, limits, motion, horizon, at }.outlook(braking, planner)
+        let outlook = Outlook { allowed: f64::INFINITY, gathered, because: None, soon: None };
+        Look { tool, limits, motion, horizon, at }.outlook(outlook, braking, planner)
     }
 
     /// What is not allowed at the pose, at rest.
@@ -209,13 +232,13 @@ fn refused(at: &At<'_>, limits: &Limits) -> Option<Fault> {
 }
 
 impl Look<'_> {
-    fn outlook(mut self, braking: f64, planner: &Planner) -> Outlook {
+    /// Fills in an outlook that knows nothing yet.
+    fn outlook(mut self, mut outlook: Outlook, braking: f64, planner: &Planner) -> Outlook {
         let here = self.view(0.0);
         let rows = self.rows_of(&here);
         let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
         let there = self.view(1.0);
         let hold = self.hold((rows, now), &there, planner.requested);
-        let mut outlook = Outlook { allowed: f64::INFINITY, because: None, soon: None };
         for k in 0..=PLACES {
             let share = f64::from(k) / f64::from(PLACES);
             let time = self.horizon * share;
@@ -394,7 +417,7 @@ mod tests {
 
     fn straight(rate: [f64; 6]) -> Motion {
         let pose = [20.0, 10.0, 100.0, 0.0, 0.0, 0.0];
-        Motion { pose, rate, normal: Vector3::zeros(), turn: 0.0 }
+        Motion { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: 0.0 }
     }
 
     fn apart(motion: &Motion, time: f64, expected: &Pose) -> f64 {
@@ -459,21 +482,28 @@ mod tests {
     }
 
     #[test]
-    fn braking_is_the_share_of_what_the_planner_does_to_the_faster_part() {
+    fn speeds_are_those_of_the_lengths_and_where_there_are_none_of_the_angles() {
+        let moved = |rate: [f64; 6]| {
+            let at = |k: f64| Pose::from_degrees(rate.map(|rate| k * PERIOD * rate));
+            of(&[-2.0, -1.0, 0.0].map(at), 1.0).expect("it moves").speed()
+        };
+        // Some roundings of poses over a period.
+        let same = |found: f64, expected: f64| (found - expected).abs() < 1e-12;
+        assert!(same(moved([3.0, -4.0, 0.0, 60.0, 0.0, 0.0]), 5.0));
+        assert!(same(moved([0.0, 0.0, 0.0, 6.0, -10.0, 8.0]), sqrt(200.0)));
+        assert!(same(moved([1e-9, 0.0, 0.0, 0.0, 0.0, 5.0]), 5.0));
+    }
+
+    #[test]
+    fn speed_changes_by_what_the_planner_does_to_the_faster_part() {
         let motion = straight([3.0, -4.0, 0.0, 6.0, -10.0, 8.0]);
         // 50 for a speed of 5 and 400 for one of 10; then 60 for one of 10.
-        assert_eq!(motion.braking(&PLANNER), BRAKING_SHARE * 10.0);
+        assert_eq!(motion.acceleration(&PLANNER), 10.0);
         let turning = Planner { angular: 60.0, ..PLANNER };
-        assert_eq!(motion.braking(&turning), BRAKING_SHARE * 6.0);
-        assert_eq!(
-            straight([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]).braking(&turning),
-            BRAKING_SHARE * 10.0
-        );
-        assert_eq!(
-            straight([0.0, 0.0, 0.0, 10.0, 0.0, 0.0]).braking(&turning),
-            BRAKING_SHARE * 6.0
-        );
-        assert!(motion.braking(&Planner { linear: f64::NAN, ..PLANNER }).is_nan());
+        assert_eq!(motion.acceleration(&turning), 6.0);
+        assert_eq!(straight([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]).acceleration(&turning), 10.0);
+        assert_eq!(straight([0.0, 0.0, 0.0, 10.0, 0.0, 0.0]).acceleration(&turning), 6.0);
+        assert!(motion.acceleration(&Planner { linear: f64::NAN, ..PLANNER }).is_nan());
     }
 
     #[test]

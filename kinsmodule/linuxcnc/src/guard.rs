@@ -270,24 +270,28 @@ impl Guard {
         self.before = [self.before[1], commanded];
         self.speed_before = speed;
         let told = self.inhibited.is_some();
-        self.allow(scene, view, mean);
+        self.allow(scene, view);
         pins.shown.limit(self.inhibited.or(soon));
         self.inhibited.filter(|_| !told)
     }
 
-    /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves.
+    /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
+    /// speed that it is a multiple of. `told` is the speed that the planner tells.
     fn looked(
         &self,
         scene: &Scene<'_>,
         commanded: Option<Pose>,
-        speed: f64,
-    ) -> (Option<Fault>, Option<Outlook>) {
+        told: f64,
+    ) -> (Option<Fault>, Option<(Outlook, f64)>) {
         let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
         let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
         let Some(motion) = self.motion(scene, commanded) else {
             return (scene.machine.here(scene.tool, &limits, &pose), None);
         };
         let asked = &scene.pins.guard.asked;
+        // In its first and last cycles the way of the poses alone says how fast the machine is.
+        let slow = !(told >= 0.5 * scene.pins.guard.floor() * requested(asked));
+        let speed = if slow { motion.speed() } else { told };
         let planner = Planner {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
@@ -295,33 +299,32 @@ impl Guard {
             latency: LATENCY * scene.period,
         };
         let view = scene.machine.ahead(scene.tool, &limits, &motion, &planner);
-        (view.soon, Some(view))
+        (view.soon, Some((view, speed)))
     }
 
     fn motion(&self, scene: &Scene<'_>, commanded: Option<Pose>) -> Option<Motion> {
-        let [Some(first), Some(second)] = self.before else { return None };
+        let second = self.before[1]?;
+        let first = self.before[0].unwrap_or(second);
         let poses = [&first, &second, &commanded?];
         let linear = scene.pins.guard.asked.linear_acceleration.get();
         Motion::of(scene.machine, poses, scene.period, linear)
     }
 
-    /// Turns the outlook into a feed scale, or inhibits the feed.
-    ///
-    /// Slower than half the floor the machine is about to stop or has just begun: nothing to
-    /// scale, and no speed that ratios could be made of.
-    fn allow(&mut self, scene: &Scene<'_>, view: Option<Outlook>, speed: f64) {
+    /// Turns the outlook into a feed scale, or inhibits the feed: where the floor is too fast, and
+    /// the machine may be so fast before an answer acts.
+    fn allow(&mut self, scene: &Scene<'_>, view: Option<(Outlook, f64)>) {
         let pins = &scene.pins.guard;
         let requested = requested(&pins.asked);
-        let moves = !(speed < 0.5 * pins.floor() * requested);
         let mut wanted = 1.0;
         if requested == 0.0 {
             // No move is left to be made: aborted, or at its end.
             self.inhibited = None;
-        } else if let Some(view) = view.filter(|_| moves) {
+        } else if let Some((view, speed)) = view {
             wanted = view.allowed * speed / requested;
             let to_go = pins.asked.distance_to_go.get();
             let within = |time: f64| !(time * speed > to_go);
-            let why = view.because.filter(|(_, time)| wanted < pins.floor() && within(*time));
+            let too_fast = wanted < pins.floor() && !(view.gathered < view.allowed);
+            let why = view.because.filter(|(_, time)| too_fast && within(*time));
             self.inhibited = self.inhibited.or(why.map(|(fault, _)| fault));
         }
         self.answer(pins, wanted, scene.period);

@@ -380,6 +380,12 @@ fn tilting(s: f64) -> Pose {
     pose(-50.0 + 0.5 * s, 0.0, 250.0, -15.0 + 0.3 * s, 10.0 - 0.2 * s)
 }
 
+/// A short arc on which the platform turns by much: a degree on 0.05 mm.
+fn rotating_arc(s: f64) -> Pose {
+    let (sine, cosine) = (s / 5.0).sin_cos();
+    [5.0 * sine, -5.0 * cosine, 250.0, 0.0, 0.0, 20.0 * s, 0.0, 0.0, 0.0]
+}
+
 /// A round about Z that stands still: LinuxCNC's speeds are degrees per second then.
 fn turning(s: f64) -> Pose {
     [0.0, 0.0, 250.0, 0.0, 0.0, s, 0.0, 0.0, 0.0]
@@ -418,6 +424,33 @@ fn joints_stay_within_their_speeds_where_the_feed_alone_would_drive_them_beyond(
             assert!(lost < 0.035, "{name}, {speed}: {lost}");
         }
     }
+}
+
+/// The feed's floor is far beyond what the joints allow, and so is half of it, and the first cycles
+/// decide: 200 degrees/s² are 10 mm/s² of the arc.
+#[test]
+fn a_rotation_heavy_arc_from_standstill_never_takes_a_joint_beyond_its_speed() {
+    let arc = |module: &Module, guarded: bool| {
+        Drive { acceleration: 10.0, ..drive(module, &rotating_arc, 2.0) }.run(guarded)
+    };
+    let free = arc(&hexapod(50.0), false);
+    assert!(free.fastest > 2.0, "nothing to guard: {}", free.fastest);
+    let module = hexapod(50.0);
+    let run = arc(&module, true);
+    println!("{} of the limit alone, {} guarded, to {}", free.fastest, run.fastest, run.at);
+    assert!(run.fastest <= 1.0, "{} of the limit", run.fastest);
+    // The program is stopped, and told why, once the speed that is allowed is nearly reached.
+    assert!(run.inhibited && run.fastest > 0.8, "{} of the limit", run.fastest);
+    assert_eq!(module.get("fault") as i32, Cause::JointTooFast.code());
+}
+
+#[test]
+fn an_arc_too_short_to_gather_a_speed_that_is_too_fast_is_not_stopped() {
+    let module = hexapod(200.0);
+    let arc = Drive { acceleration: 10.0, ..drive(&module, &rotating_arc, 0.5) };
+    let run = arc.run(true);
+    assert!(!run.inhibited && run.at > 0.499, "at {}", run.at);
+    assert!(run.fastest <= 1.0, "{} of the limit", run.fastest);
 }
 
 #[test]
