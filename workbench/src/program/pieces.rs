@@ -2,33 +2,30 @@
 //! From the moves of a program to those of the queue: what lies on a line becomes one.
 
 use crate::program::interpreter::{Arc, Move, MoveKind, PathMode};
-use crate::program::segment::{ALONG_CIRCLES, End, Segment, Shape, between, lengths, norm};
+use crate::program::segment::{ALONG_CIRCLES, End, FUZZ, Segment, Shape, between, lengths, norm};
 use crate::program::share::{Limits, circle_limits, directions, line_limits};
 use crate::read::machine::MachineConfig;
 use kinematics::Vector3;
 use std::collections::VecDeque;
-
-/// Moves below this length in all of X Y Z, or A B C, do not move these (LinuxCNC's CART_FUZZ).
-pub(super) const FUZZ: f64 = 1e-6;
 
 /// Moves merged at most.
 const MERGED: usize = 100;
 
 /// An end of a straight move, or a whole arc.
 struct Piece<'a> {
-    pub(super) number: usize,
-    pub(super) step: &'a Move,
-    pub(super) places: Vec<[f64; 6]>,
-    pub(super) arc: Option<Arc>,
-    pub(super) stands: bool,
+    number: usize,
+    step: &'a Move,
+    places: Vec<[f64; 6]>,
+    arc: Option<Arc>,
+    stands: bool,
 }
 
 pub(super) struct Source<'a> {
-    pub(super) config: &'a MachineConfig,
-    pub(super) moves: &'a [Move],
-    pub(super) next: usize,
+    config: &'a MachineConfig,
+    moves: &'a [Move],
+    next: usize,
     /// End of what was read, and of what was handed on.
-    pub(super) at: [f64; 6],
+    at: [f64; 6],
     sent: [f64; 6],
     waiting: VecDeque<Piece<'a>>,
 }

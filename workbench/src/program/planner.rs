@@ -12,9 +12,9 @@
 
 use crate::program::corner::{Rounding, altitude, half_angle, overlap_speeds, rounding_arc};
 use crate::program::interpreter::Move;
-use crate::program::pieces::{FUZZ, Source};
+use crate::program::pieces::Source;
 use crate::program::segment::{
-    ALONG_CIRCLES, End, Segment, Shape, forget_kink, join, slow_at_kink,
+    ALONG_CIRCLES, End, FUZZ, Segment, Shape, forget_kink, join, slow_at_kink,
 };
 use crate::read::machine::MachineConfig;
 use kinematics::Vector3;

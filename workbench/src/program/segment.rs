@@ -3,6 +3,9 @@
 
 use kinematics::Vector3;
 
+/// Moves below this length in all of X Y Z, or A B C, do not move these (LinuxCNC's CART_FUZZ).
+pub(super) const FUZZ: f64 = 1e-6;
+
 /// Share of the acceleration that circles leave for changes of speed.
 pub(super) const ALONG_CIRCLES: f64 = 0.5;
 

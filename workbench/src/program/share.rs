@@ -2,8 +2,7 @@
 //! What the axes leave to a move: speed and acceleration along it.
 
 use crate::program::interpreter::Arc;
-use crate::program::pieces::FUZZ;
-use crate::program::segment::{ALONG_CIRCLES, lengths, norm};
+use crate::program::segment::{ALONG_CIRCLES, FUZZ, lengths, norm};
 use crate::read::machine::MachineConfig;
 use kinematics::Vector3;
 
