@@ -11,7 +11,7 @@ const ROOMS: [(&str, &[&str]); 8] = [
     ("read", &["files"]),
     ("proof", &["read"]),
     ("check", &["proof", "read"]),
-    ("program", &["proof", "read"]),
+    ("program", &["files", "proof", "read"]),
     ("study", &["files", "proof", "read"]),
     ("calibrate", &["files", "proof", "read"]),
     ("draw", &["files", "program", "read", "study"]),

@@ -68,7 +68,7 @@ plant "the header with a pose that inverse may write" '/kinematicsInverse/,/;/s/
 plant "the header with a result of another type" 's/^\(extern \)\{0,1\}int \(kinematicsSwitch(\)/\1long \2/'
 
 $cc -std=gnu11 -Wall -Wextra -Werror -fvisibility=hidden -shared -fPIC -DRTAPI -isystem "$headers" \
-    "$root/tests/stub_hal/stub_hal.c" -o "$work/stub_hal.so"
+    "$root/tests/module/stub_hal/stub_hal.c" -o "$work/stub_hal.so"
 "$work/abi_check" "$work/stub_hal.so" "$module"
 
 # The same client watched by the sanitizers: it owns every byte the module may write.

@@ -2,7 +2,7 @@
 //! What a user should know of a machine before it moves.
 
 pub mod cautions;
-pub mod homing;
+mod homing;
 pub mod mobility;
 pub mod report;
-pub mod wiring;
+mod wiring;

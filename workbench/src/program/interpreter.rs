@@ -5,9 +5,9 @@
 //! O-words, parameters, cutter compensation, cycles and remaps mean what they mean on
 //! the machine. Arcs come as short straight moves.
 
+use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{self, PathBuf};
@@ -129,17 +129,19 @@ impl Reading {
     }
 }
 
-/// Why a program could not be read; the interpreter's words, with file and line.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct InterpreterError(String);
-
-impl fmt::Display for InterpreterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
+/// Why a program could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum InterpreterError {
+    /// The interpreter does not run.
+    #[error("{PYTHON}: {0}")]
+    Unstarted(#[from] io::Error),
+    /// It refuses the program, in its words, with file and line.
+    #[error("{0}")]
+    Refused(String),
+    /// What it answers is no list of moves.
+    #[error(transparent)]
+    Malformed(#[from] AtFile<csv::Error>),
 }
-
-impl std::error::Error for InterpreterError {}
 
 /// What canon.py reads.
 #[derive(Serialize)]
@@ -246,17 +248,14 @@ fn read(
     program: &path::Path,
     offset: Option<String>,
 ) -> Result<Reading, InterpreterError> {
-    let output = run(config, program, offset)
-        .map_err(|error| InterpreterError(format!("{PYTHON}: {error}")))?;
+    let output = run(config, program, offset)?;
     if !output.status.success() {
         let text = String::from_utf8_lossy(&output.stderr).trim().to_string();
-        return Err(InterpreterError(text));
+        return Err(InterpreterError::Refused(text));
     }
     let mut found = Reading::new(program);
     for row in csv::Reader::from_reader(output.stdout.as_slice()).deserialize() {
-        let row =
-            row.map_err(|error| InterpreterError(format!("{}: {error}", program.display())))?;
-        found.add(row, config.units_per_mm);
+        found.add(row.at(program)?, config.units_per_mm);
     }
     Ok(found)
 }

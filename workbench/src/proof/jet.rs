@@ -152,7 +152,8 @@ impl Jet {
         self.0[2][1]
     }
 
-    /// ∂_j f.
+    /// ∂_j f, for comparison with the core's Jacobian.
+    #[cfg(test)]
     pub fn slope(&self) -> Interval {
         self.0[0][1]
     }

@@ -6,5 +6,5 @@ pub mod boxes;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;
-pub mod jet;
+mod jet;
 pub mod one_to_one;

@@ -21,8 +21,8 @@
 use crate::proof::jet::{Interval, Jet};
 use crate::read::boxes::Claim;
 use kinematics::{
-    BOX_TOLERANCE, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS, Machine, Pose,
-    Vector3, WorkspaceBox,
+    BOX_TOLERANCE, Fault, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS,
+    Machine, Pose, Vector3, WorkspaceBox,
 };
 use nalgebra::SMatrix;
 use std::ops::Add;
@@ -40,29 +40,20 @@ pub type Matrix = SMatrix<f64, 6, 6>;
 pub type Rows = SMatrix<f64, 8, 6>;
 
 /// Why a claim is not proved.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubt {
     /// Numbers that no box can have.
+    #[error("{0}")]
     Malformed(&'static str),
     /// At this pose the norm is larger than claimed.
+    #[error("the norm is {1:.4} at {0:?}")]
     Exceeded([f64; 6], f64),
     /// This pose is out of reach.
-    Reach([f64; 6], String),
+    #[error("{0:?}: {1}")]
+    Reach([f64; 6], Fault),
     /// More cells than allowed would be needed.
+    #[error("not proved with {0} cells")]
     Effort(usize),
-}
-
-impl std::error::Error for Doubt {}
-
-impl std::fmt::Display for Doubt {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Doubt::Malformed(what) => write!(f, "{what}"),
-            Doubt::Exceeded(pose, norm) => write!(f, "the norm is {norm:.4} at {pose:?}"),
-            Doubt::Reach(pose, fault) => write!(f, "{pose:?}: {fault}"),
-            Doubt::Effort(cells) => write!(f, "not proved with {cells} cells"),
-        }
-    }
 }
 
 /// Machine with its equations, as the proof needs them.
@@ -128,7 +119,7 @@ impl<'a> Prover<'a> {
         let jacobian = self
             .machine
             .pose_jacobian(&Pose::from_degrees(*pose), &Vector3::zeros())
-            .map_err(|fault| Doubt::Reach(*pose, fault.to_string()))?;
+            .map_err(|fault| Doubt::Reach(*pose, fault))?;
         let mut rows = Rows::zeros();
         for i in 0..self.machine.layout().legs() {
             for k in &self.active {

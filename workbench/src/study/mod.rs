@@ -3,7 +3,7 @@
 
 pub mod body;
 pub mod file;
-pub mod law;
+mod law;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;
