@@ -11,7 +11,7 @@
 //! its least value is at one of them.
 
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, MAX_LEGS, PerLeg};
+use crate::layout::{Joints, Layout, MAX_LEGS, PerLeg};
 use crate::machine::{Machine, Moving, Segment};
 use crate::pose::Pose;
 use crate::watch::Watch;
@@ -204,7 +204,7 @@ impl Watch {
             let place = at(time);
             let moving = place.moving();
             let (allowed, because) = match &moving {
-                Ok(moving) => moving.speed(limits, &hold, share),
+                Ok(moving) => moving.speed(machine.layout(), limits, &hold, share),
                 Err(fault) => (0.0, Some(*fault)),
             };
             let now = speed_before(allowed, braking, time - planner.latency);
@@ -242,8 +242,9 @@ impl Watch {
             Ok(moving) => moving,
             Err(fault) => return Some(fault),
         };
-        let count = place.machine.layout().joints();
-        moving.outside(limits, count).or_else(|| self.leaning(place, &moving.segments, limits))
+        moving
+            .outside(limits, place.machine.layout())
+            .or_else(|| self.leaning(place, &moving.segments, limits))
     }
 
     /// A leg outside its cones, or too near to another.
@@ -262,7 +263,7 @@ impl Watch {
         let near = || {
             let nearest = (limits.clearance != 0.0).then(|| self.nearest(legs))??;
             let touches = !(nearest.distance >= limits.clearance);
-            touches.then(|| Fault::of_leg(Cause::LegsNear, nearest.pair[0], nearest.distance))
+            touches.then(|| Fault::of_legs(Cause::LegsNear, nearest.pair, nearest.distance))
         };
         beyond(&cones.base, &limits.base_cone, Cause::BaseConeAhead)
             .or_else(|| beyond(&cones.platform, &limits.platform_cone, Cause::PlatformConeAhead))
@@ -320,8 +321,14 @@ impl Place<'_> {
 
 impl Moving {
     /// Largest speed here and what limits it.
-    fn speed(&self, limits: &Limits, hold: &Hold, share: f64) -> (f64, Option<Fault>) {
-        let (joints, fault) = self.joint_speed(limits);
+    fn speed(
+        &self,
+        layout: &Layout,
+        limits: &Limits,
+        hold: &Hold,
+        share: f64,
+    ) -> (f64, Option<Fault>) {
+        let (joints, fault) = self.joint_speed(layout, limits);
         match hold.speed(share) {
             Some((slower, why)) if !(joints <= slower) => (slower, Some(why)),
             _ => (joints, fault),
@@ -329,7 +336,7 @@ impl Moving {
     }
 
     /// Largest speed at which no joint is too fast, and the joint.
-    fn joint_speed(&self, limits: &Limits) -> (f64, Option<Fault>) {
+    fn joint_speed(&self, layout: &Layout, limits: &Limits) -> (f64, Option<Fault>) {
         let mut slowest = (f64::INFINITY, None);
         for (i, (rate, limit)) in self.rates.iter().zip(&limits.speed).enumerate() {
             if *rate == 0.0 {
@@ -338,18 +345,22 @@ impl Moving {
             let allowed = SPEED_SHARE * limit.max(0.0) / rate.abs();
             if !(allowed >= slowest.0) {
                 let careful = if allowed.is_nan() { 0.0 } else { allowed };
-                slowest = (careful, Some(Fault::of_leg(Cause::JointTooFast, i, *limit)));
+                slowest = (careful, Some((i, *limit)));
             }
         }
-        slowest
+        let (speed, joint) = slowest;
+        let named = |(i, limit)| Fault::of_joint(Cause::JointTooFast, layout, i, limit);
+        (speed, joint.map(named))
     }
 
-    /// A joint outside its range, of so many.
-    fn outside(&self, limits: &Limits, count: usize) -> Option<Fault> {
+    /// A joint outside its range.
+    fn outside(&self, limits: &Limits, layout: &Layout) -> Option<Fault> {
         let ranges = limits.min.iter().zip(&limits.max);
-        for (i, (joint, (min, max))) in self.joints.iter().zip(ranges).enumerate().take(count) {
+        for (i, (joint, (min, max))) in
+            self.joints.iter().zip(ranges).enumerate().take(layout.joints())
+        {
             if !(joint >= min && joint <= max) {
-                return Some(Fault::of_leg(Cause::JointLimitAhead, i, *joint));
+                return Some(Fault::of_joint(Cause::JointLimitAhead, layout, i, *joint));
             }
         }
         None
@@ -514,13 +525,17 @@ mod tests {
         let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
         let moving = Moving { rates, ..moving };
         let limits = Limits { speed: [8.0; MAX_JOINTS], ..NO_LIMITS };
+        let layout = *machine().layout();
         // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
-        let (speed, why) = moving.speed(&limits, &hold, 1.0);
-        assert_eq!((speed, why), (1.96, Some(Fault::of_leg(Cause::JointTooFast, 1, 8.0))));
+        let (speed, why) = moving.speed(&layout, &limits, &hold, 1.0);
+        assert_eq!(
+            (speed, why),
+            (1.96, Some(Fault::of_joint(Cause::JointTooFast, &layout, 1, 8.0)))
+        );
         let slower = Hold { requested: 2.0, ..hold };
         let told = Fault::with_value(Cause::HoldAhead, 0.1875);
-        assert_eq!(moving.speed(&limits, &slower, 1.0), (1.0, Some(told)));
-        assert_eq!(moving.speed(&NO_LIMITS, &slower, 0.0), (f64::INFINITY, None));
+        assert_eq!(moving.speed(&layout, &limits, &slower, 1.0), (1.0, Some(told)));
+        assert_eq!(moving.speed(&layout, &NO_LIMITS, &slower, 0.0), (f64::INFINITY, None));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! Numbers and letters of a machine: which joints there are, and which coordinates of
 //! the pose they move.
 
-use crate::fault::{Cause, Fault};
+use crate::fault::{Cause, Fault, MachinePart};
 use crate::load::LoadError;
 
 /// Most legs of a machine.
@@ -194,6 +194,12 @@ impl Layout {
     /// Whether legs exceed coordinates, so that joint values can contradict each other.
     pub fn is_redundant(&self) -> bool {
         self.legs > self.coordinates.len()
+    }
+
+    /// Joint `i` by its name: that of a leg, or that of a table axis.
+    pub fn joint(&self, i: usize) -> MachinePart {
+        let axis = i.checked_sub(self.legs).and_then(|k| self.table.as_slice().get(k));
+        axis.map_or(MachinePart::Joint(i as u8), |l| MachinePart::TableAxis(i as u8, *l))
     }
 
     /// The letter of every joint for the identity kinematics; `None` where a joint has none.

@@ -39,7 +39,7 @@ pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
     WorkspaceBox,
 };
-pub use fault::{CAUSES, Cause, Fault};
+pub use fault::{CAUSES, Cause, Fault, MachinePart};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};
 pub use layout::{Joints, Layout, Letter, Letters, MAX_JOINTS, MAX_LEGS, PerLeg};

@@ -23,7 +23,7 @@ mod workspace;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use kinematics::{Fault, Letter, Pose};
+use kinematics::{Fault, Letter, MachinePart, Pose};
 use pkm::diagnostic::{Severity, rendered};
 use pkm::ini::{Ini, IniError};
 use pkm::interpreter::Move;
@@ -74,8 +74,8 @@ impl Failure {
 
     /// A geometry that is none, at the section of the leg that the fault names.
     fn of_geometry(file: &Path, fault: Fault) -> Self {
-        match (fault.leg, Ini::read(file)) {
-            (Some(leg), Ok(ini)) => {
+        match (fault.part, Ini::read(file)) {
+            (Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])), Ok(ini)) => {
                 ini.refuse_section(&format!("LEG_{leg}"), &fault.to_string()).into()
             }
             _ => Self::at(file, fault),
