@@ -5,6 +5,7 @@ use super::model::{Model, Place};
 use crate::boxes;
 use crate::ini::Ini;
 use crate::machine::MachineConfig;
+use keys::leg;
 use kinematics::Geometry;
 use kinematics::{LegKind, PerLeg};
 use similar::TextDiff;
@@ -30,10 +31,8 @@ pub fn calibrated(
     model: &Model,
     changes: &[f64],
 ) -> Result<String, String> {
-    let text = std::fs::read_to_string(&config.file)
-        .map_err(|error| format!("{}: {error}", config.file.display()))?;
     let (geometry, offsets) = model.changed(changes);
-    let mut lines: Vec<String> = without_boxes(&text);
+    let mut lines: Vec<String> = without_boxes(config.ini.text());
     let mut edits = of_legs(model, &geometry, &offsets);
     edits.extend(of_home(config, model, changes)?);
     for edit in &edits {
@@ -96,23 +95,23 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
     for (n, (old, new)) in model.geometry.legs().iter().zip(geometry.legs()).enumerate() {
         let mut edit = |key, value| edits.push(Edit { section: format!("LEG_{n}"), key, value });
         if old.base != new.base {
-            edit("BASE", list(&new.base));
+            edit(leg::BASE.name, list(&new.base));
         }
         if old.platform != new.platform {
-            edit("PLATFORM", list(&new.platform));
+            edit(leg::PLATFORM.name, list(&new.platform));
         }
         if model.offsets[n] != offsets[n] {
-            edit("OFFSET", decimal(offsets[n]));
+            edit(leg::OFFSET.name, decimal(offsets[n]));
         }
         match (&old.kind, &new.kind) {
             (LegKind::Slider(old), LegKind::Slider(new)) if old.rod != new.rod => {
-                edit("ROD", decimal(new.rod))
+                edit(leg::ROD.name, decimal(new.rod))
             }
             (LegKind::Crank(old), LegKind::Crank(new)) if old.rod != new.rod => {
-                edit("ROD", decimal(new.rod))
+                edit(leg::ROD.name, decimal(new.rod))
             }
             (LegKind::Strut(old), LegKind::Strut(new)) if old.lead != new.lead => {
-                edit("LEAD", decimal(new.lead))
+                edit(leg::LEAD.name, decimal(new.lead))
             }
             _ => {}
         }

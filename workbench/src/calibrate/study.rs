@@ -12,9 +12,8 @@ use super::plate::Plate;
 use super::points;
 use super::reading::{Changed, Measured, Reading};
 use super::table;
-use crate::ini::Ini;
 use crate::machine::MachineConfig;
-use kinematics::{Fault, MAX_LEGS, PerLeg, Pose, Vector3};
+use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 use std::path::{Path, PathBuf};
 
@@ -79,8 +78,7 @@ pub fn read(
         Some(file) => Some(Plate::read(file, config.units_per_mm)?),
         None => None,
     };
-    let offsets = offsets(config)?;
-    let mut model = Model::new(config.geometry, offsets, &wishes.tolerance)
+    let mut model = Model::new(config.geometry, config.offsets, &wishes.tolerance)
         .map_err(|fault| format!("{}: {fault}", config.file.display()))?;
     let mut readings = vec![];
     for (k, file) in files.iter().enumerate() {
@@ -144,16 +142,6 @@ fn kind(text: &str) -> Option<Kind> {
         Ok(_) => Some(Kind::Points),
         Err(_) => None,
     }
-}
-
-fn offsets(config: &MachineConfig) -> Result<PerLeg, String> {
-    let ini = Ini::read(&config.file).map_err(|error| error.to_string())?;
-    let mut offsets = [0.0; MAX_LEGS];
-    for (n, offset) in offsets.iter_mut().enumerate().take(config.legs()) {
-        *offset =
-            ini.number_or(&format!("LEG_{n}"), "OFFSET", 0.0).map_err(|error| error.to_string())?;
-    }
-    Ok(offsets)
 }
 
 /// Calibrates; `told` hears how far it is.

@@ -112,13 +112,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         text += &next(&config, &study, arguments.next)?;
     }
     if let Some(target) = target {
-        let old = std::fs::read_to_string(&config.file)
-            .map_err(|error| Failure::at(&config.file, error))?;
         let names = (config.file.display().to_string(), target.display().to_string());
         write_whole(target, &new).map_err(Failure::Told)?;
         text += &format!(
             "\n{}\nwritten: {}\n",
-            rewrite::difference(&old, &new, (&names.0, &names.1)),
+            rewrite::difference(config.ini.text(), &new, (&names.0, &names.1)),
             names.1
         );
     }

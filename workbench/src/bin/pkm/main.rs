@@ -23,9 +23,9 @@ mod workspace;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use kinematics::{Fault, Letter, MachinePart, Pose};
+use kinematics::{Letter, Pose};
 use pkm::diagnostic::{Severity, rendered};
-use pkm::ini::{Ini, IniError};
+use pkm::ini::IniError;
 use pkm::interpreter::Move;
 use pkm::machine::{MachineConfig, MachineError};
 use pkm::plots::Plot;
@@ -71,16 +71,6 @@ impl Failure {
     fn at(file: &Path, error: impl std::fmt::Display) -> Self {
         Self::Told(format!("{}: {error}", file.display()))
     }
-
-    /// A geometry that is none, at the section of the leg that the fault names.
-    fn of_geometry(file: &Path, fault: Fault) -> Self {
-        match (fault.part, Ini::read(file)) {
-            (Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])), Ok(ini)) => {
-                ini.refuse_section(&format!("LEG_{leg}"), &fault.to_string()).into()
-            }
-            _ => Self::at(file, fault),
-        }
-    }
 }
 
 impl From<io::Error> for Failure {
@@ -107,7 +97,8 @@ impl From<MachineError> for Failure {
                     errors.iter().map(|error| rendered(Severity::Error, &error.0)).collect();
                 Self::Shown(shown.join("\n\n"))
             }
-            MachineError::Geometry(file, fault) => Self::of_geometry(&file, fault),
+            MachineError::Geometry(_, _, Some(section)) => section.into(),
+            MachineError::Geometry(file, fault, None) => Self::at(&file, fault),
         }
     }
 }

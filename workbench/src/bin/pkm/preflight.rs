@@ -5,7 +5,6 @@ use super::{Bar, Failure, MachineFile, Verdict, is_still};
 use kinematics::{Fault, Letter};
 use pkm::cautions::{Caution, cautions};
 use pkm::fit::{self, Offset};
-use pkm::ini::Ini;
 use pkm::interpreter::{self, Move, Reading};
 use pkm::machine::MachineConfig;
 use pkm::preflight::{Break, LineLoad, Preflight, preflight};
@@ -74,7 +73,6 @@ struct Suggestion {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
-    let ini = Ini::read(&arguments.machine.machine)?;
     // Told before the interpreter, in the system's words.
     std::fs::read(&arguments.program).map_err(|error| Failure::at(&arguments.program, error))?;
     let Reading { moves, files } = interpreter::reading(&config, &arguments.program)
@@ -84,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Err(Failure::at(&arguments.program, "the program moves nothing"));
     }
     let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
-    let mut warnings = cautions(&config, &ini, &texts);
+    let mut warnings = cautions(&config, &config.ini, &texts);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     let answer = Answer {
         machine: config.file.display().to_string(),
