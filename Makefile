@@ -104,7 +104,7 @@ check: setup
 	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md
+	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl
 
 prove: setup module
 	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin prove

@@ -73,7 +73,7 @@ enum pkmkins_cause {
   PKMKINS_SINGULAR_PASSED = -41,
   // the geometry of the leg holds a value that is NaN or infinite.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,
-  // the leg joins the same two points as the leg of the number shown.
+  // the legs join the same two points.
   PKMKINS_LEGS_COINCIDE = -51,
   // the leg has a lead, and a cardan axis of zero length.
   PKMKINS_AXIS_ZERO = -52,
@@ -129,7 +129,7 @@ enum pkmkins_cause {
   PKMKINS_PLATFORM_CONE_AHEAD = -92,
   // the motion leads to where the legs hardly hold the platform (conditioning shown).
   PKMKINS_HOLD_AHEAD = -93,
-  // this leg comes too near to another (distance shown).
+  // the legs come too near to each other (distance shown).
   PKMKINS_LEGS_NEAR = -94,
   // the joint would have to be faster than its limit (shown).
   PKMKINS_JOINT_TOO_FAST = -95,

@@ -331,7 +331,7 @@ def escape(machine: Machine, out, joint, distance, speed):
 
 
 def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, after):
-    """More legs than coordinates, one leg off: refused, that leg named; jogging back heals it."""
+    """More legs than coordinates, one leg off: refused, that joint named; jogging back heals it."""
     machine.turn_on()
     machine.home()
     machine.joint_mode()
@@ -340,10 +340,10 @@ def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, afte
     told = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
     assert told == (code, joint), f"fault and fault-leg are {told}, expected {(code, joint)}"
     # At the limit none may stand out yet: a joint that creeps away takes the last pose along.
-    named = [text for text in reasons_of(machine, code) if text.startswith("pkmkins: leg ")]
-    assert named, f"leg {joint} is not named: {machine.messages}"
-    reason, others = named[0], [text for text in named if f"leg {joint}:" not in text]
-    assert not others, f"another leg than {joint} is named: {others}"
+    named = [text for text in reasons_of(machine, code) if text.startswith("pkmkins: joint ")]
+    assert named, f"joint {joint} is not named: {machine.messages}"
+    reason, others = named[0], [text for text in named if f"joint {joint}:" not in text]
+    assert not others, f"another joint than {joint} is named: {others}"
     machine.jog_joint(joint, -distance, speed)
     assert not machine.get("pkmkins.fwd-kins-fail"), "forward still fails after jogging back"
     machine.world_mode()

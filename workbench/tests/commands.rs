@@ -185,7 +185,7 @@ error: [LEG_0]GUIDES = 0 0 1
   --> linear-delta.ini:75:1
    |
 75 | GUIDES = 0 0 1
-   | ^^^^^^ unknown key; known keys are BASE PLATFORM OFFSET BASE_CONE PLATFORM_CONE GUIDE ROD SIDE
+   | ^^^^^^ unknown key; known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
 
 error: [LEG_0]GUIDE is missing
 --> linear-delta.ini
@@ -307,7 +307,7 @@ error: [LEG_0]ROAD = 5
  --> kins.inc:3:1
   |
 3 | ROAD = 5
-  | ^^^^ unknown key; known keys are BASE PLATFORM OFFSET BASE_CONE PLATFORM_CONE GUIDE ROD SIDE
+  | ^^^^ unknown key; known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
 exit 2
 
 "#]]

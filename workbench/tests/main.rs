@@ -15,6 +15,7 @@ mod inivar;
 mod interpreter;
 mod lathe_loops;
 mod mobility;
+mod offsets;
 mod path;
 mod planner;
 mod preflight;

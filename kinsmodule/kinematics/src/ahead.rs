@@ -12,7 +12,7 @@
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, MAX_LEGS};
+use crate::layout::{Joints, Layout, MAX_LEGS};
 use crate::limits::Limits;
 use crate::machine::Machine;
 use crate::pose::Pose;
@@ -228,7 +228,7 @@ impl Machine {
 }
 
 fn refused(at: &At<'_>, limits: &Limits) -> Option<Fault> {
-    at.first_broken(limits)?.fault()
+    at.first_broken(limits)?.fault(at.layout())
 }
 
 impl Look<'_> {
@@ -275,7 +275,7 @@ impl Look<'_> {
         let moved = self.at.move_to(&pose, self.tool);
         match moved.and_then(|()| self.at.rates(&rate)) {
             Ok(rates) => View {
-                joints: joint_speed(&rates, self.limits),
+                joints: joint_speed(&rates, self.limits, self.at.layout()),
                 refused: refused(&self.at, self.limits),
                 is_reached: true,
             },
@@ -327,7 +327,7 @@ impl View {
 
 /// Largest speed at which no joint is too fast, as a multiple of that with these rates, and the
 /// joint.
-fn joint_speed(rates: &Joints, limits: &Limits) -> (f64, Option<Fault>) {
+fn joint_speed(rates: &Joints, limits: &Limits, layout: &Layout) -> (f64, Option<Fault>) {
     let mut slowest = (f64::INFINITY, None);
     for (i, (rate, limit)) in rates.iter().zip(&limits.speed).enumerate() {
         if *rate == 0.0 {
@@ -336,10 +336,11 @@ fn joint_speed(rates: &Joints, limits: &Limits) -> (f64, Option<Fault>) {
         let allowed = SPEED_SHARE * limit.max(0.0) / rate.abs();
         if !(allowed >= slowest.0) {
             let careful = if allowed.is_nan() { 0.0 } else { allowed };
-            slowest = (careful, Some(Fault::of_leg(Cause::JointTooFast, i, *limit)));
+            slowest = (careful, Some((i, *limit)));
         }
     }
-    slowest
+    let (speed, joint) = slowest;
+    (speed, joint.map(|(i, limit)| Fault::of_joint(Cause::JointTooFast, layout, i, limit)))
 }
 
 /// Speed now that becomes `allowed` by braking for a time at the present speed.
@@ -523,15 +524,19 @@ mod tests {
     #[test]
     fn the_slower_of_joints_and_hold_is_told_with_its_reason() {
         let hold = Hold { now: 0.25, change: -0.0625, limit: 0.125, requested: 4.0 };
+        let layout = *machine().layout();
         let view = |speed: f64| {
             let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
             let limits = Limits { speed: [speed; MAX_JOINTS], ..Limits::NONE };
-            let joints = joint_speed(&rates, &limits);
+            let joints = joint_speed(&rates, &limits, &layout);
             View { joints, refused: None, is_reached: true }
         };
         // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
         let (speed, why) = view(8.0).speed(&hold, 1.0);
-        assert_eq!((speed, why), (1.96, Some(Fault::of_leg(Cause::JointTooFast, 1, 8.0))));
+        assert_eq!(
+            (speed, why),
+            (1.96, Some(Fault::of_joint(Cause::JointTooFast, &layout, 1, 8.0)))
+        );
         let slower = Hold { requested: 2.0, ..hold };
         let told = Fault::with_value(Cause::HoldAhead, 0.1875);
         assert_eq!(view(8.0).speed(&slower, 1.0), (1.0, Some(told)));

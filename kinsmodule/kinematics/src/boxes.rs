@@ -153,7 +153,7 @@ impl Machine {
         solver: &Solver,
     ) -> Result<Progress, Fault> {
         if let Some((i, value)) = search.joints.iter().enumerate().find(|(_, v)| !v.is_finite()) {
-            return Err(Fault::of_leg(Cause::JointNotFinite, i, *value));
+            return Err(Fault::of_joint(Cause::JointNotFinite, self.layout(), i, *value));
         }
         let mut allowed = STEPS_PER_CALL;
         for asked in boxes.iter().skip(search.index).take(MAX_BOXES) {

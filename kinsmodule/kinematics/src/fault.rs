@@ -9,42 +9,97 @@ use crate::text::Text;
 /// which may take two bytes.
 const SHOWN: usize = 320;
 
-/// A refusal: its cause, the leg concerned, and the number that helps to understand it.
+/// Part of a machine that a refusal names. Legs and joints are counted from 0; the joints of
+/// the legs come first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MachinePart {
+    /// A leg.
+    Leg(u8),
+    /// Two legs.
+    Legs([u8; 2]),
+    /// The joint of a leg.
+    Joint(u8),
+    /// The joint of a table axis, and the axis.
+    TableAxis(u8, Letter),
+}
+
+impl MachinePart {
+    /// Number of the leg (of two, the first) or of the joint.
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Leg(n) | Self::Legs([n, _]) | Self::Joint(n) | Self::TableAxis(n, _) => n,
+        }
+    }
+
+    fn tell<const LENGTH: usize>(self, text: &mut Text<LENGTH>) {
+        match self {
+            Self::Leg(leg) => {
+                text.push("leg ");
+                text.push(leg);
+            }
+            Self::Legs([one, other]) => {
+                text.push("legs ");
+                text.push(one);
+                text.push(" and ");
+                text.push(other);
+            }
+            Self::Joint(joint) | Self::TableAxis(joint, _) => {
+                text.push("joint ");
+                text.push(joint);
+            }
+        }
+        if let Self::TableAxis(_, letter) = self {
+            text.push(" (table ");
+            text.push(&[letter.name() as u8][..]);
+            text.push(")");
+        }
+    }
+}
+
+/// A refusal: its cause, the part concerned, and the number that helps to understand it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
     /// What is wrong.
     pub cause: Cause,
-    /// Leg (joint) concerned, counted from 0, where one can be named.
-    pub leg: Option<u8>,
+    /// Part of the machine concerned, where one can be named.
+    pub part: Option<MachinePart>,
     /// The offending value, in the unit that [`Cause::text`] names; 0 where none helps.
     pub value: f64,
 }
 
 impl Fault {
     pub(crate) const fn new(cause: Cause) -> Self {
-        Self { cause, leg: None, value: 0.0 }
+        Self { cause, part: None, value: 0.0 }
     }
 
-    /// A refusal that names no leg.
+    /// A refusal that names no part.
     pub const fn with_value(cause: Cause, value: f64) -> Self {
-        Self { cause, leg: None, value }
+        Self { cause, part: None, value }
     }
 
     /// A refusal that names leg `leg` (counted from 0).
     pub const fn of_leg(cause: Cause, leg: usize, value: f64) -> Self {
-        Self { cause, leg: Some(leg as u8), value }
+        Self { cause, part: Some(MachinePart::Leg(leg as u8)), value }
+    }
+
+    /// A refusal that names two legs (counted from 0).
+    pub const fn of_legs(cause: Cause, [one, other]: [usize; 2], value: f64) -> Self {
+        Self { cause, part: Some(MachinePart::Legs([one as u8, other as u8])), value }
+    }
+
+    /// Number of the leg or joint that is named, as the pins show it: of two legs the first.
+    pub fn number(&self) -> Option<u8> {
+        self.part.map(MachinePart::number)
     }
 
     /// Appends what is wrong and the way out to a message.
     pub fn tell<const LENGTH: usize>(&self, text: &mut Text<LENGTH>) {
-        if let Some(leg) = self.leg {
-            text.push("leg ");
-            text.push(leg);
+        if let Some(part) = self.part {
+            part.tell(text);
             text.push(": ");
         }
         text.push(self.cause.text());
-        // The number of a leg may be 0; elsewhere 0 says nothing.
-        if self.value != 0.0 || self.cause == Cause::LegsCoincide {
+        if self.value != 0.0 {
             text.push(" (value ");
             text.push(self.value);
             text.push(")");
@@ -177,7 +232,7 @@ causes! {
     // The geometry offered for freezing.
     GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
         "correct the values of this leg";
-    LegsCoincide = -51, "the leg joins the same two points as the leg of the number shown",
+    LegsCoincide = -51, "the legs join the same two points",
         "give every leg its own anchors";
     AxisZero = -52, "the leg has a lead, and a cardan axis of zero length",
         "give BASE_N and PLATFORM_N as directions";
@@ -235,7 +290,7 @@ causes! {
         "stop, and lead the program through another pose";
     HoldAhead = -93, "the motion leads to where the legs hardly hold the platform (conditioning shown)",
         "if the feed is stopped: abort the program, move away, and lead it through another pose";
-    LegsNear = -94, "this leg comes too near to another (distance shown)",
+    LegsNear = -94, "the legs come too near to each other (distance shown)",
         "stop, and lead the program through another pose";
     JointTooFast = -95, "the joint would have to be faster than its limit (shown)",
         "if the feed is stopped: abort the program, and lead it through another pose";
@@ -308,6 +363,8 @@ impl Letter {
 mod tests {
     extern crate std;
     use super::*;
+    use crate::layout::Layout;
+    use crate::letters::Letters;
     use std::format;
 
     #[test]
@@ -319,18 +376,38 @@ mod tests {
     }
 
     #[test]
-    fn a_leg_of_number_0_is_shown_and_a_value_of_0_that_says_nothing_is_not() {
-        let text = |cause| format!("{}", Fault::of_leg(cause, 1, 0.0));
-        assert!(text(Cause::LegsCoincide).contains("(value 0)"));
-        assert!(!text(Cause::GeometryNotFinite).contains("value 0"));
+    fn a_value_of_0_that_says_nothing_is_not_shown() {
+        let text = |value| format!("{}", Fault::of_leg(Cause::GeometryNotFinite, 1, value));
+        assert!(!text(0.0).contains("(value"));
+        assert!(text(0.5).contains("(value 0.5)"));
+    }
+
+    #[test]
+    fn a_message_names_a_leg_two_legs_a_joint_or_a_table_axis_and_the_pins_its_number() {
+        let letters = |text: &[u8]| Letters::parse(text).unwrap();
+        let layout = Layout::new(4, letters(b"ZABC"), letters(b"XY")).unwrap();
+        let joint = |i| Fault::of_joint(Cause::JointNotFinite, &layout, i, 0.0);
+        for (fault, name, number) in [
+            (Fault::of_leg(Cause::StrutTooShort, 2, 0.0), "leg 2: the pose", 2),
+            (Fault::of_legs(Cause::LegsNear, [3, 0], 1.5), "legs 3 and 0: the legs", 3),
+            (joint(3), "joint 3: the joint", 3),
+            (joint(4), "joint 4 (table X): the joint", 4),
+            (joint(5), "joint 5 (table Y): the joint", 5),
+        ] {
+            assert!(format!("{fault}").starts_with(name), "{fault}");
+            assert_eq!(fault.number(), Some(number));
+        }
+        assert_eq!(Fault::from(Cause::NotHomed).number(), None);
     }
 
     #[test]
     fn a_message_is_shown_whole() {
+        let letters = |text: &[u8]| Letters::parse(text).unwrap();
+        let layout = Layout::new(7, letters(b"Z"), letters(b"X")).unwrap();
         // LinuxCNC cuts what an operator sees at 254 characters; "pkmkins: " goes before it.
         for cause in CAUSES {
             for value in [-0.123_456_789_012_345_68, -1e300, 1e-300, f64::MAX, f64::NEG_INFINITY] {
-                let text = format!("pkmkins: {}", Fault::of_leg(*cause, 7, value));
+                let text = format!("pkmkins: {}", Fault::of_joint(*cause, &layout, 7, value));
                 assert!(text.chars().count() <= 254, "{text}: {} characters", text.len());
                 assert!(text.ends_with(&format!("[code {}]", cause.code())), "{text}");
             }

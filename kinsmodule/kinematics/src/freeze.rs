@@ -181,7 +181,7 @@ impl Frozen<'_> {
                 let apart =
                     apart(&one.base, &other.base).max(apart(&one.platform, &other.platform));
                 if same_kind && apart <= SAME_POINT * size {
-                    return Err(Fault::of_leg(Cause::LegsCoincide, i, j as f64));
+                    return Err(Fault::of_legs(Cause::LegsCoincide, [i, j], 0.0));
                 }
             }
         }
@@ -409,7 +409,7 @@ mod tests {
             frozen::<6>(&legs, "XYZABC", None).map(|_| ())
         };
         // 500 and a little to the farthest anchor.
-        assert_eq!(apart(4e-7), Err(Fault::of_leg(Cause::LegsCoincide, 4, 1.0)));
+        assert_eq!(apart(4e-7), Err(Fault::of_legs(Cause::LegsCoincide, [4, 1], 0.0)));
         assert_eq!(apart(6e-7), Ok(()));
     }
 

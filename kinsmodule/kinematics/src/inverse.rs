@@ -188,7 +188,7 @@ impl<const N: usize> Mechanism<N> {
         self.of_first_legs(legs, &mut joints);
         self.of_table(point, &mut joints);
         let bad = joints.iter().position(|joint| !joint.is_finite()).unwrap_or(0);
-        Fault::of_leg(Cause::ResultNotFinite, bad, joints[bad])
+        Fault::of_joint(Cause::ResultNotFinite, &self.layout, bad, joints[bad])
     }
 
     /// Where a pose puts the platform.

@@ -2,6 +2,7 @@
 //! Numbers and letters of a machine: which joints there are, and which coordinates of
 //! the pose they move.
 
+use crate::fault::{Cause, Fault, MachinePart};
 use crate::letters::{Letter, Letters};
 use crate::load_error::LoadError;
 
@@ -85,10 +86,23 @@ impl Layout {
         self.legs > self.coordinates.len()
     }
 
+    /// Joint `i` by its name: that of a leg, or that of a table axis.
+    pub fn joint(&self, i: usize) -> MachinePart {
+        let axis = i.checked_sub(self.legs).and_then(|k| self.table.as_slice().get(k));
+        axis.map_or(MachinePart::Joint(i as u8), |l| MachinePart::TableAxis(i as u8, *l))
+    }
+
     /// The letter of every joint for the identity kinematics; `None` where a joint has none.
     pub fn joint_letters(&self) -> Option<impl Iterator<Item = Letter> + '_> {
         let both = [&self.coordinates, &self.table];
         (!self.is_redundant()).then(|| both.into_iter().flat_map(|l| l.as_slice()).copied())
+    }
+}
+
+impl Fault {
+    /// A refusal that names joint `joint` (counted from 0) of a machine of this layout.
+    pub fn of_joint(cause: Cause, layout: &Layout, joint: usize, value: f64) -> Self {
+        Self { cause, part: Some(layout.joint(joint)), value }
     }
 }
 

@@ -52,7 +52,7 @@ pub use boxes::{
     WorkspaceBox,
 };
 pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
-pub use fault::{CAUSES, Cause, Fault};
+pub use fault::{CAUSES, Cause, Fault, MachinePart};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};
 pub use jacobian::Jacobian;

@@ -3,7 +3,7 @@
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
-use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
+use crate::layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::LEAST_DRIVE;
 use crate::letters::Letter;
 use crate::watch::Nearest;
@@ -127,7 +127,7 @@ impl Margin {
     /// That of a pose which [`crate::Machine::at`] refuses: out of reach by the value, or a rod at
     /// its dead point. NaN where the refusal has another cause.
     pub fn of_fault(fault: &Fault) -> Self {
-        let part = fault.leg.map_or(Part::Whole, |leg| Part::Leg(usize::from(leg)));
+        let part = fault.number().map_or(Part::Whole, |leg| Part::Leg(usize::from(leg)));
         match fault.cause {
             Cause::DeadPoint => Self::dead_point(part, fault.value),
             Cause::OutOfReach => Self::reach(part, -fault.value.abs()),
@@ -144,7 +144,7 @@ impl Margin {
     }
 
     /// What the monitor reports where this is not kept; `None` for what it leaves to others.
-    pub(crate) fn fault(&self) -> Option<Fault> {
+    pub(crate) fn fault(&self, layout: &Layout) -> Option<Fault> {
         let cause = match self.limit {
             Limit::JointRange => Cause::JointLimitAhead,
             Limit::BaseCone => Cause::BaseConeAhead,
@@ -159,9 +159,9 @@ impl Margin {
             Limit::Axis | Limit::Reach | Limit::JointAcceleration => return None,
         };
         Some(match self.part {
-            Part::Joint(i) | Part::Leg(i) | Part::Legs([i, _]) => {
-                Fault::of_leg(cause, i, self.value)
-            }
+            Part::Joint(i) => Fault::of_joint(cause, layout, i, self.value),
+            Part::Leg(i) => Fault::of_leg(cause, i, self.value),
+            Part::Legs(pair) => Fault::of_legs(cause, pair, self.value),
             Part::Whole | Part::Axis(_) => Fault::with_value(cause, self.value),
         })
     }

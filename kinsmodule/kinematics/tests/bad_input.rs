@@ -8,7 +8,8 @@ use crate::common::machines::{
 use crate::common::{NO_OFFSET, NO_TOOL};
 use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, Pose, Solver, Vector3,
+    Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, MachinePart, Pose, Solver,
+    Vector3,
 };
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
@@ -46,7 +47,7 @@ fn values_that_are_not_finite_are_refused_wherever_they_stand() {
         ];
         for geometry in of_leg {
             let fault = refused(&geometry);
-            assert_eq!((fault.cause, fault.leg), (Cause::GeometryNotFinite, Some(2)));
+            assert_eq!((fault.cause, fault.number()), (Cause::GeometryNotFinite, Some(2)));
         }
         for k in 0..6 {
             let mut home = paper_004(10.0);
@@ -59,7 +60,7 @@ fn values_that_are_not_finite_are_refused_wherever_they_stand() {
         let mut offset = NO_OFFSET;
         offset[3] = bad;
         let fault = Machine::freeze(&paper_004(0.0), &offset).unwrap_err();
-        assert_eq!((fault.cause, fault.leg), (Cause::GeometryNotFinite, Some(3)));
+        assert_eq!((fault.cause, fault.number()), (Cause::GeometryNotFinite, Some(3)));
     }
 }
 
@@ -81,7 +82,7 @@ fn bad_poses_joints_seeds_and_tools_are_refused_and_named() {
             let mut q = joints;
             q[k] = bad;
             let fault = m.forward(&q, home, &NO_TOOL, &solver).unwrap_err();
-            assert_eq!((fault.cause, fault.leg), (Cause::JointNotFinite, Some(k as u8)));
+            assert_eq!((fault.cause, fault.number()), (Cause::JointNotFinite, Some(k as u8)));
             assert_eq!(fault.value.to_bits(), bad.to_bits());
         }
         for k in 0..3 {
@@ -148,7 +149,7 @@ fn degenerate_geometries_are_refused_with_their_reason() {
         leg.platform = one.platform;
     });
     let fault = refused(&coincide);
-    assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LegsCoincide, Some(4), 1.0));
+    assert_eq!((fault.cause, fault.part), (Cause::LegsCoincide, Some(MachinePart::Legs([4, 1]))));
 
     let line = changed_legs(&paper_004(10.0), |i, leg| {
         leg.platform = [10.0 * i as f64, 0.0, 0.0];
@@ -157,14 +158,14 @@ fn degenerate_geometries_are_refused_with_their_reason() {
 
     let no_axis = with_strut(5, |strut| strut.base_axis = [0.0; 3]);
     let fault = refused(&no_axis);
-    assert_eq!((fault.cause, fault.leg), (Cause::AxisZero, Some(5)));
+    assert_eq!((fault.cause, fault.number()), (Cause::AxisZero, Some(5)));
 
     let closed = with_leg(3, |leg| {
         let p = leg.platform;
         leg.base = [p[0], p[1], p[2] + 250.0];
     });
     let fault = refused(&closed);
-    assert_eq!((fault.cause, fault.leg), (Cause::StrutZeroAtHome, Some(3)));
+    assert_eq!((fault.cause, fault.number()), (Cause::StrutZeroAtHome, Some(3)));
 
     // Similar hexagons, one above the other without a twist: the classic singular layout.
     let hexagon = |r: f64| {
@@ -238,7 +239,7 @@ fn crank_of(leg: &mut LegGeometry) -> &mut CrankGeometry {
 #[test]
 fn a_slider_without_guide_rod_or_side_is_refused_with_its_number() {
     let given = linear_delta().geometry;
-    let named = |fault: Fault| (fault.cause, fault.leg);
+    let named = |fault: Fault| (fault.cause, fault.number());
     let guide = fault_of(&given, 1, |leg| slider_of(leg).guide = [0.0, -0.0, 0.0]);
     assert_eq!(named(guide), (Cause::GuideZero, Some(1)));
     for rod in [0.0, -0.0, -269.0] {
@@ -262,7 +263,7 @@ fn a_slider_without_guide_rod_or_side_is_refused_with_its_number() {
 #[test]
 fn a_crank_without_axis_arm_rod_or_side_is_refused_with_its_number() {
     let given = rotary_delta().geometry;
-    let named = |fault: Fault| (fault.cause, fault.leg);
+    let named = |fault: Fault| (fault.cause, fault.number());
     let along = |leg: &mut LegGeometry| {
         let crank = crank_of(leg);
         crank.arm = crank.axis.map(|v| 10.0 * v);
@@ -313,7 +314,10 @@ fn two_equal_legs_are_refused_and_two_rods_on_one_guide_are_not() {
     for case in declared() {
         let one = case.geometry.legs()[0];
         let fault = fault_of(&case.geometry, 1, |leg| *leg = one);
-        assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LegsCoincide, Some(1), 0.0));
+        assert_eq!(
+            (fault.cause, fault.part),
+            (Cause::LegsCoincide, Some(MachinePart::Legs([1, 0])))
+        );
     }
     // The rods of the lathes share their guides.
     assert!(Machine::freeze(&four_rod_lathe().geometry, &NO_OFFSET).is_ok());
@@ -356,7 +360,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
                 LegKind::Crank(crank) => crank.rod = rod,
                 LegKind::Strut(_) => panic!("no struts here"),
             });
-            (fault.cause, fault.leg)
+            (fault.cause, fault.number())
         };
         let joints = case.joints(&case.home);
         let segments = case.machine.segments(&case.home, &NO_TOOL).unwrap();
@@ -389,7 +393,7 @@ fn a_crank_angle_beyond_any_turn_is_refused() {
     joints[1] = 1.1e6;
     let fault = case.machine.forward(&joints, &case.home, &NO_TOOL, &Solver::default());
     let fault = fault.unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::JointAngleTooLarge, Some(1)));
+    assert_eq!((fault.cause, fault.number()), (Cause::JointAngleTooLarge, Some(1)));
 }
 
 /// Whether a machine is refused as too long in leg 1 after a change of that leg.
@@ -400,7 +404,7 @@ fn is_too_long(given: &Geometry, change: impl Fn(&mut LegGeometry)) -> bool {
         }
     });
     let fault = Machine::freeze(&changed, &NO_OFFSET);
-    fault.is_err_and(|fault| (fault.cause, fault.leg) == (Cause::LengthTooLarge, Some(1)))
+    fault.is_err_and(|fault| (fault.cause, fault.number()) == (Cause::LengthTooLarge, Some(1)))
 }
 
 #[test]
@@ -419,7 +423,7 @@ fn lengths_that_cannot_be_computed_with_are_refused_with_their_leg() {
         }
     }
     let fault = refused(&with_strut(3, |strut| strut.lead = -1e31));
-    assert_eq!((fault.cause, fault.leg, fault.value), (Cause::LengthTooLarge, Some(3), 1e31));
+    assert_eq!((fault.cause, fault.number(), fault.value), (Cause::LengthTooLarge, Some(3), 1e31));
 }
 
 #[test]
@@ -435,7 +439,7 @@ fn offsets_and_centres_beyond_a_million_machines_are_refused() {
         for sign in [1.0, -1.0] {
             assert!(frozen(sign * most).is_ok(), "{}", case.name);
             let fault = frozen(1.001 * sign * most).unwrap_err();
-            assert_eq!((fault.cause, fault.leg), (Cause::OffsetTooLarge, Some(2)), "{fault}");
+            assert_eq!((fault.cause, fault.number()), (Cause::OffsetTooLarge, Some(2)), "{fault}");
         }
         let mut far = case.geometry;
         far.centre[1] = -1e6 * size;
@@ -483,7 +487,12 @@ fn joints_beyond_all_numbers_are_refused_with_the_first_of_them() {
     let far = Pose::from_degrees([0.0, 0.0, 1e200, 0.0, 0.0, 0.0]);
     for case in [tripod(), genhexkins_case()] {
         let fault = case.machine.inverse(&far, &NO_TOOL).unwrap_err();
-        assert_eq!((fault.cause, fault.leg), (Cause::ResultNotFinite, Some(0)), "{}", case.name);
+        assert_eq!(
+            (fault.cause, fault.number()),
+            (Cause::ResultNotFinite, Some(0)),
+            "{}",
+            case.name
+        );
         assert_eq!(fault.value, f64::INFINITY);
     }
 }

@@ -213,7 +213,7 @@ fn the_boxes_that_a_machine_may_have_are_asked_and_no_more() {
     let mut bad = joints;
     bad[2] = f64::NAN;
     let fault = searched(&case, &bad, &[whole], &NO_TOOL).0.unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::JointNotFinite, Some(2)));
+    assert_eq!((fault.cause, fault.number()), (Cause::JointNotFinite, Some(2)));
 }
 
 #[test]

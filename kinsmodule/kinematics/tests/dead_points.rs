@@ -71,14 +71,14 @@ fn a_platform_that_walks_away_meets_the_dead_point_of_the_rod_that_is_nearest_to
             if !matches!(first.cause, Cause::DeadPoint | Cause::OutOfReach) {
                 continue;
             }
-            let leg = usize::from(first.leg.unwrap());
+            let leg = usize::from(first.number().unwrap());
             let (drive, least) = drives(&case, &last, leg);
             // Alike in symmetric poses; one step of the walk changes them by less than 0.02.
             assert!(drive < least + 0.02, "{}: {drive} {least} {first}", case.name);
             assert_eq!(first.cause, Cause::DeadPoint, "{}: {first}", case.name);
             assert!(first.value < LEAST && drive >= LEAST, "{}: {drive} {first}", case.name);
             assert_eq!(beyond.cause, Cause::OutOfReach, "{}: {beyond}", case.name);
-            assert!(beyond.leg.is_some() && beyond.value > 0.0, "{}: {beyond}", case.name);
+            assert!(beyond.number().is_some() && beyond.value > 0.0, "{}: {beyond}", case.name);
             dead += 1;
         }
     }
@@ -115,9 +115,9 @@ fn forward_names_the_rod_at_its_dead_point() {
             for i in 0..3 {
                 joints[i] = native(&case, i, &pose, from[i]);
             }
-            let leg = &case.geometry.legs()[usize::from(first.leg.unwrap())];
+            let leg = &case.geometry.legs()[usize::from(first.number().unwrap())];
             let p = pose.position + Vector3::from(leg.platform);
-            let at = rod(leg, joints[usize::from(first.leg.unwrap())]);
+            let at = rod(leg, joints[usize::from(first.number().unwrap())]);
             let drive = (p - at.anchor).normalize().dot(&at.onwards);
             if !(0.02..0.0499).contains(&drive) {
                 continue;
@@ -126,7 +126,7 @@ fn forward_names_the_rod_at_its_dead_point() {
             let fault = case.machine.forward(&joints, &last, &NO_TOOL, &solver).unwrap_err();
             // Near its end a rod may as well spoil the certificate first.
             if fault.cause == Cause::DeadPoint {
-                assert_eq!(fault.leg, first.leg, "{}: {fault}", case.name);
+                assert_eq!(fault.number(), first.number(), "{}: {fault}", case.name);
                 assert!(fault.value < LEAST, "{fault}");
                 named += 1;
             }
@@ -142,7 +142,11 @@ fn a_seed_beyond_reach_is_refused_with_its_leg() {
         let far = moved(&case.home, &Vector3::x(), 20.0 * case.machine.size());
         let solver = Solver::default();
         let fault = case.machine.forward(&joints, &far, &NO_TOOL, &solver).unwrap_err();
-        assert_eq!((fault.cause, fault.leg.is_some()), (Cause::SeedOutOfReach, true), "{fault}");
+        assert_eq!(
+            (fault.cause, fault.number().is_some()),
+            (Cause::SeedOutOfReach, true),
+            "{fault}"
+        );
         assert!(fault.value > 0.0, "{fault}");
     }
 }
@@ -164,7 +168,7 @@ fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
         for (z, nearest) in [(-405.0, 305.0), (-1000.0, 900.0), (-150.0, 250.0), (-10.0, 110.0)] {
             let pose = Pose::from_degrees([0.0, 0.0, z, 0.0, 0.0, 0.0]);
             let fault = machine.inverse(&pose, &NO_TOOL).unwrap_err();
-            assert_eq!((fault.cause, fault.leg), (Cause::OutOfReach, Some(0)));
+            assert_eq!((fault.cause, fault.number()), (Cause::OutOfReach, Some(0)));
             let end = if nearest > 300.0 { nearest } else { -z + 100.0 };
             let lacks = end.hypot(beside) - 300.0;
             // A few roundings of lengths of some hundred.

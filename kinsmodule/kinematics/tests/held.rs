@@ -4,7 +4,7 @@
 use crate::common::machines::{declared, four_rod_lathe, pyramid};
 use crate::common::tolerances::{GOLDEN_JOINT, ROUND_TRIP};
 use crate::common::{Case, NO_TOOL, cases, rng};
-use kinematics::{Cause, Letter, Pose, Solver, Vector3};
+use kinematics::{Cause, Letter, MachinePart, Pose, Solver, Vector3};
 
 const CODES: [Cause; 6] =
     [Cause::HeldX, Cause::HeldY, Cause::HeldZ, Cause::HeldA, Cause::HeldB, Cause::HeldC];
@@ -107,15 +107,16 @@ fn the_table_takes_x_and_y_over_and_forward_gives_them_back() {
 }
 
 #[test]
-fn a_table_joint_that_is_not_finite_is_refused_by_its_number() {
+fn a_table_joint_that_is_not_finite_is_refused_by_its_number_and_letter() {
     let case = pyramid();
-    for joint in [4, 5] {
+    for (joint, letter) in [(4, Letter::X), (5, Letter::Y)] {
         for bad in [f64::NAN, f64::INFINITY] {
             let mut joints = case.joints(&case.home);
             joints[joint] = bad;
             let solver = Solver::default();
             let fault = case.machine.forward(&joints, &case.home, &NO_TOOL, &solver).unwrap_err();
-            assert_eq!((fault.cause, fault.leg), (Cause::JointNotFinite, Some(joint as u8)));
+            let named = Some(MachinePart::TableAxis(joint as u8, letter));
+            assert_eq!((fault.cause, fault.part), (Cause::JointNotFinite, named));
         }
     }
 }

@@ -8,8 +8,8 @@ use std::path::Path;
 /// Files and folders, lowest floor first; those of one floor do not know each other.
 const FLOORS: [&[&str]; 12] = [
     &["lanes", "letters", "load_error", "segment", "text"],
-    &["fault", "layout", "placed", "pseudo_inverse", "singular", "trig"],
-    &["leg", "pose"],
+    &["fault", "placed", "pseudo_inverse", "singular", "trig"],
+    &["layout", "leg", "pose"],
     &["geometry", "nut"],
     &["mechanism", "watch"],
     &["certificate", "inverse"],

@@ -41,13 +41,13 @@ fn the_residual_limit_separates_following_errors_from_contradictions_and_names_t
             }
             for (off, limit) in [(2.6, 0.0), (1.1, 0.25), (50.0, 0.0), (5e-3, 1e-3)] {
                 let fault = judged(off, limit).unwrap_err();
-                let named = (fault.cause, fault.leg);
+                let named = (fault.cause, fault.number());
                 assert_eq!(named, (Cause::JointsInconsistent, Some(leg as u8)), "{sign} {off}");
                 assert!((fault.value / off - 0.25).abs() < 0.02, "{off}: {fault}");
             }
             for bad in [f64::NAN, f64::INFINITY] {
                 let fault = judged(bad, 0.0).unwrap_err();
-                assert_eq!((fault.cause, fault.leg), (Cause::JointNotFinite, Some(leg as u8)));
+                assert_eq!((fault.cause, fault.number()), (Cause::JointNotFinite, Some(leg as u8)));
             }
         }
     }
@@ -68,7 +68,7 @@ fn the_carriage_that_is_off_is_named_all_over_the_workspace() {
                 Ok(found) => panic!("{}: {joints:?} gave {found:?}", case.name),
                 Err(fault) => {
                     assert_eq!(fault.cause, Cause::JointsInconsistent, "{}: {fault}", case.name);
-                    named += usize::from(fault.leg == Some(leg as u8));
+                    named += usize::from(fault.number() == Some(leg as u8));
                 }
             }
         }
@@ -96,8 +96,8 @@ fn a_carriage_that_creeps_away_is_never_taken_for_another_and_is_named_in_the_en
                 Ok(found) => seed = found.pose,
                 Err(fault) => {
                     assert_eq!(fault.cause, Cause::JointsInconsistent, "{fault}");
-                    assert!(fault.leg.is_none_or(|i| usize::from(i) == leg), "{leg}: {fault}");
-                    named = fault.leg;
+                    assert!(fault.number().is_none_or(|i| usize::from(i) == leg), "{leg}: {fault}");
+                    named = fault.number();
                 }
             }
         }

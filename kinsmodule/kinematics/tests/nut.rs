@@ -221,7 +221,7 @@ fn a_reference_pose_near_a_quarter_turn_is_refused() {
         }),
     );
     let fault = Machine::freeze(&turned, &NO_OFFSET).unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::FoldUndefined, Some(0)));
+    assert_eq!((fault.cause, fault.number()), (Cause::FoldUndefined, Some(0)));
 }
 
 #[test]
@@ -233,5 +233,5 @@ fn a_strut_along_its_joint_axis_is_refused_with_its_number() {
     screws[3].base_axis = n[3].into();
     let m = machine(&without_home(&with_struts(&given, screws)));
     let fault = m.inverse(&home, &NO_TOOL).unwrap_err();
-    assert_eq!((fault.cause, fault.leg), (Cause::StrutAlongAxis, Some(3)));
+    assert_eq!((fault.cause, fault.number()), (Cause::StrutAlongAxis, Some(3)));
 }

@@ -340,7 +340,7 @@ fn a_strut_is_too_short_at_a_millionth_of_the_machine_and_not_before() {
                 let position = anchor + Vector3::new(0.0, 0.0, length);
                 let pose = Pose { position, angles: Vector3::zeros() };
                 let expected = Some((Cause::StrutTooShort, Some(i as u8)));
-                let told = |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.leg));
+                let told = |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.number()));
                 let refused = told(case.machine.inverse(&pose, &NO_TOOL).err());
                 assert_eq!(refused == expected, is_refused, "{}: {i}", case.name);
                 // The same as a seed, from which forward sets out.

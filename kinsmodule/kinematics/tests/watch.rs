@@ -194,7 +194,10 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
             if angle > 0.1 {
                 assert_eq!(limited(angle * 1.001), None);
                 let fault = limited(angle * 0.999).expect("beyond the cone");
-                assert_eq!((fault.cause, fault.leg, fault.value), (cause, Some(leg as u8), angle));
+                assert_eq!(
+                    (fault.cause, fault.number(), fault.value),
+                    (cause, Some(leg as u8), angle)
+                );
                 told[k] += 1;
             }
         }
@@ -202,7 +205,7 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
         if let Some(nearest) = watch.nearest(legs).filter(|n| n.distance > 0.0) {
             assert_eq!(near(nearest.distance), None);
             let fault = near(nearest.distance * 1.001).expect("too near");
-            let found = (fault.cause, fault.leg, fault.value);
+            let found = (fault.cause, fault.number(), fault.value);
             assert_eq!(found, (Cause::LegsNear, Some(nearest.pair[0] as u8), nearest.distance));
             told[2] += 1;
         } else {

@@ -173,7 +173,7 @@ impl Shown {
 
     fn limit(&self, soon: Option<Fault>) {
         self.limit_soon.set(soon.is_some());
-        self.limit_leg.set(soon.and_then(|fault| fault.leg).map_or(-1, i32::from));
+        self.limit_leg.set(soon.and_then(|fault| fault.number()).map_or(-1, i32::from));
         self.limit_reason.set(soon.map_or(0, |fault| fault.cause.code()));
     }
 }

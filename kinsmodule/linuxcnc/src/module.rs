@@ -10,8 +10,8 @@ use crate::pins::{Given, Pins};
 use crate::start::Start;
 use crate::tool::{Cycle, NOTICEABLE, Tool, shift};
 use kinematics::{
-    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, Pose, Solution,
-    Vector3, text,
+    Cause, Fault, Jacobian, Joints, Layout, Letter, Load, MAX_JOINTS, Machine, MachinePart, Pose,
+    Solution, Vector3, text,
 };
 
 /// Cycles without a fault after which the same fault is told again.
@@ -54,7 +54,7 @@ struct Report {
     monitored: bool,
     pending: Option<Fault>,
     /// Told since the last quiet while; when it is full, nothing more is told until then.
-    told: [Option<(Cause, Option<u8>)>; MOST_TOLD],
+    told: [Option<(Cause, Option<MachinePart>)>; MOST_TOLD],
     /// Cycles since the last fault.
     quiet: u32,
 }
@@ -356,7 +356,7 @@ impl Module {
     pub fn identity_pose(&self, joints: &Joints) -> Result<[f64; 6], Fault> {
         let mut world = [0.0; 6];
         if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
-            return Err(Fault::of_leg(Cause::JointNotFinite, i, joints[i]));
+            return Err(Fault::of_joint(Cause::JointNotFinite, self.layout(), i, joints[i]));
         }
         for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
             if let Some(place) = world.get_mut(letter.index()) {
@@ -802,7 +802,7 @@ impl Report {
 
     /// Tells a fault unless it was told already, or too many others were.
     fn tell(&mut self, fault: &Fault) {
-        let news = Some((fault.cause, fault.leg));
+        let news = Some((fault.cause, fault.part));
         if self.told.contains(&news) {
             return;
         }

@@ -445,10 +445,10 @@ impl Pins {
         self.fault_reset.get()
     }
 
-    /// Shows a fault: the code, the leg (−1: none), one more counted.
+    /// Shows a fault: the code, the number of the leg or joint (−1: none), one more counted.
     pub fn show_fault(&self, fault: &Fault) {
         self.fault.set(fault.cause.code());
-        self.fault_leg.set(fault.leg.map_or(-1, i32::from));
+        self.fault_leg.set(fault.number().map_or(-1, i32::from));
         self.fault_count.set(self.fault_count.get().wrapping_add(1));
     }
 

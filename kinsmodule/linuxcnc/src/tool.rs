@@ -86,9 +86,10 @@ pub struct Cycle<'a> {
 
 impl Cycle<'_> {
     fn unlimited(&self) -> Option<Fault> {
-        let count = self.machine.layout().joints();
-        let joint = self.limits.iter().take(count).position(|limits| !limits.are_known())?;
-        Some(Fault::of_leg(Cause::ToolChangedTilted, joint, 0.0))
+        let layout = self.machine.layout();
+        let mut known = self.limits.iter().take(layout.joints());
+        let joint = known.position(|limits| !limits.are_known())?;
+        Some(Fault::of_joint(Cause::ToolChangedTilted, layout, joint, 0.0))
     }
 }
 
@@ -380,7 +381,12 @@ impl Survey {
         for (i, course) in self.courses.iter_mut().enumerate() {
             let rate = rate_along(&jacobian, i, &travel);
             if !rate.is_finite() {
-                return Err(Fault::of_leg(Cause::ToolOutOfReach, i, rate));
+                return Err(Fault::of_joint(
+                    Cause::ToolOutOfReach,
+                    cycle.machine.layout(),
+                    i,
+                    rate,
+                ));
             }
             *course = course.with(self.next, rate);
         }
@@ -404,10 +410,10 @@ impl Survey {
 
 /// Refuses joints beyond their limits.
 fn within(joints: &Joints, cycle: &Cycle<'_>) -> Result<(), Fault> {
-    let count = cycle.machine.layout().joints();
-    for (i, (joint, limits)) in joints.iter().zip(&cycle.limits).enumerate().take(count) {
+    let layout = cycle.machine.layout();
+    for (i, (joint, limits)) in joints.iter().zip(&cycle.limits).enumerate().take(layout.joints()) {
         if !(*joint >= limits.least && *joint <= limits.most) {
-            return Err(Fault::of_leg(Cause::ToolOutOfReach, i, *joint));
+            return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, *joint));
         }
     }
     Ok(())

@@ -8,9 +8,9 @@ use crate::proof::one_to_one::Doubt;
 use crate::read::boxes;
 use crate::read::ini::Ini;
 use crate::read::machine::{MachineConfig, MachineError};
+use keys::leg;
 use kinematics::{Fault, Geometry, LegKind, PerLeg};
 use similar::TextDiff;
-use std::io;
 use std::path::Path;
 
 /// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.
@@ -19,9 +19,6 @@ const DECIMALS: usize = 6;
 /// Why there is no new file.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// The old one cannot be read.
-    #[error(transparent)]
-    Unread(#[from] AtFile<io::Error>),
     /// A section that stands in an included file.
     #[error(transparent)]
     Elsewhere(#[from] AtFile<Elsewhere>),
@@ -58,9 +55,8 @@ pub fn calibrated(
     model: &Model,
     changes: &[f64],
 ) -> Result<String, RewriteError> {
-    let text = std::fs::read_to_string(&config.file).at(&config.file)?;
     let (geometry, offsets) = model.changed(changes);
-    let mut lines: Vec<String> = without_boxes(&text);
+    let mut lines: Vec<String> = without_boxes(config.ini.text());
     let mut edits = of_legs(model, &geometry, &offsets);
     edits.extend(of_home(config, model, changes)?);
     for edit in &edits {
@@ -125,23 +121,23 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
     for (n, (old, new)) in model.geometry.legs().iter().zip(geometry.legs()).enumerate() {
         let mut edit = |key, value| edits.push(Edit { section: format!("LEG_{n}"), key, value });
         if old.base != new.base {
-            edit("BASE", list(&new.base));
+            edit(leg::BASE.name, list(&new.base));
         }
         if old.platform != new.platform {
-            edit("PLATFORM", list(&new.platform));
+            edit(leg::PLATFORM.name, list(&new.platform));
         }
         if model.offsets[n] != offsets[n] {
-            edit("OFFSET", decimal(offsets[n]));
+            edit(leg::OFFSET.name, decimal(offsets[n]));
         }
         match (&old.kind, &new.kind) {
             (LegKind::Slider(old), LegKind::Slider(new)) if old.rod != new.rod => {
-                edit("ROD", decimal(new.rod))
+                edit(leg::ROD.name, decimal(new.rod))
             }
             (LegKind::Crank(old), LegKind::Crank(new)) if old.rod != new.rod => {
-                edit("ROD", decimal(new.rod))
+                edit(leg::ROD.name, decimal(new.rod))
             }
             (LegKind::Strut(old), LegKind::Strut(new)) if old.lead != new.lead => {
-                edit("LEAD", decimal(new.lead))
+                edit(leg::LEAD.name, decimal(new.lead))
             }
             _ => {}
         }

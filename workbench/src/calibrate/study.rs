@@ -13,9 +13,9 @@ use super::points;
 use super::reading::{Changed, Measured, Reading};
 use super::table;
 use crate::files::{AtFile, Locate};
-use crate::read::ini::{Ini, IniError};
+use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, MAX_LEGS, PerLeg, Pose, Vector3};
+use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -113,8 +113,8 @@ pub fn read(
         Some(file) => Some(Plate::read(file, config.units_per_mm)?),
         None => None,
     };
-    let offsets = offsets(config)?;
-    let mut model = Model::new(config.geometry, offsets, &wishes.tolerance).at(&config.file)?;
+    let mut model =
+        Model::new(config.geometry, config.offsets, &wishes.tolerance).at(&config.file)?;
     let mut readings = vec![];
     for (k, file) in files.iter().enumerate() {
         let (mut own, frame) = of_file(config, file, plate.as_ref(), k)?;
@@ -174,15 +174,6 @@ fn kind(text: &str) -> Option<Kind> {
         Ok(_) => Some(Kind::Points),
         Err(_) => None,
     }
-}
-
-fn offsets(config: &MachineConfig) -> Result<PerLeg, IniError> {
-    let ini = Ini::read(&config.file)?;
-    let mut offsets = [0.0; MAX_LEGS];
-    for (n, offset) in offsets.iter_mut().enumerate().take(config.legs()) {
-        *offset = ini.number_or(&format!("LEG_{n}"), "OFFSET", 0.0)?;
-    }
-    Ok(offsets)
 }
 
 /// Calibrates; `told` hears how far it is.

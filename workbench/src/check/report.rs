@@ -86,8 +86,8 @@ impl Report {
 /// # Errors
 /// The file describes no machine.
 pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
-    let ini = Ini::read(file)?;
-    let config = MachineConfig::from_ini(&ini)?;
+    let config = MachineConfig::read(file)?;
+    let ini = &*config.ini;
     let mut report = Report {
         config: config.clone(),
         facts: vec![],
@@ -98,19 +98,19 @@ pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineEr
         is_whole: false,
     };
     structure(&mut report, &config)?;
-    homes(&mut report, &ini, &config)?;
-    for trouble in homing::check(&ini, &config)? {
-        report.finding(severity(&trouble), homing_problem(&ini, &trouble));
+    homes(&mut report, ini, &config)?;
+    for trouble in homing::check(ini, &config)? {
+        report.finding(severity(&trouble), homing_problem(ini, &trouble));
     }
-    for error in wiring::check(&ini)? {
+    for error in wiring::check(ini)? {
         report.finding(Severity::Warning, error);
     }
-    workspace(&mut report, &ini, &config, progress);
+    workspace(&mut report, ini, &config, progress);
     Ok(report)
 }
 
 fn refused(config: &MachineConfig, fault: Fault) -> MachineError {
-    MachineError::Geometry(config.file.clone(), fault)
+    MachineError::of_geometry(&config.ini, fault)
 }
 
 fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {

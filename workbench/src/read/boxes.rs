@@ -3,6 +3,7 @@
 //! their proof needs.
 
 use crate::read::ini::{Ini, IniError};
+use keys::{ROW, workspace_box};
 use kinematics::{Cause, Fault, Geometry, Letter, Load, WorkspaceBox};
 use std::fmt::Write;
 
@@ -59,15 +60,15 @@ pub fn check(sections: &[BoxSection], geometry: &Geometry) -> Result<(), Fault> 
 }
 
 fn row(letter: Letter) -> String {
-    format!("ROW_{}", letter.name())
+    format!("{ROW}{}", letter.name())
 }
 
 fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
     let letters = load.layout.coordinates().as_slice();
     let rows: Vec<String> = letters.iter().map(|letter| row(*letter)).collect();
-    let mut keys = vec!["LOW", "HIGH", "WEIGHT", "CONTRACTION", "STEPS", "GEOMETRY"];
-    keys.extend(rows.iter().map(String::as_str));
-    ini.check_section(name, &keys)?;
+    let mut known: Vec<&str> = workspace_box::ALL.iter().map(|key| key.name).collect();
+    known.extend(rows.iter().map(String::as_str));
+    ini.check_section(name, &known)?;
     let legs = load.layout.legs();
     let mut matrix = [[0.0; 8]; 6];
     for (letter, key) in letters.iter().zip(&rows) {
@@ -77,24 +78,17 @@ fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
         let values = values.ok_or_else(|| ini.refuse(entry, &expected))?;
         matrix[letter.index()][..legs].copy_from_slice(&values);
     }
-    let [contraction] = ini.require_numbers::<1>(name, "CONTRACTION")?;
+    let contraction = ini.require_value(name, &workspace_box::CONTRACTION)?;
     let region = WorkspaceBox {
-        low: ini.require_numbers::<6>(name, "LOW")?,
-        high: ini.require_numbers::<6>(name, "HIGH")?,
+        low: ini.require_values(name, &workspace_box::LOW)?,
+        high: ini.require_values(name, &workspace_box::HIGH)?,
         matrix,
-        steps: whole(ini, name, "STEPS")?,
+        steps: ini.require_value(name, &workspace_box::STEPS)? as u32,
     };
-    let weight = ini.require_numbers::<6>(name, "WEIGHT")?;
+    let weight = ini.require_values(name, &workspace_box::WEIGHT)?;
     let claim = Claim { region, weight, contraction };
-    Ok(BoxSection { claim, geometry: whole(ini, name, "GEOMETRY")? })
-}
-
-fn whole(ini: &Ini, section: &str, key: &str) -> Result<u32, IniError> {
-    let expected = "expected a whole number without sign";
-    let entry = ini.require(section, key, expected)?;
-    let digits = entry.value.bytes().all(|b| b.is_ascii_digit());
-    let value = entry.value.parse().ok().filter(|_| digits);
-    value.ok_or_else(|| ini.refuse(entry, expected))
+    // Every whole number up to u32's last is a number of its own.
+    Ok(BoxSection { claim, geometry: ini.require_value(name, &workspace_box::GEOMETRY)? as u32 })
 }
 
 /// The text of the section, as an INI file holds it.
@@ -105,14 +99,14 @@ pub fn text(k: usize, section: &BoxSection, load_letters: &[Letter], legs: usize
     let mut line = |key: &str, value: String| {
         writeln!(text, "{key} = {value}").expect("a string takes everything");
     };
-    line("LOW", list(&claim.region.low));
-    line("HIGH", list(&claim.region.high));
+    line(workspace_box::LOW.name, list(&claim.region.low));
+    line(workspace_box::HIGH.name, list(&claim.region.high));
     for letter in load_letters {
         line(&row(*letter), list(&claim.region.matrix[letter.index()][..legs]));
     }
-    line("STEPS", claim.region.steps.to_string());
-    line("WEIGHT", list(&claim.weight));
-    line("CONTRACTION", claim.contraction.to_string());
-    line("GEOMETRY", geometry.to_string());
+    line(workspace_box::STEPS.name, claim.region.steps.to_string());
+    line(workspace_box::WEIGHT.name, list(&claim.weight));
+    line(workspace_box::CONTRACTION.name, claim.contraction.to_string());
+    line(workspace_box::GEOMETRY.name, geometry.to_string());
     text
 }

@@ -15,6 +15,7 @@
 //! things: such a line is refused, or its value where the machine depends on it.
 //! tests/inivar.rs compares this reader with `inivar`.
 
+use keys::{Key, Need};
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -161,6 +162,8 @@ pub struct Ini {
     unassigned: Vec<(String, String, usize)>,
     /// The text with the files it includes; `None` where it includes none.
     expanded: Option<String>,
+    /// The text of the file itself.
+    text: String,
 }
 
 impl Ini {
@@ -181,7 +184,7 @@ impl Ini {
     /// # Errors
     /// As [`Ini::read`].
     pub fn parse(file: &Path, text: &str) -> Result<Self, IniError> {
-        let mut ini = Self::empty(file);
+        let mut ini = Self { text: text.into(), ..Self::empty(file) };
         let own: Vec<Line> = numbered(file, text);
         let includes = own.iter().any(|line| line.text.starts_with(INCLUDE));
         let lines = if includes { ini.expand(own)? } else { own };
@@ -211,6 +214,7 @@ impl Ini {
             headings: vec![],
             unassigned: vec![],
             expanded: None,
+            text: String::new(),
         }
     }
 
@@ -338,6 +342,11 @@ impl Ini {
         self.expanded.as_deref()
     }
 
+    /// The text of the file itself, as it was read.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The file as it was named by the caller.
     pub fn file(&self) -> &Path {
         &self.file
@@ -407,6 +416,67 @@ impl Ini {
             self.only(section, &entry.key)?;
         }
         Ok(())
+    }
+
+    /// Refuses keys that are not in the table, and repeated keys.
+    ///
+    /// # Errors
+    /// As [`Ini::check_section`].
+    pub fn check_keys<'a>(
+        &self,
+        section: &str,
+        keys: impl Iterator<Item = &'a Key>,
+    ) -> Result<(), IniError> {
+        self.check_section(section, &keys.map(|key| key.name).collect::<Vec<_>>())
+    }
+
+    /// The numbers of a key of the table, `None` where it is missing and need not be given.
+    ///
+    /// # Errors
+    /// It is missing and always needed, as [`Ini::numbers`], or a number is out of its range.
+    pub fn values<const N: usize>(
+        &self,
+        section: &str,
+        key: &Key,
+    ) -> Result<Option<[f64; N]>, IniError> {
+        assert_eq!(N, key.count(), "{} has another number of numbers", key.name);
+        match self.only(section, key.name)? {
+            None if key.need != Need::Needed => Ok(None),
+            _ => self.require_values(section, key).map(Some),
+        }
+    }
+
+    /// The numbers of a key of the table that is needed here.
+    ///
+    /// # Errors
+    /// The key is missing, or as [`Ini::values`].
+    pub fn require_values<const N: usize>(
+        &self,
+        section: &str,
+        key: &Key,
+    ) -> Result<[f64; N], IniError> {
+        let entry = self.require(section, key.name, &expected_numbers(N))?;
+        let values = self.numbers_of(entry)?;
+        match entry.words().zip(values).all(|(word, value)| key.range.holds(word, value)) {
+            true => Ok(values),
+            false => Err(self.refuse(entry, &format!("expected {}", key.expected()))),
+        }
+    }
+
+    /// The one number of a key of the table, `None` as in [`Ini::values`].
+    ///
+    /// # Errors
+    /// As [`Ini::values`].
+    pub fn value(&self, section: &str, key: &Key) -> Result<Option<f64>, IniError> {
+        Ok(self.values::<1>(section, key)?.map(|[value]| value))
+    }
+
+    /// The one number of a key of the table that is needed here.
+    ///
+    /// # Errors
+    /// As [`Ini::require_values`].
+    pub fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
+        self.require_values::<1>(section, key).map(|[value]| value)
     }
 
     /// Numbers of this key, `None` if the key is missing.

@@ -6,13 +6,15 @@
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::ini::{Entry, Ini, IniError};
+use keys::{Key, Need, joint as of_joint, leg as of_leg, machine as of_machine};
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_ITERATIONS, MAX_LEGS, Machine,
+    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_LEGS, Machine, MachinePart,
     PerLeg, Pose, Segment, Solver, Vector3,
 };
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
 
@@ -38,38 +40,27 @@ const SPEEDS: [&str; 4] = [
 /// one is that of [`Load::with_boxes`].
 const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
 
-const MACHINE_KEYS: &[&str] = &[
-    "SCREW_LEAD",
-    "SPINDLE_OFFSET",
-    "CONVERGENCE_CRITERION",
-    "LIMIT_ITERATIONS",
-    "MAX_ERROR",
-    "CENTRE",
-    "RESIDUAL_LIMIT",
-    "CONDITIONING_LIMIT",
-    "ROD_CLEARANCE",
-    "FEED_FLOOR",
-];
-
-/// Keys of every kind of leg.
-const LEG_KEYS: &[&str] = &["BASE", "PLATFORM", "OFFSET", "BASE_CONE", "PLATFORM_CONE"];
-
-/// Keys of one kind of leg beside [`LEG_KEYS`].
-const fn own_keys(kind: Kind) -> &'static [&'static str] {
-    match kind {
-        Kind::Strut => &["BASE_N", "PLATFORM_N", "LEAD"],
-        Kind::Slider => &["GUIDE", "ROD", "SIDE"],
-        Kind::Crank => &["AXIS", "ARM", "ROD", "SIDE"],
-    }
-}
-
 /// Why no machine could be made of an INI file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MachineError {
     /// The text of the file is wrong: everything that was found, never empty.
     Ini(Vec<IniError>),
-    /// The text is in order, but describes no machine.
-    Geometry(PathBuf, Fault),
+    /// The text is in order, but describes no machine; the section of the leg that the fault
+    /// names.
+    Geometry(PathBuf, Fault, Option<IniError>),
+}
+
+impl MachineError {
+    /// The refusal of the geometry of a file.
+    pub fn of_geometry(ini: &Ini, fault: Fault) -> Self {
+        let section = match fault.part {
+            Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
+                Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))
+            }
+            _ => None,
+        };
+        Self::Geometry(ini.file().into(), fault, section)
+    }
 }
 
 impl fmt::Display for MachineError {
@@ -79,7 +70,7 @@ impl fmt::Display for MachineError {
                 let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
                 f.write_str(&texts.join("\n"))
             }
-            MachineError::Geometry(file, fault) => write!(f, "{}: {fault}", file.display()),
+            MachineError::Geometry(file, fault, _) => write!(f, "{}: {fault}", file.display()),
         }
     }
 }
@@ -247,10 +238,14 @@ pub struct Program {
 pub struct MachineConfig {
     /// The INI file.
     pub file: PathBuf,
+    /// What was read from it.
+    pub ini: Arc<Ini>,
     /// Checked and frozen geometry.
     pub machine: Machine,
     /// The geometry as given.
     pub geometry: Geometry,
+    /// Joint offsets, `[LEG_N]OFFSET`.
+    pub offsets: PerLeg,
     /// `[TRAJ]HOME`: x y z in machine units, a b c in degrees.
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
@@ -265,6 +260,14 @@ pub struct MachineConfig {
     pub conditioning_limit: f64,
     /// Smallest distance of the legs' centre lines, machine units, `[PKM]ROD_CLEARANCE`.
     pub clearance: Option<f64>,
+    /// Largest angle of the tool axis to its direction at A = B = C = 0, degrees,
+    /// `[PKM]TILT_LIMIT`.
+    pub tilt_limit: Option<f64>,
+    /// Largest turns of the leg from its home direction about the axis of its base joint that is
+    /// fixed in base, and across it, degrees, per leg.
+    pub base_pyramid: Vec<Option<[f64; 2]>>,
+    /// The same at the platform, in the platform frame.
+    pub platform_pyramid: Vec<Option<[f64; 2]>>,
     /// `[JOINT_N]`: legs, then table axes.
     pub joints: Vec<Joint>,
     /// `[AXIS_X]` to `[AXIS_C]`.
@@ -311,7 +314,7 @@ impl MachineConfig {
         let mut errors = Errors::default();
         let read = Values::read(ini, &load, &mut errors);
         let read = errors.value(read)?;
-        let refused = |fault| MachineError::Geometry(ini.file().into(), fault);
+        let refused = |fault| MachineError::of_geometry(ini, fault);
         let geometry = read.geometry(&load);
         let machine = Machine::freeze(&geometry, &read.offsets).map_err(refused)?;
         let boxes = boxes::read(ini, &load)?;
@@ -326,6 +329,7 @@ impl MachineConfig {
             file: ini.file().into(),
             machine,
             geometry,
+            offsets: read.offsets,
             home: read.home,
             spindle: Vector3::new(0.0, 0.0, read.spindle),
             solver: read.solver,
@@ -333,6 +337,9 @@ impl MachineConfig {
             platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),
             conditioning_limit: read.conditioning_limit,
             clearance: read.clearance,
+            tilt_limit: read.tilt_limit,
+            base_pyramid: read.pyramids.iter().map(|[base, _]| *base).collect(),
+            platform_pyramid: read.pyramids.iter().map(|[_, platform]| *platform).collect(),
             joints: read.joints,
             axes: read.axes,
             units_per_mm: read.units_per_mm,
@@ -343,6 +350,7 @@ impl MachineConfig {
             period: read.period * 1e-9,
             program: program(ini),
             boxes,
+            ini: Arc::new(ini.clone()),
         })
     }
 
@@ -549,6 +557,8 @@ struct Values {
     solver: Solver,
     conditioning_limit: f64,
     clearance: Option<f64>,
+    tilt_limit: Option<f64>,
+    pyramids: Vec<[Option<[f64; 2]>; 2]>,
     joints: Vec<Joint>,
     axes: Vec<Axis>,
     units_per_mm: f64,
@@ -560,27 +570,34 @@ impl Values {
     /// Everything is read, also where something is wrong before it.
     fn read(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Self> {
         let legs = load.layout.legs();
-        errors.of(ini.check_section("PKM", MACHINE_KEYS));
-        // Only the module uses these; the second one where a strut has no lead of its own.
-        for key in ["MAX_ERROR", "SCREW_LEAD"] {
-            errors.of(ini.numbers::<1>("PKM", key));
+        errors.of(ini.check_keys("PKM", of_machine::ALL.iter().copied()));
+        let machine = |key, errors: &mut Errors| errors.of(ini.value("PKM", key));
+        // Only the module uses these; the last one where a strut has no lead of its own.
+        for key in [&of_machine::MAX_ERROR, &of_machine::FEED_FLOOR, &of_machine::SCREW_LEAD] {
+            machine(key, errors);
         }
-        errors.of(share(ini, "FEED_FLOOR", 1.0));
         let home = errors.of(home(ini));
-        let centre = errors.of(ini.numbers("PKM", "CENTRE"));
-        let spindle = errors.of(ini.number_or("PKM", "SPINDLE_OFFSET", 0.0));
+        let centre = errors.of(ini.values("PKM", &of_machine::CENTRE));
+        let spindle = machine(&of_machine::SPINDLE_OFFSET, errors);
         let leg = |n, errors: &mut Errors| leg_geometry(ini, n, load.kinds()[n], errors);
         let of_legs = errors.each(legs, leg);
         let offset =
-            |n, errors: &mut Errors| errors.of(ini.number_or(&leg_section(n), "OFFSET", 0.0));
+            |n, errors: &mut Errors| errors.of(ini.value(&leg_section(n), &of_leg::OFFSET));
         let offsets = errors.each(legs, offset);
         let cones = errors.each(legs, |n, errors| {
-            let base = errors.of(cone(ini, n, "BASE_CONE"));
-            Some([base?, errors.of(cone(ini, n, "PLATFORM_CONE"))?])
+            let cone = |key, errors: &mut Errors| errors.of(ini.value(&leg_section(n), key));
+            let base = cone(&of_leg::BASE_CONE, errors);
+            Some([base?, cone(&of_leg::PLATFORM_CONE, errors)?])
+        });
+        let pyramids = errors.each(legs, |n, errors| {
+            let pyramid = |key, errors: &mut Errors| errors.of(ini.values(&leg_section(n), key));
+            let base = pyramid(&of_leg::BASE_PYRAMID, errors);
+            Some([base?, pyramid(&of_leg::PLATFORM_PYRAMID, errors)?])
         });
         let solver = solver(ini, errors);
-        let conditioning_limit = errors.of(share(ini, "CONDITIONING_LIMIT", HOLD));
-        let clearance = errors.of(clearance(ini));
+        let conditioning_limit = machine(&of_machine::CONDITIONING_LIMIT, errors);
+        let clearance = machine(&of_machine::ROD_CLEARANCE, errors);
+        let tilt_limit = machine(&of_machine::TILT_LIMIT, errors);
         let joints = errors.each(load.layout.joints(), |n, errors| joint(ini, n, load, errors));
         let axes = errors.each(AXES.len(), |n, errors| axis(ini, AXES[n], errors));
         let units_per_mm = errors.of(units_per_mm(ini));
@@ -589,17 +606,19 @@ impl Values {
         });
         let period = errors.of(positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6)));
         let mut padded = [0.0; MAX_LEGS];
-        padded.iter_mut().zip(offsets?).for_each(|(to, offset)| *to = offset);
+        padded.iter_mut().zip(offsets?).for_each(|(to, given)| *to = given.unwrap_or(0.0));
         Some(Self {
             home: home?,
             centre: centre?.unwrap_or_default(),
-            spindle: spindle?,
+            spindle: spindle?.unwrap_or(0.0),
             legs: of_legs?,
             offsets: padded,
             cones: cones?,
             solver: solver?,
-            conditioning_limit: conditioning_limit?,
+            conditioning_limit: conditioning_limit?.unwrap_or(HOLD),
             clearance: clearance?,
+            tilt_limit: tilt_limit?.filter(|limit| *limit != 0.0),
+            pyramids: pyramids?,
             joints: joints?,
             axes: axes?,
             units_per_mm: units_per_mm?,
@@ -620,9 +639,9 @@ impl Values {
 
 fn leg_geometry(ini: &Ini, n: usize, kind: Kind, errors: &mut Errors) -> Option<LegGeometry> {
     let section = leg_section(n);
-    errors.of(ini.check_section(&section, &[LEG_KEYS, own_keys(kind)].concat()));
-    let base = errors.of(ini.require_numbers(&section, "BASE"));
-    let platform = errors.of(ini.require_numbers(&section, "PLATFORM"));
+    errors.of(ini.check_keys(&section, keys::of_leg(kind)));
+    let base = errors.of(ini.require_values(&section, &of_leg::BASE));
+    let platform = errors.of(ini.require_values(&section, &of_leg::PLATFORM));
     match kind {
         Kind::Strut => {
             let strut = strut(ini, &section, errors);
@@ -640,126 +659,78 @@ fn leg_geometry(ini: &Ini, n: usize, kind: Kind, errors: &mut Errors) -> Option<
 }
 
 fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
-    let lead = match errors.of(ini.numbers(section, "LEAD"))? {
-        Some([own]) => own,
+    let lead = match errors.of(ini.value(section, &of_leg::LEAD))? {
+        Some(own) => own,
         // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
-        None => errors.of(ini.require_numbers::<1>("PKM", "SCREW_LEAD"))?[0],
+        None => errors.of(ini.require_value("PKM", &of_machine::SCREW_LEAD))?,
     };
-    let axis = |key| match ini.numbers(section, key)? {
-        None if lead != 0.0 => ini.require_numbers(section, key),
+    let axis = |key: &Key| match ini.values(section, key)? {
+        None if lead != 0.0 || is_needed_by_another(ini, section, key) => {
+            ini.require_values(section, key)
+        }
         axis => Ok(axis.unwrap_or_default()),
     };
-    let base_axis = errors.of(axis("BASE_N"));
+    let base_axis = errors.of(axis(&of_leg::BASE_N));
     Some(StrutGeometry {
-        platform_axis: errors.of(axis("PLATFORM_N"))?,
+        platform_axis: errors.of(axis(&of_leg::PLATFORM_N))?,
         base_axis: base_axis?,
         lead,
     })
 }
 
+/// Whether the section of a leg gives a key that wants this one with it.
+fn is_needed_by_another(ini: &Ini, section: &str, key: &Key) -> bool {
+    let wants = |other: &&Key| other.need == Need::With(key.name);
+    of_leg::ALL.iter().copied().filter(wants).any(|other| ini.first(section, other.name).is_some())
+}
+
 fn slider(ini: &Ini, section: &str, errors: &mut Errors) -> Option<SliderGeometry> {
-    let guide = errors.of(ini.require_numbers(section, "GUIDE"));
-    let rod = errors.of(positive(ini, section, "ROD", None));
-    let side = errors.of(side(ini, section));
-    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? })
+    let guide = errors.of(ini.require_values(section, &of_leg::GUIDE));
+    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
+    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
+    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? as i32 })
 }
 
 fn crank(ini: &Ini, section: &str, errors: &mut Errors) -> Option<CrankGeometry> {
-    let axis = errors.of(ini.require_numbers(section, "AXIS"));
-    let arm = errors.of(ini.require_numbers(section, "ARM"));
-    let rod = errors.of(positive(ini, section, "ROD", None));
-    let side = errors.of(side(ini, section));
-    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? })
-}
-
-/// A sign that tells which of two places the carriage or crank takes, hence no decimal number.
-fn side(ini: &Ini, section: &str) -> Result<i32, IniError> {
-    let expected = "expected 1 or -1 and nothing else on the line";
-    let entry = ini.require(section, "SIDE", expected)?;
-    match entry.value.as_str() {
-        "1" | "+1" => Ok(1),
-        "-1" => Ok(-1),
-        _ => Err(ini.refuse(entry, expected)),
-    }
-}
-
-fn cone(ini: &Ini, n: usize, key: &str) -> Result<Option<f64>, IniError> {
-    let section = leg_section(n);
-    let Some([angle]) = ini.numbers::<1>(&section, key)? else { return Ok(None) };
-    if !(angle > 0.0 && angle <= 180.0) {
-        let expected = "expected more than 0 and at most 180 degrees";
-        return Err(ini.refuse(ini.require(&section, key, expected)?, expected));
-    }
-    Ok(Some(angle))
+    let axis = errors.of(ini.require_values(section, &of_leg::AXIS));
+    let arm = errors.of(ini.require_values(section, &of_leg::ARM));
+    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
+    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
+    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? as i32 })
 }
 
 fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
     let solver = Solver::default();
-    let criterion = solver.convergence_criterion;
-    let criterion = errors.of(positive(ini, "PKM", "CONVERGENCE_CRITERION", Some(criterion)));
-    let iterations = errors.of(limit_iterations(ini));
-    let residual_limit = errors.of(residual_limit(ini));
+    let value = |key, errors: &mut Errors| errors.of(ini.value("PKM", key));
+    let criterion = value(&of_machine::CONVERGENCE_CRITERION, errors);
+    let iterations = value(&of_machine::LIMIT_ITERATIONS, errors);
+    let residual_limit = value(&of_machine::RESIDUAL_LIMIT, errors);
     Some(Solver {
-        convergence_criterion: criterion?,
-        limit_iterations: iterations?.unwrap_or(solver.limit_iterations),
-        residual_limit: residual_limit?,
+        convergence_criterion: criterion?.unwrap_or(solver.convergence_criterion),
+        limit_iterations: iterations?.map_or(solver.limit_iterations, |limit| limit as u32),
+        // 0 stands for the core's own limit.
+        residual_limit: residual_limit?.unwrap_or(0.0),
         ..solver
     })
 }
 
-fn limit_iterations(ini: &Ini) -> Result<Option<u32>, IniError> {
-    let Some([limit]) = ini.numbers::<1>("PKM", "LIMIT_ITERATIONS")? else { return Ok(None) };
-    let expected = format!("expected a whole number from 1 to {MAX_ITERATIONS}");
-    let entry = ini.require("PKM", "LIMIT_ITERATIONS", &expected)?;
-    let is_whole = entry.value.bytes().all(|b| b.is_ascii_digit());
-    if !is_whole || !(1.0..=f64::from(MAX_ITERATIONS)).contains(&limit) {
-        return Err(ini.refuse(entry, &expected));
-    }
-    Ok(Some(limit as u32))
-}
-
-/// 0, which stands for the core's own limit, only where the key is missing.
-fn residual_limit(ini: &Ini) -> Result<f64, IniError> {
-    match ini.first("PKM", "RESIDUAL_LIMIT") {
-        None => Ok(0.0),
-        Some(_) => positive(ini, "PKM", "RESIDUAL_LIMIT", None),
-    }
-}
-
-fn clearance(ini: &Ini) -> Result<Option<f64>, IniError> {
-    match ini.first("PKM", "ROD_CLEARANCE") {
-        None => Ok(None),
-        Some(_) => positive(ini, "PKM", "ROD_CLEARANCE", None).map(Some),
-    }
-}
-
-/// A share that the module's guard uses.
-fn share(ini: &Ini, key: &str, default: f64) -> Result<f64, IniError> {
-    let share = positive(ini, "PKM", key, Some(default))?;
-    if share <= 1.0 {
-        return Ok(share);
-    }
-    let expected = "expected more than 0 and at most 1";
-    Err(ini.refuse(ini.require("PKM", key, expected)?, expected))
-}
-
 fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
     let section = format!("JOINT_{n}");
-    let min = errors.of(ini.require_numbers::<1>(&section, "MIN_LIMIT"));
-    let max = errors.of(ini.require_numbers::<1>(&section, "MAX_LIMIT"));
+    let value = |key, errors: &mut Errors| errors.of(ini.require_value(&section, key));
+    let min = value(&of_joint::MIN_LIMIT, errors);
+    let max = value(&of_joint::MAX_LIMIT, errors);
     let (kind, name) = kind_and_name(n, load);
-    if let (Some([min]), Some([max])) = (min, max) {
+    if let (Some(min), Some(max)) = (min, max) {
         errors.of(check_range(ini, &section, min, max));
         if kind == JointKind::Arm {
             errors.of(check_turn(ini, n, &section));
         }
     }
-    let max_velocity = errors.of(positive(ini, &section, "MAX_VELOCITY", None));
-    let max_acceleration = errors.of(positive(ini, &section, "MAX_ACCELERATION", None));
+    let max_velocity = value(&of_joint::MAX_VELOCITY, errors);
+    let max_acceleration = value(&of_joint::MAX_ACCELERATION, errors);
     let home = errors.of(ini.number_or(&section, "HOME", 0.0));
-    let ([min], [max]) = (min?, max?);
     let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
-    Some(Joint { kind, name, min, max, max_velocity, max_acceleration, home: home? })
+    Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
 }
 
 fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniError> {
@@ -767,14 +738,14 @@ fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniEr
         return Ok(());
     }
     let expected = format!("expected less than MAX_LIMIT = {max}");
-    Err(ini.refuse(ini.require(section, "MIN_LIMIT", &expected)?, &expected))
+    Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, &expected)?, &expected))
 }
 
 /// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
 fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
-    let offset = ini.number_or(&leg_section(n), "OFFSET", 0.0)?;
-    for key in ["MIN_LIMIT", "MAX_LIMIT"] {
-        let [limit] = ini.require_numbers::<1>(section, key)?;
+    let offset = ini.value(&leg_section(n), &of_leg::OFFSET)?.unwrap_or(0.0);
+    for key in [&of_joint::MIN_LIMIT, &of_joint::MAX_LIMIT] {
+        let limit = ini.require_value(section, key)?;
         if (limit + offset).abs() < 180.0 {
             continue;
         }
@@ -784,7 +755,7 @@ fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
             -180.0 - offset,
             180.0 - offset
         );
-        return Err(ini.refuse(ini.require(section, key, &expected)?, &expected));
+        return Err(ini.refuse(ini.require(section, key.name, &expected)?, &expected));
     }
     Ok(())
 }

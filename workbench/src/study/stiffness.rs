@@ -13,9 +13,7 @@
 use crate::read::machine::MachineConfig;
 use crate::study::file::{Screw, Springs};
 use crate::study::stance::{self, Rows, Stance};
-use kinematics::{
-    Fault, Geometry, LegGeometry, MAX_JOINTS, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
-};
+use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
 use nalgebra::{Matrix6, SMatrix, SVector};
 use std::f64::consts::PI;
 
@@ -146,7 +144,7 @@ pub fn with_platform(config: &MachineConfig, factor: f64) -> Result<MachineConfi
     let layout = config.machine.layout();
     let mut geometry = Geometry::of_layout(*layout, |i| legs[i]);
     (geometry.centre, geometry.home) = (config.geometry.centre, config.geometry.home);
-    let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS])?;
+    let machine = Machine::freeze(&geometry, &config.offsets)?;
     Ok(MachineConfig { machine, geometry, ..config.clone() })
 }
 

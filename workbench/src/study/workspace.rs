@@ -230,7 +230,7 @@ impl<'a> Workspace<'a> {
         let [a, b, c] = *angles;
         let pose = Pose::from_degrees([position.x, position.y, position.z, a, b, c]);
         let machine = &self.config.machine;
-        let of_reach = |fault: Fault| Limit::Reach(fault.leg.map(usize::from));
+        let of_reach = |fault: Fault| Limit::Reach(fault.number().map(usize::from));
         let joints = machine.inverse(&pose, &self.tool).map_err(of_reach)?;
         for (i, (joint, value)) in self.config.joints.iter().zip(joints).enumerate() {
             if !(value >= joint.min) {

@@ -3,7 +3,7 @@
 
 use super::residual::{Measured, Target, newton_step, norm};
 use super::solver::Solver;
-use crate::fault::{Cause, Fault};
+use crate::fault::{Cause, Fault, MachinePart};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
@@ -41,11 +41,18 @@ impl<const N: usize> Mechanism<N> {
         largest(&off)
     }
 
+    /// The refusal of joints that contradict each other by `residual`, with the one that does.
+    #[cold]
+    pub(super) fn inconsistent(&self, target: &Target<N>, start: &Place, residual: f64) -> Fault {
+        let part = self.contradicting(target, start).map(MachinePart::Joint);
+        Fault { cause: Cause::JointsInconsistent, part, value: residual }
+    }
+
     /// The leg without which the others agree best with the seed, for joints that
     /// contradict each other; `None` where no leg stands out. (Residuals alone cannot tell:
     /// with one leg more than coordinates they have the same shape whichever joint is off.
     /// A joint that creeps away takes the seed along, until nothing tells it from the others.)
-    pub(super) fn contradicting(&self, target: &Target<N>, start: &Place) -> Option<u8> {
+    fn contradicting(&self, target: &Target<N>, start: &Place) -> Option<u8> {
         let mut best = (f64::INFINITY, None);
         let mut second = f64::INFINITY;
         for leg in 0..self.count() {

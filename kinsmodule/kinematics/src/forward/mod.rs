@@ -89,8 +89,7 @@ impl<const N: usize> Mechanism<N> {
             certificate.map_err(|fault| self.explained(fault, &target, &start(), solver))?;
         let residual = self.off(&target, &end.at);
         if redundant && !(residual <= self.residual_limit(solver)) {
-            let leg = self.contradicting(&target, &start());
-            return Err(Fault { cause: Cause::JointsInconsistent, leg, value: residual });
+            return Err(self.inconsistent(&target, &start(), residual));
         }
         let corrections = match &self.nut {
             Some(nut) => nut.corrections(&end.at.twist),
@@ -119,8 +118,7 @@ impl<const N: usize> Mechanism<N> {
             Cause::OutOfReach => Fault { cause: Cause::SeedOutOfReach, ..fault },
             // Least squares converge the worse the more the legs contradict each other.
             Cause::NotConverged if redundant && fault.value > self.residual_limit(solver) => {
-                let leg = self.contradicting(target, start);
-                Fault { cause: Cause::JointsInconsistent, leg, value: fault.value }
+                self.inconsistent(target, start, fault.value)
             }
             _ => fault,
         }
@@ -177,7 +175,7 @@ impl<const N: usize> Mechanism<N> {
         let table = joints.iter().enumerate().take(self.layout.joints()).skip(self.count());
         for (i, joint) in table {
             if !joint.is_finite() {
-                return Err(Fault::of_leg(Cause::JointNotFinite, i, *joint));
+                return Err(Fault::of_joint(Cause::JointNotFinite, &self.layout, i, *joint));
             }
         }
         Ok(())

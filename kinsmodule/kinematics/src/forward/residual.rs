@@ -96,11 +96,11 @@ impl<const N: usize> Mechanism<N> {
         for i in 0..N {
             let joint = target.joints[i];
             if !joint.is_finite() {
-                return Err(Fault::of_leg(Cause::JointNotFinite, i, joint));
+                return Err(Fault::of_joint(Cause::JointNotFinite, &self.layout, i, joint));
             }
             let drive = self.legs[i]
                 .drive(joint + self.offset[i])
-                .map_err(|cause| Fault::of_leg(cause, i, joint))?;
+                .map_err(|cause| Fault::of_joint(cause, &self.layout, i, joint))?;
             target.anchors.set(i, self.base.get(i) + drive.displacement);
             target.length[i] = drive.length;
         }

@@ -8,7 +8,7 @@ use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
 use pkm::calibrate::model::{Place, Tolerance};
 use pkm::calibrate::rewrite;
 use pkm::calibrate::study::{self, Study, Wishes};
-use pkm::files::{Locate, write_whole};
+use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::fmt::Write as _;
@@ -113,12 +113,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         text += &next(&config, &study, arguments.next)?;
     }
     if let Some(target) = target {
-        let old = std::fs::read_to_string(&config.file).at(&config.file)?;
         let names = (config.file.display().to_string(), target.display().to_string());
         write_whole(target, &new)?;
         text += &format!(
             "\n{}\nwritten: {}\n",
-            rewrite::difference(&old, &new, (&names.0, &names.1)),
+            rewrite::difference(config.ini.text(), &new, (&names.0, &names.1)),
             names.1
         );
     }

@@ -2,7 +2,7 @@
 //! The one way of an error to the terminal.
 
 use pkm::read::diagnostic::{Severity, rendered};
-use pkm::read::ini::{Ini, IniError};
+use pkm::read::ini::IniError;
 use pkm::read::machine::MachineError;
 use std::error::Error;
 use std::fmt::Display;
@@ -97,12 +97,7 @@ fn marked(error: &IniError) -> String {
 fn of_machine(error: &MachineError) -> String {
     match error {
         MachineError::Ini(errors) => errors.iter().map(marked).collect::<Vec<_>>().join("\n\n"),
-        // At the section of the leg that the fault names.
-        MachineError::Geometry(file, fault) => match (fault.leg, Ini::read(file)) {
-            (Some(leg), Ok(ini)) => {
-                marked(&ini.refuse_section(&format!("LEG_{leg}"), &fault.to_string()))
-            }
-            _ => format!("pkm: {error}"),
-        },
+        MachineError::Geometry(_, _, Some(section)) => marked(section),
+        MachineError::Geometry(_, _, None) => format!("pkm: {error}"),
     }
 }

@@ -10,7 +10,6 @@ use pkm::files::{Locate, write_whole};
 use pkm::program::interpreter::{self, Move, Reading};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Break, LineLoad, Preflight, preflight};
-use pkm::read::ini::Ini;
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
@@ -76,14 +75,13 @@ struct Suggestion {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
-    let ini = Ini::read(&arguments.machine.machine)?;
     // Told before the interpreter, in the system's words.
     std::fs::read(&arguments.program).at(&arguments.program)?;
     let Reading { moves, files } = interpreter::reading(&config, &arguments.program)?;
     let texts = texts(&files)?;
     let moves = moving(&config, &arguments.program, moves)?;
     let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
-    let mut warnings = cautions(&config, &ini, &texts);
+    let mut warnings = cautions(&config, &config.ini, &texts);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     let answer = Answer {
         machine: config.file.display().to_string(),

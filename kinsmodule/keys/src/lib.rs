@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The keys of a machine's INI file that describe the kinematics, as one table.
+//!
+//! A new key goes here and nowhere else as a name: `make header` writes the dictionaries of
+//! hal/pkmkins.tcl and the section of docs/pkmkins.9 from it, and the workbench reads with it.
+
+use Need::{Cardan, Needed, Optional, With};
+use Range::{Above, Any, From, Sign, Whole};
+use kinematics::MAX_ITERATIONS;
+use kinematics::leg::Kind;
+
+/// Name of the key with row L of a box's matrix, in front of the letter; one number a leg.
+pub const ROW: &str = "ROW_";
+
+/// Every kind of leg.
+pub const KINDS: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank];
+
+const XYZ: &[&str] = &["x", "y", "z"];
+const XYZABC: &[&str] = &["x", "y", "z", "a", "b", "c"];
+const TURNS: &[&str] = &["about", "across"];
+const LENGTH: &str = "machine units";
+const DEGREES: &str = "degrees";
+
+/// One key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Key {
+    /// Its name.
+    pub name: &'static str,
+    /// Names of its numbers; none where it is one number.
+    pub parts: &'static [&'static str],
+    /// Whether it has to be given.
+    pub need: Need,
+    /// The pin without `pkmkins.`, with N for the leg or joint and K for the box; its numbers
+    /// go to pins of their own. Empty: no pin.
+    pub pin: &'static str,
+    /// What each of its numbers may be.
+    pub range: Range,
+    /// Unit of its numbers; empty where they have none.
+    pub unit: &'static str,
+    /// What the pin is set to where the key is absent, if not left at its default.
+    pub absent: Option<u32>,
+    /// Kinds of legs that have the key.
+    pub kinds: &'static [Kind],
+    /// One sentence, as the manual page has it.
+    pub text: &'static str,
+}
+
+/// Whether a key has to be given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// Always.
+    Needed,
+    /// Never.
+    Optional,
+    /// Where the strut has a lead.
+    Cardan,
+    /// Never, but where it is given this other key of the section is needed.
+    With(&'static str),
+}
+
+/// What a number may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Any decimal number.
+    Any,
+    /// More than the first and at most the second.
+    Above(f64, f64),
+    /// From the first to the second.
+    From(f64, f64),
+    /// Digits alone, from the first to the second.
+    Whole(u32, u32),
+    /// 1 or -1.
+    Sign,
+}
+
+impl Range {
+    /// Whether a number, written like this, is in it.
+    pub fn holds(self, word: &str, value: f64) -> bool {
+        match self {
+            Any => true,
+            Above(least, most) => value > least && value <= most,
+            From(least, most) => value >= least && value <= most,
+            Whole(least, most) => {
+                let digits = word.bytes().all(|b| b.is_ascii_digit());
+                digits && value >= f64::from(least) && value <= f64::from(most)
+            }
+            Sign => matches!(word, "1" | "+1" | "-1"),
+        }
+    }
+}
+
+impl Key {
+    /// How many numbers.
+    pub const fn count(&self) -> usize {
+        if self.parts.is_empty() { 1 } else { self.parts.len() }
+    }
+
+    /// What a number of it may be, for people; empty where any number will do.
+    pub fn expected(&self) -> String {
+        let unit = if self.unit == DEGREES { " degrees" } else { "" };
+        match self.range {
+            Any => String::new(),
+            Above(least, f64::INFINITY) => format!("more than {least}{unit}"),
+            Above(least, most) => format!("more than {least} and at most {most}{unit}"),
+            From(least, most) => format!("{least} to {most}{unit}"),
+            Whole(0, u32::MAX) => "a whole number without sign".into(),
+            Whole(least, most) => format!("a whole number from {least} to {most}"),
+            Sign => "1 or -1".into(),
+        }
+    }
+}
+
+/// An optional number of all kinds of legs.
+const fn key(text: &'static str) -> Key {
+    Key {
+        name: "",
+        parts: &[],
+        need: Optional,
+        pin: "",
+        range: Any,
+        unit: "",
+        absent: None,
+        kinds: KINDS,
+        text,
+    }
+}
+
+macro_rules! table {
+    ($($(#[$doc:meta])* $section:ident { $($name:ident = $key:expr;)* })*) => {
+        $($(#[$doc])* pub mod $section {
+            use super::*;
+
+            $(
+                #[doc = concat!("`", stringify!($name), "`")]
+                pub const $name: Key = Key { name: stringify!($name), ..$key };
+            )*
+
+            /// All of them.
+            pub const ALL: &[&Key] = &[$(&$name),*];
+        })*
+    };
+}
+
+table! {
+    /// `[PKM]`: the machine.
+    machine {
+        SCREW_LEAD = Key { pin: "screw-lead", unit: "machine units a turn",
+            ..key("Lead of all struts without a LEAD of their own, which need it; 0 where the struts are no open screws.") };
+        CENTRE = Key { parts: XYZ, pin: "centre", unit: LENGTH,
+            ..key("Point of the platform at which held X, Y, Z are held.") };
+        SPINDLE_OFFSET = Key { pin: "spindle-offset", unit: LENGTH,
+            ..key("Part of the tool length that no tool table holds.") };
+        CONVERGENCE_CRITERION = Key { pin: "convergence-criterion", range: Above(0.0, f64::INFINITY), unit: LENGTH,
+            ..key("Largest error of a leg's length that forward accepts.") };
+        LIMIT_ITERATIONS = Key { pin: "limit-iterations", range: Whole(1, MAX_ITERATIONS), absent: Some(MAX_ITERATIONS),
+            ..key("Most linear solves of one forward call.") };
+        RESIDUAL_LIMIT = Key { pin: "residual-limit", range: Above(0.0, f64::INFINITY), unit: LENGTH,
+            ..key("Largest contradiction of the joint values, where legs exceed coordinates.") };
+        MAX_ERROR = Key { pin: "max-error",
+            ..key("Accepted for compatibility, without effect.") };
+        CONDITIONING_LIMIT = Key { pin: "conditioning-limit", range: Above(0.0, 1.0),
+            ..key("Smallest singular value of the legs' rows (pin conditioning) at which the guard stops the machine.") };
+        ROD_CLEARANCE = Key { pin: "rod-clearance", range: Above(0.0, f64::INFINITY), unit: LENGTH,
+            ..key("Smallest distance of the centre lines of two legs.") };
+        TILT_LIMIT = Key { pin: "tilt-limit", range: From(0.0, 180.0), unit: DEGREES,
+            ..key("Largest angle between the tool axis and its direction at A = B = C = 0; 0: no limit.") };
+        FEED_FLOOR = Key { pin: "feed-floor", range: Above(0.0, 1.0),
+            ..key("Smallest feed scale that the guard sets.") };
+    }
+
+    /// `[LEG_N]`: leg N.
+    leg {
+        BASE = Key { parts: XYZ, need: Needed, pin: "base.N", unit: LENGTH,
+            ..key("Base anchor.") };
+        PLATFORM = Key { parts: XYZ, need: Needed, pin: "platform.N", unit: LENGTH,
+            ..key("Centre of the platform joint, in the platform's frame.") };
+        BASE_N = Key { parts: XYZ, need: Cardan, pin: "base-n.N", kinds: &[Kind::Strut],
+            ..key("Axis of the base cardan joint that is fixed in base; any length.") };
+        PLATFORM_N = Key { parts: XYZ, need: Cardan, pin: "platform-n.N", kinds: &[Kind::Strut],
+            ..key("Axis of the platform cardan joint that is fixed in the platform; any length.") };
+        LEAD = Key { pin: "lead.N", unit: "machine units a turn", kinds: &[Kind::Strut],
+            ..key("Lead of this strut instead of SCREW_LEAD; 0: none.") };
+        GUIDE = Key { parts: XYZ, need: Needed, pin: "guide.N", kinds: &[Kind::Slider],
+            ..key("Direction of the guide towards growing joint values; any length.") };
+        AXIS = Key { parts: XYZ, need: Needed, pin: "axis.N", kinds: &[Kind::Crank],
+            ..key("Direction of the axis that the arm turns about; any length.") };
+        ARM = Key { parts: XYZ, need: Needed, pin: "arm.N", unit: LENGTH, kinds: &[Kind::Crank],
+            ..key("From BASE to the end of the arm at 0 degrees.") };
+        ROD = Key { need: Needed, pin: "rod.N", range: Above(0.0, f64::INFINITY), unit: LENGTH, kinds: &[Kind::Slider, Kind::Crank],
+            ..key("Length of the rod.") };
+        SIDE = Key { need: Needed, pin: "side.N", range: Sign, kinds: &[Kind::Slider, Kind::Crank],
+            ..key("Which of the two joint values of one place of the platform joint: 1 the larger, -1 the smaller.") };
+        OFFSET = Key { pin: "offset.N", unit: "joint units",
+            ..key("Taken from the native value of the leg.") };
+        BASE_CONE = Key { pin: "base-cone.N", range: Above(0.0, 180.0), unit: DEGREES,
+            ..key("Largest angle of the leg from its direction at the reference pose, seen from the base.") };
+        PLATFORM_CONE = Key { pin: "platform-cone.N", range: Above(0.0, 180.0), unit: DEGREES,
+            ..key("The same seen from the platform.") };
+        BASE_PYRAMID = Key { parts: TURNS, need: With("BASE_N"), pin: "base-pyramid.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: &[Kind::Strut],
+            ..key("Largest turns of the leg from its direction at the reference pose, either way: about the axis BASE_N of its base joint, and across it.") };
+        PLATFORM_PYRAMID = Key { parts: TURNS, need: With("PLATFORM_N"), pin: "platform-pyramid.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: &[Kind::Strut],
+            ..key("The same seen from the platform, about and across the axis PLATFORM_N.") };
+    }
+
+    /// `[JOINT_N]`: joint N, beside LinuxCNC's own keys.
+    joint {
+        MIN_LIMIT = Key { need: Needed, pin: "min-limit.N", unit: "joint units",
+            ..key("Smallest value; less than MAX_LIMIT.") };
+        MAX_LIMIT = Key { need: Needed, pin: "max-limit.N", unit: "joint units",
+            ..key("Largest value.") };
+        MAX_VELOCITY = Key { need: Needed, pin: "max-velocity.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second",
+            ..key("Largest speed.") };
+        MAX_ACCELERATION = Key { need: Needed, pin: "max-acceleration.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second squared",
+            ..key("Largest acceleration.") };
+    }
+
+    /// `[BOX_K]`: box K for the start without a seed, beside the rows of its matrix.
+    workspace_box {
+        LOW = Key { parts: XYZABC, need: Needed, pin: "box.K.low",
+            ..key("Lower ends of the box.") };
+        HIGH = Key { parts: XYZABC, need: Needed, pin: "box.K.high",
+            ..key("Upper ends of the box.") };
+        STEPS = Key { need: Needed, pin: "box.K.steps", range: Whole(0, u32::MAX),
+            ..key("Steps of the search after which the box has answered.") };
+        GEOMETRY = Key { need: Needed, pin: "box.K.geometry", range: Whole(0, u32::MAX),
+            ..key("Hash of the geometry that it was proved for.") };
+        WEIGHT = Key { parts: XYZABC, need: Needed,
+            ..key("Weights of the coordinates in the proof; for pkm boxes alone.") };
+        CONTRACTION = Key { need: Needed,
+            ..key("Contraction of the search that was proved; for pkm boxes alone.") };
+    }
+}
+
+/// Name of a kind of leg, as the load parameter `legs=` has it.
+pub const fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Strut => "strut",
+        Kind::Slider => "slider",
+        Kind::Crank => "crank",
+    }
+}
+
+/// The keys of a leg of this kind.
+pub fn of_leg(kind: Kind) -> impl Iterator<Item = &'static Key> {
+    leg::ALL.iter().copied().filter(move |key| key.kinds.contains(&kind))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> impl Iterator<Item = &'static Key> {
+        [machine::ALL, leg::ALL, joint::ALL, workspace_box::ALL].into_iter().flatten().copied()
+    }
+
+    #[test]
+    fn keys_are_the_names_of_pins_in_capitals() {
+        for key in all().filter(|key| !key.pin.is_empty()) {
+            let stem = key.pin.strip_prefix("box.K.").unwrap_or(key.pin);
+            let stem = stem.strip_suffix(".N").unwrap_or(stem);
+            assert_eq!(key.name, stem.to_uppercase().replace('-', "_"));
+        }
+    }
+
+    #[test]
+    fn the_load_parameters_know_the_names_of_kinds() {
+        for kind in KINDS {
+            let legs = format!("{}:1", kind_name(*kind));
+            let load = kinematics::Load::parse(Some(legs.as_bytes()), Some(b"X"), None).unwrap();
+            assert_eq!(load.kinds(), [*kind]);
+        }
+    }
+
+    #[test]
+    fn a_key_that_another_one_needs_is_one_of_the_same_legs() {
+        for key in all() {
+            let With(other) = key.need else { continue };
+            let other = leg::ALL.iter().find(|k| k.name == other).expect("a key of a leg");
+            assert!(key.kinds.iter().all(|kind| other.kinds.contains(kind)), "{}", key.name);
+        }
+    }
+
+    #[test]
+    fn a_range_holds_its_ends_as_its_words_say() {
+        let pass = |key: Key, word: &str| key.range.holds(word, word.parse().unwrap());
+        for (key, words, is_held) in [
+            (leg::BASE_CONE, ["180", "0.5"], true),
+            (leg::BASE_CONE, ["0", "180.5"], false),
+            (machine::TILT_LIMIT, ["0", "180"], true),
+            (machine::TILT_LIMIT, ["-1", "181"], false),
+            (machine::LIMIT_ITERATIONS, ["1", "288"], true),
+            (machine::LIMIT_ITERATIONS, ["0", "289"], false),
+            (machine::LIMIT_ITERATIONS, ["12.5", "+12"], false),
+            (leg::SIDE, ["+1", "-1"], true),
+            (leg::SIDE, ["1.0", "2"], false),
+            (leg::ROD, ["1e-9", "1e300"], true),
+            (leg::ROD, ["0", "nan"], false),
+        ] {
+            for word in words {
+                assert_eq!(pass(key, word), is_held, "{} = {word}", key.name);
+            }
+        }
+        assert_eq!(leg::BASE_CONE.expected(), "more than 0 and at most 180 degrees");
+        assert_eq!(leg::ROD.expected(), "more than 0");
+        assert_eq!(machine::TILT_LIMIT.expected(), "0 to 180 degrees");
+    }
+}
