@@ -9,7 +9,7 @@ use crate::plots::{
 use crate::rods::Rods;
 use crate::sensitivity::{Point, Sensitivity};
 use crate::stiffness::{Ellipsoid, Map, Stiffness};
-use crate::workspace::{Body, Limit, Ray, Slice};
+use crate::workspace::{Body, Ray, Slice};
 use kinematics::Letter;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
@@ -204,7 +204,7 @@ fn wire_frame(unit: &str, body: &Body) -> Result<String, String> {
 }
 
 /// A mark of its own for each kind of limit.
-const MARKS: [&str; Limit::KINDS.len()] = ["o", "v", "^", "x", "+", "#", "=", "*", "%"];
+const MARKS: [&str; 13] = ["o", "v", "^", "-", "x", "+", "#", "=", "~", "*", "%", "/", "|"];
 
 fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
     let outline = slice.outline();
@@ -229,15 +229,16 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
         let room = MARK_ROOM * (right - left).max(ASPECT * (high - low));
         let roomy = points.iter().copied().chain([(right + 0.45 * (right - left), middle)]);
         let mut chart = path_axes(root, &frame, &roomy.collect::<Vec<_>>())?;
-        for (kind, kind_name) in Limit::KINDS.iter().enumerate() {
+        let mut kinds: Vec<_> =
+            outline.iter().map(|(_, border)| (border.rank(), border.kind())).collect();
+        kinds.sort();
+        kinds.dedup();
+        for (kind, (rank, kind_name)) in kinds.into_iter().enumerate() {
             let own: Vec<(f64, f64)> = outline
                 .iter()
-                .filter(|(_, limit)| limit.kind() == kind)
+                .filter(|(_, border)| border.rank() == rank)
                 .map(|([x, y], _)| (*x, *y))
                 .collect();
-            if own.is_empty() {
-                continue;
-            }
             let (colour, _) = STYLES[kind % STYLES.len()];
             let dots = own.iter().map(|at| Circle::new(*at, 1, colour.filled()));
             chart.draw_series(dots).map_err(text)?;
@@ -251,7 +252,7 @@ fn sliced(unit: &str, slice: &Slice) -> Result<String, String> {
                         .map(|at| Text::new(MARKS[kind], at, sign.clone())),
                 )
                 .map_err(text)?
-                .label(*kind_name)
+                .label(kind_name)
                 .legend(move |(x, y)| Text::new(MARKS[kind], (x + 17, y), centred.clone()));
         }
         let bold = BLACK.stroke_width(2);

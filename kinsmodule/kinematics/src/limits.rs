@@ -311,7 +311,7 @@ impl At<'_> {
         self.margins_of_cones(limits, &mut visit)?;
         self.margins_of_pyramids(limits, &mut visit)?;
         if limits.tilt != 0.0 {
-            let (value, range) = (self.tilt(), [0.0, limits.tilt]);
+            let (value, range) = (self.tilt(), [f64::NEG_INFINITY, limits.tilt]);
             visit(Margin { limit: Limit::Tilt, part: Part::Whole, value, range })?;
         }
         ControlFlow::Continue(())
@@ -332,7 +332,12 @@ impl At<'_> {
                 let cones = self.cones();
                 let angles = if limit == Limit::BaseCone { &cones.base } else { &cones.platform };
                 let value = angles.get(i).copied().unwrap_or(f64::NAN);
-                visit(Margin { limit, part: Part::Leg(i), value, range: [0.0, *most] })?;
+                visit(Margin {
+                    limit,
+                    part: Part::Leg(i),
+                    value,
+                    range: [f64::NEG_INFINITY, *most],
+                })?;
             }
         }
         ControlFlow::Continue(())

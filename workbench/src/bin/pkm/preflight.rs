@@ -7,6 +7,7 @@ use pkm::cautions::{Caution, cautions};
 use pkm::fit::{self, Offset};
 use pkm::ini::Ini;
 use pkm::interpreter::{self, Move, Reading};
+use pkm::limits::is_of_feed;
 use pkm::machine::MachineConfig;
 use pkm::preflight::{Break, LineLoad, Preflight, preflight};
 use pkm::{plots, report};
@@ -151,7 +152,7 @@ fn offset(
     moves: &[Move],
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    if found.breaks.iter().all(|told| told.limit.is_of_feed()) {
+    if found.breaks.iter().all(|told| is_of_feed(told.limit)) {
         // Another place does not make a program slower.
         return Ok(None);
     }

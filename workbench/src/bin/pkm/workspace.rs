@@ -8,7 +8,7 @@ use pkm::machine::MachineConfig;
 use pkm::report::write_whole;
 use pkm::study_plots::of_workspace;
 use pkm::workspace::{
-    Body, Counted, Effort, Limit, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
+    Body, Border, Counted, Effort, Plane, Ray, Slice, Workspace, counted, csv, obj, tilts,
 };
 use std::io::Write;
 use std::num::NonZero;
@@ -152,7 +152,7 @@ fn look(
     Ok(Seen { body, counted, slices })
 }
 
-fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
+fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
     Failure::Told(format!(
         "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
          for less tilt",
