@@ -1,14 +1,193 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a machine's configuration asks its poses to keep.
+//! The limits of a machine's configuration as the core lists them, and what people call them.
 
 use crate::read::machine::MachineConfig;
+use kinematics::{At, Joints, Limit, Limits, MAX_LEGS, Margin, Part};
+use serde::Serializer;
+use std::ops::ControlFlow;
 
 /// Centre lines of legs that are nearer than this share of the machine's size meet: no leg is
 /// thinner.
 const MEETING: f64 = 1e-3;
 
+/// The limits that a machine's file sets.
+pub fn of(config: &MachineConfig) -> Limits {
+    let mut limits = Limits {
+        tilt: config.tilt_limit.unwrap_or(0.0),
+        conditioning: config.conditioning_limit,
+        clearance: least_distance(config),
+        ..Limits::NONE
+    };
+    for (range, axis) in limits.axis.iter_mut().zip(&config.axes) {
+        *range = [axis.min, axis.max];
+    }
+    let joints = |values: &mut Joints, of: fn(&crate::read::machine::Joint) -> f64| {
+        values.iter_mut().zip(&config.joints).for_each(|(to, joint)| *to = of(joint));
+    };
+    joints(&mut limits.min, |joint| joint.min);
+    joints(&mut limits.max, |joint| joint.max);
+    joints(&mut limits.speed, |joint| joint.max_velocity);
+    joints(&mut limits.acceleration, |joint| joint.max_acceleration);
+    limits.base_cone = per_leg(&config.base_cone);
+    limits.platform_cone = per_leg(&config.platform_cone);
+    limits.base_pyramid = per_leg(&config.base_pyramid);
+    limits.platform_pyramid = per_leg(&config.platform_pyramid);
+    limits
+}
+
+/// The same without those of the axes, which are the machine's coordinates as programmed.
+pub fn beyond_axes(config: &MachineConfig) -> Limits {
+    Limits { axis: Limits::NONE.axis, ..of(config) }
+}
+
+/// The same of the legs alone, of a pose that homing passes on its way to the switches.
+pub fn of_homing(config: &MachineConfig) -> Limits {
+    let Limits { min, max, .. } = Limits::NONE;
+    Limits { min, max, ..beyond_axes(config) }
+}
+
+fn per_leg<T: Copy + Default>(values: &[Option<T>]) -> [T; MAX_LEGS] {
+    std::array::from_fn(|i| values.get(i).copied().flatten().unwrap_or_default())
+}
+
 /// What the centre lines of legs that share no anchor have to keep, machine units:
 /// `[PKM]ROD_CLEARANCE`, or without it what keeps them from meeting.
-pub fn least_distance(config: &MachineConfig) -> f64 {
+fn least_distance(config: &MachineConfig) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
+}
+
+/// Whether a pose keeps the limits.
+///
+/// # Errors
+/// The first limit that it does not keep.
+pub fn check(at: &At, limits: &Limits) -> Result<(), Margin> {
+    let visit = |margin: Margin| match margin.is_kept() {
+        true => ControlFlow::Continue(()),
+        false => ControlFlow::Break(margin),
+    };
+    at.margins(limits, visit).break_value().map_or(Ok(()), Err)
+}
+
+/// Visits the margins of all limits that are set at a pose.
+pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
+    let _ = at.margins(limits, |margin| {
+        visit(margin);
+        ControlFlow::<()>::Continue(())
+    });
+}
+
+/// What the room of a margin is a share of: the range where it has two ends, else its one end.
+pub fn scale(margin: &Margin) -> f64 {
+    match (margin.limit, margin.range) {
+        // A smallest singular value of its own scale.
+        (Limit::Conditioning, _) => 1.0,
+        (_, [low, high]) if low.is_finite() && high.is_finite() => high - low,
+        (_, [low, high]) => if low.is_finite() { low } else { high }.abs(),
+    }
+}
+
+/// What a limit is about, for people.
+pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
+    let joint = |i: usize| config.joints[i].name.clone();
+    let of_legs = |i: usize| match limit {
+        Limit::BaseCone | Limit::BasePyramid => format!("the base joint of leg {i}"),
+        Limit::PlatformCone | Limit::PlatformPyramid => format!("the platform joint of leg {i}"),
+        _ => joint(i),
+    };
+    match (limit, part) {
+        (_, Part::Axis(letter)) => format!("axis {}", letter.name()),
+        (Limit::JointSpeed, Part::Joint(i)) => format!("the speed of {}", joint(i)),
+        (Limit::JointAcceleration, Part::Joint(i)) => format!("the acceleration of {}", joint(i)),
+        (_, Part::Joint(i)) => joint(i),
+        (_, Part::Leg(i)) => of_legs(i),
+        (_, Part::Legs([i, j])) => format!("the distance of legs {i} and {j}"),
+        (Limit::Tilt, Part::Whole) => "the tilt of the tool axis".into(),
+        (Limit::Conditioning, Part::Whole) => "the conditioning".into(),
+        (_, Part::Whole) => "the machine".into(),
+    }
+}
+
+/// Unit of a limit's value.
+pub fn unit(config: &MachineConfig, limit: Limit, part: Part) -> String {
+    let joint = |suffix: &str| match part {
+        Part::Joint(i) | Part::Leg(i) => {
+            format!("{}{suffix}", config.unit(config.joints[i].kind))
+        }
+        _ => String::new(),
+    };
+    match limit {
+        Limit::Axis if matches!(part, Part::Axis(letter) if letter.is_angle()) => "degrees".into(),
+        Limit::Axis | Limit::Clearance => config.length_unit().into(),
+        Limit::JointRange => joint(""),
+        Limit::JointSpeed => joint("/s"),
+        Limit::JointAcceleration => joint("/s²"),
+        Limit::BaseCone
+        | Limit::PlatformCone
+        | Limit::BasePyramid
+        | Limit::PlatformPyramid
+        | Limit::Tilt => "degrees".into(),
+        Limit::Reach | Limit::DeadPoint | Limit::Conditioning => String::new(),
+    }
+}
+
+/// The range of a margin, with its unit.
+pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
+    let unit = unit(config, margin.limit, margin.part);
+    let value = match margin.range {
+        [low, high] if low == -high => format!("{high}"),
+        [low, high] if low.is_finite() && high.is_finite() => format!("{low} to {high}"),
+        [low, high] => format!("{}", if low.is_finite() { low } else { high }),
+    };
+    format!("{value} {unit}").trim_end().into()
+}
+
+/// A limit that is not kept, as a sentence.
+pub fn sentence(config: &MachineConfig, margin: &Margin) -> String {
+    let Margin { limit, part: of, value, .. } = *margin;
+    let (name, unit, bound) =
+        (part(config, limit, of), unit(config, limit, of), bound(config, margin));
+    match limit {
+        Limit::Clearance if config.clearance.is_none() => {
+            let Part::Legs([i, j]) = of else { return name };
+            format!("legs {i} and {j} meet, their centre lines {} {unit} apart", shown(value))
+        }
+        Limit::Conditioning => format!(
+            "the legs hardly hold the platform: conditioning {value:.4} (0: a singular pose), where \
+             pkmkins stops the machine at {bound}"
+        ),
+        Limit::DeadPoint => format!("{name} comes too near to a dead point"),
+        _ => format!("{name} is at {} {unit}, beyond its limit of {bound}", shown(value)),
+    }
+}
+
+/// Whether the programmed feed decides.
+pub fn is_of_feed(limit: Limit) -> bool {
+    matches!(limit, Limit::JointSpeed | Limit::JointAcceleration)
+}
+
+/// The word of a limit in reports for machines.
+pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(match limit {
+        Limit::Axis => "axis",
+        Limit::Reach => "reach",
+        Limit::JointRange => "joint",
+        Limit::DeadPoint => "dead-point",
+        Limit::BaseCone => "base-cone",
+        Limit::PlatformCone => "platform-cone",
+        Limit::BasePyramid => "base-pyramid",
+        Limit::PlatformPyramid => "platform-pyramid",
+        Limit::Tilt => "tilt",
+        Limit::Clearance => "clearance",
+        Limit::Conditioning => "hold",
+        Limit::JointSpeed => "speed",
+        Limit::JointAcceleration => "acceleration",
+    })
+}
+
+/// A value with as many digits as its size needs.
+pub fn shown(value: f64) -> String {
+    match value.abs() >= 1e-3 || value == 0.0 {
+        true => format!("{value:.3}"),
+        false => format!("{value:.1e}"),
+    }
 }

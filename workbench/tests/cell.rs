@@ -2,12 +2,14 @@
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
 use crate::shipped::{MACHINES, config, ini};
-use kinematics::Letter;
+use kinematics::{Letter, Limit};
+use pkm::check::mobility;
 use pkm::check::report::check;
+use pkm::limits::is_of_feed;
 use pkm::program::interpreter;
-use pkm::program::preflight::{Limit, preflight};
+use pkm::program::preflight::preflight;
 use pkm::proof::axis_box::{AxisBox, at_tilt, range};
-use pkm::proof::cell::{Cell, Reach, Verdict};
+use pkm::proof::cell::{Cell, Reach, Stop, Verdict};
 use pkm::proof::conditioning;
 use pkm::read::machine::MachineConfig;
 use pkm::read::tools::Tool;
@@ -32,12 +34,18 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
     for cone in config.base_cone.iter_mut().chain(&mut config.platform_cone) {
         *cone = Some(rng.random_range(5.0..40.0));
     }
-    // Any limit of the distance has the distances looked at.
-    config.clearance = Some(1.0);
-    let way = Reach::new(&config).unwrap().way(&config.home, &[0.0; 6]).unwrap();
-    let distance = way.gaps.iter().map(|gap| gap.middle).fold(f64::INFINITY, f64::min);
+    let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
     let share = rng.random_range(0.5..1.0);
-    config.clearance = distance.is_finite().then_some(share * distance);
+    config.clearance = at.nearest().map(|nearest| share * nearest.distance);
+    config.conditioning_limit = at.smallest_singular_value() * rng.random_range(0.2..0.95);
+    drop(at);
+    config.tilt_limit = Some(rng.random_range(2.0..30.0));
+    // Fixed axes are those of struts with a lead.
+    if machine == "hexapod" {
+        for pyramid in config.base_pyramid.iter_mut().chain(&mut config.platform_pyramid) {
+            *pyramid = Some([rng.random_range(2.0..30.0), rng.random_range(2.0..30.0)]);
+        }
+    }
     config
 }
 
@@ -152,7 +160,7 @@ fn boxes_of_a_tilt_can_be_taken() {
     let mut rng = Pcg64::seed_from_u64(7);
     let widths = [0.0, 0.5, 1.0].map(|share| {
         let tilt = share * whole.high[4].max(-whole.low[4]);
-        let found = at_tilt(&config, &whole, tilt).unwrap();
+        let found = at_tilt(&config, &whole, tilt, None).unwrap();
         assert_eq!([found.low[4], found.high[4]], [-tilt, tilt]);
         for _ in 0..2_000 {
             let pose = pose(&mut rng, &found);
@@ -161,6 +169,24 @@ fn boxes_of_a_tilt_can_be_taken() {
         (0..3).map(|k| found.high[k] - found.low[k]).sum::<f64>()
     });
     assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
+}
+
+/// At 25 degrees of A and of B the hexapod's spindle leans by 34.8.
+#[test]
+fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
+    let mut config = config("hexapod");
+    config.tilt_limit = Some(30.0);
+    let whole = range(&config);
+    assert_eq!(at_tilt(&config, &whole, 25.0, None), None);
+    let found = at_tilt(&config, &whole, 21.0, None).unwrap();
+    let tilt = |a: f64, b: f64| (a.to_radians().cos() * b.to_radians().cos()).acos().to_degrees();
+    assert!(tilt(found.high[3], found.high[4]) > 29.0);
+    let reach = Reach::new(&config).unwrap();
+    let mut corner = config.home;
+    (corner[3], corner[4]) = (25.0, -25.0);
+    let Err(Stop::Limit(margin)) = reach.check(&corner) else { panic!("{corner:?}") };
+    assert_eq!(margin.limit, Limit::Tilt);
+    assert!((margin.value - tilt(25.0, 25.0)).abs() < 1e-9, "{margin:?}");
 }
 
 /// The suggested limits put into the machine, and a program that goes from corner to corner of them
@@ -196,10 +222,8 @@ fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
     let moves = interpreter::moves(&config, &program, None).unwrap();
     assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
     let found = preflight(&config, &moves, false, |_| ()).unwrap();
-    // Rapids between the corners may be too fast for the joints, and near the corners the legs
-    // may be told to hold badly: neither is what the box promises.
-    let broken: Vec<_> =
-        found.breaks.iter().filter(|b| !b.limit.is_of_feed() && b.limit != Limit::Hold).collect();
+    // Rapids between the corners may be too fast for the joints: that is not what the box promises.
+    let broken: Vec<_> = found.breaks.iter().filter(|b| !is_of_feed(b.limit)).collect();
     assert!(broken.is_empty(), "{machine}: {broken:?}");
 }
 
@@ -213,8 +237,9 @@ fn conditioning_is_the_singular_value_of_the_rows_at_home() {
     }
     // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
     let delta = config("linear-delta");
-    let rows = pkm::check::mobility::LegRows::at_home(&delta).unwrap();
-    let least = rows.singular_values(delta.machine.layout().coordinates().as_slice())[2];
+    let rows = mobility::rows_at_home(&delta).unwrap();
+    let least =
+        mobility::singular_values(&rows, delta.machine.layout().coordinates().as_slice())[2];
     let found = conditioning::at(&delta, &delta.home).unwrap();
     assert!((least - found).abs() < 1e-12, "{least} {found}");
 }

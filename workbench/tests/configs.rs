@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every shipped configuration agrees with itself.
 
-use pkm::read::machine::{ConeAngles, MachineConfig};
+use kinematics::Cones;
+use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
 /// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in
@@ -55,8 +56,8 @@ fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
         for (axis, home) in config.axes.iter().zip(config.home) {
             assert!((axis.min..=axis.max).contains(&home), "{}: {home}", name(&folder));
         }
-        let ConeAngles { base, platform } =
-            config.cone_angles(&config.home_pose(), &config.spindle).unwrap();
+        let Cones { base, platform } =
+            config.machine.at(&config.home_pose(), &config.spindle).unwrap().cones();
         for i in 0..config.legs() {
             assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name(&folder));
             assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name(&folder));

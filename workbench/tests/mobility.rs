@@ -3,7 +3,7 @@
 
 use crate::shipped::config;
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
-use pkm::check::mobility::{LegRows, Structure};
+use pkm::check::mobility::{Structure, rank, rows_at_home, singular_values};
 
 fn structure(machine: &str) -> Structure {
     Structure::of(&config(machine)).unwrap()
@@ -62,9 +62,9 @@ fn quadruples() -> Vec<Vec<Letter>> {
 
 #[test]
 fn four_rods_move_only_four_of_the_fifteen_sets_of_four_coordinates() {
-    let rows = LegRows::at_home(&config("four-rod-lathe")).unwrap();
+    let rows = rows_at_home(&config("four-rod-lathe")).unwrap();
     assert_eq!(quadruples().len(), 15);
-    let regular = quadruples().into_iter().filter(|q| rows.rank(q) == 4);
+    let regular = quadruples().into_iter().filter(|q| rank(&rows, q) == 4);
     let expected = [[X, Y, Z, B], [X, Y, A, B], [Y, Z, B, C], [Y, A, B, C]];
     assert_eq!(regular.collect::<Vec<_>>(), expected);
 }
@@ -77,10 +77,10 @@ const DETERMINANTS: [([Letter; 4], f64); 4] =
 #[test]
 fn determinants_of_the_four_rods_are_those_of_an_independent_calculation() {
     let config = config("four-rod-lathe");
-    let rows = LegRows::at_home(&config).unwrap();
+    let rows = rows_at_home(&config).unwrap();
     for (letters, expected) in DETERMINANTS {
         let angles = letters.iter().filter(|letter| letter.is_angle()).count() as i32;
-        let per_radius: f64 = rows.singular_values(&letters)[..4].iter().product();
+        let per_radius: f64 = singular_values(&rows, &letters)[..4].iter().product();
         let det = per_radius * (config.machine.radius() / 100.0).powi(angles);
         // Half of the last printed digit, and as much for what was rounded before.
         assert!((det - expected).abs() < 1e-3, "{letters:?}: {det}");

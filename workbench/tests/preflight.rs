@@ -2,13 +2,14 @@
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
 use crate::shipped::{MACHINES, cases, config, folder};
-use kinematics::{MAX_JOINTS, Pose, Vector3};
+use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
+use pkm::limits;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
 use pkm::program::offset::{self, Offset};
-use pkm::program::preflight::{Limit, Preflight, preflight};
+use pkm::program::preflight::{Preflight, preflight};
 use pkm::program::replay::duration;
 use pkm::proof::axis_box::range;
-use pkm::proof::cell::{Course, Reach, Way};
+use pkm::proof::cell::Reach;
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -82,7 +83,7 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
         let limits = &mut config.joints[joint];
         *(if side > 0.0 { &mut limits.max } else { &mut limits.min }) = limit;
         let found = follow(&config, &[rapid(1, from), rapid(2, to), rapid(3, from)]);
-        let first = found.breaks.iter().find(|told| told.limit == Limit::Joint);
+        let first = found.breaks.iter().find(|told| told.limit == Limit::JointRange);
         let Some(told) = first else { panic!("{machine}: {found:?}") };
         assert_eq!(told.line, 2, "{machine}: {told:?}");
         let there = values(&config, &told.pose)[joint];
@@ -101,20 +102,20 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> MachineConf
         .windows(2)
         .flat_map(|w| (0..=8).map(|n| between(&w[0], &w[1], f64::from(n) / 8.0)))
         .collect();
-    // Any limit of the distance has the distances looked at.
-    config.clearance = Some(1.0);
-    let reach = Reach::new(&config).unwrap();
-    let ways: Vec<_> = poses.iter().filter_map(|pose| reach.way(pose, &[0.0; 6]).ok()).collect();
-    let least = |of: &dyn Fn(&Way) -> f64| ways.iter().map(of).fold(f64::INFINITY, f64::min);
-    let distance =
-        least(&|way| way.gaps.iter().map(|gap| gap.middle).fold(f64::INFINITY, f64::min));
-    let hold = poses.iter().map(|pose| reach.conditioning(pose)).fold(1.0, f64::min);
-    let cone = |leans: &[Course], i: usize| leans[i].middle.clamp(-1.0, 1.0).acos().to_degrees();
+    let machine = config.machine.clone();
+    let seen: Vec<At> = poses
+        .iter()
+        .filter_map(|pose| machine.at(&Pose::from_degrees(*pose), &config.spindle).ok())
+        .collect();
+    let least = |of: &dyn Fn(&At) -> f64| seen.iter().map(of).fold(f64::INFINITY, f64::min);
+    let distance = least(&|at| at.nearest().map_or(f64::INFINITY, |nearest| nearest.distance));
+    let hold = least(&|at| at.smallest_singular_value()).min(1.0);
     let legs = 0..config.legs();
-    let base: Vec<f64> = legs.clone().map(|i| -least(&|way| -cone(&way.base, i))).collect();
-    let platform: Vec<f64> = legs.map(|i| -least(&|way| -cone(&way.platform, i))).collect();
+    let base: Vec<f64> = legs.clone().map(|i| -least(&|at| -at.cones().base[i])).collect();
+    let platform: Vec<f64> = legs.map(|i| -least(&|at| -at.cones().platform[i])).collect();
+    let tilt = -least(&|at| -at.tilt());
     let ranges: Vec<[f64; 2]> = (0..config.joints.len())
-        .map(|i| [least(&|way| way.joints[i].middle), -least(&|way| -way.joints[i].middle)])
+        .map(|i| [least(&|at| at.joints()[i]), -least(&|at| -at.joints()[i])])
         .collect();
     for (joint, [low, high]) in config.joints.iter_mut().zip(ranges) {
         let range = (joint.max - joint.min) * room;
@@ -125,6 +126,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> MachineConf
     let widened = |angle: f64| Some(angle * (1.0 + room) + 1e-3);
     config.base_cone = base.into_iter().map(widened).collect();
     config.platform_cone = platform.into_iter().map(widened).collect();
+    config.tilt_limit = widened(tilt);
     // Machines whose legs all meet have no distance.
     config.clearance = distance.is_finite().then_some(distance * (1.0 - room));
     config.conditioning_limit = hold * (1.0 - room);
@@ -135,25 +137,21 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> MachineConf
 /// range of the limit that is nearest: negative beyond it.
 fn margin(config: &MachineConfig, reach: &Reach, from: &[f64; 6], step: &Move, share: f64) -> f64 {
     let pose = between(from, &step.end, share);
-    let Ok(way) = reach.way(&pose, &[0.0; 6]) else { return -1.0 };
+    let Ok(at) = reach.at(&pose) else { return -1.0 };
     // Difference quotients: their own error is some 1e-7 of the speeds.
     const H: f64 = 1e-5;
     let time = 2.0 * H * duration(config, from, step);
     let [before, after] = [-H, H].map(|h| reach.joints(&between(from, &step.end, share + h)));
     let (Ok(before), Ok(after)) = (before, after) else { return -1.0 };
-    let joints = config.joints.iter().zip(&way.joints).enumerate().map(|(i, (joint, course))| {
+    let speeds = config.joints.iter().enumerate().map(|(i, joint)| {
         let speed = (after[i] - before[i]).abs() / time;
-        let range = (course.middle - joint.min).min(joint.max - course.middle);
-        (range / (joint.max - joint.min)).min(1.0 + 1e-5 - speed / joint.max_velocity)
+        1.0 + 1e-5 - speed / joint.max_velocity
     });
-    let cones = way.base.iter().zip(&config.base_cone);
-    let cones = cones.chain(way.platform.iter().zip(&config.platform_cone));
-    let cones = cones.filter_map(|(course, cone)| {
-        cone.map(|cone| 1.0 - course.middle.clamp(-1.0, 1.0).acos().to_degrees() / cone)
+    let mut least = speeds.fold(f64::INFINITY, f64::min);
+    limits::each(&at, &limits::beyond_axes(config), |margin| {
+        least = least.min(margin.room() / limits::scale(&margin));
     });
-    let gaps = way.gaps.iter().filter_map(|gap| Some(gap.middle / config.clearance? - 1.0));
-    let hold = reach.conditioning(&pose) - config.conditioning_limit;
-    joints.chain(cones).chain(gaps).fold(hold, f64::min)
+    least
 }
 
 /// Looks for a pose of a move beyond a limit: anywhere, and then ever nearer to the least margin
@@ -224,34 +222,31 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
 #[test]
 fn rods_that_come_near_and_legs_that_hardly_hold_are_told_with_place_and_amount() {
     let mut config = config("hexapod");
-    config.clearance = Some(1.0);
     let far = [120.0, 0.0, 220.0, 0.0, 0.0, 0.0];
     let near = [0.0, 0.0, 220.0, 20.0, 0.0, 15.0];
     let moves = [rapid(1, far), rapid(2, near), rapid(3, far)];
     let reach = Reach::new(&config).unwrap();
     let seen = |pose: &[f64; 6]| {
-        let gaps = reach.way(pose, &[0.0; 6]).unwrap().gaps;
-        let gap = gaps.into_iter().min_by(|a, b| a.middle.total_cmp(&b.middle)).unwrap();
-        (gap, reach.conditioning(pose))
+        let at = reach.at(pose).unwrap();
+        (at.nearest().unwrap(), at.smallest_singular_value())
     };
     let ((away, good), (gap, bad)) = (seen(&far), seen(&near));
-    let (limit, hold) = ((away.middle + gap.middle) / 2.0, (good + bad) / 2.0);
-    assert!(away.middle > limit + 0.3 && good > hold + 0.01, "{away:?} {gap:?} {good} {bad}");
+    let (limit, hold) = ((away.distance + gap.distance) / 2.0, (good + bad) / 2.0);
+    assert!(away.distance > limit + 0.3 && good > hold + 0.01, "{away:?} {gap:?} {good} {bad}");
     drop(reach);
     (config.clearance, config.conditioning_limit) = (Some(limit), hold);
     let found = follow(&config, &moves);
     let told = |limit| found.breaks.iter().find(|told| told.limit == limit).unwrap();
-    let (rods, held) = (told(Limit::Clearance), told(Limit::Hold));
+    let (rods, held) = (told(Limit::Clearance), told(Limit::Conditioning));
     assert_eq!((rods.line, held.line), (2, 2));
     let [i, j] = gap.pair;
     assert!(rods.text.contains(&format!("legs {i} and {j}")), "{}", rods.text);
-    let amount = format!("by {:.4} mm", limit - gap.middle);
+    let amount = format!("by {:.4} mm", limit - gap.distance);
     assert!(rods.text.contains(&amount), "{} {amount}", rods.text);
     assert!(held.text.contains(&format!("conditioning {bad:.4}")), "{} {bad}", held.text);
     let reach = Reach::new(&config).unwrap();
     // Found to a millionth of the size; neither changes faster than the pose.
-    let there = reach.way(&rods.pose, &[0.0; 6]).unwrap().gaps;
-    let least = there.iter().map(|gap| gap.middle).fold(f64::INFINITY, f64::min);
+    let least = reach.at(&rods.pose).unwrap().nearest().unwrap().distance;
     assert!((least - limit).abs() < 1e-2, "{least} {limit}");
     let there = reach.conditioning(&held.pose);
     assert!((there - hold).abs() < 1e-4, "{there} {hold}");
@@ -269,7 +264,7 @@ fn a_singular_pose_between_is_never_missed() {
         }
         config.base_cone.fill(None);
         config.platform_cone.fill(None);
-        config.conditioning_limit = 1e-9;
+        (config.conditioning_limit, config.clearance) = (1e-9, Some(1e-9));
         config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
         // Only reach and singular poses are left to break.
         let side = |pose: &[f64; 6]| {
@@ -312,7 +307,7 @@ fn a_tool_offset_at_a_tilt_is_told_and_followed() {
     let joint = (0..6).find(|i| after[*i] > before[*i] + 10.0).unwrap();
     config.joints[joint].max = (before[joint] + after[joint]) / 2.0;
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
-    assert!(found.breaks.iter().any(|told| told.limit == Limit::Joint), "{:?}", found.breaks);
+    assert!(found.breaks.iter().any(|told| told.limit == Limit::JointRange), "{:?}", found.breaks);
     config.joints[joint].max = after[joint] + 1e-3;
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
     assert!(found.fits(), "{:?}", found.breaks);
@@ -400,7 +395,7 @@ fn random_programs_fit_where_they_are_put() {
             *count += 1;
             let found = refitted(&config, &program, &offset);
             assert!(
-                found.breaks.iter().all(|b| b.limit.is_of_feed()),
+                found.breaks.iter().all(|b| limits::is_of_feed(b.limit)),
                 "{text} {offset:?} {found:?}"
             );
         }

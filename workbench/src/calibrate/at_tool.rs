@@ -3,6 +3,7 @@
 
 use super::model::{Model, Place, unit};
 use super::reading::{Changed, Posed};
+use crate::limits;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
@@ -84,8 +85,7 @@ pub fn workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, SAMPLES, 0)
 }
 
-/// Poses at random within the axis limits that the machine can take, with all joints within
-/// theirs.
+/// Poses at random within the axis limits that the machine can take.
 pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
     let letters = config.machine.layout().coordinates().as_slice();
@@ -110,9 +110,8 @@ pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u6
         .collect()
 }
 
-/// Whether every joint is within its limits.
+/// Whether the machine can take a pose.
 pub fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
-    config.machine.inverse(pose, tool).is_ok_and(|joints| {
-        config.joints.iter().zip(joints).all(|(joint, q)| q >= joint.min && q <= joint.max)
-    })
+    let at = config.machine.at(pose, tool);
+    at.is_ok_and(|at| limits::check(&at, &limits::beyond_axes(config)).is_ok())
 }

@@ -5,9 +5,10 @@
 //! sequence from HOME to the switches at HOME_OFFSET and back, its joints together, all others
 //! at HOME: a sequence that moves some of the legs alone tilts the platform.
 
+use crate::limits;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::{ConeAngles, MachineConfig};
-use kinematics::{Joints, MAX_JOINTS, Pose};
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, MAX_JOINTS, Margin};
 
 /// Places looked at on the way of a sequence.
 const STEPS: u32 = 50;
@@ -27,8 +28,8 @@ struct Homing {
 pub enum Trouble {
     /// This joint is left out when all are homed.
     LeftOut(usize),
-    /// On the way of a sequence a leg leans too much: sequence, which end, angle and cone in degrees.
-    Cone(i64, String, f64, f64),
+    /// On the way of a sequence a limit is not kept: sequence, and the limit.
+    Limit(i64, Margin),
     /// On the way of a sequence there is no pose: sequence, text of the fault.
     NoPose(i64, String),
 }
@@ -77,6 +78,7 @@ fn follow(config: &MachineConfig, joints: &[Homing], sequence: i64) -> Option<Tr
     if (0..MAX_JOINTS).all(|i| target(i).is_none()) {
         return None;
     }
+    let limits = limits::of_homing(config);
     let mut seed = config.home_pose();
     for step in 1..=STEPS {
         let share = f64::from(step) / f64::from(STEPS);
@@ -87,21 +89,10 @@ fn follow(config: &MachineConfig, joints: &[Homing], sequence: i64) -> Option<Tr
             Ok(solution) => seed = solution.pose,
             Err(fault) => return Some(Trouble::NoPose(sequence, fault.to_string())),
         }
-        if let Some((what, angle, limit)) = beyond_cone(config, &seed) {
-            return Some(Trouble::Cone(sequence, what, angle, limit));
-        }
-    }
-    None
-}
-
-fn beyond_cone(config: &MachineConfig, pose: &Pose) -> Option<(String, f64, f64)> {
-    let ConeAngles { base, platform } = config.cone_angles(pose, &config.spindle).ok()?;
-    let cones = [("base", base, &config.base_cone), ("platform", platform, &config.platform_cone)];
-    for (body, angles, limits) in cones {
-        for (i, (angle, limit)) in angles.iter().zip(limits).enumerate() {
-            if let Some(limit) = limit.filter(|limit| angle > limit) {
-                return Some((format!("leg {i} at its {body} joint"), *angle, limit));
-            }
+        match config.machine.at(&seed, &config.spindle).map(|at| limits::check(&at, &limits)) {
+            Ok(Ok(())) => {}
+            Ok(Err(margin)) => return Some(Trouble::Limit(sequence, margin)),
+            Err(fault) => return Some(Trouble::NoPose(sequence, fault.to_string())),
         }
     }
     None

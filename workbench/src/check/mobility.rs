@@ -9,8 +9,8 @@
 //! once their drives stand still. The rank of their rows does.
 
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, MAX_LEGS, Vector3};
-use nalgebra::SMatrix;
+use crate::study::stance::Rows;
+use kinematics::{Fault, Letter, Vector3};
 
 /// Freedoms of a leg's joints: drive, cardan joint, spherical joint.
 const FREEDOMS: [i32; 3] = [1, 2, 3];
@@ -21,43 +21,38 @@ const FREEDOMS: [i32; 3] = [1, 2, 3];
 const RANK_TOLERANCE: f64 = 1e-9;
 
 /// Rows of the leg constraints at home: per leg the speed of its platform anchor along the leg,
-/// per unit speed of X Y Z, and of A B C times the platform radius, about the centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LegRows(SMatrix<f64, MAX_LEGS, 6>);
-
-impl LegRows {
-    /// Rows of this machine at home, where A B C turn about the axes of base.
-    ///
-    /// # Errors
-    /// As [`kinematics::Machine::inverse`].
-    pub fn at_home(config: &MachineConfig) -> Result<Self, Fault> {
-        let segments = config.machine.segments(&config.home_pose(), &config.spindle)?;
-        let mut rows = SMatrix::zeros();
-        for (i, leg) in config.geometry.legs().iter().enumerate() {
-            let along = (segments[i].platform - segments[i].base).normalize();
-            let arm = Vector3::from(leg.platform) - Vector3::from(config.geometry.centre);
-            let moment = arm.cross(&along) / config.machine.radius();
-            for k in 0..3 {
-                (rows[(i, k)], rows[(i, k + 3)]) = (along[k], moment[k]);
-            }
+/// per unit speed of X Y Z, and of A B C times the platform radius, about the centre; also of
+/// coordinates that the legs do not move. A B C turn about the axes of base there.
+///
+/// # Errors
+/// As [`kinematics::Machine::at`].
+pub fn rows_at_home(config: &MachineConfig) -> Result<Rows, Fault> {
+    let at = config.machine.at(&config.home_pose(), &config.spindle)?;
+    let mut rows = Rows::zeros();
+    for (i, leg) in config.geometry.legs().iter().enumerate() {
+        let along = at.segments()[i].span().normalize();
+        let arm = Vector3::from(leg.platform) - Vector3::from(config.geometry.centre);
+        let moment = arm.cross(&along) / config.machine.radius();
+        for k in 0..3 {
+            (rows[(i, k)], rows[(i, k + 3)]) = (along[k], moment[k]);
         }
-        Ok(Self(rows))
     }
+    Ok(rows)
+}
 
-    /// How many independent motions among these coordinates the legs hold.
-    pub fn rank(&self, letters: &[Letter]) -> usize {
-        let values = self.singular_values(letters);
-        values.iter().filter(|value| **value > RANK_TOLERANCE * values[0]).count()
-    }
+/// How many independent motions among these coordinates rows hold.
+pub fn rank(rows: &Rows, letters: &[Letter]) -> usize {
+    let values = singular_values(rows, letters);
+    values.iter().filter(|value| **value > RANK_TOLERANCE * values[0]).count()
+}
 
-    /// Singular values of the columns of these coordinates, largest first; others are 0.
-    pub fn singular_values(&self, letters: &[Letter]) -> [f64; 6] {
-        let mut rows = self.0;
-        for letter in Letter::ALL.into_iter().filter(|letter| !letters.contains(letter)) {
-            rows.column_mut(letter.index()).fill(0.0);
-        }
-        rows.singular_values().into()
+/// Singular values of the columns of these coordinates, largest first; others are 0.
+pub fn singular_values(rows: &Rows, letters: &[Letter]) -> [f64; 6] {
+    let mut rows = *rows;
+    for letter in Letter::ALL.into_iter().filter(|letter| !letters.contains(letter)) {
+        rows.column_mut(letter.index()).fill(0.0);
     }
+    rows.singular_values().into()
 }
 
 /// What counting and the leg rows say about a machine.
@@ -80,16 +75,16 @@ impl Structure {
     /// Structure of this machine, ranks at home.
     ///
     /// # Errors
-    /// As [`LegRows::at_home`].
+    /// As [`rows_at_home`].
     pub fn of(config: &MachineConfig) -> Result<Self, Fault> {
-        let rows = LegRows::at_home(config)?;
+        let rows = rows_at_home(config)?;
         let coordinates = config.machine.layout().coordinates();
         let (active, held): (Vec<Letter>, Vec<Letter>) =
             Letter::ALL.into_iter().partition(|letter| coordinates.contains(*letter));
         Ok(Self {
             legs: config.legs(),
-            rank: rows.rank(&Letter::ALL),
-            active_rank: rows.rank(&active),
+            rank: rank(&rows, &Letter::ALL),
+            active_rank: rank(&rows, &active),
             active,
             held,
         })

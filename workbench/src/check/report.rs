@@ -4,16 +4,16 @@
 use crate::check::homing::{self, Trouble};
 use crate::check::mobility::Structure;
 use crate::check::wiring::{self, at_key};
-use crate::limits::least_distance;
+use crate::limits;
 use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::cell::{Reach, Stop};
-use crate::proof::conditioning::{self, Worst};
+use crate::proof::conditioning;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Ini, IniError, Problem};
 use crate::read::machine::{JointKind, MachineConfig, MachineError};
 use crate::read::tools::{self, Tool};
 use crate::study::rods::pairs;
-use kinematics::{Fault, Letter, Nearest, Pose, Watch};
+use kinematics::{Fault, Letter, Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
@@ -24,11 +24,7 @@ use std::path::Path;
 /// in millimetres are enough.
 const HOME_TOLERANCE: f64 = 1e-5;
 
-/// Conditioning below which a pose within the axis limits is worth a warning: joints that err by
-/// some micrometres there move the platform by twenty times as much.
-const LEAST_CONDITIONING: f64 = 0.05;
-
-/// Poses drawn for the ranges of the joints.
+/// Poses drawn from the axis limits.
 const DRAWN: usize = 20_000;
 
 /// Tilts of the table, as shares of the largest one within the axis limits.
@@ -100,7 +96,7 @@ pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineEr
     structure(&mut report, &config)?;
     homes(&mut report, ini, &config)?;
     for trouble in homing::check(ini, &config)? {
-        report.finding(severity(&trouble), homing_problem(ini, &trouble));
+        report.finding(severity(&trouble), homing_problem(ini, &config, &trouble));
     }
     for error in wiring::check(ini)? {
         report.finding(Severity::Warning, error);
@@ -174,20 +170,21 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
 fn severity(trouble: &Trouble) -> Severity {
     match trouble {
         Trouble::LeftOut(_) => Severity::Warning,
-        Trouble::Cone(..) | Trouble::NoPose(..) => Severity::Error,
+        Trouble::Limit(..) | Trouble::NoPose(..) => Severity::Error,
     }
 }
 
-fn homing_problem(ini: &Ini, trouble: &Trouble) -> IniError {
+fn homing_problem(ini: &Ini, config: &MachineConfig, trouble: &Trouble) -> IniError {
     match trouble {
         Trouble::LeftOut(i) => {
             let text = "Home All leaves this joint out, and without it there is no world mode";
             ini.error(&format!("JOINT_{i}"), "HOME_SEQUENCE", None, text)
         }
-        Trouble::Cone(sequence, what, angle, limit) => {
+        Trouble::Limit(sequence, margin) => {
             let text = format!(
-                "between HOME and the switches at HOME_OFFSET {what} leans {angle:.1} degrees, \
-                 more than its cone of {limit}; home more legs together, or move the switches"
+                "between HOME and the switches at HOME_OFFSET {}; home more legs together, or move \
+                 the switches",
+                limits::sentence(config, margin)
             );
             at_sequence(ini, *sequence, &text)
         }
@@ -213,37 +210,26 @@ fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
 /// Conditioning, joint ranges and the box inside the workspace.
 fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: impl FnMut(f64)) {
     let within = axis_box::range(config);
-    let legs = NearestLegs::of(config);
-    legs.at_home(report);
+    nearest_at_home(report, config);
     let reach = match Reach::new(config) {
         Ok(reach) => reach,
         Err(fault) => return home_outside(report, ini, config, Stop::Fault(fault)),
     };
     match reach.check(&config.home) {
-        Ok(()) => {}
+        Ok(()) => {
+            let value = reach.conditioning(&config.home);
+            report.fact("conditioning", format!("{value:.4} at home (0: a singular pose)"));
+        }
         // Told already, with the value.
-        Err(Stop::Joint(_)) => return,
+        Err(Stop::Limit(Margin { limit: Limit::JointRange, .. })) => return,
         Err(stop) => return home_outside(report, ini, config, stop),
     }
-    if let Ok(value) = conditioning::at(config, &config.home) {
-        report.fact("conditioning", format!("{value:.4} at home (0: a singular pose)"));
-    }
-    joint_ranges(report, config, &reach, &within);
-    legs.within(report, ini, &reach, &within);
-    if let Some(Worst { value, pose, taken }) = conditioning::worst(config, &reach, &within) {
-        let place = shown_pose(config, &pose);
-        report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
-        if value < LEAST_CONDITIONING {
-            let text = format!(
-                "the legs hardly hold the platform at {place}, conditioning {value:.4}: keep \
-                 programs away, or take the limits below"
-            );
-            report.finding(Severity::Warning, at_key(ini, "KINS", "KINEMATICS", &text));
-        }
-        let share = 100.0 * taken;
-        report
-            .fact("axis limits", format!("the machine can take {share:.1} % of the poses in them"));
-    }
+    let seen = Seen::of(config, &reach, &within);
+    joint_ranges(report, config, &seen);
+    worst_conditioning(report, ini, config, &seen);
+    let share = 100.0 * seen.taken as f64 / DRAWN as f64;
+    report.fact("axis limits", format!("the machine can take {share:.1} % of the poses in them"));
+    nearest_seen(report, ini, config, &seen);
     report.tilts = tilts(config, &within);
     let tilted = report.tilts.last().and_then(|(_, found)| *found);
     match axis_box::find(config, &within, tilted.as_ref(), progress) {
@@ -298,15 +284,103 @@ fn taken(reach: &Reach, within: &AxisBox) -> f64 {
     inside as f64 / DRAWN as f64
 }
 
-/// What a smaller tilt gains in X Y Z.
+/// What a smaller tilt gains in X Y Z, from the largest that the limits allow to none.
 fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
     let ends = within.low[3..5].iter().chain(&within.high[3..5]);
-    let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max);
+    let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max).min(tilt_of_both(config, within));
     if most == 0.0 {
         return vec![];
     }
-    let tilts = TILTS.map(|share| share * most);
-    tilts.map(|tilt| (tilt, axis_box::at_tilt(config, within, tilt))).into()
+    let mut steeper = None;
+    let mut found: Vec<_> = TILTS
+        .into_iter()
+        .rev()
+        .map(|share| {
+            let tilt = share * most;
+            steeper = axis_box::at_tilt(config, within, tilt, steeper.as_ref());
+            (tilt, steeper)
+        })
+        .collect();
+    found.reverse();
+    found
+}
+
+/// Largest angle that A and B may have together, a hundredth of a degree below the end.
+fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
+    let Some(limit) = config.tilt_limit else { return f64::INFINITY };
+    let both = (3..5).all(|k| within.high[k] > within.low[k]);
+    // The tool axis tilts by acos(cos A cos B).
+    let most = if both { limit.to_radians().cos().sqrt().acos().to_degrees() } else { limit };
+    (most * 100.0).floor() / 100.0
+}
+
+/// What poses drawn from the axis limits show.
+struct Seen {
+    /// Smallest and largest value of every joint, whether the pose keeps the limits or not.
+    joints: Vec<(f64, f64)>,
+    /// Poses that the machine can take.
+    taken: usize,
+    /// The worst conditioning of a pose that keeps all other limits.
+    worst: Option<(f64, [f64; 6])>,
+    /// The nearest legs, of poses that the machine can take, or where nothing else keeps the legs
+    /// from meeting.
+    nearest: Option<(Nearest, [f64; 6])>,
+}
+
+impl Seen {
+    fn of(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> Self {
+        let mut rng = Pcg64::seed_from_u64(1);
+        let joints = vec![(f64::INFINITY, f64::NEG_INFINITY); config.joints.len()];
+        let mut seen = Self { joints, taken: 0, worst: None, nearest: None };
+        let of_legs = Limits { conditioning: 0.0, ..limits::beyond_axes(config) };
+        let mut drawn = vec![];
+        for _ in 0..DRAWN {
+            let pose = within.at(std::array::from_fn(|_| rng.random()));
+            let Ok(at) = reach.at(&pose) else { continue };
+            for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
+                *range = (range.0.min(*value), range.1.max(*value));
+            }
+            match limits::check(&at, &of_legs) {
+                Ok(()) => {
+                    let value = at.smallest_singular_value();
+                    drawn.push((value, pose));
+                    seen.taken += usize::from(value >= config.conditioning_limit);
+                    seen.add_nearest(at.nearest(), &pose);
+                }
+                Err(margin) if margin.limit == Limit::Clearance && config.clearance.is_none() => {
+                    seen.add_nearest(at.nearest(), &pose);
+                }
+                Err(_) => {}
+            }
+        }
+        seen.worst = conditioning::worst(within, drawn, |pose| {
+            let at = reach.at(pose).ok()?;
+            limits::check(&at, &of_legs).ok()?;
+            Some(at.smallest_singular_value())
+        });
+        seen
+    }
+
+    fn add_nearest(&mut self, nearest: Option<Nearest>, pose: &[f64; 6]) {
+        let Some(nearest) = nearest else { return };
+        if self.nearest.is_none_or(|(least, _)| nearest.distance < least.distance) {
+            self.nearest = Some((nearest, *pose));
+        }
+    }
+}
+
+fn worst_conditioning(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+    let Some((value, pose)) = seen.worst else { return };
+    let place = shown_pose(config, &pose);
+    report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
+    if value < config.conditioning_limit {
+        let text = format!(
+            "the legs hardly hold the platform at {place}, conditioning {value:.4}, and pkmkins stops \
+             the machine at {}: keep programs away, or take the limits below",
+            config.conditioning_limit
+        );
+        report.finding(Severity::Warning, at_key(ini, "KINS", "KINEMATICS", &text));
+    }
 }
 
 fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: Stop) {
@@ -318,113 +392,60 @@ fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: St
 fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
     match stop {
         Stop::Fault(fault) => fault.to_string(),
-        Stop::Joint(i) => format!("{} is beyond its limits", config.joints[i].name),
-        Stop::BaseCone(i) => format!("leg {i} leans beyond its BASE_CONE"),
-        Stop::PlatformCone(i) => format!("leg {i} leans beyond its PLATFORM_CONE"),
-        Stop::Clearance(nearest) => {
-            let apart = shown_nearest(config, &nearest);
-            match config.clearance {
-                Some(limit) => format!("{apart}, nearer than ROD_CLEARANCE = {limit}"),
-                None => format!("{apart}: they meet; look at their BASE and PLATFORM"),
-            }
-        }
+        Stop::Limit(margin) => limits::sentence(config, &margin),
     }
 }
 
 fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
-    let unit = config.length_unit();
-    match *distance >= 1e-3 {
-        true => format!("the centre lines of legs {i} and {j} are {distance:.3} {unit} apart"),
-        false => format!("the centre lines of legs {i} and {j} are {distance:.1e} {unit} apart"),
+    let (distance, unit) = (limits::shown(*distance), config.length_unit());
+    format!("the centre lines of legs {i} and {j} are {distance} {unit} apart")
+}
+
+/// The nearest legs at home, and those whose distance is not judged.
+fn nearest_at_home(report: &mut Report, config: &MachineConfig) {
+    let at = config.machine.at(&config.home_pose(), &config.spindle);
+    let nearest = at.ok().and_then(|at| at.nearest());
+    if let Some(nearest) = nearest {
+        report.fact("nearest legs", format!("{} at home", shown_nearest(config, &nearest)));
+    }
+    let meeting: Vec<String> = pairs(config.legs())
+        .into_iter()
+        .filter(|pair| !config.machine.watch().is_watched(*pair))
+        .map(|[i, j]| format!("{i} and {j}"))
+        .collect();
+    if !meeting.is_empty() {
+        let name = if nearest.is_some() { "" } else { "nearest legs" };
+        let text = format!("not judged, as they share an anchor: {}", meeting.join(", "));
+        report.fact(name, text);
     }
 }
 
-/// How near the legs come to each other.
-struct NearestLegs<'a> {
-    config: &'a MachineConfig,
-    watch: &'a Watch,
-}
-
-impl<'a> NearestLegs<'a> {
-    fn of(config: &'a MachineConfig) -> Self {
-        Self { config, watch: config.machine.watch() }
+/// The nearest legs within the axis limits, and what nothing keeps them from.
+fn nearest_seen(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+    let Some((nearest, pose)) = &seen.nearest else { return };
+    let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));
+    report.fact("", format!("{apart}, the least seen in the axis limits, at {place}"));
+    if config.clearance.is_some() {
+        return;
     }
-
-    fn at(&self, pose: &[f64; 6]) -> Option<Nearest> {
-        let pose = Pose::from_degrees(*pose);
-        let legs = self.config.machine.segments(&pose, &self.config.spindle).ok()?;
-        self.watch.nearest(&legs)
-    }
-
-    fn at_home(&self, report: &mut Report) {
-        let nearest = self.at(&self.config.home);
-        if let Some(nearest) = nearest {
-            let text = format!("{} at home", shown_nearest(self.config, &nearest));
-            report.fact("nearest legs", text);
-        }
-        let meeting: Vec<String> = pairs(self.config.legs())
-            .into_iter()
-            .filter(|pair| !self.watch.is_watched(*pair))
-            .map(|[i, j]| format!("{i} and {j}"))
-            .collect();
-        if !meeting.is_empty() {
-            let name = if nearest.is_some() { "" } else { "nearest legs" };
-            let text = format!("not judged, as they share an anchor: {}", meeting.join(", "));
-            report.fact(name, text);
-        }
-    }
-
-    /// What poses within the axis limits show.
-    fn within(&self, report: &mut Report, ini: &Ini, reach: &Reach, within: &AxisBox) {
-        let mut rng = Pcg64::seed_from_u64(3);
-        let mut least: Option<(Nearest, [f64; 6])> = None;
-        for _ in 0..DRAWN {
-            let pose = within.at(std::array::from_fn(|_| rng.random()));
-            let nearest = match reach.check(&pose) {
-                Ok(()) => self.at(&pose),
-                Err(Stop::Clearance(nearest)) if self.config.clearance.is_none() => Some(nearest),
-                Err(_) => None,
-            };
-            let Some(nearest) = nearest else { continue };
-            if least.is_none_or(|(least, _)| nearest.distance < least.distance) {
-                least = Some((nearest, pose));
-            }
-        }
-        let Some((nearest, pose)) = least else { return };
-        let apart = shown_nearest(self.config, &nearest);
-        let place = shown_pose(self.config, &pose);
-        report.fact("", format!("{apart}, the least seen in the axis limits, at {place}"));
-        if self.config.clearance.is_some() {
-            return;
-        }
-        let (severity, text) = match nearest.distance < least_distance(self.config) {
-            true => (
-                Severity::Error,
-                format!("{apart} at {place}: they meet within the axis limits, and nothing stops them"),
-            ),
-            false => (
-                Severity::Warning,
-                "the thickness of the legs is not judged: give the distance that their centre lines \
-                 have to keep, their diameter and some room"
-                    .into(),
-            ),
-        };
-        report.finding(severity, at_key(ini, "PKM", "ROD_CLEARANCE", &text));
-    }
+    let (severity, text) = match nearest.distance < limits::beyond_axes(config).clearance {
+        true => (
+            Severity::Error,
+            format!("{apart} at {place}: they meet within the axis limits, and nothing stops them"),
+        ),
+        false => (
+            Severity::Warning,
+            "the thickness of the legs is not judged: give the distance that their centre lines \
+             have to keep, their diameter and some room"
+                .into(),
+        ),
+    };
+    report.finding(severity, at_key(ini, "PKM", "ROD_CLEARANCE", &text));
 }
 
 /// What the poses within the axis limits ask of every joint.
-fn joint_ranges(report: &mut Report, config: &MachineConfig, reach: &Reach, within: &AxisBox) {
-    let mut rng = Pcg64::seed_from_u64(1);
-    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); config.joints.len()];
-    for _ in 0..DRAWN {
-        let pose = within.at(std::array::from_fn(|_| rng.random()));
-        let Ok(joints) = reach.joints(&pose) else { continue };
-        for (range, value) in ranges.iter_mut().zip(joints) {
-            *range = (range.0.min(value), range.1.max(value));
-        }
-    }
-    for (joint, (low, high)) in config.joints.iter().zip(ranges) {
+fn joint_ranges(report: &mut Report, config: &MachineConfig, seen: &Seen) {
+    for (joint, (low, high)) in config.joints.iter().zip(&seen.joints) {
         let unit = config.unit(joint.kind);
         let text = format!(
             "{low:.3} to {high:.3} {unit} seen in the axis limits; MIN_LIMIT {}, MAX_LIMIT {}",

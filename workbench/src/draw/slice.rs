@@ -4,12 +4,11 @@
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{FONT, Frame, STYLES, drawn, legend, path_axes};
 use crate::study::slice::Slice;
-use crate::study::workspace::Limit;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A mark of its own for each kind of limit.
-const MARKS: [&str; Limit::KINDS.len()] = ["o", "v", "^", "x", "+", "#", "=", "*", "%"];
+const MARKS: [&str; 13] = ["o", "v", "^", "-", "x", "+", "#", "=", "~", "*", "%", "/", "|"];
 
 /// Room for a mark, as a share of a sheet's width that the outline fills.
 const MARK_ROOM: f64 = 0.03;
@@ -40,15 +39,16 @@ pub(super) fn sliced(unit: &str, slice: &Slice) -> Result<String, DrawError> {
         let room = MARK_ROOM * (right - left).max(ASPECT * (high - low));
         let roomy = points.iter().copied().chain([(right + 0.45 * (right - left), middle)]);
         let mut chart = path_axes(root, &frame, &roomy.collect::<Vec<_>>())?;
-        for (kind, kind_name) in Limit::KINDS.iter().enumerate() {
+        let mut kinds: Vec<_> =
+            outline.iter().map(|(_, border)| (border.rank(), border.kind())).collect();
+        kinds.sort();
+        kinds.dedup();
+        for (kind, (rank, kind_name)) in kinds.into_iter().enumerate() {
             let own: Vec<(f64, f64)> = outline
                 .iter()
-                .filter(|(_, limit)| limit.kind() == kind)
+                .filter(|(_, border)| border.rank() == rank)
                 .map(|([x, y], _)| (*x, *y))
                 .collect();
-            if own.is_empty() {
-                continue;
-            }
             let (colour, _) = STYLES[kind % STYLES.len()];
             let dots = own.iter().map(|at| Circle::new(*at, 1, colour.filled()));
             chart.draw_series(dots)?;
@@ -61,7 +61,7 @@ pub(super) fn sliced(unit: &str, slice: &Slice) -> Result<String, DrawError> {
                         .into_iter()
                         .map(|at| Text::new(MARKS[kind], at, sign.clone())),
                 )?
-                .label(*kind_name)
+                .label(kind_name)
                 .legend(move |(x, y)| Text::new(MARKS[kind], (x + 17, y), centred.clone()));
         }
         let bold = BLACK.stroke_width(2);

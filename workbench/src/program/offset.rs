@@ -6,11 +6,11 @@
 //! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
 //! is for [`crate::program::preflight`] to say, on the moves that the interpreter makes of it.
 
-use crate::limits::least_distance;
+use crate::limits;
 use crate::program::interpreter::Move;
 use crate::proof::cell::Reach;
 use crate::read::machine::{Axis, MachineConfig};
-use kinematics::{Fault, Letter, Vector3};
+use kinematics::{Fault, Letter, Limits, Vector3};
 use serde::Serialize;
 
 /// Poses of the program that are looked at.
@@ -104,6 +104,8 @@ type Place = [f64; 4];
 
 struct Search<'a> {
     config: &'a MachineConfig,
+    /// Without those of the axes, which leave room for a turn.
+    limits: Limits,
     reaches: Vec<Reach<'a>>,
     /// Poses, with the number of the tool.
     poses: Vec<([f64; 6], usize)>,
@@ -117,8 +119,15 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(config: &'a MachineConfig, moves: &[Move], room: f64) -> Result<Self, Fault> {
-        let mut search =
-            Self { config, reaches: vec![], poses: vec![], tools: vec![], middle: [0.0; 2], room };
+        let mut search = Self {
+            config,
+            limits: limits::beyond_axes(config),
+            reaches: vec![],
+            poses: vec![],
+            tools: vec![],
+            middle: [0.0; 2],
+            room,
+        };
         let mut tool = None;
         let mut from = config.home;
         let stride = (2 * moves.len()).div_ceil(POSES).max(1);
@@ -234,20 +243,11 @@ impl<'a> Search<'a> {
             (axis.min + room - x).max(x + room - axis.max).max(0.0) / self.config.machine.size()
         };
         let axes: f64 = pose.iter().zip(&self.config.axes).enumerate().map(beyond).sum();
-        let Ok(way) = reach.way(pose, &[0.0; 6]) else { return axes + UNREACHED };
-        let joints = way.joints.iter().zip(&self.config.joints).map(|(course, joint)| {
-            let margin = (course.middle - joint.min).min(joint.max - course.middle);
-            lacking(margin, joint.max - joint.min)
+        let Ok(at) = reach.at(pose) else { return axes + UNREACHED };
+        let mut lack = axes;
+        limits::each(&at, &self.limits, |margin| {
+            lack += lacking(margin.room(), limits::scale(&margin));
         });
-        let cones = way.base.iter().zip(&self.config.base_cone);
-        let cones = cones.chain(way.platform.iter().zip(&self.config.platform_cone));
-        let cones = cones.filter_map(|(course, cone)| {
-            let angle = course.middle.clamp(-1.0, 1.0).acos().to_degrees();
-            cone.map(|cone| lacking(cone - angle, cone))
-        });
-        let limit = least_distance(self.config);
-        let gaps = way.gaps.iter().map(|gap| lacking(gap.middle - limit, limit));
-        let hold = lacking(reach.conditioning(pose) - self.config.conditioning_limit, 1.0);
-        axes + joints.sum::<f64>() + cones.sum::<f64>() + gaps.sum::<f64>() + hold
+        lack
     }
 }

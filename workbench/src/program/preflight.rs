@@ -12,13 +12,13 @@
 //! cycle by cycle ([`crate::program::loads`]). How much faster a line may be programmed is told for the feed
 //! as the axes allow it ([`duration`]), taken as reached on every move.
 
-use crate::limits::least_distance;
+use crate::limits;
 use crate::program::interpreter::Move;
 use crate::program::loads::{Load, Peak, loads};
 use crate::program::replay::duration;
 use crate::proof::cell::{Course, Reach, Way};
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Joints, Letter, MAX_JOINTS, MAX_LEGS, Pose, Vector3};
+use kinematics::{Fault, Joints, Letter, Limit, MAX_JOINTS, Margin, Part, Pose, Vector3};
 use serde::Serialize;
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
@@ -43,72 +43,11 @@ const SAMPLES: usize = 33;
 /// Rounding of the interpreter's positions, as a share of the machine's size.
 const ROUNDING: f64 = 1e-9;
 
-/// Margin where nothing is known.
-const UNKNOWN: f64 = f64::NEG_INFINITY;
-
-/// A kind of limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Limit {
-    /// `[AXIS_L]` limits of the pose, which LinuxCNC checks at the ends of moves.
-    Axis,
-    /// The pose has joint values, held coordinates are 0, and rods are off their dead points.
-    Reach,
-    /// `[JOINT_N]` limits.
-    Joint,
-    /// `BASE_CONE` of the legs.
-    BaseCone,
-    /// `PLATFORM_CONE` of the legs.
-    PlatformCone,
-    /// The legs hold the platform: no singular pose, and `[PKM]CONDITIONING_LIMIT`.
-    Hold,
-    /// `[PKM]ROD_CLEARANCE` of the legs' centre lines; without it, that they do not meet.
-    Clearance,
-    /// `[JOINT_N]MAX_VELOCITY`.
-    Speed,
-    /// `[JOINT_N]MAX_ACCELERATION`.
-    Acceleration,
-}
-
-impl Limit {
-    /// All of them, in the order they are told in.
-    pub const ALL: [Self; 9] = [
-        Self::Axis,
-        Self::Reach,
-        Self::Joint,
-        Self::BaseCone,
-        Self::PlatformCone,
-        Self::Hold,
-        Self::Clearance,
-        Self::Speed,
-        Self::Acceleration,
-    ];
-
-    /// Name for people.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Axis => "axis limits",
-            Self::Reach => "reach",
-            Self::Joint => "joint range",
-            Self::BaseCone => "base cones",
-            Self::PlatformCone => "platform cones",
-            Self::Hold => "conditioning",
-            Self::Clearance => "rod distance",
-            Self::Speed => "joint speed",
-            Self::Acceleration => "joint acceleration",
-        }
-    }
-
-    /// Whether the programmed feed decides.
-    pub const fn is_of_feed(self) -> bool {
-        matches!(self, Self::Speed | Self::Acceleration)
-    }
-}
-
 /// First place where a program leaves a limit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Break {
     /// The limit.
+    #[serde(serialize_with = "limits::word")]
     pub limit: Limit,
     /// Line of the program, counted from 1; 0 for what runs before it.
     pub line: u32,
@@ -128,8 +67,9 @@ pub struct Break {
 
 /// How near a program comes to a limit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Margin {
+pub struct LeastMargin {
     /// The limit.
+    #[serde(serialize_with = "limits::word")]
     pub limit: Limit,
     /// Machine units, degrees, their rates, or a singular value; negative beyond the limit.
     pub value: f64,
@@ -181,7 +121,7 @@ pub struct Preflight {
     /// First break of every limit that breaks, in the order of the program.
     pub breaks: Vec<Break>,
     /// Least margin of every limit that the machine has.
-    pub margins: Vec<Margin>,
+    pub margins: Vec<LeastMargin>,
     /// Share of the path before the first break.
     pub runnable: f64,
     /// Every feed may be multiplied by this.
@@ -234,7 +174,9 @@ pub fn preflight(
 #[derive(Clone, Copy, Debug)]
 struct Check {
     limit: Limit,
-    part: usize,
+    part: Part,
+    /// Smallest and largest value that the limit allows.
+    ends: [f64; 2],
     /// Margin in the middle.
     seen: f64,
     /// The margin is proved to be at least this everywhere.
@@ -244,14 +186,18 @@ struct Check {
 }
 
 impl Check {
+    fn found(&self, share: f64) -> Found {
+        Found { share, part: self.part, ends: self.ends, fault: None }
+    }
+
     /// How far the pieces of a move have to be cut for the figures that are told, to a share of `scale`
     /// times the range.
     fn is_coarse(&self, least: f64, scale: f64) -> bool {
-        let accuracy = if self.limit == Limit::Hold { HOLD_ACCURACY } else { ACCURACY };
+        let accuracy = if self.limit == Limit::Conditioning { HOLD_ACCURACY } else { ACCURACY };
         self.proved < least - accuracy * self.range * scale
             && match self.limit {
-                Limit::Speed => self.proved < (1.0 - SLOW) * self.range,
-                Limit::Axis | Limit::Reach | Limit::Acceleration => false,
+                Limit::JointSpeed => self.proved < (1.0 - SLOW) * self.range,
+                Limit::Axis | Limit::Reach | Limit::JointAcceleration => false,
                 _ => true,
             }
     }
@@ -279,7 +225,9 @@ impl Leg {
 #[derive(Clone, Copy)]
 struct Found {
     share: f64,
-    part: usize,
+    part: Part,
+    /// Smallest and largest value that the limit allows.
+    ends: [f64; 2],
     /// Why the pose there has no joint values.
     fault: Option<Fault>,
 }
@@ -296,7 +244,7 @@ struct Pilot<'a> {
     checks: Vec<Check>,
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
-    margins: [Option<(f64, usize, u32)>; Limit::ALL.len()],
+    margins: [Option<(f64, Part, u32)>; Limit::ALL.len()],
     result: Preflight,
 }
 
@@ -377,20 +325,21 @@ impl<'a> Pilot<'a> {
     fn drive(&mut self, moves: &[Move]) {
         let found = loads(self.config, moves);
         self.result.time = found.time;
-        self.judge_load(Limit::Speed, &found.speed, moves);
-        self.judge_load(Limit::Acceleration, &found.acceleration, moves);
+        self.judge_load(Limit::JointSpeed, &found.speed, moves);
+        self.judge_load(Limit::JointAcceleration, &found.acceleration, moves);
         self.result.speeds = found.speed.peaks;
         self.result.accelerations = found.acceleration.peaks;
     }
 
     fn judge_load(&mut self, limit: Limit, load: &Load, moves: &[Move]) {
         for (joint, Peak { value, limit: most, line, .. }) in load.peaks.iter().enumerate() {
-            self.note(limit, most - value, joint, *line);
+            self.note(limit, most - value, Part::Joint(joint), *line);
         }
         let Some(beyond) = load.beyond else { return };
-        let unit = self.unit(limit, beyond.joint);
         let Peak { value, limit: most, .. } = load.peaks[beyond.joint];
-        let part = self.part(limit, beyond.joint);
+        let joint = Part::Joint(beyond.joint);
+        let unit = limits::unit(self.config, limit, joint);
+        let part = limits::part(self.config, limit, joint);
         self.result.breaks.push(Break {
             limit,
             line: moves[beyond.at.number].line,
@@ -413,11 +362,12 @@ impl<'a> Pilot<'a> {
             if !margin.is_finite() {
                 continue;
             }
-            self.note(Limit::Axis, margin, k, leg.line);
+            let part = Part::Axis(Letter::ALL[k]);
+            self.note(Limit::Axis, margin, part, leg.line);
             let before = (leg.from[k] - axis.min).min(axis.max - leg.from[k]);
             if margin < -slack {
                 let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
-                let found = Found { share, part: k, fault: None };
+                let found = Found { share, part, ends: [axis.min, axis.max], fault: None };
                 self.tell(leg, Limit::Axis, &found, margin);
             }
         }
@@ -458,7 +408,7 @@ impl<'a> Pilot<'a> {
         firsts: &mut Firsts,
         load: &mut f64,
     ) -> bool {
-        let reach = &mut firsts[Limit::Reach as usize];
+        let reach = &mut firsts[Limit::Reach.index()];
         if reach.is_some_and(|found| found.share <= from) {
             // Beyond a place that cannot be reached nothing is known.
             return true;
@@ -470,23 +420,24 @@ impl<'a> Pilot<'a> {
         let way = match self.reach.way(&pose, &leg.delta.map(|d| d * half)) {
             Ok(way) => way,
             Err(fault) => {
-                earlier(reach, Found { share: middle, part: 0, fault: Some(fault) });
+                let (part, ends) = (Part::Whole, [0.0, f64::INFINITY]);
+                earlier(reach, Found { share: middle, part, ends, fault: Some(fault) });
                 return is_short;
             }
         };
-        self.weigh(&way, &pose, leg, half);
+        self.weigh(&way, leg, half);
         let checks = std::mem::take(&mut self.checks);
         let mut done = true;
         for check in &checks {
-            let kind = check.limit as usize;
+            let kind = check.limit.index();
             let first = &mut firsts[kind];
-            if check.limit == Limit::Speed {
+            if check.limit == Limit::JointSpeed {
                 *load = load.max(1.0 - check.seen / check.range);
                 done &= is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
                 continue;
             }
             if check.seen < 0.0 {
-                earlier(first, Found { share: middle, part: check.part, fault: None });
+                earlier(first, check.found(middle));
             }
             if first.is_some_and(|found| found.share <= from) {
                 continue;
@@ -494,14 +445,14 @@ impl<'a> Pilot<'a> {
             let fails = check.proved < 0.0;
             // Where nothing is known, reach is what fails.
             if fails && is_short && check.proved.is_finite() {
-                earlier(first, Found { share: from, part: check.part, fault: None });
+                earlier(first, check.found(from));
             }
             let least = self.least[kind].min(check.seen);
             done &= is_short || !(fails || check.is_coarse(least, 1.0));
         }
         if done {
             for check in &checks {
-                let first = &firsts[check.limit as usize];
+                let first = &firsts[check.limit.index()];
                 if first.is_none_or(|found| found.share > from) {
                     self.close(check, leg, load);
                 }
@@ -514,9 +465,9 @@ impl<'a> Pilot<'a> {
 
     /// What a piece contributes that stays as it is.
     fn close(&mut self, check: &Check, leg: &Leg, load: &mut f64) {
-        let kind = check.limit as usize;
+        let kind = check.limit.index();
         self.least[kind] = self.least[kind].min(check.seen);
-        if check.limit == Limit::Speed {
+        if check.limit == Limit::JointSpeed {
             *load = load.max(1.0 - check.proved / check.range);
             return;
         }
@@ -526,59 +477,39 @@ impl<'a> Pilot<'a> {
     }
 
     /// Margins of all limits over a piece with this half width, into `checks`.
-    fn weigh(&mut self, way: &Way, pose: &[f64; 6], leg: &Leg, half: f64) {
-        let config = self.config;
+    fn weigh(&mut self, way: &Way, leg: &Leg, half: f64) {
+        let joints = &self.config.joints;
         self.checks.clear();
-        let mut add = |limit, part, seen: f64, proved: f64, range| {
+        self.checks.extend(way.spans.iter().map(|span| Check {
+            limit: span.margin.limit,
+            part: span.margin.part,
+            ends: span.margin.range,
+            seen: span.margin.room(),
+            proved: span.room(),
+            range: limits::scale(&span.margin),
+        }));
+        for (i, course) in way.joints.iter().enumerate() {
+            let (part, known) = (Part::Joint(i), course.bend.is_finite());
+            let (limit, proved) = (Limit::Reach, if known { 1.0 } else { -1.0 });
+            let ends = [0.0, f64::INFINITY];
+            self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
+        }
+        if leg.duration == 0.0 {
+            return;
+        }
+        let per_second = 1.0 / (leg.duration * half);
+        for (i, (course, joint)) in way.joints.iter().zip(joints).enumerate() {
+            let (limit, part, range) = (Limit::JointSpeed, Part::Joint(i), joint.max_velocity);
+            let seen = range - course.slope * per_second;
+            let proved = seen - course.bend * per_second;
             // What is not a number proves nothing.
-            let proved = if proved.is_nan() { UNKNOWN } else { proved };
-            self.checks.push(Check { limit, part, seen, proved, range });
-        };
-        let per_second = if leg.duration > 0.0 { 1.0 / (leg.duration * half) } else { 0.0 };
-        for (i, (course, joint)) in way.joints.iter().zip(&config.joints).enumerate() {
-            let within = |low: f64, high: f64| (low - joint.min).min(joint.max - high);
-            let (low, high) = course.range();
-            let seen = within(course.middle, course.middle);
-            add(Limit::Joint, i, seen, within(low, high), joint.max - joint.min);
-            let known = course.bend.is_finite();
-            add(Limit::Reach, i, 1.0, if known { 1.0 } else { -1.0 }, 1.0);
-            if leg.duration > 0.0 {
-                let limit = joint.max_velocity;
-                let seen = limit - course.slope * per_second;
-                add(Limit::Speed, i, seen, seen - course.bend * per_second, limit);
-            }
+            let proved = if proved.is_nan() { f64::NEG_INFINITY } else { proved };
+            self.checks.push(Check { limit, part, ends: [-range, range], seen, proved, range });
         }
-        let cones = [
-            (Limit::BaseCone, &way.base, &config.base_cone),
-            (Limit::PlatformCone, &way.platform, &config.platform_cone),
-        ];
-        for (limit, courses, cones) in cones {
-            for (i, (course, cone)) in courses.iter().zip(cones).enumerate() {
-                let Some(cone) = *cone else { continue };
-                let known = course.bend.is_finite();
-                let margin = |cosine: f64| cone - cosine.clamp(-1.0, 1.0).acos().to_degrees();
-                let proved = if known { margin(course.range().0) } else { UNKNOWN };
-                add(limit, i, margin(course.middle), proved, cone);
-            }
-        }
-        for gap in &way.gaps {
-            let limit = least_distance(config);
-            let [i, j] = gap.pair;
-            let part = i * MAX_LEGS + j;
-            add(Limit::Clearance, part, gap.middle - limit, gap.least - limit, limit);
-        }
-        let seen = self.reach.conditioning(pose) - config.conditioning_limit;
-        let known = way.joints.iter().all(|course| course.bend.is_finite());
-        let proved = match way.holds {
-            true => seen - way.drift,
-            false if known => -1.0,
-            false => UNKNOWN,
-        };
-        add(Limit::Hold, 0, seen, proved, 1.0);
     }
 
-    fn note(&mut self, limit: Limit, value: f64, part: usize, line: u32) {
-        let margin = &mut self.margins[limit as usize];
+    fn note(&mut self, limit: Limit, value: f64, part: Part, line: u32) {
+        let margin = &mut self.margins[limit.index()];
         if margin.is_none_or(|(least, ..)| value < least) {
             *margin = Some((value, part, line));
         }
@@ -603,11 +534,11 @@ impl<'a> Pilot<'a> {
         for n in 0..=SAMPLES {
             let pose = leg.at(n as f64 / SAMPLES as f64);
             let Ok(way) = self.reach.way(&pose, &leg.delta.map(|d| d * half)) else { continue };
-            self.weigh(&way, &pose, leg, half);
+            self.weigh(&way, leg, half);
             for check in std::mem::take(&mut self.checks) {
-                let worst = &mut worst[check.limit as usize];
+                let worst = &mut worst[check.limit.index()];
                 *worst = worst.min(check.seen);
-                if check.seen < 0.0 && check.limit != Limit::Speed {
+                if check.seen < 0.0 && check.limit != Limit::JointSpeed {
                     self.note(check.limit, check.seen, check.part, leg.line);
                 }
             }
@@ -620,15 +551,17 @@ impl<'a> Pilot<'a> {
             return;
         }
         let shares =
-            checks.iter().filter(|check| !check.limit.is_of_feed() && check.limit != Limit::Reach);
+            checks.iter().filter(|c| !limits::is_of_feed(c.limit) && c.limit != Limit::Reach);
         let mut joints = [0.0; MAX_JOINTS];
         joints
             .iter_mut()
             .zip(&way.joints)
             .for_each(|(joint, Course { middle, .. })| *joint = *middle);
         let mut speeds = [0.0; MAX_JOINTS];
-        for check in checks.iter().filter(|check| check.limit == Limit::Speed) {
-            speeds[check.part] = 1.0 - check.seen / check.range;
+        for check in checks.iter().filter(|check| check.limit == Limit::JointSpeed) {
+            if let Part::Joint(i) = check.part {
+                speeds[i] = 1.0 - check.seen / check.range;
+            }
         }
         self.result.places.push(Place {
             time: self.result.time + share * leg.duration,
@@ -666,88 +599,35 @@ impl<'a> Pilot<'a> {
         if let Some(fault) = found.fault {
             return fault.to_string();
         }
-        let part = self.part(limit, found.part);
-        let bound = self.bound(limit, found.part);
+        let config = self.config;
+        let part = limits::part(config, limit, found.part);
+        let margin = Margin { limit, part: found.part, value: f64::NAN, range: found.ends };
+        let bound = limits::bound(config, &margin);
         match limit {
             Limit::Reach => format!("{part} comes too near to a dead point"),
-            Limit::Hold if worst < 0.0 => format!(
+            Limit::Conditioning if worst < 0.0 => format!(
                 "the legs hardly hold the platform: conditioning {:.4} on this move (0: a singular \
                  pose), where pkmkins stops the machine at {bound}",
-                worst + self.config.conditioning_limit
+                worst + config.conditioning_limit
             ),
-            Limit::Clearance if self.config.clearance.is_none() => {
+            Limit::Clearance if config.clearance.is_none() => {
                 format!("{part} falls to nothing: they meet")
             }
             _ if worst < 0.0 => {
-                let unit = self.unit(limit, found.part);
+                let unit = limits::unit(config, limit, found.part);
                 format!("{part} leaves its limit of {bound}, on this move by {:.4} {unit}", -worst)
             }
             _ => format!("{part} touches its limit of {bound}"),
         }
     }
 
-    /// The limit of a part, with its unit.
-    fn bound(&self, limit: Limit, part: usize) -> String {
-        let unit = self.unit(limit, part);
-        let config = self.config;
-        let cone = |cones: &[Option<f64>]| cones[part].unwrap_or(180.0);
-        let value = match limit {
-            Limit::Axis => {
-                return format!("{} to {} {unit}", config.axes[part].min, config.axes[part].max);
-            }
-            Limit::Joint => {
-                return format!(
-                    "{} to {} {unit}",
-                    config.joints[part].min, config.joints[part].max
-                );
-            }
-            Limit::BaseCone => cone(&config.base_cone),
-            Limit::PlatformCone => cone(&config.platform_cone),
-            Limit::Speed => config.joints[part].max_velocity,
-            Limit::Acceleration => config.joints[part].max_acceleration,
-            Limit::Hold => config.conditioning_limit,
-            Limit::Clearance => least_distance(config),
-            Limit::Reach => 0.0,
-        };
-        format!("{value} {unit}").trim_end().into()
-    }
-
-    fn part(&self, limit: Limit, part: usize) -> String {
-        let joint = || self.config.joints[part].name.clone();
-        match limit {
-            Limit::Axis => format!("axis {}", Letter::ALL[part].name()),
-            Limit::Reach | Limit::Joint => joint(),
-            Limit::BaseCone => format!("the base joint of leg {part}"),
-            Limit::PlatformCone => format!("the platform joint of leg {part}"),
-            Limit::Hold => "the conditioning".into(),
-            Limit::Clearance => {
-                format!("the distance of legs {} and {}", part / MAX_LEGS, part % MAX_LEGS)
-            }
-            Limit::Speed => format!("the speed of {}", joint()),
-            Limit::Acceleration => format!("the acceleration of {}", joint()),
-        }
-    }
-
-    fn unit(&self, limit: Limit, part: usize) -> String {
-        let joint = || self.config.unit(self.config.joints[part].kind);
-        match limit {
-            Limit::Axis if Letter::ALL[part].is_angle() => "degrees".into(),
-            Limit::Axis => self.config.length_unit().into(),
-            Limit::Clearance => self.config.length_unit().into(),
-            Limit::Joint => joint().into(),
-            Limit::BaseCone | Limit::PlatformCone => "degrees".into(),
-            Limit::Speed => format!("{}/s", joint()),
-            Limit::Acceleration => format!("{}/s²", joint()),
-            Limit::Reach | Limit::Hold => String::new(),
-        }
-    }
-
     fn finish(mut self, moves: &[Move]) -> Preflight {
         self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         for limit in Limit::ALL {
-            let Some((value, part, line)) = self.margins[limit as usize] else { continue };
-            let (unit, part) = (self.unit(limit, part), self.part(limit, part));
-            self.result.margins.push(Margin { limit, value, unit, part, line });
+            let Some((value, part, line)) = self.margins[limit.index()] else { continue };
+            let unit = limits::unit(self.config, limit, part);
+            let part = limits::part(self.config, limit, part);
+            self.result.margins.push(LeastMargin { limit, value, unit, part, line });
         }
         if let Some(first) = self.result.breaks.first() {
             let mut at = self.config.home;

@@ -2,8 +2,9 @@
 //! Programs of random moves that a machine can run: every straight line was followed
 //! beforehand, and its feed is one that all joints can keep up with.
 
-use crate::read::machine::{ConeAngles, MachineConfig};
-use kinematics::{Joints, Letter, MAX_JOINTS, Pose, Vector3};
+use crate::limits;
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Letter, Limits, MAX_JOINTS, Pose, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
@@ -12,7 +13,7 @@ use std::fmt::Write;
 /// corners and cubic interpolation need some as well.
 const SHARE: f64 = 0.6;
 
-/// Joints and cones keep this share of their range from its ends.
+/// Limits are kept by this share of their range.
 const MARGIN: f64 = 0.02;
 
 /// Places looked at along one move or tool change.
@@ -37,6 +38,7 @@ pub struct NoMove([f64; 6]);
 pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result<String, NoMove> {
     let mut walk = Walk {
         config,
+        limits: limits::beyond_axes(config),
         rng: Pcg64::seed_from_u64(seed),
         pose: config.home,
         tool: Vector3::zeros(),
@@ -59,6 +61,8 @@ pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result
 
 struct Walk<'a> {
     config: &'a MachineConfig,
+    /// Without those of the axes, which are of the ends of moves.
+    limits: Limits,
     rng: Pcg64,
     /// The commanded pose, tool offset included.
     pose: [f64; 6],
@@ -126,42 +130,28 @@ impl Walk<'_> {
         next
     }
 
-    /// Least seconds for the way, `None` where a joint or cone leaves its range, or forward
-    /// does not come along.
+    /// Least seconds for the way, `None` where a limit is not kept, or forward does not come
+    /// along.
     fn followed(&self, way: impl Fn(f64) -> ([f64; 6], Vector3<f64>)) -> Option<f64> {
         let mut joints = Vec::with_capacity(PLACES + 1);
         let mut seed = Pose::from_degrees(way(0.0).0);
         for k in 0..=PLACES {
             let (pose, offset) = way(k as f64 / PLACES as f64);
             let (pose, tool) = (Pose::from_degrees(pose), self.config.spindle + offset);
-            let here = self.config.machine.inverse(&pose, &tool).ok()?;
-            let found =
-                self.config.machine.forward(&here, &seed, &tool, &self.config.solver).ok()?;
-            seed = found.pose;
-            let in_range = self.joints_in_range(&here) && self.cones_in_range(&pose, &tool)?;
-            if !in_range {
+            let here = self.config.machine.at(&pose, &tool).ok()?;
+            let (machine, solver) = (&self.config.machine, &self.config.solver);
+            seed = machine.forward(here.joints(), &seed, &tool, solver).ok()?.pose;
+            let mut is_inside = true;
+            limits::each(&here, &self.limits, |margin| {
+                is_inside &= margin.room() >= MARGIN * limits::scale(&margin);
+            });
+            if !is_inside {
                 return None;
             }
-            joints.push(here);
+            joints.push(*here.joints());
         }
         let (from, to) = (way(0.0).0, way(1.0).0);
         Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
-    }
-
-    fn joints_in_range(&self, joints: &Joints) -> bool {
-        self.config.joints.iter().zip(joints).all(|(limits, joint)| {
-            let keep = MARGIN * (limits.max - limits.min);
-            (limits.min + keep..=limits.max - keep).contains(joint)
-        })
-    }
-
-    fn cones_in_range(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<bool> {
-        let ConeAngles { base, platform } = self.config.cone_angles(pose, tool).ok()?;
-        let inside = |(angle, limit): (f64, &Option<f64>)| {
-            limit.is_none_or(|limit| angle <= limit * (1.0 - MARGIN))
-        };
-        let of_base = base.into_iter().zip(&self.config.base_cone).all(inside);
-        Some(of_base && platform.into_iter().zip(&self.config.platform_cone).all(inside))
     }
 
     /// Seconds in which the joints run through these values, evenly apart in time.

@@ -5,10 +5,14 @@
 //! Between its end points a move runs at constant speed; acceleration and blending
 //! are left out, so that speeds are upper bounds for straight pieces.
 
+use crate::limits;
 use crate::program::interpreter::{Move, MoveKind};
-use crate::read::machine::{ConeAngles, Group, MachineConfig};
-use kinematics::{Certificate, Fault, Joints, Letter, PerLeg, Pose, Solution, Vector3};
+use crate::read::machine::{Group, MachineConfig};
+use kinematics::{
+    Certificate, Cones, Fault, Joints, Limits, Margin, PerLeg, Pose, Solution, Vector3,
+};
 use std::fmt;
+use std::ops::ControlFlow;
 
 /// A value and the program line it occurred in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +86,8 @@ pub struct Replay {
     /// Least |cos| between a rod and the motion of its lower end, 0 at a dead point;
     /// `None` where every leg is a strut.
     pub least_drive: Option<At>,
+    /// The worst of every limit of every part that is not kept, with its line.
+    pub broken: Vec<(Margin, u32)>,
 }
 
 /// Where a replay ended early.
@@ -183,6 +189,7 @@ pub fn duration_of_all(config: &MachineConfig, moves: &[Move]) -> f64 {
 
 struct Player<'a> {
     config: &'a MachineConfig,
+    limits: Limits,
     period: f64,
     see: &'a mut dyn FnMut(&Visit),
     at: [f64; 6],
@@ -199,6 +206,7 @@ impl<'a> Player<'a> {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
+            limits: limits::of(config),
             period,
             see,
             at: config.home,
@@ -225,6 +233,7 @@ impl<'a> Player<'a> {
                 joint_speed: vec![nowhere; config.joints.len()],
                 tool_step: nowhere,
                 least_drive: None,
+                broken: vec![],
             },
         }
     }
@@ -265,20 +274,22 @@ impl<'a> Player<'a> {
         let asked = Pose::from_degrees(pose);
         let failed = |forward| move |fault| ReplayFault { line, pose, forward, fault };
         let machine = &self.config.machine;
-        let joints = machine.inverse(&asked, &self.tool).map_err(failed(false))?;
+        let at = machine.at(&asked, &self.tool).map_err(failed(false))?;
+        let joints = *at.joints();
         let solution = machine
             .forward(&joints, &self.seed, &self.tool, &self.config.solver)
             .map_err(failed(true))?;
         self.seed = solution.pose;
         self.note_solution(&asked, &solution, line);
-        let corrections = self.note_pose(&asked, line).map_err(failed(false))?;
+        self.note_pose(&at, line);
         self.note_joints(&joints, line);
         for (range, value) in self.result.pose.iter_mut().zip(pose) {
             range.add(value, line);
         }
         self.joints = Some(joints);
         let time = (self.result.poses - 1) as f64 * self.period;
-        (self.see)(&Visit { time, line, pose, joints, corrections, tool: self.tool.into() });
+        let (corrections, tool) = (at.corrections(), self.tool.into());
+        (self.see)(&Visit { time, line, pose, joints, corrections, tool });
         Ok(joints)
     }
 
@@ -292,23 +303,23 @@ impl<'a> Player<'a> {
         self.result.poses += 1;
     }
 
-    /// Records of one pose; its nut corrections.
-    fn note_pose(&mut self, asked: &Pose, line: u32) -> Result<PerLeg, Fault> {
-        let corrections = self.config.machine.corrections(asked, &self.tool)?;
-        for correction in corrections {
+    /// Records of one pose.
+    fn note_pose(&mut self, at: &kinematics::At, line: u32) {
+        for correction in at.corrections() {
             larger(&mut self.result.correction, correction.abs(), line);
         }
-        let ConeAngles { base, platform } = self.config.cone_angles(asked, &self.tool)?;
-        let records = self.result.base_cone.iter_mut().chain(&mut self.result.platform_cone);
-        for (record, angle) in records.zip(base.into_iter().chain(platform)) {
-            larger(record, angle, line);
-        }
-        if let Some(value) = self.config.least_drive(asked, &self.tool)?
-            && self.result.least_drive.is_none_or(|least| value < least.value)
+        let Cones { base, platform } = at.cones();
+        for (records, angles) in
+            [(&mut self.result.base_cone, base), (&mut self.result.platform_cone, platform)]
         {
-            self.result.least_drive = Some(At { value, line });
+            records.iter_mut().zip(angles).for_each(|(record, angle)| larger(record, angle, line));
         }
-        Ok(corrections)
+        for value in (0..self.config.legs()).filter_map(|i| at.drive(i)) {
+            if self.result.least_drive.is_none_or(|least| value < least.value) {
+                self.result.least_drive = Some(At { value, line });
+            }
+        }
+        limits::each(at, &self.limits, |margin| self.result.note(margin, line));
     }
 
     fn note_joints(&mut self, joints: &Joints, line: u32) {
@@ -318,6 +329,13 @@ impl<'a> Player<'a> {
                 let speed = (joint - before[i]).abs() / self.period;
                 larger(&mut self.result.joint_speed[i], speed, line);
             }
+        }
+        if let Some(before) = self.joints {
+            let rates = std::array::from_fn(|i| (joints[i] - before[i]) / self.period);
+            let _ = self.limits.speeds(&rates, self.result.joints.len(), |margin| {
+                self.result.note(margin, line);
+                ControlFlow::<()>::Continue(())
+            });
         }
     }
 
@@ -340,47 +358,33 @@ fn larger(record: &mut At, value: f64, line: u32) {
 }
 
 impl Replay {
+    fn note(&mut self, margin: Margin, line: u32) {
+        if margin.is_kept() {
+            return;
+        }
+        let known = |(m, _): &&mut (Margin, u32)| (m.limit, m.part) == (margin.limit, margin.part);
+        match self.broken.iter_mut().find(known) {
+            Some((worst, _)) if !(margin.room() < worst.room()) => {}
+            Some(worst) => *worst = (margin, line),
+            None => self.broken.push((margin, line)),
+        }
+    }
+
     /// Every limit of the machine that the program leaves, one sentence each.
     pub fn violations(&self, config: &MachineConfig) -> Vec<String> {
-        let mut found = vec![];
-        for (i, (range, joint)) in self.joints.iter().zip(&config.joints).enumerate() {
-            let unit = config.unit(joint.kind);
-            check_range(&mut found, &joint.name, unit, range, joint.min, joint.max);
-            let name = format!("speed of {}", joint.name);
-            let speed = self.joint_speed[i];
-            check_most(&mut found, &name, &format!("{unit}/s"), speed, joint.max_velocity);
-        }
-        for (letter, (range, axis)) in Letter::ALL.iter().zip(self.pose.iter().zip(&config.axes)) {
-            let name = format!("axis {}", letter.name());
-            let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
-            check_range(&mut found, &name, unit, range, axis.min, axis.max);
-        }
-        let cones = [
-            ("base", &self.base_cone, &config.base_cone),
-            ("platform", &self.platform_cone, &config.platform_cone),
-        ];
-        for (body, angles, limits) in cones {
-            for (i, (angle, limit)) in angles.iter().zip(limits).enumerate() {
-                let limit = limit.unwrap_or(f64::INFINITY);
-                let name = format!("cone angle of {body} joint {i}");
-                check_most(&mut found, &name, "degrees", *angle, limit);
-            }
-        }
-        found
-    }
-}
-
-fn check_range(found: &mut Vec<String>, name: &str, unit: &str, range: &Range, min: f64, max: f64) {
-    if range.min.value < min {
-        let At { value, line } = range.min;
-        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, below {min}"));
-    }
-    check_most(found, name, unit, range.max, max);
-}
-
-fn check_most(found: &mut Vec<String>, name: &str, unit: &str, At { value, line }: At, max: f64) {
-    if value > max {
-        found.push(format!("line {line}: {name} reaches {value:.3} {unit}, above {max}"));
+        let sentence = |(margin, line): &(Margin, u32)| {
+            let Margin { limit, part, value, range: [low, high] } = *margin;
+            let (name, unit) =
+                (limits::part(config, limit, part), limits::unit(config, limit, part));
+            let beyond = match value < low {
+                true => format!("below {low}"),
+                false => format!("above {high}"),
+            };
+            format!("line {line}: {name} reaches {value:.3} {unit}, {beyond}").replace(" ,", ",")
+        };
+        let mut broken = self.broken.clone();
+        broken.sort_by_key(|(margin, _)| margin.limit);
+        broken.iter().map(sentence).collect()
     }
 }
 
@@ -482,7 +486,7 @@ mod tests {
         let moves = [rapid(7, [20.0, 0.0, 200.0, 0.0, 0.0, 0.0], 0.0)];
         let found = replay(&config, &moves, 1e-3).unwrap().violations(&config);
         let starts = ["line 7: strut 3 reaches", "line 7: axis X reaches 20.000 mm, above 10"];
-        for start in starts.into_iter().chain(["line 7: cone angle of base joint 0 reaches"]) {
+        for start in starts.into_iter().chain(["line 7: the base joint of leg 0 reaches"]) {
             assert!(found.iter().any(|text| text.starts_with(start)), "{start}: {found:?}");
         }
         assert_eq!(found.len(), 3, "{found:?}");

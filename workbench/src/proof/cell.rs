@@ -28,32 +28,36 @@
 //! other that make it least, wherever the legs are. Each of these four values has a slope, and
 //! its second derivative is bounded by those of the ends.
 //!
-//! **Conditioning**: no singular value changes by more than the Frobenius norm of the change of
-//! the rows [u (ρ × u)/r].
+//! **Tilt, pyramids**: cosines of angles between a leg, or the tool axis, and vectors that stand
+//! still in base or platform, as those of the cones.
 //!
-//! **Regular**: with G the rows of the legs, columns scaled by s, and M its pseudo-inverse in
-//! the middle, ‖M (G(X) − G(C))‖ < 1 makes M G(X) invertible, so that the legs hold the
-//! platform at every pose of the cell.
+//! **Conditioning**: with G the rows [u (ρ × u)/r] of the legs and M their pseudo-inverse in the
+//! middle, M (G(X) − G(C)) is bounded entry by entry by a matrix B: the slopes along every step in
+//! amount, and |M| times the bounds of the second derivatives. As no entry of |E| is larger than that
+//! of B, ‖E‖ ≤ ‖B‖ and the least singular value is at least (1 − ‖B‖) σ(C).
+//!
+//! **Regular**: the same with the rows of the joints, nut corrections included. Where the spectral
+//! radius of B is less than 1, I + E has an inverse, and the joints hold the platform at every pose of
+//! the cell.
 
-use crate::limits::least_distance;
+use crate::limits::{self, beyond_axes};
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    Fault, Joints, LegGeometry, LegKind, Letter, MAX_LEGS, Matrix3, Nearest, Pose, Segment, Vector3,
+    At, Fault, Jacobian, Joints, LEAST_DRIVE, LegGeometry, LegKind, Letter, Limit, Limits,
+    MAX_LEGS, Margin, Matrix3, Part, Pose, Segment, Vector3,
 };
-use nalgebra::SMatrix;
+use nalgebra::{Matrix6, SMatrix, Vector6};
 use std::f64::consts::PI;
+use std::ops::ControlFlow;
 
 const RADIANS: f64 = PI / 180.0;
 
-/// Least |cos| between a rod and the motion of its lower end that the core accepts.
-const LEAST_DRIVE: f64 = 0.05;
-
-/// Least cosine of the angle between a strut and the plane square to a cardan axis: 80 degrees,
-/// as in the core's certificate.
+/// Least cosine of the angle between a strut and the plane square to a cardan axis, 80 degrees:
+/// beyond, a strut's correction changes so fast that no cell of use is proved.
 const LEAST_COSINE: f64 = 0.17;
 
-/// Least scale of a coordinate as a share of the largest one.
-const LEAST_SCALE: f64 = 0.3;
+/// Steps towards the positive vector that bounds the spectral radius of a matrix best.
+const STEPS: usize = 4;
 
 /// Rounding of what is computed in the middle, as a share of the size: far above f64's 1e-16
 /// times the numbers of operations, far below what anybody can set up.
@@ -91,16 +95,10 @@ impl Cell {
 /// What stops the machine at a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stop {
-    /// The pose has no joint values, or the legs do not hold it.
+    /// The pose has no joint values.
     Fault(Fault),
-    /// A joint beyond its limits.
-    Joint(usize),
-    /// A leg leans too much at its base joint.
-    BaseCone(usize),
-    /// A leg leans too much at its platform joint.
-    PlatformCone(usize),
-    /// Two legs come nearer to each other than they may.
-    Clearance(Nearest),
+    /// A limit that is not kept.
+    Limit(Margin),
 }
 
 /// What is known of a cell.
@@ -136,44 +134,55 @@ impl Course {
     }
 }
 
+/// The value of a limit over a cell, or on a way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// In the middle.
+    pub margin: Margin,
+    /// Nowhere less and more than these; infinite where nothing is known. Distances of legs that are
+    /// nowhere the nearest ones have a lower bound than need be.
+    pub ends: [f64; 2],
+}
+
+impl Span {
+    fn of(limit: Limit, part: Part, value: f64, ends: [f64; 2], range: [f64; 2]) -> Self {
+        Self { margin: Margin { limit, part, value, range }, ends }
+    }
+
+    /// The value keeps at least this distance from the ends of its range everywhere, negative
+    /// beyond them; minus infinity where nothing is known.
+    pub fn room(&self) -> f64 {
+        let [low, high] = self.margin.range;
+        let room = (self.ends[0] - low).min(high - self.ends[1]);
+        // What is not a number proves nothing.
+        if room.is_nan() { f64::NEG_INFINITY } else { room }
+    }
+}
+
 /// What is proved of a straight way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
     /// Joint values. Where all bends are finite, every pose has joint values.
     pub joints: Vec<Course>,
-    /// Cosines of the angles between the legs and their directions at home, seen in base.
-    pub base: Vec<Course>,
-    /// The same, seen in the platform.
-    pub platform: Vec<Course>,
-    /// Distances of legs that share no anchor.
-    pub gaps: Vec<Gap>,
-    /// Bound of how far [`kinematics::Machine::conditioning`] changes from the middle to an end;
-    /// infinite where none is known.
-    pub drift: f64,
+    /// All limits that are set, of the pose alone and without its axes.
+    pub spans: Vec<Span>,
     /// Whether the legs are proved to hold the platform everywhere.
     pub holds: bool,
 }
 
-/// Distance of the centre lines of two legs on a way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gap {
-    /// Numbers of the legs, lower one first.
-    pub pair: [usize; 2],
-    /// In the middle.
-    pub middle: f64,
-    /// Nowhere less than this; minus infinity where nothing is known. For pairs that are nowhere
-    /// the nearest ones a lower number than need be.
-    pub least: f64,
-}
-
 /// Legs by coordinates.
 type Rows = SMatrix<f64, MAX_LEGS, 6>;
+
+/// Coordinates by coordinates.
+type Square = Matrix6<f64>;
 
 /// A machine with one tool, as its cells see it.
 pub struct Reach<'a> {
     config: &'a MachineConfig,
     /// Tool vector, spindle offset included.
     tool: Vector3<f64>,
+    /// Those of the pose, without axes.
+    limits: Limits,
     /// Coordinates that the legs move.
     active: [bool; 6],
     /// Platform anchors in parts that turn about the control point and that a held or table
@@ -183,18 +192,16 @@ pub struct Reach<'a> {
     home: Vec<Vector3<f64>>,
     /// Pairs of legs, lower number first, that share no anchor.
     pairs: Vec<[usize; 2]>,
-    /// What their centre lines have to keep.
-    least_distance: f64,
-    /// Arms of the platform anchors that the conditioning counts with, by its radius.
-    levers: Vec<f64>,
+    /// Point of the platform that the conditioning is about.
+    about: Vector3<f64>,
+    /// Whether any strut has a lead.
+    is_geared: bool,
 }
 
 /// How far anything moves within a cell: its poses are the middle plus a sum of `steps`, each
 /// times a number from -1 to 1. Machine units and radians.
 struct Spread {
     steps: Vec<[f64; 6]>,
-    /// Half of the extent along every coordinate.
-    half: [f64; 6],
     shift: f64,
     turn: f64,
 }
@@ -214,14 +221,37 @@ struct Bend {
 }
 
 /// The middle of a cell.
-struct Middle {
-    joints: Joints,
-    gradient: kinematics::Jacobian,
-    legs: [Segment; MAX_LEGS],
+struct Middle<'a> {
+    at: At<'a>,
+    gradient: Jacobian,
     rotation: Matrix3<f64>,
     /// Axes that A, B and C turn about, in base.
     axes: [Vector3<f64>; 3],
-    corrections: [f64; MAX_LEGS],
+    legs: Vec<LegMiddle>,
+}
+
+/// A leg there.
+struct LegMiddle {
+    segment: Segment,
+    /// Unit vector along it.
+    n: Vector3<f64>,
+    length: f64,
+    /// Changes of the platform anchor with every coordinate, per machine unit or radian.
+    motions: [Vector3<f64>; 6],
+    /// The same of the vector along the leg.
+    changes: [Vector3<f64>; 6],
+}
+
+/// How well the legs hold the platform over a cell.
+struct Hold {
+    /// The smallest singular value is its value in the middle times this at least.
+    share: f64,
+    /// Whether the joints hold the platform everywhere.
+    is_regular: bool,
+    /// Bound of the largest singular value of the pseudo-inverse in the middle.
+    inverse: f64,
+    /// What every step of the cell contributes to what is not known.
+    shares: Vec<f64>,
 }
 
 impl<'a> Reach<'a> {
@@ -239,7 +269,7 @@ impl<'a> Reach<'a> {
     /// Home cannot be taken.
     pub fn with_tool(config: &'a MachineConfig, tool: Vector3<f64>) -> Result<Self, Fault> {
         let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
-        let segments = config.machine.segments(&config.home_pose(), &config.spindle)?;
+        let home = config.machine.at(&config.home_pose(), &config.spindle)?;
         let centre = Vector3::from(config.geometry.centre);
         let arms = |leg: &LegGeometry| {
             let anchor = Vector3::from(leg.platform);
@@ -248,15 +278,21 @@ impl<'a> Reach<'a> {
                 _ => [tool + centre, anchor - centre],
             }
         };
+        let legs = config.geometry.legs();
+        let anchors = legs.iter().map(|leg| Vector3::from(leg.platform));
         Ok(Self {
             config,
             tool,
+            limits: beyond_axes(config),
             active,
-            arms: config.geometry.legs().iter().map(arms).collect(),
-            home: segments[..config.legs()].iter().map(along).collect(),
-            pairs: watched_pairs(config),
-            least_distance: least_distance(config),
-            levers: levers(config, &active),
+            arms: legs.iter().map(arms).collect(),
+            home: home.segments()[..legs.len()].iter().map(|leg| leg.span().normalize()).collect(),
+            pairs: pairs(config),
+            about: match active[..3] {
+                [true, true, true] => anchors.sum::<Vector3<f64>>() / legs.len() as f64,
+                _ => centre,
+            },
+            is_geared: legs.iter().any(|leg| lead(leg) != 0.0),
         })
     }
 
@@ -275,8 +311,15 @@ impl<'a> Reach<'a> {
 
     /// How well the legs hold the platform; 0 where the pose has no joint values.
     pub fn conditioning(&self, pose: &[f64; 6]) -> f64 {
-        let pose = Pose::from_degrees(*pose);
-        self.config.machine.conditioning(&pose, &self.tool).unwrap_or(0.0)
+        self.at(pose).map_or(0.0, |at| at.smallest_singular_value())
+    }
+
+    /// The machine at a pose.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::at`].
+    pub fn at(&self, pose: &[f64; 6]) -> Result<At<'a>, Fault> {
+        self.config.machine.at(&Pose::from_degrees(*pose), &self.tool)
     }
 
     /// Whether the machine can take one pose.
@@ -284,8 +327,8 @@ impl<'a> Reach<'a> {
     /// # Errors
     /// What stops it.
     pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
-        let middle = self.middle(pose).map_err(Stop::Fault)?;
-        self.check_middle(&middle)
+        let at = self.at(pose).map_err(Stop::Fault)?;
+        limits::check(&at, &self.limits).map_err(Stop::Limit)
     }
 
     /// What is known of a cell.
@@ -294,72 +337,67 @@ impl<'a> Reach<'a> {
             Ok(middle) => middle,
             Err(fault) => return Verdict::Outside(Stop::Fault(fault)),
         };
-        if let Err(stop) = self.check_middle(&middle) {
-            return Verdict::Outside(stop);
+        // Its conditioning, which takes the longest, follows from what is proved of the cell.
+        let of_shape = Limits { conditioning: 0.0, ..self.limits };
+        if let Err(margin) = limits::check(&middle.at, &of_shape) {
+            return Verdict::Outside(Stop::Limit(margin));
         }
-        self.holds(cell, &middle)
+        match self.holds(cell, &middle) {
+            None => Verdict::Inside,
+            Some(k) => match limits::check(&middle.at, &self.limits) {
+                Ok(()) => Verdict::Open(k),
+                Err(margin) => Verdict::Outside(Stop::Limit(margin)),
+            },
+        }
     }
 
-    fn middle(&self, pose: &[f64; 6]) -> Result<Middle, Fault> {
-        let (machine, tool) = (&self.config.machine, &self.tool);
-        let pose = Pose::from_degrees(*pose);
-        let ((sb, cb), (sc, cc)) = (pose.angles.y.sin_cos(), pose.angles.z.sin_cos());
-        Ok(Middle {
-            joints: machine.inverse(&pose, tool)?,
-            gradient: machine.pose_jacobian(&pose, tool)?,
-            legs: machine.segments(&pose, tool)?,
-            rotation: pose.rotation(),
+    fn middle(&self, pose: &[f64; 6]) -> Result<Middle<'a>, Fault> {
+        let at = self.at(pose)?;
+        let ((sb, cb), (sc, cc)) = (at.pose().angles.y.sin_cos(), at.pose().angles.z.sin_cos());
+        let mut middle = Middle {
+            gradient: at.pose_jacobian()?,
+            rotation: at.rotation(),
             axes: [
                 Vector3::new(cc * cb, sc * cb, -sb),
                 Vector3::new(-sc, cc, 0.0),
                 Vector3::new(0.0, 0.0, 1.0),
             ],
-            corrections: machine.corrections(&pose, tool)?,
-        })
+            at,
+            legs: vec![],
+        };
+        middle.legs = (0..self.config.legs()).map(|i| self.leg(i, &middle)).collect();
+        Ok(middle)
     }
 
-    fn check_middle(&self, middle: &Middle) -> Result<(), Stop> {
-        for (i, joint) in self.config.joints.iter().enumerate() {
-            if !(joint.min..=joint.max).contains(&middle.joints[i]) {
-                return Err(Stop::Joint(i));
-            }
-        }
-        for i in 0..self.config.legs() {
-            let n = along(&middle.legs[i]);
-            if !(n.dot(&self.home[i]) >= least_cosine(self.config.base_cone[i])) {
-                return Err(Stop::BaseCone(i));
-            }
-            let home = middle.rotation * self.home[i];
-            if !(n.dot(&home) >= least_cosine(self.config.platform_cone[i])) {
-                return Err(Stop::PlatformCone(i));
-            }
-        }
-        for pair @ [i, j] in &self.pairs {
-            let distance = middle.legs[*i].distance(&middle.legs[*j]);
-            if !(distance >= self.least_distance) {
-                return Err(Stop::Clearance(Nearest { distance, pair: *pair }));
-            }
-        }
-        Ok(())
+    fn leg(&self, i: usize, middle: &Middle) -> LegMiddle {
+        let segment = middle.at.segments()[i];
+        let motions = self.motions(i, middle);
+        let length = segment.span().norm();
+        let changes = self.span_changes(i, &segment, &motions, middle);
+        LegMiddle { segment, n: segment.span() / length, length, motions, changes }
     }
 
-    /// What is known of a cell whose middle can be taken.
-    fn holds(&self, cell: &Cell, middle: &Middle) -> Verdict {
+    /// The coordinate to halve a cell along whose middle can be taken; `None` where every pose of it
+    /// is proved to be inside.
+    fn holds(&self, cell: &Cell, middle: &Middle) -> Option<usize> {
         let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
-        let mut bends = vec![];
-        for i in 0..self.config.legs() {
-            match self.bend(i, middle, &spread) {
-                Some(bend) if self.cones_hold(i, middle, &spread, &bend) => bends.push(bend),
-                _ => return Verdict::Open(greatest(&self.extents(&spread))),
-            }
+        let widest = || Some(greatest(&self.extents(&spread)));
+        let bends: Option<Vec<_>> =
+            (0..self.config.legs()).map(|i| self.bend(i, middle, &spread)).collect();
+        let Some(bends) = bends else { return widest() };
+        let kept = |span: Span| match span.room() >= 0.0 {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        };
+        if self.spans(middle, &spread, Some(&bends), self.limits.clearance, kept).is_break() {
+            return widest();
         }
-        if !self.joints_hold(middle, &spread, &bends) || !self.gaps_hold(middle, &spread, &bends) {
-            return Verdict::Open(greatest(&self.extents(&spread)));
-        }
-        match self.departure(middle, &spread, &bends) {
-            Ok(()) => Verdict::Inside,
-            Err(shares) => Verdict::Open(greatest(&shares)),
-        }
+        let hold = self.hold(middle, &spread, &bends);
+        let least = self.limits.conditioning;
+        let is_kept = hold.is_regular
+            && (hold.share / hold.inverse >= least
+                || hold.share * middle.at.smallest_singular_value() >= least);
+        (!is_kept).then(|| greatest(&hold.shares))
     }
 
     /// What the joints and legs do on the straight way from `middle - step` to `middle + step`.
@@ -371,20 +409,129 @@ impl<'a> Reach<'a> {
         let spread = self.spread([*step]);
         let bends: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.bend(i, &middle, &spread)).collect();
-        let leans = |platform| {
-            let lean = |i| self.lean(i, platform, &middle, &spread, bends.as_ref().map(|b| &b[i]));
-            (0..self.config.legs()).map(lean).collect()
+        let mut spans = vec![];
+        let _ = self.spans(&middle, &spread, bends.as_deref(), f64::INFINITY, |span| {
+            spans.push(span);
+            ControlFlow::<()>::Continue(())
+        });
+        let hold = bends.as_ref().map(|bends| self.hold(&middle, &spread, bends));
+        let holds = hold.as_ref().is_some_and(|hold| hold.is_regular);
+        let value = middle.at.smallest_singular_value();
+        let least = match hold {
+            Some(hold) if hold.is_regular && hold.share > 0.0 => hold.share * value,
+            // Of rows of which nothing is known but that they are there.
+            Some(_) => 0.0,
+            None => f64::NEG_INFINITY,
         };
-        Ok(Way {
-            joints: (0..self.config.joints.len())
-                .map(|i| self.joint_course(i, &middle, &spread, bends.as_deref()))
-                .collect(),
-            base: leans(false),
-            platform: leans(true),
-            gaps: self.gaps(&middle, &spread, bends.as_deref(), f64::INFINITY),
-            drift: bends.as_ref().map_or(f64::INFINITY, |bends| self.drift(&spread, bends)),
-            holds: bends.is_some_and(|bends| self.departure(&middle, &spread, &bends).is_ok()),
-        })
+        let range = [self.limits.conditioning, f64::INFINITY];
+        let ends = [least, f64::INFINITY];
+        spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
+        let joint = |i| self.joint_course(i, &middle, &spread, bends.as_deref());
+        Ok(Way { joints: (0..self.config.joints.len()).map(joint).collect(), spans, holds })
+    }
+
+    /// Visits all limits that are set, of the pose alone but for its axes and the conditioning.
+    /// Bounds of distances that are `enough` are not made any better.
+    fn spans<B>(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        bends: Option<&[Bend]>,
+        enough: f64,
+        mut visit: impl FnMut(Span) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for (i, joint) in self.config.joints.iter().enumerate() {
+            let course = self.joint_course(i, middle, spread, bends);
+            let (low, high) = course.range();
+            let range = [joint.min, joint.max];
+            let part = Part::Joint(i);
+            visit(Span::of(Limit::JointRange, part, course.middle, [low, high], range))?;
+        }
+        for i in 0..self.config.legs() {
+            let lean = Lean { i, middle, spread, bend: bends.map(|bends| &bends[i]) };
+            self.cones(&lean, &mut visit)?;
+            self.pyramids(&lean, &mut visit)?;
+        }
+        if self.limits.tilt != 0.0 {
+            let course = tilt(middle, spread);
+            let ends = [f64::NEG_INFINITY, degrees_of_cosine(course.range().0)];
+            let value = middle.at.tilt();
+            let range = [f64::NEG_INFINITY, self.limits.tilt];
+            visit(Span::of(Limit::Tilt, Part::Whole, value, ends, range))?;
+        }
+        self.gaps(middle, spread, bends, enough, &mut visit)
+    }
+
+    fn cones<B>(
+        &self,
+        lean: &Lean,
+        visit: &mut impl FnMut(Span) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for (limit, most) in [
+            (Limit::BaseCone, self.limits.base_cone[lean.i]),
+            (Limit::PlatformCone, self.limits.platform_cone[lean.i]),
+        ] {
+            if most == 0.0 {
+                continue;
+            }
+            let course = lean.course(limit == Limit::PlatformCone, &self.home[lean.i]);
+            let ends = [f64::NEG_INFINITY, degrees_of_cosine(course.range().0)];
+            let value = degrees_of_cosine(course.middle);
+            let range = [f64::NEG_INFINITY, most];
+            visit(Span::of(limit, Part::Leg(lean.i), value, ends, range))?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn pyramids<B>(
+        &self,
+        lean: &Lean,
+        visit: &mut impl FnMut(Span) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        for (limit, most) in [
+            (Limit::BasePyramid, self.limits.base_pyramid[lean.i]),
+            (Limit::PlatformPyramid, self.limits.platform_pyramid[lean.i]),
+        ] {
+            if most == [0.0; 2] {
+                continue;
+            }
+            let is_platform = limit == Limit::PlatformPyramid;
+            let turns = lean.middle.at.turns()[usize::from(is_platform)];
+            let turns = [turns.about[lean.i], turns.across[lean.i]];
+            let known = self.turns(lean, is_platform);
+            for k in (0..2).filter(|k| most[*k] != 0.0) {
+                let ends = known.map_or([f64::NEG_INFINITY, f64::INFINITY], |known| known[k]);
+                let range = [-most[k], most[k]];
+                visit(Span::of(limit, Part::Leg(lean.i), turns[k], ends, range))?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Ends of the turns about the fixed axis of a cardan joint and across it, degrees.
+    fn turns(&self, lean: &Lean, is_platform: bool) -> Option<[[f64; 2]; 2]> {
+        let LegKind::Strut(strut) = self.config.geometry.legs()[lean.i].kind else { return None };
+        let axis = if is_platform { strut.platform_axis } else { strut.base_axis };
+        let axis = Vector3::from(axis).try_normalize(0.0)?;
+        let home = &self.home[lean.i];
+        let zero = (home - axis * axis.dot(home)).try_normalize(0.0)?;
+        let quarter = axis.cross(&zero);
+        let [x, y, sine] =
+            [zero, quarter, axis].map(|vector| lean.course(is_platform, &vector).range());
+        let across = [sine.0, sine.1].map(|sine| sine.clamp(-1.0, 1.0).asin() / RADIANS);
+        // Where the leg may point along the axis, or back, it may be turned by any angle.
+        let about = match x.0 <= 0.0 && y.0 <= 0.0 && y.1 >= 0.0 {
+            true => [-180.0, 180.0],
+            false => {
+                let corners = [(x.0, y.0), (x.0, y.1), (x.1, y.0), (x.1, y.1)];
+                let angles = corners.map(|(x, y)| y.atan2(x) / RADIANS);
+                [
+                    angles.into_iter().fold(180.0, f64::min),
+                    angles.into_iter().fold(-180.0, f64::max),
+                ]
+            }
+        };
+        Some([about, across])
     }
 
     /// Of steps in machine units and degrees.
@@ -392,10 +539,10 @@ impl<'a> Reach<'a> {
         let radians =
             |s: [f64; 6]| std::array::from_fn(|k| if k < 3 { s[k] } else { s[k] * RADIANS });
         let steps: Vec<[f64; 6]> = steps.into_iter().map(radians).collect();
-        let half = std::array::from_fn(|k| steps.iter().map(|step| step[k].abs()).sum::<f64>());
-        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half[k] * half[k]);
+        let half = |k: usize| steps.iter().map(|step| step[k].abs()).sum::<f64>();
+        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half(k) * half(k));
         let shift = squares.sum::<f64>().sqrt();
-        Spread { half, shift, turn: half[3..].iter().sum(), steps }
+        Spread { shift, turn: (3..6).map(half).sum(), steps }
     }
 
     /// How far every step moves the ends of the legs, more or less: to compare.
@@ -403,18 +550,6 @@ impl<'a> Reach<'a> {
         let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
         let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
         spread.steps.iter().map(extent).collect()
-    }
-
-    fn joints_hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
-        self.config.joints.iter().enumerate().all(|(i, joint)| {
-            let (low, high) = self.joint_course(i, middle, spread, Some(bends)).range();
-            joint.min <= low && high <= joint.max
-        })
-    }
-
-    fn gaps_hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> bool {
-        let gaps = self.gaps(middle, spread, Some(bends), self.least_distance);
-        gaps.iter().all(|gap| gap.least >= self.least_distance)
     }
 
     /// Joint `i` over a cell; without bends nothing is known of a leg's.
@@ -435,19 +570,44 @@ impl<'a> Reach<'a> {
         let unit = |k: usize| if k < 3 { 1.0 } else { 1.0 / RADIANS };
         let gradient = std::array::from_fn(|k| middle.gradient[(i, k)] * unit(k));
         let rounding = ROUNDING * self.config.machine.size();
-        Course { middle: middle.joints[i], slope: spread.slope(&gradient), bend, rounding }
+        Course { middle: middle.at.joints()[i], slope: spread.slope(&gradient), bend, rounding }
     }
 
-    /// Change of the platform anchor of leg `i` with a coordinate, per machine unit or radian.
-    fn motion(&self, i: usize, k: usize, middle: &Middle) -> Vector3<f64> {
-        if k < 3 {
-            let mut along = Vector3::zeros();
-            along[k] = if self.active[k] { 1.0 } else { 0.0 };
-            return along;
-        }
-        let axis = middle.axes[k - 3];
-        let [shared, own] = self.arms[i].map(|arm| axis.cross(&(middle.rotation * arm)));
-        own + self.of_legs(shared)
+    /// Changes of the platform anchor of leg `i` with every coordinate, per machine unit or radian.
+    fn motions(&self, i: usize, middle: &Middle) -> [Vector3<f64>; 6] {
+        let [shared, own] = self.arms[i].map(|arm| middle.rotation * arm);
+        std::array::from_fn(|k| {
+            if k < 3 {
+                let mut along = Vector3::zeros();
+                along[k] = if self.active[k] { 1.0 } else { 0.0 };
+                return along;
+            }
+            let axis = middle.axes[k - 3];
+            axis.cross(&own) + self.of_legs(axis.cross(&shared))
+        })
+    }
+
+    /// Changes of the vector along leg `i` with every coordinate, per machine unit or radian.
+    fn span_changes(
+        &self,
+        i: usize,
+        segment: &Segment,
+        motions: &[Vector3<f64>; 6],
+        middle: &Middle,
+    ) -> [Vector3<f64>; 6] {
+        let leg = &self.config.geometry.legs()[i];
+        let per_joint = match leg.kind {
+            LegKind::Strut(_) => return *motions,
+            LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
+            LegKind::Crank(crank) => {
+                let arm = segment.base - Vector3::from(leg.base);
+                Vector3::from(crank.axis).normalize().cross(&arm) * RADIANS
+            }
+        };
+        std::array::from_fn(|k| {
+            let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
+            motions[k] - per_joint * (middle.gradient[(i, k)] * unit)
+        })
     }
 
     fn arm(&self, i: usize) -> f64 {
@@ -456,7 +616,7 @@ impl<'a> Reach<'a> {
 
     /// Bounds of one leg; `None` where the cell is too large for any.
     fn bend(&self, i: usize, middle: &Middle, spread: &Spread) -> Option<Bend> {
-        let segment = &middle.legs[i];
+        let segment = &middle.legs[i].segment;
         let (travel, second) = spread.of_anchor(self.arm(i));
         let span = segment.platform - segment.base;
         let leg = &self.config.geometry.legs()[i];
@@ -511,7 +671,7 @@ impl<'a> Reach<'a> {
         let tangents = (1.0 / (cos_a * cos_a) - 1.0).sqrt() + (1.0 / (cos_b * cos_b) - 1.0).sqrt();
         // The correction jumps where the screw has turned by half a turn.
         let turned = tangents * direction[0] + spread.turn / cos_b;
-        let room = PI - middle.corrections[i].abs() / per_radian;
+        let room = PI - middle.at.corrections()[i].abs() / per_radian;
         (turned < room).then_some(())?;
         let bend = 3.0 * turn_a * turn_a / (cos_a * cos_a)
             + 3.0 * turn_b * turn_b / (cos_b * cos_b)
@@ -524,7 +684,7 @@ impl<'a> Reach<'a> {
     /// when it turns by these angles.
     fn cardan(&self, i: usize, middle: &Middle, turns: [f64; 2]) -> Option<[f64; 2]> {
         let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else { return None };
-        let n = along(&middle.legs[i]);
+        let n = middle.legs[i].n;
         let axes = [
             Vector3::from(strut.base_axis).normalize(),
             middle.rotation * Vector3::from(strut.platform_axis).normalize(),
@@ -536,81 +696,46 @@ impl<'a> Reach<'a> {
         cosines.iter().all(|cosine| *cosine > LEAST_COSINE).then_some(cosines)
     }
 
-    fn cones_hold(&self, i: usize, middle: &Middle, spread: &Spread, bend: &Bend) -> bool {
-        [(false, &self.config.base_cone), (true, &self.config.platform_cone)]
-            .into_iter()
-            .filter(|(_, cones)| cones[i].is_some())
-            .all(|(platform, cones)| {
-                let course = self.lean(i, platform, middle, spread, Some(bend));
-                course.range().0 >= least_cosine(cones[i])
-            })
-    }
-
-    /// Cosine of the angle between leg `i` and its direction at home, at the base or at the
-    /// platform, over a cell.
-    fn lean(
-        &self,
-        i: usize,
-        platform: bool,
-        middle: &Middle,
-        spread: &Spread,
-        bend: Option<&Bend>,
-    ) -> Course {
-        let n = along(&middle.legs[i]);
-        let home = if platform { middle.rotation * self.home[i] } else { self.home[i] };
-        let length = (middle.legs[i].platform - middle.legs[i].base).norm();
-        let cosine = n.dot(&home);
-        let across = home - n * cosine;
-        let gradient = std::array::from_fn(|k| {
-            let turned = match platform && k >= 3 {
-                true => n.dot(&middle.axes[k - 3].cross(&home)),
-                false => 0.0,
-            };
-            across.dot(&self.span_change(i, k, middle)) / length + turned
-        });
-        // cos = n · d; in the platform d turns, too.
-        let turn = if platform { spread.turn } else { 0.0 };
-        let bound = |bend: &Bend| {
-            let [first, second] = bend.direction;
-            second + 2.0 * first * turn + turn * turn
-        };
-        Course {
-            middle: cosine,
-            slope: spread.slope(&gradient),
-            bend: bend.map_or(f64::INFINITY, bound),
-            rounding: ROUNDING,
-        }
-    }
-
     /// Distances of the legs; bounds that are `enough`, or those of pairs that are not the nearest
     /// ones anywhere, are not made any better.
-    fn gaps(
+    fn gaps<B>(
         &self,
         middle: &Middle,
         spread: &Spread,
         bends: Option<&[Bend]>,
         enough: f64,
-    ) -> Vec<Gap> {
-        let between = |[i, j]: [usize; 2]| middle.legs[i].gap(&middle.legs[j]);
-        let gaps: Vec<_> = self.pairs.iter().map(|pair| (*pair, between(*pair))).collect();
-        let nearest = gaps.iter().map(|(_, gap)| gap.norm()).fold(enough, f64::min);
-        let gap = |(pair, gap): &([usize; 2], Vector3<f64>)| {
+        visit: &mut impl FnMut(Span) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let Some(nearest) = middle.at.nearest().map(|nearest| nearest.distance) else {
+            return ControlFlow::Continue(());
+        };
+        // No two legs come nearer by more than the two that move farthest.
+        let farthest = bends.map_or(f64::INFINITY, |bends| {
+            bends.iter().map(|bend| bend.farthest).fold(0.0, f64::max)
+        });
+        if nearest - 2.0 * farthest - ROUNDING * self.config.machine.size() >= enough {
+            return ControlFlow::Continue(());
+        }
+        let nearest = nearest.min(enough);
+        for pair @ [i, j] in &self.pairs {
+            let gap = middle.legs[*i].segment.gap(&middle.legs[*j].segment);
             let distance = gap.norm();
             let least = bends.map_or(f64::NEG_INFINITY, |bends| {
-                let [i, j] = *pair;
                 // No point of a leg moves farther than its ends.
-                let at_least = distance
-                    - bends[i].farthest
-                    - bends[j].farthest
+                let least = distance
+                    - bends[*i].farthest
+                    - bends[*j].farthest
                     - ROUNDING * self.config.machine.size();
-                match at_least >= nearest || distance == 0.0 {
-                    true => at_least,
+                match least >= nearest || distance == 0.0 {
+                    true => least,
                     false => self.least_gap(*pair, &(gap / distance), middle, spread, bends),
                 }
             });
-            Gap { pair: *pair, middle: distance, least }
-        };
-        gaps.iter().map(gap).collect()
+            let range = [self.limits.clearance, f64::INFINITY];
+            let ends = [least, f64::INFINITY];
+            visit(Span::of(Limit::Clearance, Part::Legs(*pair), distance, ends, range))?;
+        }
+        ControlFlow::Continue(())
     }
 
     /// Least distance of two legs along a direction.
@@ -623,12 +748,12 @@ impl<'a> Reach<'a> {
         bends: &[Bend],
     ) -> f64 {
         let [one, other] = pair.map(|i| {
-            let ends = [middle.legs[i].base, middle.legs[i].platform].map(|end| w.dot(&end));
+            let leg = &middle.legs[i];
+            let ends = [leg.segment.base, leg.segment.platform].map(|end| w.dot(&end));
             let mut gradients = [[0.0; 6]; 2];
             for k in 0..6 {
-                let platform = self.motion(i, k, middle);
-                gradients[0][k] = w.dot(&(platform - self.span_change(i, k, middle)));
-                gradients[1][k] = w.dot(&platform);
+                gradients[0][k] = w.dot(&(leg.motions[k] - leg.changes[k]));
+                gradients[1][k] = w.dot(&leg.motions[k]);
             }
             (ends, gradients, bends[i].ends)
         });
@@ -640,151 +765,269 @@ impl<'a> Reach<'a> {
         least.into_iter().fold(f64::INFINITY, f64::min) - ROUNDING * self.config.machine.size()
     }
 
-    /// How far the conditioning changes from the middle at most.
-    fn drift(&self, spread: &Spread, bends: &[Bend]) -> f64 {
-        let angles = self.active[3..].iter().filter(|active| **active).count();
-        // About the axes of base, or about those of one or two angles, which turn as well.
-        let (columns, turns) = if angles == 3 { (1.0, 1.0) } else { (angles as f64, 2.0) };
-        let square = |(bend, lever): (&Bend, &f64)| {
-            let direction = bend.direction[0];
-            let moment = lever * (direction + turns * spread.turn);
-            direction * direction + columns * moment * moment
+    /// How well the legs hold the platform over a cell.
+    fn hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Hold {
+        let extents = self.extents(spread);
+        let unknown = |shares| Hold { share: 0.0, is_regular: false, inverse: 1.0, shares };
+        let rows = constraint_rows(&middle.at);
+        let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
+        let slopes: Vec<Rows> =
+            spread.steps.iter().map(|step| self.row_slopes(middle, step)).collect();
+        let rest = self.row_rest(spread, bends);
+        let changes: Vec<Square> = slopes.iter().map(|slope| (inverse * slope).abs()).collect();
+        let bound = changes.iter().fold(inverse.abs() * rest, |sum, change| sum + change);
+        let whole: f64 = extents.iter().sum();
+        let beside = (inverse.abs() * rest).norm() / whole;
+        let share = |(change, extent): (&Square, &f64)| change.norm() + beside * extent;
+        let shares = changes.iter().zip(&extents).map(share).collect();
+        let is_regular = match self.is_geared {
+            false => spectral_radius(&bound) < 1.0 - ROUNDING,
+            true => self.is_regular_with_nuts(middle, spread, bends, &slopes, &rest),
         };
-        bends.iter().zip(&self.levers).map(square).sum::<f64>().sqrt() + ROUNDING
+        // The largest eigenvalue's eighth root of the trace of its fourth power.
+        let inverse = (square * square).norm().powf(0.25);
+        let share = (1.0 - ROUNDING - spectral_radius(&bound.tr_mul(&bound)).sqrt()).max(0.0);
+        Hold { share, is_regular, inverse, shares }
     }
 
-    /// Change of the vector along leg `i` with a coordinate, per machine unit or radian.
-    fn span_change(&self, i: usize, k: usize, middle: &Middle) -> Vector3<f64> {
-        let leg = &self.config.geometry.legs()[i];
-        let per_joint = match leg.kind {
-            LegKind::Strut(_) => return self.motion(i, k, middle),
-            LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
-            LegKind::Crank(crank) => {
-                let arm = middle.legs[i].base - Vector3::from(leg.base);
-                Vector3::from(crank.axis).normalize().cross(&arm) * RADIANS
-            }
-        };
-        let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
-        self.motion(i, k, middle) - per_joint * (middle.gradient[(i, k)] * unit)
+    /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell.
+    fn is_regular_with_nuts(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        bends: &[Bend],
+        slopes: &[Rows],
+        rest: &Rows,
+    ) -> bool {
+        let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, bends));
+        let Some((rows, of_nuts)) = nuts else { return false };
+        let Some((inverse, _)) = self.pseudo_inverse(&rows) else { return false };
+        let rest = inverse.abs() * (rest + of_nuts);
+        let bound = slopes.iter().fold(rest, |sum, slope| sum + (inverse * slope).abs());
+        spectral_radius(&bound) < 1.0 - ROUNDING
     }
 
-    /// Whether the legs hold the platform all over the cell; where that is not proved, what every
-    /// step contributes to that.
-    fn departure(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Result<(), Vec<f64>> {
-        let extents = || self.extents(spread);
-        let active = || (0..6).filter(|k| self.active[*k]);
-        let scale = self.scale(spread);
-        let mut rows = Rows::zeros();
-        let mut rest = Rows::zeros();
-        let mut slopes = vec![Rows::zeros(); spread.steps.len()];
-        for (i, bend) in bends.iter().enumerate() {
-            let leg = self.leg_slopes(i, middle);
-            for k in active() {
-                let (row, bound) = self.row(i, k, middle, spread, bend).ok_or_else(extents)?;
-                (rows[(i, k)], rest[(i, k)]) = (row * scale[k], bound * scale[k]);
-                for (change, step) in slopes.iter_mut().zip(&spread.steps) {
-                    change[(i, k)] = active().map(|m| leg[m][k] * step[m]).sum::<f64>() * scale[k];
-                }
-            }
-        }
-        let mut normal = rows.tr_mul(&rows);
+    /// Pseudo-inverse of rows, and its product with its transpose; coordinates that the legs do not
+    /// move have zeros.
+    fn pseudo_inverse(&self, rows: &Rows) -> Option<(SMatrix<f64, 6, MAX_LEGS>, Square)> {
+        let mut normal = rows.tr_mul(rows);
         for k in (0..6).filter(|k| !self.active[*k]) {
             normal[(k, k)] = 1.0;
         }
-        let inverse = normal.try_inverse().ok_or_else(extents)? * rows.transpose();
-        let rest = inverse.abs() * rest;
-        let changes: Vec<_> = slopes.iter().map(|slope| (inverse * slope).abs()).collect();
-        let departure = changes.iter().fold(rest, |sum, change| sum + change);
-        let columns = (0..6).map(|k| departure.column(k).sum()).fold(0.0, f64::max);
-        let lines = (0..6).map(|k| departure.row(k).sum()).fold(0.0, f64::max);
-        if departure.norm().min(columns).min(lines) < 1.0 - ROUNDING {
-            return Ok(());
+        let mut square = normal.cholesky()?.inverse();
+        for k in (0..6).filter(|k| !self.active[*k]) {
+            square[(k, k)] = 0.0;
         }
-        let extents = extents();
-        let whole: f64 = extents.iter().sum();
-        let share = |(change, extent): (&SMatrix<f64, 6, 6>, f64)| {
-            change.norm() + rest.norm() * extent / whole
-        };
-        Err(changes.iter().zip(extents).map(share).collect())
+        Some((square * rows.transpose(), square))
     }
 
-    /// Scale of every coordinate: any will do, its extent does best. One without an extent still
-    /// has to be held.
-    fn scale(&self, spread: &Spread) -> [f64; 6] {
-        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.radius() };
-        let widest = (0..6).map(|k| spread.half[k] * unit(k)).fold(0.0, f64::max);
-        if widest == 0.0 {
-            return std::array::from_fn(|k| 1.0 / unit(k));
-        }
-        std::array::from_fn(|k| spread.half[k].max(LEAST_SCALE * widest / unit(k)))
+    /// Whether the angular columns are about the axes of base, or about those of one or two angles,
+    /// which turn as well.
+    fn is_about_base(&self) -> bool {
+        self.active[3..] == [true; 3]
     }
 
-    /// Entry of the rows of leg `i` in the middle, and a bound of what it changes by in the cell
-    /// beside [`Self::leg_slopes`].
-    fn row(
-        &self,
-        i: usize,
-        k: usize,
-        middle: &Middle,
-        spread: &Spread,
-        bend: &Bend,
-    ) -> Option<(f64, f64)> {
-        let n = along(&middle.legs[i]);
-        let (speed, turn) = if k < 3 { (1.0, 0.0) } else { (self.arm(i), 1.0) };
-        let [turned, bent] = bend.direction;
-        // n · ∂p: the second derivative of the product.
-        let around = turn * spread.turn;
-        let bound = speed * (bent + 2.0 * turned * around + around * spread.turn) / 2.0;
-        let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else {
-            return Some((n.dot(&self.motion(i, k, middle)), bound));
-        };
-        let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
-        let row = middle.gradient[(i, k)] * unit;
-        if strut.lead == 0.0 {
-            return Some((row, bound));
+    /// Axis of an angular column.
+    fn axis(&self, k: usize, middle: &Middle) -> Vector3<f64> {
+        match self.is_about_base() {
+            true => Vector3::ith(k, 1.0),
+            false => middle.axes[k],
         }
-        // The bilinear form of `nut_bend`.
-        let [a, b] = self.cardan(i, middle, [turned, turned + spread.turn])?.map(|c| 1.0 / (c * c));
-        let tangents = (a - 1.0).sqrt() + (b - 1.0).sqrt();
-        let own = speed / bend.length;
-        let second = speed * around / bend.length + 3.0 * own * turned;
-        let nut = 3.0 * own * turned * a
-            + 3.0 * (own + turn) * (turned + spread.turn) * b
-            + tangents * second
-            + around * b.sqrt();
-        Some((row, bound + strut.lead.abs() / (2.0 * PI) * nut))
     }
 
-    /// Derivatives of n · ∂p/∂k of leg `i` with every coordinate m, by m and k.
-    fn leg_slopes(&self, i: usize, middle: &Middle) -> [[f64; 6]; 6] {
-        let span = middle.legs[i].platform - middle.legs[i].base;
-        let length = span.norm();
-        let n = span / length;
-        let motions: [Vector3<f64>; 6] = std::array::from_fn(|k| self.motion(i, k, middle));
-        std::array::from_fn(|m| {
-            let change = self.span_change(i, m, middle);
-            let turned = (change - n * n.dot(&change)) / length;
-            std::array::from_fn(|k| {
-                turned.dot(&motions[k]) + n.dot(&self.second_motion(i, k, m, middle))
-            })
-        })
+    /// From the point that the conditioning is about to the platform anchor of leg `i`, in base.
+    fn lever(&self, i: usize, middle: &Middle) -> Vector3<f64> {
+        let anchor = Vector3::from(self.config.geometry.legs()[i].platform);
+        middle.rotation * (anchor - self.about)
     }
 
-    /// Second derivative of the platform anchor of leg `i` with two coordinates.
-    fn second_motion(&self, i: usize, k: usize, m: usize, middle: &Middle) -> Vector3<f64> {
-        if k < 3 || m < 3 {
-            return Vector3::zeros();
+    /// Change of the constraint rows along a step, machine units and radians.
+    fn row_slopes(&self, middle: &Middle, step: &[f64; 6]) -> Rows {
+        let mut slopes = Rows::zeros();
+        let per_radius = 1.0 / self.config.machine.radius();
+        let turn: Vector3<f64> = (0..3).map(|k| middle.axes[k] * step[k + 3]).sum();
+        let moved = || (0..6).filter(|k| step[*k] != 0.0);
+        for (i, leg) in middle.legs.iter().enumerate() {
+            let change: Vector3<f64> = moved().map(|k| leg.changes[k] * step[k]).sum();
+            let turned = (change - leg.n * leg.n.dot(&change)) / leg.length;
+            let lever = self.lever(i, middle);
+            let moment = lever.cross(&leg.n);
+            let slope = turn.cross(&lever).cross(&leg.n) + lever.cross(&turned);
+            for k in (0..3).filter(|k| self.active[*k]) {
+                slopes[(i, k)] = turned[k];
+            }
+            for k in (0..3).filter(|k| self.active[k + 3]) {
+                let mut entry = self.axis(k, middle).dot(&slope);
+                if !self.is_about_base() {
+                    // R = Rz Ry Rx: every axis turns with those further left in the product.
+                    let outer = (k + 1..3).map(|m| middle.axes[m] * step[m + 3]);
+                    entry += outer.sum::<Vector3<f64>>().cross(&middle.axes[k]).dot(&moment);
+                }
+                slopes[(i, k + 3)] = entry * per_radius;
+            }
         }
-        // R = Rz Ry Rx: the turn further left in the product comes last.
-        let (outer, inner) = (middle.axes[k.max(m) - 3], middle.axes[k.min(m) - 3]);
-        let bent = |arm: Vector3<f64>| outer.cross(&inner.cross(&(middle.rotation * arm)));
-        let [shared, own] = self.arms[i].map(bent);
-        own + self.of_legs(shared)
+        slopes
+    }
+
+    /// Bound of what the constraint rows change by in the cell beside [`Self::row_slopes`].
+    fn row_rest(&self, spread: &Spread, bends: &[Bend]) -> Rows {
+        let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
+        let mut rest = Rows::zeros();
+        for (i, bend) in bends.iter().enumerate() {
+            let [turned, bent] = bend.direction;
+            let lever = self.arm_about(i) / self.config.machine.radius();
+            let angular = lever * (bent + 2.0 * turned * turns + turns * turns) / 2.0;
+            for k in (0..6).filter(|k| self.active[*k]) {
+                rest[(i, k)] = if k < 3 { bent / 2.0 } else { angular };
+            }
+        }
+        rest
+    }
+
+    fn arm_about(&self, i: usize) -> f64 {
+        (Vector3::from(self.config.geometry.legs()[i].platform) - self.about).norm()
+    }
+
+    /// The constraint rows with those of the joints in place of the struts'.
+    fn rows_of_nuts(&self, middle: &Middle) -> Option<Rows> {
+        let of_twist = middle.at.inverse_jacobian().ok()?;
+        let mut rows = constraint_rows(&middle.at);
+        let per_radius = 1.0 / self.config.machine.radius();
+        // From the control point to the one that the rows are about.
+        let lever = middle.rotation * (self.tool + self.about);
+        let legs = self.config.geometry.legs().iter().enumerate();
+        for (i, _) in legs.filter(|(_, leg)| lead(leg) != 0.0) {
+            let part = |k: usize| Vector3::from_fn(|m, _| of_twist[(i, k + m)]);
+            let (force, moment) = (part(0), part(3) - lever.cross(&part(0)));
+            for k in (0..3).filter(|k| self.active[*k]) {
+                rows[(i, k)] = force[k];
+            }
+            for k in (0..3).filter(|k| self.active[k + 3]) {
+                rows[(i, k + 3)] = self.axis(k, middle).dot(&moment) * per_radius;
+            }
+        }
+        Some(rows)
+    }
+
+    /// Bound of what the nut corrections add to the change of the rows in the cell.
+    fn rest_of_nuts(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Option<Rows> {
+        let mut rest = Rows::zeros();
+        for (i, bend) in bends.iter().enumerate() {
+            let lead = lead(&self.config.geometry.legs()[i]);
+            if lead == 0.0 {
+                continue;
+            }
+            let [turned, _] = bend.direction;
+            let turns = [turned, turned + spread.turn];
+            let [a, b] = self.cardan(i, middle, turns)?.map(|cosine| 1.0 / (cosine * cosine));
+            let tangents = (a - 1.0).sqrt() + (b - 1.0).sqrt();
+            for k in (0..6).filter(|k| self.active[*k]) {
+                let (speed, turn) = if k < 3 { (1.0, 0.0) } else { (self.arm_about(i), 1.0) };
+                let unit = if k < 3 { 1.0 } else { 1.0 / self.config.machine.radius() };
+                // The bilinear form of `nut_bend`.
+                let around = turn * spread.turn;
+                let own = speed / bend.length;
+                let second = speed * around / bend.length + 3.0 * own * turned;
+                let nut = 3.0 * own * turned * a
+                    + 3.0 * (own + turn) * (turned + spread.turn) * b
+                    + tangents * second
+                    + around * b.sqrt();
+                rest[(i, k)] = lead.abs() / (2.0 * PI) * nut * unit;
+            }
+        }
+        Some(rest)
     }
 
     /// The part of a platform's motion that the legs take.
     fn of_legs(&self, v: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|k, _| if self.active[k] { v[k] } else { 0.0 })
+    }
+}
+
+/// A leg over a cell, as vectors that stand still in base or platform see it.
+struct Lean<'a> {
+    i: usize,
+    middle: &'a Middle<'a>,
+    spread: &'a Spread,
+    bend: Option<&'a Bend>,
+}
+
+impl Lean<'_> {
+    /// Product of the leg's direction and a unit vector of base or platform.
+    fn course(&self, is_platform: bool, vector: &Vector3<f64>) -> Course {
+        let LegMiddle { n, length, changes, .. } = &self.middle.legs[self.i];
+        let vector = if is_platform { self.middle.rotation * vector } else { *vector };
+        let cosine = n.dot(&vector);
+        let across = vector - n * cosine;
+        let gradient = std::array::from_fn(|k| {
+            let turned = match is_platform && k >= 3 {
+                true => n.dot(&self.middle.axes[k - 3].cross(&vector)),
+                false => 0.0,
+            };
+            across.dot(&changes[k]) / length + turned
+        });
+        // cos = n · d; in the platform d turns, too.
+        let turn = if is_platform { self.spread.turn } else { 0.0 };
+        let bound = |bend: &Bend| {
+            let [first, second] = bend.direction;
+            second + 2.0 * first * turn + turn * turn
+        };
+        Course {
+            middle: cosine,
+            slope: self.spread.slope(&gradient),
+            bend: self.bend.map_or(f64::INFINITY, bound),
+            rounding: ROUNDING,
+        }
+    }
+}
+
+/// Cosine of the angle between the tool axis and Z of base.
+fn tilt(middle: &Middle, spread: &Spread) -> Course {
+    let z = middle.rotation.column(2).into_owned();
+    let gradient = std::array::from_fn(|k| match k {
+        0..3 => 0.0,
+        _ => middle.axes[k - 3].cross(&z).z,
+    });
+    Course {
+        middle: z.z,
+        slope: spread.slope(&gradient),
+        bend: spread.turn * spread.turn,
+        rounding: ROUNDING,
+    }
+}
+
+/// Bound of the spectral radius of a matrix without negative entries, by Collatz and Wielandt: for
+/// any vector x of positive numbers it is at most the largest (B x)ᵢ/xᵢ.
+fn spectral_radius(matrix: &Square) -> f64 {
+    let mut x = Vector6::repeat(1.0);
+    let mut least = f64::INFINITY;
+    for _ in 0..STEPS {
+        let y = matrix * x;
+        let bound = y.component_div(&x).max();
+        // What is not a number bounds nothing.
+        if bound.is_nan() {
+            return f64::INFINITY;
+        }
+        least = least.min(bound);
+        x = y / y.max().max(f64::MIN_POSITIVE) + Vector6::repeat(1e-3);
+    }
+    least
+}
+
+fn constraint_rows(at: &At) -> Rows {
+    let rows = at.constraint_rows();
+    Rows::from_fn(|i, k| rows[i][k])
+}
+
+fn degrees_of_cosine(cosine: f64) -> f64 {
+    cosine.clamp(-1.0, 1.0).acos() / RADIANS
+}
+
+/// Lead of a strut's screw; 0 where there is none.
+fn lead(leg: &LegGeometry) -> f64 {
+    match leg.kind {
+        LegKind::Strut(strut) => strut.lead,
+        _ => 0.0,
     }
 }
 
@@ -835,25 +1078,9 @@ fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
 }
 
 /// Pairs of legs, lower number first, that share no anchor.
-fn watched_pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
-    let watch = config.machine.watch();
+pub fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
-    pairs.filter(|pair| watch.is_watched(*pair)).collect()
-}
-
-/// Lengths of the arms from the point that the conditioning is about, by its radius.
-fn levers(config: &MachineConfig, active: &[bool; 6]) -> Vec<f64> {
-    let anchors: Vec<Vector3<f64>> =
-        config.geometry.legs().iter().map(|leg| Vector3::from(leg.platform)).collect();
-    let middle = match active[..3] {
-        [true, true, true] => anchors.iter().sum::<Vector3<f64>>() / anchors.len() as f64,
-        _ => Vector3::from(config.geometry.centre),
-    };
-    anchors.iter().map(|anchor| (anchor - middle).norm() / config.machine.radius()).collect()
-}
-
-fn along(leg: &Segment) -> Vector3<f64> {
-    (leg.platform - leg.base).normalize()
+    pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()
 }
 
 /// A step along one coordinate.
@@ -863,8 +1090,4 @@ fn along_one(k: usize, half: f64) -> [f64; 6] {
 
 fn greatest(values: &[f64]) -> usize {
     (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
-}
-
-fn least_cosine(cone: Option<f64>) -> f64 {
-    cone.map_or(-2.0, |angle| (angle * RADIANS).cos())
 }

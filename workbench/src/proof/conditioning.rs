@@ -3,14 +3,13 @@
 //! and at the worst of a box of poses.
 
 use crate::proof::axis_box::AxisBox;
-use crate::proof::cell::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Poses drawn in the search for the worst, and how often each of the best ten is bettered.
-const DRAWN: usize = 20_000;
+/// Poses that a search for the worst goes on from, and steps of each.
+const WORST: usize = 10;
 const BETTERED: usize = 400;
 
 /// The value at a pose without a tool.
@@ -18,33 +17,21 @@ const BETTERED: usize = 400;
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
 pub fn at(config: &MachineConfig, pose: &[f64; 6]) -> Result<f64, Fault> {
-    config.machine.conditioning(&Pose::from_degrees(*pose), &config.spindle)
+    let at = config.machine.at(&Pose::from_degrees(*pose), &config.spindle)?;
+    Ok(at.smallest_singular_value())
 }
 
-/// What a search through a box of poses has found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Worst {
-    /// Smallest conditioning found.
-    pub value: f64,
-    /// Where.
-    pub pose: [f64; 6],
-    /// Share of the poses drawn that the machine can take.
-    pub taken: f64,
-}
-
-/// Searches for the worst pose that the machine can take: a random search, bettered from the
-/// ten worst places; the same numbers in every run.
-pub fn worst(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> Option<Worst> {
+/// The worst pose of a box, searched for from the worst of those drawn in it: random steps that
+/// get smaller; the same numbers in every run. `value` has none for poses that do not count.
+pub fn worst(
+    within: &AxisBox,
+    mut drawn: Vec<(f64, [f64; 6])>,
+    value: impl Fn(&[f64; 6]) -> Option<f64>,
+) -> Option<(f64, [f64; 6])> {
     let mut rng = Pcg64::seed_from_u64(0);
-    let value = |pose: &[f64; 6]| reach.check(pose).ok().and_then(|()| at(config, pose).ok());
-    let mut found: Vec<(f64, [f64; 6])> = (0..DRAWN)
-        .map(|_| within.at(std::array::from_fn(|_| rng.random())))
-        .filter_map(|pose| value(&pose).map(|value| (value, pose)))
-        .collect();
-    let taken = found.len() as f64 / DRAWN as f64;
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.truncate(10);
-    for (least, place) in &mut found {
+    drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
+    drawn.truncate(WORST);
+    for (least, place) in &mut drawn {
         let mut reach = 0.1;
         for _ in 0..BETTERED {
             let step = |k: usize| (within.high[k] - within.low[k]) * reach;
@@ -58,6 +45,5 @@ pub fn worst(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> Option<
             }
         }
     }
-    let (value, pose) = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(Worst { value, pose, taken })
+    drawn.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
 }

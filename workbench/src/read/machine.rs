@@ -383,61 +383,6 @@ impl MachineConfig {
     pub fn unit(&self, kind: JointKind) -> &'static str {
         if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
     }
-
-    /// Angle of every leg to its direction at home: at the base joints (in base), and
-    /// at the platform joints (in the platform frame). Degrees.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    pub fn cone_angles(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<ConeAngles, Fault> {
-        let home = self.home_pose();
-        let at_home = self.directions(&home, &self.spindle)?;
-        let now = self.directions(pose, tool)?;
-        let turn = home.rotation() * pose.rotation().transpose();
-        let angles = |now: &dyn Fn(usize) -> Vector3<f64>| {
-            at_home.iter().enumerate().map(|(i, home)| angle_deg(home, &now(i))).collect()
-        };
-        Ok(ConeAngles { base: angles(&|i| now[i]), platform: angles(&|i| turn * now[i]) })
-    }
-
-    /// Unit vectors along the legs, base to platform, in base.
-    fn directions(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, Fault> {
-        let segments = self.machine.segments(pose, tool)?;
-        Ok(segments[..self.legs()].iter().map(direction).collect())
-    }
-
-    /// Least |cos| of the angle between a rod and the motion of its lower end, which is 0
-    /// at the rod's dead point; `None` where every leg is a strut.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    pub fn least_drive(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<f64>, Fault> {
-        let segments = self.machine.segments(pose, tool)?;
-        let drives =
-            self.geometry.legs().iter().zip(&segments).filter_map(|(leg, s)| drive(leg, s));
-        Ok(drives.reduce(f64::min))
-    }
-}
-
-/// Angles between legs and their directions at home, degrees, per leg.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ConeAngles {
-    /// At the base joints, seen in base.
-    pub base: Vec<f64>,
-    /// At the platform joints, seen in the platform frame.
-    pub platform: Vec<f64>,
-}
-
-fn angle_deg(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    a.cross(b).norm().atan2(a.dot(b)).to_degrees()
-}
-
-fn direction(leg: &Segment) -> Vector3<f64> {
-    (leg.platform - leg.base).normalize()
-}
-
-fn drive(leg: &LegGeometry, segment: &Segment) -> Option<f64> {
-    Some(direction(segment).dot(&drive_rate(leg, segment)?.normalize()).abs())
 }
 
 /// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.

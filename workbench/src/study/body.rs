@@ -2,7 +2,7 @@
 //! The body of a workspace: rays in all directions, its volume and surface, and a count on a grid.
 
 use crate::files;
-use crate::study::workspace::{Limit, Ray, Workspace};
+use crate::study::workspace::{Border, Ray, Workspace};
 use kinematics::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -56,7 +56,11 @@ impl Body {
     ///
     /// # Errors
     /// The limit that the place itself breaks.
-    pub fn seen(workspace: &Workspace, from: Vector3<f64>, effort: &Effort) -> Result<Self, Limit> {
+    pub fn seen(
+        workspace: &Workspace,
+        from: Vector3<f64>,
+        effort: &Effort,
+    ) -> Result<Self, Border> {
         workspace.check(&from)?;
         let around = 2 * effort.bands;
         let elevation = |ring: usize| PI * (ring as f64 / effort.bands as f64 - 0.5);
@@ -102,8 +106,8 @@ impl Body {
     }
 
     /// Share of the directions that every limit ends, largest first.
-    pub fn shares(&self) -> Vec<(Limit, f64)> {
-        let mut shares: Vec<(Limit, f64)> = vec![];
+    pub fn shares(&self) -> Vec<(Border, f64)> {
+        let mut shares: Vec<(Border, f64)> = vec![];
         for (angle, ray) in self.rays() {
             let share = angle / (4.0 * PI);
             match shares.iter_mut().find(|(limit, _)| *limit == ray.limit) {
@@ -196,7 +200,7 @@ pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effo
 pub fn csv(body: &Body) -> String {
     let header = ["direction_x", "direction_y", "direction_z", "distance", "x", "y", "z", "limit"];
     let crossings = |(_, ray)| Ray::crossings(ray).map(move |crossing| (ray, crossing));
-    let row = |(ray, (distance, limit)): (&Ray, (f64, Limit))| {
+    let row = |(ray, (distance, limit)): (&Ray, (f64, Border))| {
         let (way, place) = (ray.direction, body.from + ray.direction * distance);
         let numbers = [way.x, way.y, way.z, distance, place.x, place.y, place.z];
         numbers.map(|x| x.to_string()).into_iter().chain([limit.to_string()])

@@ -7,13 +7,11 @@
 //! atan2(u_y, u_x) about Z.
 
 use crate::read::machine::MachineConfig;
-use crate::study::stance::Stance;
-use kinematics::{Fault, LegKind, MAX_LEGS, Nearest, Pose, Segment, Vector3, Watch};
+use kinematics::{Fault, LegKind, Nearest, Pose, Segment, Vector3};
 
 /// What is asked of a machine at every pose.
 pub struct View<'a> {
     config: &'a MachineConfig,
-    watch: Watch,
     /// Points of the platform, in its frame, machine units.
     points: Vec<Vector3<f64>>,
     /// Diameter of the rods, machine units.
@@ -61,8 +59,7 @@ pub fn pairs(legs: usize) -> Vec<[usize; 2]> {
 impl<'a> View<'a> {
     /// Of this machine.
     pub fn new(config: &'a MachineConfig, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
-        let watch = config.machine.watch().clone();
-        Self { config, watch, points, diameter }
+        Self { config, points, diameter }
     }
 
     /// The legs at a pose.
@@ -70,12 +67,13 @@ impl<'a> View<'a> {
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
     pub fn at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Rods, Fault> {
-        let stance = Stance::new(self.config, *pose, *tool)?;
-        let cones = self.config.cone_angles(pose, tool)?;
-        let directions: Vec<_> = (0..stance.legs.len()).map(|i| stance.direction(i)).collect();
+        let at = self.config.machine.at(pose, tool)?;
+        let cones = at.cones();
+        let legs = &at.segments()[..self.config.legs()];
+        let directions: Vec<_> = legs.iter().map(|leg| leg.span().normalize()).collect();
         let rod = |i: usize| Rod {
-            ends: stance.legs[i],
-            length: (stance.legs[i].platform - stance.legs[i].base).norm(),
+            ends: legs[i],
+            length: legs[i].span().norm(),
             elevation: directions[i].z.clamp(-1.0, 1.0).asin().to_degrees(),
             azimuth: directions[i].y.atan2(directions[i].x).to_degrees(),
             base_cone: cones.base[i],
@@ -84,11 +82,14 @@ impl<'a> View<'a> {
         };
         let between = pairs(directions.len());
         let between = between.iter().map(|[i, j]| angle(&directions[*i], &directions[*j]));
+        let anchor = Vector3::from(self.config.geometry.legs()[0].platform);
+        let in_base = |point: &Vector3<f64>| legs[0].platform + at.rotation() * (point - anchor);
+        let nearest = at.nearest();
         Ok(Rods {
             rods: (0..directions.len()).map(rod).collect(),
             between: between.collect(),
-            nearest: self.nearest(&stance.legs),
-            points: self.points.iter().map(|point| stance.in_base(point)).collect(),
+            nearest: nearest.map(|n| Nearest { distance: n.distance - self.diameter, ..n }),
+            points: self.points.iter().map(in_base).collect(),
         })
     }
 
@@ -97,12 +98,6 @@ impl<'a> View<'a> {
             LegKind::Slider(slider) => Some(Vector3::from(slider.guide)),
             _ => None,
         }
-    }
-
-    fn nearest(&self, legs: &[Segment]) -> Option<Nearest> {
-        let all: [Segment; MAX_LEGS] = std::array::from_fn(|i| legs[i.min(legs.len() - 1)]);
-        let nearest = self.watch.nearest(&all)?;
-        Some(Nearest { distance: nearest.distance - self.diameter, ..nearest })
     }
 
     /// Names of the numbers of [`Rods::values`].

@@ -14,8 +14,8 @@
 use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::machine::MachineConfig;
-use crate::study::stance::{self, Rows, Stance};
-use kinematics::{Fault, Joints, MAX_JOINTS, Pose, Vector3};
+use crate::study::stance::{self, Rows};
+use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
@@ -52,9 +52,8 @@ pub struct Sensitivity {
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn jacobian(stance: &Stance, tool: &Vector3<f64>) -> Result<Rows, Fault> {
-    let jacobian = stance.config.machine.pose_jacobian(&stance.pose, tool)?;
-    Ok(stance::moved_columns(stance.config, jacobian))
+pub fn jacobian(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+    Ok(stance::moved_columns(config, at.pose_jacobian()?))
 }
 
 impl Sensitivity {
@@ -68,11 +67,11 @@ impl Sensitivity {
         tool: &Vector3<f64>,
         length: f64,
     ) -> Result<Option<Self>, Fault> {
-        let stance = Stance::new(config, *pose, *tool)?;
-        let jacobian = jacobian(&stance, tool)?;
+        let at = config.machine.at(pose, tool)?;
+        let jacobian = jacobian(config, &at)?;
         let scaled = scaled(&jacobian, length);
         let moved = stance::moved(config).len();
-        let weights = weights(&stance);
+        let weights = weights(config, &at);
         let Some(inverse) = stance::inverse(&(weights * scaled), moved) else { return Ok(None) };
         let mut gain = inverse * weights;
         for k in 3..6 {
@@ -117,8 +116,8 @@ fn scaled(jacobian: &Rows, length: f64) -> Rows {
     scaled
 }
 
-fn weights(stance: &Stance) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
-    let gains = stance.gains();
+fn weights(config: &MachineConfig, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
+    let gains = stance::gains(config, at);
     let value = |i: usize| gains.get(i).copied().unwrap_or(0.0);
     SMatrix::from_diagonal(&SVector::<f64, MAX_JOINTS>::from_fn(|i, _| value(i)))
 }

@@ -2,7 +2,7 @@
 //! Slices of a workspace: what rays in a plane see.
 
 use crate::study::body::Effort;
-use crate::study::workspace::{Limit, Ray, Workspace};
+use crate::study::workspace::{Border, Ray, Workspace};
 use kinematics::Vector3;
 use std::f64::consts::PI;
 
@@ -75,7 +75,7 @@ impl Slice {
     }
 
     /// Crossings in coordinates of the plane, counted from the machine's origin, with their limit.
-    pub fn outline(&self) -> Vec<([f64; 2], Limit)> {
+    pub fn outline(&self) -> Vec<([f64; 2], Border)> {
         let point = |ray: &Ray, distance: f64| {
             let place = self.from + ray.direction * distance;
             self.plane.axes.map(|axis| axis.dot(&place))

@@ -12,7 +12,7 @@
 
 use crate::read::machine::MachineConfig;
 use crate::study::file::{Screw, Springs};
-use crate::study::stance::{self, Rows, Stance};
+use crate::study::stance::{self, Rows, joint_rows, length_rows};
 use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
 use nalgebra::{Matrix6, SMatrix, SVector};
 use std::f64::consts::PI;
@@ -46,16 +46,15 @@ impl Stiffness {
         tool: &Vector3<f64>,
         springs: &Springs,
     ) -> Result<Option<Self>, Fault> {
-        let stance = Stance::new(config, *pose, *tool)?;
+        let at = config.machine.at(pose, tool)?;
         let rows = match springs.screw {
-            Screw::Backdrivable => stance.joint_rows()?,
-            Screw::SelfLocking => stance.rows(),
+            Screw::Backdrivable => joint_rows(config, &at)?,
+            Screw::SelfLocking => length_rows(config, &at, tool),
         };
-        Ok(Self::of_rows(&stance, &rows, &springs.n_per_mm))
+        Ok(Self::of_rows(config, pose, &rows, &springs.n_per_mm))
     }
 
-    fn of_rows(stance: &Stance, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
-        let config = stance.config;
+    fn of_rows(config: &MachineConfig, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
         let moved = stance::moved(config).len();
         // Angles times a length of the machine: rows of one unit, for the test of their rank.
         let radius = config.machine.radius();
@@ -67,7 +66,7 @@ impl Stiffness {
         let inverse = stance::inverse(&weighted, moved)?;
         // Of the coordinates: machine units and radians per force in N times machine units.
         let of_pose = inverse * inverse.transpose();
-        let map = stance::rate_map(&stance.pose);
+        let map = stance::rate_map(pose);
         let mut to_twist = SMatrix::<f64, 6, 6>::identity();
         to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
         // Lengths in mm: the rows of angles are lengths a radian.

@@ -7,11 +7,12 @@
 //! volume is the sum of the rays' pieces by their solid angles, islands and holes included, and
 //! once more, independently, a count on a grid.
 
-use crate::limits::least_distance;
+use crate::limits;
 use crate::read::machine::{JointKind, MachineConfig};
 use crate::study::file;
-use crate::study::stance::Stance;
-use kinematics::{Fault, LegKind, Letter, Pose, Segment, Vector3, Watch};
+use kinematics::{
+    Cause, Fault, LegKind, Letter, Limit, Limits, Margin, Matrix3, Part, Pose, Vector3,
+};
 use std::f64::consts::PI;
 use std::fmt;
 
@@ -20,71 +21,58 @@ const HALVINGS: usize = 48;
 
 /// What a position breaks first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Limit {
-    /// There are no joint values: a rod too short, a strut without length.
-    Reach(Option<usize>),
-    /// A joint at its lowest value.
-    JointLow(usize),
-    /// A joint at its highest value.
-    JointHigh(usize),
-    /// A leg leans too much at its base joint.
-    BaseCone(usize),
-    /// A leg leans too much at its platform joint.
-    PlatformCone(usize),
-    /// A leg turns too far about an axis of its base joint.
-    BasePyramid(usize),
-    /// A leg turns too far about an axis of its platform joint.
-    PlatformPyramid(usize),
-    /// Two legs come too near.
-    Gap([usize; 2]),
-    /// The legs hold the platform too badly.
-    Conditioning,
+pub struct Border {
+    /// The limit.
+    pub limit: Limit,
+    /// Of what.
+    pub part: Part,
+    /// Whether it is the lower end of the range that is left.
+    pub is_low: bool,
 }
 
-impl Limit {
-    /// Kinds in the order of [`Limit::kind`].
-    pub const KINDS: [&'static str; 9] = [
-        "out of reach",
-        "joint at its lowest",
-        "joint at its highest",
-        "base cone",
-        "platform cone",
-        "base pyramid",
-        "platform pyramid",
-        "gap of legs",
-        "conditioning",
-    ];
+impl Border {
+    /// That nothing is reached beyond.
+    const UNREACHED: Self = Self { limit: Limit::Reach, part: Part::Whole, is_low: true };
 
-    /// Number of its kind.
-    pub const fn kind(self) -> usize {
-        match self {
-            Self::Reach(_) => 0,
-            Self::JointLow(_) => 1,
-            Self::JointHigh(_) => 2,
-            Self::BaseCone(_) => 3,
-            Self::PlatformCone(_) => 4,
-            Self::BasePyramid(_) => 5,
-            Self::PlatformPyramid(_) => 6,
-            Self::Gap(_) => 7,
-            Self::Conditioning => 8,
+    fn of_fault(fault: &Fault) -> Self {
+        let part = fault.number().map_or(Part::Whole, |leg| Part::Leg(leg.into()));
+        let limit = match fault.cause {
+            Cause::DeadPoint => Limit::DeadPoint,
+            _ => Limit::Reach,
+        };
+        Self { limit, part, is_low: true }
+    }
+
+    fn of_margin(margin: &Margin) -> Self {
+        let Margin { limit, part, value, range } = *margin;
+        Self { limit, part, is_low: value < range[0] }
+    }
+
+    /// Name of its kind.
+    pub const fn kind(&self) -> &'static str {
+        match (self.limit, self.is_low) {
+            (Limit::Reach, _) => "out of reach",
+            (Limit::JointRange, true) => "joint at its lowest",
+            (Limit::JointRange, false) => "joint at its highest",
+            (limit, _) => limit.name(),
         }
+    }
+
+    /// Kinds of borders in one order.
+    pub fn rank(&self) -> (usize, bool) {
+        (self.limit.index(), self.limit == Limit::JointRange && !self.is_low)
     }
 }
 
-impl fmt::Display for Limit {
+impl fmt::Display for Border {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(Self::KINDS[self.kind()])?;
-        match self {
-            Self::JointLow(i) | Self::JointHigh(i) => write!(f, " (joint {i})"),
-            Self::Reach(Some(i))
-            | Self::BaseCone(i)
-            | Self::PlatformCone(i)
-            | Self::BasePyramid(i)
-            | Self::PlatformPyramid(i) => {
-                write!(f, " (leg {i})")
-            }
-            Self::Gap([i, j]) => write!(f, " ({i} and {j})"),
-            Self::Reach(None) | Self::Conditioning => Ok(()),
+        f.write_str(self.kind())?;
+        match self.part {
+            Part::Joint(i) => write!(f, " (joint {i})"),
+            Part::Leg(i) => write!(f, " (leg {i})"),
+            Part::Legs([i, j]) => write!(f, " ({i} and {j})"),
+            Part::Axis(letter) => write!(f, " ({})", letter.name()),
+            Part::Whole => Ok(()),
         }
     }
 }
@@ -121,16 +109,12 @@ pub enum NoWorkspace {
 /// The limits of a machine, and the orientations in which a position has to keep them.
 pub struct Workspace<'a> {
     config: &'a MachineConfig,
-    watch: Watch,
+    limits: Limits,
     tool: Vector3<f64>,
     /// A B C in degrees.
     orientations: Vec<[f64; 3]>,
-    home: Vec<Vector3<f64>>,
-    base_pyramids: Vec<Pyramid>,
-    platform_pyramids: Vec<Pyramid>,
-    /// Least distance of the centre lines.
-    gap: f64,
-    conditioning: Option<f64>,
+    /// Of the study, which may name axes that the machine's file does not.
+    pyramids: [Vec<Pyramid>; 2],
 }
 
 /// A cardan joint: how far a leg may turn about its fixed axis and across it, both seen from what
@@ -163,9 +147,9 @@ pub struct Ray {
     /// Pieces within the limits, from and to, machine units; the first one begins at 0.
     pub inside: Vec<[f64; 2]>,
     /// What ends the first piece.
-    pub limit: Limit,
+    pub limit: Border,
     /// What stands at the ends of the other pieces, one each for their beginning and their end.
-    pub others: Vec<[Limit; 2]>,
+    pub others: Vec<[Border; 2]>,
     /// Positions looked at.
     pub looked: usize,
 }
@@ -177,7 +161,7 @@ impl Ray {
     }
 
     /// Distance and limit of every crossing.
-    pub fn crossings(&self) -> impl Iterator<Item = (f64, Limit)> + '_ {
+    pub fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
         let first = (self.exit(), self.limit);
         let others = self.inside[1..].iter().zip(&self.others);
         let others = others.flat_map(|(ends, limits)| ends.iter().copied().zip(*limits));
@@ -201,20 +185,22 @@ impl<'a> Workspace<'a> {
         if let Some(held) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {
             return Err(NoWorkspace::Held(held.name()));
         }
-        let stance = Stance::new(config, config.home_pose(), tool)?;
-        let home: Vec<_> = (0..config.legs()).map(|i| stance.direction(i)).collect();
+        let at = config.machine.at(&config.home_pose(), &tool)?;
+        let legs = &at.segments()[..config.legs()];
+        let home: Vec<_> = legs.iter().map(|leg| leg.span().normalize()).collect();
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
-        let gap = diameter.max(least_distance(config));
+        let mut limits = limits::beyond_axes(config);
+        limits.clearance = limits.clearance.max(diameter);
+        limits.conditioning = study.limits.conditioning.map_or(limits.conditioning, |c| c.0);
         Ok(Self {
             config,
-            watch: config.machine.watch().clone(),
+            limits,
             tool,
             orientations,
-            base_pyramids: pyramids(config, &study.limits, End::Base, &home)?,
-            platform_pyramids: pyramids(config, &study.limits, End::Platform, &home)?,
-            home,
-            gap,
-            conditioning: study.limits.conditioning.map(|c| c.0),
+            pyramids: [
+                pyramids(config, &study.limits, End::Base, &home)?,
+                pyramids(config, &study.limits, End::Platform, &home)?,
+            ],
         })
     }
 
@@ -222,56 +208,25 @@ impl<'a> Workspace<'a> {
     ///
     /// # Errors
     /// The first limit that it breaks.
-    pub fn check(&self, position: &Vector3<f64>) -> Result<(), Limit> {
+    pub fn check(&self, position: &Vector3<f64>) -> Result<(), Border> {
         self.orientations.iter().try_for_each(|angles| self.check_one(position, angles))
     }
 
-    fn check_one(&self, position: &Vector3<f64>, angles: &[f64; 3]) -> Result<(), Limit> {
+    fn check_one(&self, position: &Vector3<f64>, angles: &[f64; 3]) -> Result<(), Border> {
         let [a, b, c] = *angles;
         let pose = Pose::from_degrees([position.x, position.y, position.z, a, b, c]);
-        let machine = &self.config.machine;
-        let of_reach = |fault: Fault| Limit::Reach(fault.number().map(usize::from));
-        let joints = machine.inverse(&pose, &self.tool).map_err(of_reach)?;
-        for (i, (joint, value)) in self.config.joints.iter().zip(joints).enumerate() {
-            if !(value >= joint.min) {
-                return Err(Limit::JointLow(i));
-            }
-            if !(value <= joint.max) {
-                return Err(Limit::JointHigh(i));
-            }
-        }
-        let legs = machine.segments(&pose, &self.tool).map_err(of_reach)?;
-        self.check_joints(&pose, &legs)?;
-        if let Some(nearest) = self.watch.nearest(&legs)
-            && !(nearest.distance >= self.gap)
+        let at = self.config.machine.at(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
+        limits::check(&at, &self.limits).map_err(|margin| Border::of_margin(&margin))?;
+        let ends = [Limit::BasePyramid, Limit::PlatformPyramid];
+        for (limit, (pyramids, turn)) in
+            ends.into_iter().zip(self.pyramids.iter().zip([Matrix3::identity(), at.rotation()]))
         {
-            return Err(Limit::Gap(nearest.pair));
-        }
-        match self.conditioning {
-            Some(least) => match machine.conditioning(&pose, &self.tool) {
-                Ok(value) if value >= least => Ok(()),
-                _ => Err(Limit::Conditioning),
-            },
-            None => Ok(()),
-        }
-    }
-
-    fn check_joints(&self, pose: &Pose, legs: &[Segment]) -> Result<(), Limit> {
-        let rotation = pose.rotation();
-        for (i, home) in self.home.iter().enumerate() {
-            let leg = (legs[i].platform - legs[i].base).normalize();
-            if !(leg.dot(home) >= least_cosine(self.config.base_cone[i])) {
-                return Err(Limit::BaseCone(i));
-            }
-            if !(leg.dot(&(rotation * home)) >= least_cosine(self.config.platform_cone[i])) {
-                return Err(Limit::PlatformCone(i));
-            }
-            if !self.base_pyramids.get(i).is_none_or(|pyramid| pyramid.holds(&leg)) {
-                return Err(Limit::BasePyramid(i));
-            }
-            let seen = rotation.tr_mul(&leg);
-            if !self.platform_pyramids.get(i).is_none_or(|pyramid| pyramid.holds(&seen)) {
-                return Err(Limit::PlatformPyramid(i));
+            let outside = pyramids
+                .iter()
+                .zip(at.segments())
+                .position(|(pyramid, leg)| !pyramid.holds(&turn.tr_mul(&leg.span().normalize())));
+            if let Some(i) = outside {
+                return Err(Border { limit, part: Part::Leg(i), is_low: false });
             }
         }
         Ok(())
@@ -302,7 +257,7 @@ impl<'a> Workspace<'a> {
             before = now;
         }
         let of = |k: usize| crossings.get(k).copied();
-        let end = (self.extent(), Limit::Reach(None));
+        let end = (self.extent(), Border::UNREACHED);
         let (exit, limit) = of(0).unwrap_or(end);
         let mut ray =
             Ray { direction: *direction, inside: vec![[0.0, exit]], limit, others: vec![], looked };
@@ -317,12 +272,12 @@ impl<'a> Workspace<'a> {
 
 /// Where the limits are crossed between two places, and what is broken on the outer side.
 fn crossing(
-    at: &impl Fn(f64) -> Result<(), Limit>,
+    at: &impl Fn(f64) -> Result<(), Border>,
     (mut low, mut high): (f64, f64),
     leaves: bool,
-    outside: Option<Limit>,
-) -> (f64, Limit) {
-    let mut limit = outside.unwrap_or(Limit::Reach(None));
+    outside: Option<Border>,
+) -> (f64, Border) {
+    let mut limit = outside.unwrap_or(Border::UNREACHED);
     for _ in 0..HALVINGS {
         let middle = (low + high) / 2.0;
         let found = at(middle);
@@ -335,10 +290,6 @@ fn crossing(
         }
     }
     (if leaves { low } else { high }, limit)
-}
-
-fn least_cosine(cone: Option<f64>) -> f64 {
-    cone.map_or(-2.0, |degrees| degrees.to_radians().cos())
 }
 
 /// The two ends of a leg.

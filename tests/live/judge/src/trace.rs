@@ -5,10 +5,11 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
-use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Pose, Vector3};
+use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
 use pkm::check::mobility::Structure;
 use pkm::draw::sample::Sample;
-use pkm::read::machine::{ConeAngles, Group, JointKind, MachineConfig};
+use pkm::limits;
+use pkm::read::machine::{Group, JointKind, MachineConfig};
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
@@ -252,7 +253,7 @@ pub fn judge(
     checks.extend(structure_checks(config).map_err(failed(&world[0]))?);
     checks.extend(kinematics_checks(config, &world, &offsets)?);
     checks.extend(limit_checks(config, samples, &world, &offsets));
-    checks.extend(cone_checks(config, samples, &world, &offsets)?);
+    checks.extend(pose_checks(config, samples, &world, &offsets)?);
     checks.push(servo_check(config, result));
     Ok(Report { checks })
 }
@@ -333,12 +334,12 @@ impl Deviations {
     /// Host forward of the sampled joints.
     fn add(&mut self, config: &MachineConfig, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
         let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
-        let asked = config.machine.inverse(&pose, &tool)?;
-        widen(&mut self.joints, &asked, &sample.joints);
+        let asked = config.machine.at(&pose, &tool)?;
+        widen(&mut self.joints, asked.joints(), &sample.joints);
         let found = config.machine.forward(&sample.joints, seed, &tool, &config.solver)?.pose;
         self.round_trip = self.round_trip.max(pose.distance(&found, config.machine.radius()));
-        let drives = self.least_drive.into_iter().chain(config.least_drive(&pose, &tool)?);
-        self.least_drive = drives.reduce(f64::min);
+        let drives = (0..config.legs()).filter_map(|i| asked.drive(i));
+        self.least_drive = drives.chain(self.least_drive).reduce(f64::min);
         Ok(found)
     }
 
@@ -472,17 +473,18 @@ fn rates(positions: &[f64], period: f64) -> (f64, f64) {
     (speed / period, acceleration / (period * period))
 }
 
-fn cone_checks(
+/// Limits of the poses during homing and in the program, beside those of joints and axes.
+fn pose_checks(
     config: &MachineConfig,
     samples: &[Sample],
     world: &[Sample],
     offsets: &Joints,
 ) -> Result<Vec<Check>, TraceFault> {
-    let mut homing = Cones::new(config);
+    let mut homing = Worst::new(config);
     for (sample, pose) in homing_poses(config, samples, offsets)? {
         homing.add(config, &pose, &config.spindle).map_err(failed(sample))?;
     }
-    let mut program = Cones::new(config);
+    let mut program = Worst::new(config);
     for sample in world {
         let pose = Pose::from_degrees(sample.pose);
         program.add(config, &pose, &sample.tool()).map_err(failed(sample))?;
@@ -510,13 +512,15 @@ fn homing_poses<'a>(
     Ok(poses)
 }
 
-/// Largest cone angles, per leg.
-struct Cones(ConeAngles);
+/// The least margin of every limit that is set.
+struct Worst {
+    limits: Limits,
+    margins: [Option<Margin>; Limit::ALL.len()],
+}
 
-impl Cones {
+impl Worst {
     fn new(config: &MachineConfig) -> Self {
-        let none = vec![0.0; config.legs()];
-        Self(ConeAngles { base: none.clone(), platform: none })
+        Self { limits: limits::of_homing(config), margins: [None; Limit::ALL.len()] }
     }
 
     fn add(
@@ -525,32 +529,28 @@ impl Cones {
         pose: &Pose,
         tool: &Vector3<f64>,
     ) -> Result<(), Fault> {
-        let now = config.cone_angles(pose, tool)?;
-        let most = self.0.base.iter_mut().chain(&mut self.0.platform);
-        for (most, angle) in most.zip(now.base.into_iter().chain(now.platform)) {
-            *most = most.max(angle);
-        }
+        let at = config.machine.at(pose, tool)?;
+        limits::each(&at, &self.limits, |margin| {
+            let worst = &mut self.margins[margin.limit.index()];
+            if margin.range != Limits::NONE.axis[0]
+                && !worst.is_some_and(|worst| worst.room() <= margin.room())
+            {
+                *worst = Some(margin);
+            }
+        });
         Ok(())
     }
 
     fn checks(&self, config: &MachineConfig, when: &str) -> Vec<Check> {
-        let parts = [
-            ("base", &self.0.base, &config.base_cone),
-            ("platform", &self.0.platform, &config.platform_cone),
-        ];
-        parts
-            .into_iter()
-            .map(|(body, angles, limits)| cone_check(body, when, angles, limits))
-            .collect()
+        let of = |margin: &Margin| {
+            let Margin { limit, part, value, .. } = *margin;
+            let unit = limits::unit(config, limit, part);
+            let found = format!("{value:.4} {unit} of {}", limits::part(config, limit, part));
+            let allowed = limits::bound(config, margin);
+            check(&format!("{}, {when}", limit.name()), found, &allowed, margin.is_kept())
+        };
+        self.margins.iter().flatten().map(of).collect()
     }
-}
-
-fn cone_check(body: &str, when: &str, angles: &[f64], limits: &[Option<f64>]) -> Check {
-    let name = format!("cone of the {body} joints, {when}");
-    let kept = angles.iter().zip(limits).all(|(angle, limit)| limit.is_none_or(|l| *angle <= l));
-    let lowest = limits.iter().flatten().copied().reduce(f64::min);
-    let allowed = lowest.map_or(String::new(), |limit| format!("at most {limit} degrees"));
-    check(&name, format!("{:.2} degrees", range(angles).1), &allowed, kept)
 }
 
 fn servo_check(config: &MachineConfig, result: &RunResult) -> Check {

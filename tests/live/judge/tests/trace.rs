@@ -157,7 +157,7 @@ fn a_cone_left_in_the_program_is_seen() {
     config.base_cone[4] = Some(1.0);
     let report = judge(&config, &samples(&config), &result(&config)).unwrap();
     let bad: Vec<_> = report.checks.iter().filter(|c| !c.kept).map(|c| c.name.as_str()).collect();
-    assert_eq!(bad, ["cone of the base joints, program"]);
+    assert_eq!(bad, ["base cone, program"]);
 }
 
 /// Machines with other joints than struts, and what they can do.

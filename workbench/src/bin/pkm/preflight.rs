@@ -7,6 +7,7 @@ use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
 use pkm::draw::{margins, page};
 use pkm::files::{Locate, write_whole};
+use pkm::limits::is_of_feed;
 use pkm::program::interpreter::{self, Move, Reading};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Break, LineLoad, Preflight, preflight};
@@ -145,7 +146,7 @@ fn offset(
     moves: &[Move],
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    if found.breaks.iter().all(|told| told.limit.is_of_feed()) {
+    if found.breaks.iter().all(|told| is_of_feed(told.limit)) {
         // Another place does not make a program slower.
         return Ok(None);
     }

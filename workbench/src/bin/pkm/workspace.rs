@@ -11,7 +11,7 @@ use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use pkm::study::body::{Body, Counted, Effort, counted, csv, obj};
 use pkm::study::slice::{Plane, Slice};
-use pkm::study::workspace::{Limit, Ray, Workspace, tilts};
+use pkm::study::workspace::{Border, Ray, Workspace, tilts};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -153,7 +153,7 @@ fn look(
     Ok(Seen { body, counted, slices })
 }
 
-fn empty(from: &Vector3<f64>, limit: Limit) -> Failure {
+fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
     refused(format!(
         "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
          for less tilt",
