@@ -17,6 +17,10 @@ pub const AXIS_MIN_CLEARANCE: f64 = 0.01;
 /// refuses less than 0.1, and the test is not about that edge.
 pub const FOLD_MIN_COSINE: f64 = 0.15;
 
+/// cos(φ − φ₀) below which the module may refuse a strut: it does so beyond 170°, and forward
+/// where its ball reaches so far, here by 4° at most.
+pub const HALF_TURN_COSINE: f64 = -0.97;
+
 /// forward(inverse(p)) against p as pose distance, relative to the machine's
 /// size. README's number.
 pub const ROUND_TRIP_REL: f64 = 1e-10;

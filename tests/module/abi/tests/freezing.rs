@@ -57,6 +57,32 @@ fn the_first_forward_call_freezes_a_drop_in_hal_file() {
     assert!((pose[0] - TILTED[0]).abs() < SAME_COMPONENT, "{pose:?}");
 }
 
+/// Turned so far that the arcsin of every strut has folded.
+const TURNED: Pose = [0.0, 0.0, 300.0, 0.0, 0.0, 120.0, 0.0, 0.0, 0.0];
+
+#[test]
+fn the_first_pose_known_is_the_reference_of_a_drop_in_and_inverse_alone_never_decides() {
+    let reference = paper_004().module().inverse(&TURNED).expect("a pose");
+    let machine = Hexapod { home: None, ..paper_004() };
+    for seed in [PAPER_004_HOME, [0.0; 9]] {
+        let module = dropped_in(&machine);
+        let literal = module.inverse(&TURNED).expect("a pose");
+        let home = module.inverse(&PAPER_004_HOME).expect("home");
+        assert_eq!(module.inverse(&TURNED), Ok(literal));
+        assert!((0..6).all(|n| (literal[n] - reference[n]).abs() > SAME_JOINT_MM));
+        let mut elsewhere = home;
+        elsewhere[0] += 1e6;
+        assert!(module.forward(&elsewhere, &seed).is_err());
+        assert_eq!(module.inverse(&TURNED), Ok(literal), "no pose is known yet");
+        module.forward(&home, &seed).expect("home");
+        let folded = module.inverse(&TURNED).expect("a pose");
+        assert!((0..6).all(|n| (folded[n] - reference[n]).abs() < SAME_JOINT_MM), "{folded:?}");
+        module.forward(&reference, &TURNED).expect("its own joints");
+        assert_eq!(module.inverse(&TURNED), Ok(folded), "decided once");
+        assert!(module.messages().is_empty(), "{:?}", module.messages());
+    }
+}
+
 #[test]
 fn drop_in_and_applied_geometry_give_the_same_joints_and_hash() {
     let (applied, dropped) = (paper_004().module(), dropped_in(&paper_004()));

@@ -11,8 +11,9 @@ use abi_tests::nut::{Twist, twist};
 use abi_tests::random::{Random, cases};
 use abi_tests::tolerances::{
     ARCSIN_MAX_SINE_SQUARED, AXIS_MIN_CLEARANCE, CERTIFIABLE_CLEARANCE, FOLD_MIN_COSINE,
-    GENHEXKINS_SAME, INVERSE_REL, RANDOM_MACHINE_REFUSALS, ROUND_TRIP_REL,
+    GENHEXKINS_SAME, HALF_TURN_COSINE, INVERSE_REL, RANDOM_MACHINE_REFUSALS, ROUND_TRIP_REL,
 };
+use kinematics::Cause;
 
 /// Poses a machine: wiring 180 pins costs more than a pose.
 const POSES: usize = 50;
@@ -63,6 +64,11 @@ fn twists(machine: &Hexapod, pose: &Pose) -> [Twist; 6] {
 /// Whether the strut is clear of its joint axes and of the arcsin's steep ends.
 fn is_usable(twist: &Twist) -> bool {
     twist.clearance > AXIS_MIN_CLEARANCE && twist.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
+}
+
+/// Whether the strut is clear of the half turn from its fold, at which the module refuses it.
+fn is_clear_of_half_a_turn(twist: &Twist, home: &Twist) -> bool {
+    twist.cosine * home.cosine.signum() > HALF_TURN_COSINE
 }
 
 /// Sizes from a machine in metres to one in tenths of millimetres.
@@ -150,7 +156,8 @@ fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyo
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
             let here = twists(&pair.machine, &pose);
-            if !here.iter().all(is_usable) {
+            let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
+            if !(clear && here.iter().all(is_usable)) {
                 continue;
             }
             let (ours, theirs) = pair.joints(&pose);
@@ -184,10 +191,12 @@ fn forward_returns_to_the_pose_on_random_machines() {
         let size = random_size(&mut random);
         let machine = with_home(&mut random, size);
         assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
+        let home = twists(&pair.machine, &pair.machine.home.expect("just given"));
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
-            let twists = twists(&pair.machine, &pose);
-            if twists.iter().any(|t| t.clearance <= CERTIFIABLE_CLEARANCE) {
+            let here = twists(&pair.machine, &pose);
+            let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
+            if !clear || here.iter().any(|t| t.clearance <= CERTIFIABLE_CLEARANCE) {
                 continue;
             }
             let (joints, _) = pair.joints(&pose);
@@ -264,6 +273,9 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
         let first = pair.theirs.inverse(&home).expect("its own home");
         let found = pair.ours.forward(&first, &home).expect("its home");
         assert!(distance(&found, &home, pair.machine.radius()) <= ROUND_TRIP_REL * pair.size);
+        // Leg 1 stands near a quarter turn there: said, and not refused.
+        let told = pair.ours.messages();
+        assert!(told.len() == 1 && told[0].text.contains(Cause::FoldUndefined.text()), "{told:?}");
         let folds = twists(&pair.machine, &home);
         let mut random = Random::new(6);
         let (mut right, mut beyond, mut refused) = (0_u32, 0_u32, 0_u32);
@@ -303,6 +315,7 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
             "{unit} units an inch: {right} poses as genhexkins, whose forward fails at {failed}; \
              {beyond} beyond its fold, {refused} of them refused"
         );
-        assert!(right > 0 && f64::from(refused) < RANDOM_MACHINE_REFUSALS * f64::from(beyond));
+        // A leg passes its joint axis, beside which torsions are anything: 20 of 360 degrees.
+        assert!(right > 0 && f64::from(refused) < 20.0 / 360.0 * f64::from(beyond));
     }
 }
