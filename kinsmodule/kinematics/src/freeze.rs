@@ -2,7 +2,7 @@
 //! From the geometry as given to a machine that cannot be wrong: every check is here,
 //! and is made once.
 
-use crate::certificate::{CERTAIN_AT_ALL, flatness};
+use crate::certificate::{CERTAIN_AT_ALL, lipschitz_constant};
 use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
@@ -14,7 +14,7 @@ use crate::mechanism::{Chart, FARTHEST, Mechanism};
 use crate::nut::Nut;
 use crate::placed::Place;
 use crate::pose::Pose;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -263,8 +263,8 @@ impl<const N: usize> Mechanism<N> {
         let placed = self.placed(&anchors, place);
         let twist = self.twist(&placed.directions(), &place.rotation)?;
         let columns = self.charted_rows(&placed, twist.as_ref(), place);
-        let qr = Qr::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
-        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0, None)?;
+        let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
+        let flat = lipschitz_constant(self, &placed, twist.as_ref(), &inverse, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }
