@@ -19,8 +19,18 @@ use crate::pose::Pose;
 use libm::{sincos, sqrt};
 use nalgebra::Vector3;
 
-/// Places looked at ahead of the present one.
-const PLACES: u32 = 8;
+/// Places looked at ahead of the present one, and those before the last one.
+const PLACES: usize = 8;
+const BETWEEN: usize = PLACES - 1;
+
+/// Places ahead that a cycle looks at.
+const IN_TURN: u32 = 1;
+
+/// Change of direction within a cycle, as a share of the motion, up to which what was seen ahead
+/// before is still ahead: radians, where nothing but the direction changes.
+const SAME_DIRECTION: f64 = 0.02;
+
+const RADIANS: f64 = core::f64::consts::PI / 180.0;
 
 /// Multiple of the least smallest singular value from which the machine slows.
 const SLOW_FROM: f64 = 2.0;
@@ -175,6 +185,7 @@ fn norm_of_angles(rate: &[f64; 6]) -> f64 {
 }
 
 /// What is seen at a place on the way.
+#[derive(Clone, Copy, Debug)]
 struct View {
     /// Largest speed at which no joint is too fast, and the joint.
     joints: (f64, Option<Fault>),
@@ -184,24 +195,107 @@ struct View {
     is_reached: bool,
 }
 
+/// What was seen at the places ahead in the cycles before, so that a cycle looks at only one of them
+/// and where the machine is. What is used of it is at most [`Sight::OLDEST`] cycles old, and of a
+/// motion that has gone on in nearly the same direction since.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    between: [Option<View>; BETWEEN],
+    there: Option<View>,
+    hold: Hold,
+    /// That of the motion in the cycle before.
+    rate: [f64; 6],
+    /// The place that is looked at next.
+    next: usize,
+}
+
+impl Sight {
+    /// Largest age of a view, cycles.
+    pub const OLDEST: u8 = PLACES as u8 + 1;
+
+    /// Nothing is known.
+    pub const NONE: Self = Self {
+        between: [None; BETWEEN],
+        there: None,
+        hold: Hold { now: 0.0, change: 0.0, limit: 0.0, requested: 0.0 },
+        rate: [0.0; 6],
+        next: 0,
+    };
+
+    /// Forgets the place that was looked at longest ago, and says from which on to look.
+    fn begin_cycle(&mut self) -> usize {
+        let due = self.next;
+        match self.between.get_mut(due) {
+            Some(view) => *view = None,
+            None => self.there = None,
+        }
+        self.next = if due < BETWEEN { due + 1 } else { 0 };
+        due
+    }
+
+    /// Keeps what is still true of a motion: all of it where it goes on in nearly the same direction,
+    /// speeds as multiples of the present one.
+    fn turn_to(&mut self, motion: &Motion, radius: f64) {
+        let length = |rate: &[f64; 6]| {
+            let turn =
+                (rate[3] * rate[3] + rate[4] * rate[4] + rate[5] * rate[5]) * RADIANS * RADIANS;
+            let way = rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2];
+            sqrt(way + radius * radius * turn)
+        };
+        let (now, before) = (length(&motion.rate), length(&self.rate));
+        let scale = before / now;
+        let change = core::array::from_fn(|k| motion.rate[k] * scale - self.rate[k]);
+        if !(length(&change) <= SAME_DIRECTION * before && scale > 0.0 && scale.is_finite()) {
+            (self.between, self.there) = ([None; BETWEEN], None);
+        }
+        for view in self.between.iter_mut().chain([&mut self.there]).flatten() {
+            view.joints.0 *= scale;
+        }
+        self.rate = motion.rate;
+    }
+}
+
 /// A look along a motion.
-struct Look<'a> {
+struct Look<'a, 'b> {
     tool: &'a Vector3<f64>,
     limits: &'a Limits,
     motion: &'a Motion,
     /// Time to the last place.
     horizon: f64,
     /// The machine at the place that was viewed last.
-    at: At<'a>,
+    at: &'a mut At<'b>,
 }
 
 impl Machine {
-    /// Looks along a motion; work is bounded: nine places.
-    #[inline(never)]
+    /// Looks along a motion, at all of nine places.
     pub fn ahead(
         &self,
         tool: &Vector3<f64>,
         limits: &Limits,
+        motion: &Motion,
+        planner: &Planner,
+    ) -> Outlook {
+        self.look((&mut Sight::NONE.clone(), PLACES as u32), (tool, limits), motion, planner)
+    }
+
+    /// As [`Machine::ahead`], for the cycles of a motion: in each the present place and one ahead, also
+    /// where the motion begins or turns. The latency has to make room for [`Sight::OLDEST`] cycles.
+    #[inline(never)]
+    pub fn ahead_in_turn(
+        &self,
+        sight: &mut Sight,
+        tool: &Vector3<f64>,
+        limits: &Limits,
+        motion: &Motion,
+        planner: &Planner,
+    ) -> Outlook {
+        self.look((sight, IN_TURN), (tool, limits), motion, planner)
+    }
+
+    fn look(
+        &self,
+        (sight, most): (&mut Sight, u32),
+        (tool, limits): (&Vector3<f64>, &Limits),
         motion: &Motion,
         planner: &Planner,
     ) -> Outlook {
@@ -212,9 +306,11 @@ impl Machine {
             return Outlook { allowed: 0.0, gathered, because: None, soon: None };
         }
         let horizon = planner.latency + FARTHER / (2.0 * braking);
-        let at = self.nowhere();
-        let outlook = Outlook { allowed: f64::INFINITY, gathered, because: None, soon: None };
-        Look { tool, limits, motion, horizon, at }.outlook(outlook, braking, planner)
+        let at = &mut self.nowhere();
+        sight.turn_to(motion, self.radius());
+        let nothing = Outlook { allowed: f64::INFINITY, gathered, because: None, soon: None };
+        let look = Look { tool, limits, motion, horizon, at };
+        look.outlook((sight, most), nothing, (braking, planner))
     }
 
     /// What is not allowed at the pose, at rest.
@@ -231,33 +327,43 @@ fn refused(at: &At<'_>, limits: &Limits) -> Option<Fault> {
     at.first_broken(limits)?.fault(at.layout())
 }
 
-impl Look<'_> {
-    /// Fills in an outlook that knows nothing yet.
-    fn outlook(mut self, mut outlook: Outlook, braking: f64, planner: &Planner) -> Outlook {
+impl Look<'_, '_> {
+    /// Looks at `most` places at most beside the present one: the end of the way where nothing is
+    /// known of it, then those that are due. Fills in an outlook that knows nothing yet.
+    fn outlook(
+        mut self,
+        (sight, most): (&mut Sight, u32),
+        mut outlook: Outlook,
+        (braking, planner): (f64, &Planner),
+    ) -> Outlook {
+        let due = sight.begin_cycle();
         let here = self.view(0.0);
-        let rows = self.rows_of(&here);
-        let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
-        let there = self.view(1.0);
-        let hold = self.hold((rows, now), &there, planner.requested);
-        for k in 0..=PLACES {
-            let share = f64::from(k) / f64::from(PLACES);
-            let time = self.horizon * share;
-            let later = time - planner.latency;
-            // From here on nothing is slower than what a stop at this place asks for.
-            if outlook.soon.is_some() && speed_before(0.0, braking, later) >= outlook.allowed {
-                break;
+        let mut left = most;
+        if sight.there.is_none() {
+            left -= 1;
+            let rows = self.rows_of(&here);
+            let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
+            let there = self.view(1.0);
+            sight.there = Some(there);
+            sight.hold = self.hold((rows, now), &there);
+        }
+        for k in 0..BETWEEN {
+            let k = (due + k) % BETWEEN;
+            if let Some(view @ None) = sight.between.get_mut(k)
+                && left > 0
+            {
+                *view = Some(self.view(share(k + 1)));
+                left -= 1;
             }
-            let between;
-            let view = match k {
-                0 => &here,
-                PLACES => &there,
-                _ => {
-                    between = self.view(share);
-                    &between
-                }
-            };
-            let (allowed, because) = view.speed(&hold, share);
-            let now = speed_before(allowed, braking, later);
+        }
+        let hold = Hold { requested: planner.requested, ..sight.hold };
+        let ends = [Some(here), sight.there];
+        let views = ends[..1].iter().chain(&sight.between).chain(&ends[1..]);
+        for (k, view) in views.enumerate() {
+            let Some(view) = view else { continue };
+            let time = self.horizon * share(k);
+            let (allowed, because) = view.speed(&hold, share(k));
+            let now = speed_before(allowed, braking, time - planner.latency);
             if !(now >= outlook.allowed) {
                 outlook.allowed = now;
                 outlook.because = because.map(|fault| (fault, time));
@@ -276,7 +382,7 @@ impl Look<'_> {
         match moved.and_then(|()| self.at.rates(&rate)) {
             Ok(rates) => View {
                 joints: joint_speed(&rates, self.limits, self.at.layout()),
-                refused: refused(&self.at, self.limits),
+                refused: refused(self.at, self.limits),
                 is_reached: true,
             },
             Err(fault) => {
@@ -293,14 +399,9 @@ impl Look<'_> {
     /// How the smallest singular value changes to the place viewed last. Its exact value there is
     /// needed only where what the rows change by might bring it near the limit: singular values
     /// change by the norm of that at most (Weyl).
-    fn hold(
-        &self,
-        (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64),
-        there: &View,
-        requested: f64,
-    ) -> Hold {
+    fn hold(&self, (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64), there: &View) -> Hold {
         let limit = self.limits.conditioning;
-        let none = Hold { now, change: 0.0, limit, requested };
+        let none = Hold { now, change: 0.0, limit, requested: 0.0 };
         let Some((rows, then)) = rows.zip(self.rows_of(there)) else { return none };
         let mut square = 0.0;
         for (row, then) in rows.iter().zip(&then) {
@@ -313,6 +414,11 @@ impl Look<'_> {
         }
         Hold { change: self.at.smallest_singular_value() - now, ..none }
     }
+}
+
+/// Share of the way at which place `k` lies.
+fn share(k: usize) -> f64 {
+    k as f64 / PLACES as f64
 }
 
 impl View {
@@ -350,6 +456,7 @@ fn speed_before(allowed: f64, braking: f64, time: f64) -> f64 {
 
 /// How the legs' hold on the platform changes along the way: slow from twice the limit on, if
 /// it gets worse. On the way out of such a pose the machine may move.
+#[derive(Clone, Copy, Debug)]
 struct Hold {
     now: f64,
     change: f64,

@@ -42,7 +42,7 @@ use crate::leg::LEAST_DRIVE;
 use crate::mechanism::Mechanism;
 use crate::nut::{Ball, Twist};
 use crate::placed::Placed;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::Vector3;
 use wide::f64x2;
@@ -74,11 +74,11 @@ pub(crate) struct Motion<const N: usize> {
 /// Where the ball is too large for any statement: it reaches a leg of no length, or a
 /// strut that points along one of its joint axes, or the edge of the nut correction.
 #[inline]
-pub(crate) fn flatness<const N: usize>(
+pub(crate) fn lipschitz_constant<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
     twist: Option<&Twist<N>>,
-    qr: &Qr<N>,
+    inverse: &PseudoInverse<N>,
     rho: f64,
     motion: Option<&Motion<N>>,
 ) -> Result<f64, Fault> {
@@ -87,7 +87,7 @@ pub(crate) fn flatness<const N: usize>(
         let k = curvature(machine, placed, twist, i, rho, motion)? * pair(&machine.present, i);
         sum += k * k;
     }
-    Ok(qr.inverse_norm() * sqrt(sum.reduce_add()))
+    Ok(inverse.inverse_norm() * sqrt(sum.reduce_add()))
 }
 
 /// k of legs `i` and `i + 1`: bound of the second derivative of their residuals within the
@@ -121,26 +121,30 @@ fn curvature<const N: usize>(
     Ok(of_length + of_nut)
 }
 
-/// What the motion adds to the first Newton step: the bow of the residuals between the
+/// What the motion adds to the first Newton step: the chord deviation of the residuals between the
 /// ends of the step.
 #[inline]
-pub(crate) fn bow<const N: usize>(
+pub(crate) fn chord_deviation<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
-    qr: &Qr<N>,
+    inverse: &PseudoInverse<N>,
     motion: &Motion<N>,
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..machine.count() {
-        let bow = leg_bow(placed, motion, i);
-        sum += bow * bow;
+        let chord_deviation = leg_chord_deviation(placed, motion, i);
+        sum += chord_deviation * chord_deviation;
     }
-    qr.inverse_norm() * sqrt(sum)
+    inverse.inverse_norm() * sqrt(sum)
 }
 
 /// How far the residual of leg `i` leaves the straight line between its ends at most.
 #[inline]
-pub(crate) fn leg_bow<const N: usize>(placed: &Placed<N>, motion: &Motion<N>, i: usize) -> f64 {
+pub(crate) fn leg_chord_deviation<const N: usize>(
+    placed: &Placed<N>,
+    motion: &Motion<N>,
+    i: usize,
+) -> f64 {
     let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
     (travel * travel / shortest.max(0.0) + motion.second[i]) / 8.0
 }
@@ -149,10 +153,10 @@ pub(crate) fn leg_bow<const N: usize>(placed: &Placed<N>, motion: &Motion<N>, i:
 /// radius `rho`. Infinite where a rod may come to its dead point; `margin` tells how far
 /// each rod is from there.
 #[inline]
-pub(crate) fn drift<const N: usize>(
+pub(crate) fn row_change<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
-    qr: &Qr<N>,
+    inverse: &PseudoInverse<N>,
     rho: f64,
     motion: &Motion<N>,
     margin: impl Fn(usize) -> Option<f64>,
@@ -171,7 +175,7 @@ pub(crate) fn drift<const N: usize>(
         let change = s1 * travel / shortest;
         sum += change * change;
     }
-    qr.inverse_norm() * sqrt(sum)
+    inverse.inverse_norm() * sqrt(sum)
 }
 
 impl<const N: usize> Mechanism<N> {
@@ -336,7 +340,7 @@ pub(crate) mod tests {
 
     /// A machine whose legs' bounds are numbers to reckon with by hand, its legs at these lengths,
     /// and factors whose inverse has the norm √6 / 2.
-    fn by_hand(length: [f64; 6]) -> (Mechanism<6>, Placed<6>, Qr<6>) {
+    fn by_hand(length: [f64; 6]) -> (Mechanism<6>, Placed<6>, PseudoInverse<6>) {
         let mut rng = Pcg64::seed_from_u64(14);
         let (mut machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
         (machine.s1, machine.s2) = ([2.0; 6], [0.25; 6]);
@@ -345,7 +349,7 @@ pub(crate) mod tests {
         let placed = Placed { length, ..machine.placed(&anchors, &place) };
         let twice: [_; 6] =
             core::array::from_fn(|k| core::array::from_fn(|i| if i == k { 2.0 } else { 0.0 }));
-        (machine, placed, Qr::new(&twice, &[true; 6]).expect("regular"))
+        (machine, placed, PseudoInverse::new(&twice, &[true; 6]).expect("regular"))
     }
 
     fn motion(travel: [f64; 6]) -> Motion<6> {
@@ -364,13 +368,14 @@ pub(crate) mod tests {
 
     #[test]
     fn flatness_is_that_of_the_legs_shortened_by_ball_and_travel() {
-        let (machine, placed, qr) = by_hand([10.0, 18.0, 10.0, 10.0, 10.0, 10.0]);
+        let (machine, placed, inverse) = by_hand([10.0, 18.0, 10.0, 10.0, 10.0, 10.0]);
         // 2² / (10 − 2·1) + 0.25 and 2² / (18 − 2·1) + 0.25.
-        let flat = flatness(&machine, &placed, None, &qr, 1.0, None).unwrap();
+        let flat = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None).unwrap();
         assert_near(flat, of_both(0.75, 0.5));
         // The same with 3 and 11 less of them.
         let motion = motion([3.0, 11.0, 0.0, 0.0, 0.0, 0.0]);
-        let flat = flatness(&machine, &placed, None, &qr, 1.0, Some(&motion)).unwrap();
+        let flat =
+            lipschitz_constant(&machine, &placed, None, &inverse, 1.0, Some(&motion)).unwrap();
         assert_near(flat, of_both(4.0 / 5.0 + 0.25, 4.0 / 5.0 + 0.25));
     }
 
@@ -406,8 +411,8 @@ pub(crate) mod tests {
         for leg in 0..6 {
             let mut length = [10.0; 6];
             length[leg] = 7.0;
-            let (machine, placed, qr) = by_hand(length);
-            let flat = |rho| flatness(&machine, &placed, None, &qr, rho, None);
+            let (machine, placed, inverse) = by_hand(length);
+            let flat = |rho| lipschitz_constant(&machine, &placed, None, &inverse, rho, None);
             assert!(flat(3.4).is_ok());
             let fault = Fault::of_leg(Cause::StrutTooShort, leg, 0.0);
             assert_eq!(flat(3.5), Err(fault));
@@ -417,27 +422,32 @@ pub(crate) mod tests {
 
     #[test]
     fn bow_and_drift_are_those_of_travel_and_bends_at_numbers_by_hand() {
-        let (machine, placed, qr) = by_hand([12.0, 9.0, 1e9, 1e9, 1e9, 1e9]);
+        let (machine, placed, inverse) = by_hand([12.0, 9.0, 1e9, 1e9, 1e9, 1e9]);
         let motion = motion([4.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
         // (4²/(12 − 4) + 0.4)/8 and (3²/(9 − 3) + 0.4)/8; the others bend by 0.4/8.
         let expected = [0.3, 0.2375, 0.05, 0.05, 0.05, 0.05];
         for (leg, expected) in expected.into_iter().enumerate() {
-            assert_near(leg_bow(&placed, &motion, leg), expected);
+            assert_near(leg_chord_deviation(&placed, &motion, leg), expected);
         }
-        let sum: f64 = expected.iter().map(|bow| bow * bow).sum();
-        assert_near(bow(&machine, &placed, &qr, &motion), sqrt(6.0) / 2.0 * sqrt(sum));
+        let sum: f64 =
+            expected.iter().map(|chord_deviation| chord_deviation * chord_deviation).sum();
+        assert_near(
+            chord_deviation(&machine, &placed, &inverse, &motion),
+            sqrt(6.0) / 2.0 * sqrt(sum),
+        );
         // 2·4/(12 − 2·1.5 − 4) and 2·3/(9 − 2·1.5 − 3).
-        let drift = |rho, margin| drift(&machine, &placed, &qr, rho, &motion, |_| margin);
-        assert_near(drift(1.5, None), of_both(1.6, 2.0));
+        let row_change =
+            |rho, margin| row_change(&machine, &placed, &inverse, rho, &motion, |_| margin);
+        assert_near(row_change(1.5, None), of_both(1.6, 2.0));
         // Turns by (2·1.5 + 4)/5 + 0.3 and (2·1.5 + 3)/3 + 0.3 = 2.3, which the margin of a
         // rod has to exceed.
-        assert_near(drift(1.5, Some(2.31)), of_both(1.6, 2.0));
-        assert_eq!(drift(1.5, Some(2.29)), f64::INFINITY);
-        assert_eq!(drift(1.5, Some(f64::NAN)), f64::INFINITY);
+        assert_near(row_change(1.5, Some(2.31)), of_both(1.6, 2.0));
+        assert_eq!(row_change(1.5, Some(2.29)), f64::INFINITY);
+        assert_eq!(row_change(1.5, Some(f64::NAN)), f64::INFINITY);
         // The second leg may vanish.
-        assert!(drift(2.9, None).is_finite());
-        assert_eq!(drift(3.0, None), f64::INFINITY);
-        assert_eq!(drift(f64::NAN, None), f64::INFINITY);
+        assert!(row_change(2.9, None).is_finite());
+        assert_eq!(row_change(3.0, None), f64::INFINITY);
+        assert_eq!(row_change(f64::NAN, None), f64::INFINITY);
     }
 
     #[test]

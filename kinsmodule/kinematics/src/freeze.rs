@@ -2,7 +2,7 @@
 //! From the geometry as given to a machine that cannot be wrong: every check is here,
 //! and is made once.
 
-use crate::certificate::{CERTAIN_AT_ALL, flatness};
+use crate::certificate::{CERTAIN_AT_ALL, lipschitz_constant};
 use crate::fault::{Cause, Fault};
 use crate::geometry::Geometry;
 use crate::lanes::Lanes3;
@@ -11,10 +11,10 @@ use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
 use crate::letters::Letter;
 use crate::mechanism::{Chart, FARTHEST, Mechanism};
-use crate::nut::{Nut, Twist};
+use crate::nut::Nut;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -252,8 +252,8 @@ impl<const N: usize> Mechanism<N> {
         pose.check()?;
         self.check_tool(tool)?;
         let place = self.standing(&pose, &pose.trigonometry(), tool).place;
-        let (mut placed, mut twist) = (Placed::ZERO, Twist::ZERO);
-        self.corrected(&place, &mut placed, &mut twist)?;
+        let mut placed = Placed::ZERO;
+        self.corrected(&place, &mut placed, |_| ())?;
         let Some(nut) = &mut self.nut else { return Ok(None) };
         nut.fold_at(&placed.directions(), &place.rotation)
     }
@@ -277,8 +277,8 @@ impl<const N: usize> Mechanism<N> {
         let placed = self.placed(&anchors, place);
         let twist = self.twist(&placed.directions(), &place.rotation)?;
         let columns = self.charted_rows(&placed, twist.as_ref(), place);
-        let qr = Qr::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
-        let flat = flatness(self, &placed, twist.as_ref(), &qr, 0.0, None)?;
+        let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
+        let flat = lipschitz_constant(self, &placed, twist.as_ref(), &inverse, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }

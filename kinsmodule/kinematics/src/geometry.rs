@@ -30,11 +30,10 @@ impl LegGeometry {
         }),
     };
 
-    /// A strut. Its axes matter only where it has a lead: without one they are
-    /// dropped, so that they change neither hash nor comparison.
+    /// A strut. Without a lead its axes move no joint, so that they do not enter the hash: only
+    /// limits of its cardan joints ask for them.
     pub fn strut(base: [f64; 3], platform: [f64; 3], strut: StrutGeometry) -> Self {
-        let kept = if strut.lead == 0.0 { StrutGeometry::default() } else { strut };
-        Self { base, platform, kind: LegKind::Strut(kept) }
+        Self { base, platform, kind: LegKind::Strut(strut) }
     }
 
     /// Whether every value is finite.

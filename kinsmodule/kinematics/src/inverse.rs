@@ -199,13 +199,14 @@ impl<const N: usize> Mechanism<N> {
         Stand { place: Place { centre: self.of_legs(point), rotation, angles: pose.angles }, point }
     }
 
-    /// Legs from their base anchors at joint value 0, their twist and the nut corrections there.
+    /// Legs from their base anchors at joint value 0, and the nut corrections there; hands over the
+    /// twist that they come from.
     #[inline(always)]
     pub(crate) fn corrected(
         &self,
         place: &Place,
         placed: &mut Placed<N>,
-        twist: &mut Twist<N>,
+        keep: impl FnOnce(&Twist<N>),
     ) -> Result<[f64; N], Fault> {
         self.place(&self.base, place, placed);
         if self.moving {
@@ -214,9 +215,10 @@ impl<const N: usize> Mechanism<N> {
             self.refuse_short_legs(&placed.length)?;
         }
         let Some(nut) = &self.nut else { return Ok([0.0; N]) };
-        *twist = nut.twist(&placed.directions(), &place.rotation);
-        nut.refuse(twist)?;
-        Ok(nut.corrections(twist))
+        let twist = nut.twist(&placed.directions(), &place.rotation);
+        nut.refuse(&twist)?;
+        keep(&twist);
+        Ok(nut.corrections(&twist))
     }
 
     /// A rod may start at its platform anchor, a strut may not.
@@ -232,8 +234,8 @@ impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs at a place.
     #[inline(always)]
     pub(crate) fn joints_at(&self, place: &Place) -> Result<[f64; N], Fault> {
-        let (mut placed, mut twist) = (Placed::ZERO, Twist::ZERO);
-        let corrections = self.corrected(place, &mut placed, &mut twist)?;
+        let mut placed = Placed::ZERO;
+        let corrections = self.corrected(place, &mut placed, |_| ())?;
         self.leg_joints(&placed, &corrections)
     }
 

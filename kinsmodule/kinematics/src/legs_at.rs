@@ -84,7 +84,8 @@ impl<const N: usize> LegsAt<'_, N> {
         self.trig = pose.trigonometry();
         self.stand = machine.standing(pose, &self.trig, tool);
         let place = &self.stand.place;
-        self.corrections = machine.corrected(place, &mut self.placed, &mut self.twist)?;
+        let twist = &mut self.twist;
+        self.corrections = machine.corrected(place, &mut self.placed, |found| *twist = *found)?;
         self.joints = machine.leg_joints(&self.placed, &self.corrections)?;
         self.anchors = machine.moved_anchors(&self.joints)?;
         if machine.moving {

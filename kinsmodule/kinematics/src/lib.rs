@@ -45,7 +45,7 @@ mod text;
 mod trig;
 mod watch;
 
-pub use ahead::{Motion, Outlook, Planner};
+pub use ahead::{Motion, Outlook, Planner, Sight};
 pub use at::At;
 pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,

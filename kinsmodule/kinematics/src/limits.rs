@@ -6,7 +6,7 @@ use crate::fault::{Cause, Fault};
 use crate::layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::LEAST_DRIVE;
 use crate::letters::Letter;
-use crate::watch::Nearest;
+use crate::watch::{Cones, Nearest, Turns};
 use core::ops::ControlFlow;
 
 /// A kind of limit.
@@ -324,22 +324,17 @@ impl At<'_> {
         limits: &Limits,
         visit: &mut impl FnMut(Margin) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for (limit, most) in
-            [(Limit::BaseCone, &limits.base_cone), (Limit::PlatformCone, &limits.platform_cone)]
-        {
-            for (i, most) in most.iter().enumerate().take(self.layout().legs()) {
-                if *most == 0.0 {
-                    continue;
-                }
-                let cones = self.cones();
-                let angles = if limit == Limit::BaseCone { &cones.base } else { &cones.platform };
-                let value = angles.get(i).copied().unwrap_or(f64::NAN);
-                visit(Margin {
-                    limit,
-                    part: Part::Leg(i),
-                    value,
-                    range: [f64::NEG_INFINITY, *most],
-                })?;
+        let all =
+            [(Limit::BaseCone, &limits.base_cone), (Limit::PlatformCone, &limits.platform_cone)];
+        if all.iter().all(|(_, most)| **most == [0.0; MAX_LEGS]) {
+            return ControlFlow::Continue(());
+        }
+        let Cones { base, platform } = self.cones();
+        for ((limit, most), angles) in all.into_iter().zip([&base, &platform]) {
+            let legs = most.iter().zip(angles).enumerate().take(self.layout().legs());
+            for (i, (most, value)) in legs.filter(|(_, (most, _))| **most != 0.0) {
+                let (part, range) = (Part::Leg(i), [f64::NEG_INFINITY, *most]);
+                visit(Margin { limit, part, value: *value, range })?;
             }
         }
         ControlFlow::Continue(())
@@ -350,22 +345,21 @@ impl At<'_> {
         limits: &Limits,
         visit: &mut impl FnMut(Margin) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for (limit, most) in [
+        let all = [
             (Limit::BasePyramid, &limits.base_pyramid),
             (Limit::PlatformPyramid, &limits.platform_pyramid),
-        ] {
-            for (i, [about, across]) in most.iter().enumerate().take(self.layout().legs()) {
-                if *about == 0.0 && *across == 0.0 {
-                    continue;
-                }
-                let [base, platform] = self.turns();
-                let turns = if limit == Limit::BasePyramid { base } else { platform };
-                for (most, values) in [(about, turns.about), (across, turns.across)] {
-                    if *most != 0.0 {
-                        let value = values.get(i).copied().unwrap_or(f64::NAN);
-                        let (part, range) = (Part::Leg(i), [-most, *most]);
-                        visit(Margin { limit, part, value, range })?;
-                    }
+        ];
+        if all.iter().all(|(_, most)| **most == [[0.0; 2]; MAX_LEGS]) {
+            return ControlFlow::Continue(());
+        }
+        let turns = self.turns();
+        for ((limit, most), Turns { about, across }) in all.into_iter().zip(&turns) {
+            let legs = most.iter().zip(about.iter().zip(across)).enumerate();
+            for (i, (most, (about, across))) in legs.take(self.layout().legs()) {
+                let ways = most.iter().zip([about, across]);
+                for (most, value) in ways.filter(|(most, _)| **most != 0.0) {
+                    let (part, range) = (Part::Leg(i), [-most, *most]);
+                    visit(Margin { limit, part, value: *value, range })?;
                 }
             }
         }

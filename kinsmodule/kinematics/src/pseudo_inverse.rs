@@ -24,7 +24,7 @@ const DEPENDENT: f64 = 1e-10;
 const FLAT: f64 = 0.03;
 
 /// Pseudo-inverse of A.
-pub(crate) struct Qr<const N: usize> {
+pub(crate) struct PseudoInverse<const N: usize> {
     /// Row by row.
     inverse: [[f64; N]; 6],
     inverse_norm: f64,
@@ -56,16 +56,16 @@ struct Work<const N: usize> {
     weight: [f64; 6],
 }
 
-impl<const N: usize> Qr<N> {
+impl<const N: usize> PseudoInverse<N> {
     /// To be filled.
     pub const ZERO: Self = Self { inverse: [[0.0; N]; 6], inverse_norm: 0.0 };
 
     /// `None` if an active column depends on the ones before it. Columns that are not
     /// active must hold zeros; their unknowns are 0.
     pub fn new(columns: &[[f64; N]; 6], active: &[bool; 6]) -> Option<Self> {
-        let mut qr = Self::ZERO;
-        let regular = qr.renew(active, *columns);
-        regular.unwrap_or_else(|| qr.renew_by_columns(active, columns)).then_some(qr)
+        let mut inverse = Self::ZERO;
+        let regular = inverse.renew(active, *columns);
+        regular.unwrap_or_else(|| inverse.renew_by_columns(active, columns)).then_some(inverse)
     }
 
     /// Factors columns in place of what was; false where [`Self::new`] gives `None`. `None` where
@@ -296,7 +296,7 @@ mod tests {
                 b[i] += a[k][i] * x[k];
             }
         }
-        let got = Qr::new(&a, &[true; 6]).unwrap().solve(&b);
+        let got = PseudoInverse::new(&a, &[true; 6]).unwrap().solve(&b);
         for k in 0..6 {
             // 1e-12: a few hundred roundings times the condition number (below 100).
             assert!((got[k] - x[k]).abs() < 1e-12, "{got:?}");
@@ -315,7 +315,7 @@ mod tests {
             }
         }
         let active = [true, true, false, true, true, true];
-        let got = Qr::new(&a, &active).unwrap().solve(&b);
+        let got = PseudoInverse::new(&a, &active).unwrap().solve(&b);
         for k in 0..6 {
             // As above.
             assert!((got[k] - x[k]).abs() < 1e-12, "{got:?}");
@@ -323,7 +323,7 @@ mod tests {
     }
 
     /// Largest element of M A − 1.
-    fn off(a: &[[f64; 6]; 6], inverse: &Qr<6>) -> f64 {
+    fn off(a: &[[f64; 6]; 6], inverse: &PseudoInverse<6>) -> f64 {
         let mut most = 0.0_f64;
         for (k, column) in a.iter().enumerate() {
             for (j, value) in inverse.solve(column).iter().enumerate() {
@@ -359,7 +359,7 @@ mod tests {
                     }
                 }
             }
-            match Qr::new(&a, &[true; 6]) {
+            match PseudoInverse::new(&a, &[true; 6]) {
                 // The margin of the certificates is a fifth: this takes a twentieth of it, a column
                 // at a time half as much. Beyond 1e6 the pose is refused.
                 Some(inverse) if inverse.inverse_norm() < 1.5e6 => {
@@ -391,7 +391,7 @@ mod tests {
     fn a_dependent_column_is_refused() {
         let mut a = tall();
         a[5] = core::array::from_fn(|i| a[0][i] + a[1][i]);
-        assert!(Qr::new(&a, &[true; 6]).is_none());
+        assert!(PseudoInverse::new(&a, &[true; 6]).is_none());
     }
 
     #[test]
@@ -402,7 +402,7 @@ mod tests {
                 for (k, column) in a.iter_mut().enumerate() {
                     column[k] = if k == 3 { share * scale } else { scale };
                 }
-                Qr::new(&a, &[true; 6]).is_some()
+                PseudoInverse::new(&a, &[true; 6]).is_some()
             };
             assert!(is_regular(1.1e-10) && !is_regular(0.9e-10), "{scale}");
         }

@@ -12,7 +12,7 @@
 //! follow the pose, and rods turn faster: a rod with the margin m (module `leg`) whose margin stays
 //! above m/2 moves its lower end by 2 s₁/m at most per unit of motion, which adds 2 s₁²/(m l) to its k.
 
-use crate::certificate::flatness;
+use crate::certificate::lipschitz_constant;
 use crate::fault::Fault;
 use crate::jacobian::sign_of_determinant;
 use crate::layout::{Joints, MAX_LEGS};
@@ -20,7 +20,7 @@ use crate::machine::{Lanes, Machine, each};
 use crate::mechanism::Mechanism;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 
@@ -80,11 +80,11 @@ impl<const N: usize> Mechanism<N> {
         let twist = legs.twist();
         let columns = self.charted_rows(placed, twist, place);
         let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
-        let reach = match Qr::new(&columns, &self.active) {
+        let reach = match PseudoInverse::new(&columns, &self.active) {
             _ if self.layout.is_redundant() => f64::INFINITY,
-            Some(qr) => self.largest_ball(|rho| {
-                let fixed = flatness(self, placed, twist, &qr, rho, None).ok()?;
-                Some(fixed + self.of_joints(placed, joints, &qr, rho)?)
+            Some(inverse) => self.largest_ball(|rho| {
+                let fixed = lipschitz_constant(self, placed, twist, &inverse, rho, None).ok()?;
+                Some(fixed + self.of_joints(placed, joints, &inverse, rho)?)
             }),
             None => 0.0,
         };
@@ -136,7 +136,7 @@ impl<const N: usize> Mechanism<N> {
         &self,
         placed: &Placed<N>,
         joints: &[f64; N],
-        qr: &Qr<N>,
+        inverse: &PseudoInverse<N>,
         rho: f64,
     ) -> Option<f64> {
         let mut sum = 0.0;
@@ -152,6 +152,6 @@ impl<const N: usize> Mechanism<N> {
             let more = 2.0 * s1 * s1 / (margin * length);
             sum += more * more;
         }
-        Some(qr.inverse_norm() * sqrt(sum))
+        Some(inverse.inverse_norm() * sqrt(sum))
     }
 }

@@ -4,7 +4,7 @@
 use crate::common::machines::declared;
 use crate::common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
 use crate::common::{Case, NO_TOOL, cases, direction, rng, uniform};
-use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose};
+use kinematics::{Cause, Limits, MAX_JOINTS, MAX_LEGS, Motion, Outlook, Planner, Pose, Sight};
 use rand_pcg::Pcg64;
 
 const PERIOD: f64 = 1e-3;
@@ -63,6 +63,19 @@ impl<'a> Drive<'a> {
     fn outlook(&self) -> Outlook {
         let motion = self.motion().expect("it moves");
         self.case.machine.ahead(&NO_TOOL, &self.limits, &motion, &self.planner)
+    }
+
+    /// The same after a time, with what was seen before.
+    fn outlook_in_turn(&self, sight: &mut Sight) -> Outlook {
+        let motion = self.motion().expect("it moves");
+        let machine = &self.case.machine;
+        machine.ahead_in_turn(sight, &NO_TOOL, &self.limits, &motion, &self.planner)
+    }
+
+    /// Some cycles later.
+    fn later(&self, cycles: u32) -> Self {
+        let pose = self.at(f64::from(cycles) * PERIOD).to_degrees();
+        Self { pose, limits: self.limits, planner: self.planner, ..*self }
     }
 
     /// Deceleration of the speed as a multiple of the present one, per second.
@@ -282,4 +295,35 @@ fn joints_and_rates_of_a_motion_are_those_of_the_poses_themselves() {
             assert!((rate - expected).abs() < most, "{}: {rate} {expected}", drive.case.name);
         }
     });
+}
+
+#[test]
+fn places_looked_at_in_turn_show_what_all_at_once_show_some_cycles_later() {
+    let (mut limited, mut most, mut least) = (0, 0.0_f64, f64::INFINITY);
+    each_drive(60, 78, |drive, rng| {
+        let mut sight = Sight::NONE;
+        let all_at_last = |drive: &Drive<'_>, sight: &mut Sight| {
+            for _ in 0..Sight::OLDEST {
+                drive.outlook_in_turn(sight);
+            }
+            assert_eq!(drive.outlook_in_turn(sight), drive.outlook());
+        };
+        all_at_last(drive, &mut sight);
+        for cycle in 1..20 {
+            let now = drive.later(cycle);
+            let (found, whole) = (now.outlook_in_turn(&mut sight), now.outlook());
+            if whole.allowed < 2.0 && drive.stays_within_reach() {
+                limited += 1;
+                most = most.max(found.allowed / whole.allowed);
+                least = least.min(found.allowed / whole.allowed);
+            }
+        }
+        // Around a corner everything is new.
+        let corner = Drive::random(drive.case, rng);
+        all_at_last(&corner, &mut sight);
+    });
+    println!("{limited} looks in turn allow {least} to {most} of those at all places");
+    assert!(limited > cases(1000));
+    // Eight cycles of 0.4 machine sizes a second are a three hundredth of the machine.
+    assert!(most < 1.03 && least > 0.97, "{least} {most}");
 }

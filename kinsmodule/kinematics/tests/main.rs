@@ -14,6 +14,7 @@ mod import_order;
 mod jacobian;
 mod least_squares;
 mod legs;
+mod limits;
 mod nut;
 mod properties;
 mod side;

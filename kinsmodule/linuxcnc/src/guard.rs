@@ -9,7 +9,7 @@ use crate::hal::{Direction, HalError, Pin};
 use crate::pins::{Maker, Pins};
 use kinematics::{
     At, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
-    Vector3, text,
+    Sight, Vector3, text,
 };
 
 /// Floor of the feed where the pin holds no share.
@@ -215,6 +215,8 @@ pub struct Scene<'a> {
 pub struct Guard {
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
+    /// What was seen ahead.
+    sight: Sight,
     /// `.current-vel` of the cycle before.
     speed_before: f64,
     scale: f64,
@@ -228,6 +230,7 @@ impl Guard {
     pub const fn new() -> Self {
         Self {
             before: [None; 2],
+            sight: Sight::NONE,
             speed_before: 0.0,
             scale: 1.0,
             inhibited: None,
@@ -278,7 +281,7 @@ impl Guard {
     /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
     /// speed that it is a multiple of. `told` is the speed that the planner tells.
     fn looked(
-        &self,
+        &mut self,
         scene: &Scene<'_>,
         commanded: Option<Pose>,
         told: f64,
@@ -286,6 +289,7 @@ impl Guard {
         let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
         let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
         let Some(motion) = self.motion(scene, commanded) else {
+            self.sight = Sight::NONE;
             return (scene.machine.here(scene.tool, &limits, &pose), None);
         };
         let asked = &scene.pins.guard.asked;
@@ -296,9 +300,10 @@ impl Guard {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
             requested: requested(asked) / speed,
-            latency: LATENCY * scene.period,
+            latency: (LATENCY + f64::from(Sight::OLDEST)) * scene.period,
         };
-        let view = scene.machine.ahead(scene.tool, &limits, &motion, &planner);
+        let view =
+            scene.machine.ahead_in_turn(&mut self.sight, scene.tool, &limits, &motion, &planner);
         (view.soon, Some((view, speed)))
     }
 
@@ -347,6 +352,7 @@ impl Guard {
     /// Nothing is known of the motion of a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
+        self.sight = Sight::NONE;
     }
 }
 
@@ -363,14 +369,12 @@ fn shown_time(nanoseconds: i64) -> i32 {
 // A frame of its own: it ends before the look ahead begins.
 #[inline(never)]
 fn show_pose(scene: &Scene<'_>) {
-    let at = scene.pose.and_then(|pose| scene.machine.at(&pose, scene.tool).ok());
-    let sign = at.as_ref().and_then(|at| at.assembly().ok());
-    scene.pins.assembly.set(sign.unwrap_or(0));
-    if let Some(at) = at {
-        let _ = show_joints(scene, &at);
-        show_legs(&scene.pins.guard, &at);
-        scene.pins.guard.shown.conditioning.set(at.smallest_singular_value());
-    }
+    let at = scene.pose.map(|pose| scene.machine.at(&pose, scene.tool));
+    let Some(Ok(at)) = &at else { return scene.pins.assembly.set(0) };
+    scene.pins.assembly.set(at.assembly().unwrap_or(0));
+    let _ = show_joints(scene, at);
+    show_legs(&scene.pins.guard, at);
+    scene.pins.guard.shown.conditioning.set(at.smallest_singular_value());
 }
 
 fn show_joints(scene: &Scene<'_>, at: &At<'_>) -> Result<(), Fault> {

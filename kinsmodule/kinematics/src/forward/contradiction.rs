@@ -7,7 +7,7 @@ use crate::fault::{Cause, Fault, MachinePart};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 
 /// Default of the residual limit as a share of the platform radius: a following error of
 /// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a
@@ -85,8 +85,8 @@ impl<const N: usize> Mechanism<N> {
         };
         without(&mut at.residual);
         columns.iter_mut().for_each(without);
-        let qr = Qr::new(&columns, &self.active).ok_or(Cause::Singular)?;
-        let step = newton_step(&qr, &at.residual);
+        let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::Singular)?;
+        let step = newton_step(&inverse, &at.residual);
         let mut left = at.residual;
         for (column, x) in columns.iter().zip(step) {
             for (value, row) in left.iter_mut().zip(column) {

@@ -3,12 +3,12 @@
 
 use super::residual::{Measured, Stance, Target, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
-use crate::certificate::{CERTAIN_AT_ALL, Motion, bow, drift, flatness};
+use crate::certificate::{CERTAIN_AT_ALL, Motion, chord_deviation, lipschitz_constant, row_change};
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::{Displacement, Place};
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 
 /// Solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;
@@ -88,22 +88,23 @@ impl<const N: usize> Mechanism<N> {
     pub(super) fn first_step(
         &self,
         at: &Measured<N>,
-        qr: &Qr<N>,
+        inverse: &PseudoInverse<N>,
         leftover: f64,
         target: &Target<N>,
         motion: Option<&Motion<N>>,
     ) -> Step {
-        let step = newton_step(qr, &at.residual);
+        let step = newton_step(inverse, &at.residual);
         let length = norm(&step);
         let mut reach = length.max(leftover);
         let mut turned = 0.0;
         if let Some(motion) = motion {
-            reach += bow(self, &at.placed, qr, motion);
+            reach += chord_deviation(self, &at.placed, inverse, motion);
             let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
-            turned = drift(self, &at.placed, qr, 2.0 * reach, motion, margin);
+            turned = row_change(self, &at.placed, inverse, 2.0 * reach, motion, margin);
         }
-        let flat = flatness(self, &at.placed, self.twist_of(at), qr, 2.0 * reach, motion)
-            .unwrap_or(f64::INFINITY);
+        let flat =
+            lipschitz_constant(self, &at.placed, self.twist_of(at), inverse, 2.0 * reach, motion)
+                .unwrap_or(f64::INFINITY);
         Step { step, length, flat, h: flat * reach + turned }
     }
 
@@ -141,13 +142,13 @@ impl<const N: usize> Mechanism<N> {
         at: &mut Measured<N>,
     ) -> Result<bool, Fault> {
         loop {
-            let error =
-                (walk.length * walk.contraction).min(about.qr.inverse_norm() * norm(&at.residual));
+            let error = (walk.length * walk.contraction)
+                .min(about.inverse.inverse_norm() * norm(&at.residual));
             if effort.is_converged(error, &at.residual) {
                 return Ok(true);
             }
             let step = if walk.renewed {
-                newton_step(&about.qr, &at.residual)
+                newton_step(&about.inverse, &at.residual)
             } else {
                 if walk.corrections == MAX_CORRECTIONS {
                     return Err(Fault::with_value(Cause::NotConverged, largest(&at.residual)));
@@ -214,7 +215,7 @@ impl<const N: usize> Mechanism<N> {
         // The ball of the first step serves if it is as large.
         let flat = match distance <= 2.0 * first.length {
             true => first.flat,
-            false => self.flat(&about.at, &about.qr, distance).unwrap_or(f64::INFINITY),
+            false => self.flat(&about.at, &about.inverse, distance).unwrap_or(f64::INFINITY),
         };
         let reach = flat * distance;
         if !(reach < 1.0) {
@@ -224,18 +225,22 @@ impl<const N: usize> Mechanism<N> {
             self.refuse_dead_points(&end.placed, &target.joints)?;
         }
         if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
-            self.refuse_nearly_singular(&about.at, &about.qr)?;
+            self.refuse_nearly_singular(&about.at, &about.inverse)?;
         }
         Ok(Certificate::Ball(reach))
     }
 
     /// L of the ball of radius `rho` about a measured place.
-    fn flat(&self, at: &Measured<N>, qr: &Qr<N>, rho: f64) -> Result<f64, Fault> {
-        flatness(self, &at.placed, self.twist_of(at), qr, rho, None)
+    fn flat(&self, at: &Measured<N>, inverse: &PseudoInverse<N>, rho: f64) -> Result<f64, Fault> {
+        lipschitz_constant(self, &at.placed, self.twist_of(at), inverse, rho, None)
     }
 
-    pub(super) fn refuse_nearly_singular(&self, at: &Measured<N>, qr: &Qr<N>) -> Result<(), Fault> {
-        if self.flat(at, qr, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
+    pub(super) fn refuse_nearly_singular(
+        &self,
+        at: &Measured<N>,
+        inverse: &PseudoInverse<N>,
+    ) -> Result<(), Fault> {
+        if self.flat(at, inverse, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
             return Ok(());
         }
         Err(Cause::NearlySingular.into())
@@ -248,7 +253,7 @@ mod tests {
 
     use super::*;
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
-    use crate::certificate::{CERTIFIED, leg_bow};
+    use crate::certificate::{CERTIFIED, leg_chord_deviation};
     use crate::forward::residual::tests::{Trial, trial};
     use crate::leg::Leg;
     use libm::sqrt;
@@ -302,7 +307,7 @@ mod tests {
     fn departure(
         machine: &Mechanism<6>,
         step: &JointStep,
-        qr: &Qr<6>,
+        inverse: &PseudoInverse<6>,
         share: f64,
         point: &[f64; 6],
     ) -> Option<f64> {
@@ -316,7 +321,7 @@ mod tests {
                 residuals(machine, step, share, &x)
             };
             let (a, b) = (at(-STEP)?, at(STEP)?);
-            let column = qr.solve(&core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * STEP)));
+            let column = inverse.solve(&core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * STEP)));
             for (j, value) in column.iter().enumerate().filter(|(j, _)| machine.active[*j]) {
                 sum += (value - f64::from(u8::from(j == k))).powi(2);
             }
@@ -370,21 +375,23 @@ mod tests {
             if machine.settle(&to, &mut about).is_err() {
                 continue;
             }
-            let Stance { at, qr, .. } = &about;
-            let alone = machine.first_step(at, qr, 0.0, &to, None);
-            let flat = |rho, motion| flatness(&machine, &at.placed, None, qr, rho, motion);
+            let Stance { at, inverse, .. } = &about;
+            let alone = machine.first_step(at, inverse, 0.0, &to, None);
+            let flat =
+                |rho, motion| lipschitz_constant(&machine, &at.placed, None, inverse, rho, motion);
             // What was left over may reach farther than the step itself.
             for leftover in [0.0, 0.5, 3.0].map(|share| share * alone.length) {
                 let reach = leftover.max(alone.length);
-                let step_of = |motion| machine.first_step(at, qr, leftover, &to, motion);
+                let step_of = |motion| machine.first_step(at, inverse, leftover, &to, motion);
                 if let Ok(flat) = flat(2.0 * reach, None) {
                     assert_eq!((step_of(None).flat, step_of(None).h), (flat, flat * reach));
                 }
                 let motion = Some(&step.motion);
-                let reach = reach + bow(&machine, &at.placed, qr, &step.motion);
+                let reach = reach + chord_deviation(&machine, &at.placed, inverse, &step.motion);
                 let margin =
                     |i: usize| machine.margin(&at.placed, i, to.joints[i] + machine.offset[i]);
-                let turned = drift(&machine, &at.placed, qr, 2.0 * reach, &step.motion, margin);
+                let turned =
+                    row_change(&machine, &at.placed, inverse, 2.0 * reach, &step.motion, margin);
                 if let Ok(flat) = flat(2.0 * reach, motion) {
                     assert_eq!(
                         (step_of(motion).flat, step_of(motion).h),
@@ -437,7 +444,7 @@ mod tests {
             let Some(Trial { machine, about, target, .. }) = trial(&mut rng, b"XYZABC", 0.5) else {
                 continue;
             };
-            let first = machine.first_step(&about.at, &about.qr, 0.0, &target, None);
+            let first = machine.first_step(&about.at, &about.inverse, 0.0, &target, None);
             if !(first.h <= CERTIFIED) {
                 continue;
             }
@@ -474,11 +481,12 @@ mod tests {
         assert_eq!(confirm(0.5, 1.0, 2.0), Err(Fault::with_value(Cause::NotCertified, 1.0)));
         assert!(confirm(f64::NAN, 1.0, 1.0).is_err());
         // Beyond that the ball of the distance itself is asked.
-        let Stance { at, qr, .. } = &about;
-        let flat = |rho| flatness(&machine, &at.placed, None, qr, rho, None).expect("flat");
+        let Stance { at, inverse, .. } = &about;
+        let flat =
+            |rho| lipschitz_constant(&machine, &at.placed, None, inverse, rho, None).expect("flat");
         let (distance, near) = (0.2 / flat(0.0), flat(0.2 / flat(0.0)) * 0.2 / flat(0.0));
         assert_eq!(confirm(9.0, 0.4 * distance, distance), Ok(Certificate::Ball(near)));
-        // A first ball that is too small for certainty asks for the place's own flatness, which
+        // A first ball that is too small for certainty asks for the place's own Lipschitz constant, which
         // says the same of a machine scaled to be nearly singular.
         let singular = Mechanism { size: 1.01 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
         let regular = Mechanism { size: 0.99 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
@@ -504,7 +512,7 @@ mod tests {
             let (start, middle, end) = (at(0.0), at(share), at(1.0));
             for i in 0..6 {
                 let off = middle[i] - start[i] - share * (end[i] - start[i]);
-                let bound = leg_bow(&placed, &step.motion, i);
+                let bound = leg_chord_deviation(&placed, &step.motion, i);
                 // 1e-11: some roundings of lengths of some thousands.
                 assert!(off.abs() <= bound + 1e-11, "{off:e} {bound:e}");
                 // What rounding is no longer seen in.
@@ -544,27 +552,30 @@ mod tests {
                 if machine.settle(&step.target(&machine, share), &mut stance).is_err() {
                     continue;
                 }
-                let qr = stance.qr;
-                let first = machine.first_step(&there, &qr, 0.0, &to, Some(&step.motion));
+                let inverse = stance.inverse;
+                let first = machine.first_step(&there, &inverse, 0.0, &to, Some(&step.motion));
                 if !(first.h <= CERTIFIED) {
                     continue;
                 }
-                let reach = first.length + bow(&machine, &there.placed, &qr, &step.motion);
+                let reach =
+                    first.length + chord_deviation(&machine, &there.placed, &inverse, &step.motion);
                 let rho = 2.0 * reach;
                 let margin = |i: usize| machine.margin(&there.placed, i, to.joints[i]);
-                let drift = drift(&machine, &there.placed, &qr, rho, &step.motion, margin);
+                let row_change =
+                    row_change(&machine, &there.placed, &inverse, rho, &step.motion, margin);
                 for _ in 0..4 {
                     let share = rng.random();
                     let away = random(&mut rng, 0.0, rho);
                     let point = unit(&mut rng, &machine).map(|x| x * away);
-                    let Some(departure) = departure(&machine, &step, &qr, share, &point) else {
+                    let Some(departure) = departure(&machine, &step, &inverse, share, &point)
+                    else {
                         panic!("the nut has no correction within a certified ball");
                     };
-                    let bound = first.flat * rho + drift;
+                    let bound = first.flat * rho + row_change;
                     assert!(departure <= bound + 1e-6, "{departure} {bound}");
                     turned = turned.max(departure / bound);
                     let residuals = residuals(&machine, &step, share, &[0.0; 6]).unwrap();
-                    let length = norm(&newton_step(&qr, &residuals));
+                    let length = norm(&newton_step(&inverse, &residuals));
                     assert!(length <= reach * (1.0 + 1e-9) + 1e-9, "{length} {reach}");
                     stepped = stepped.max(length / reach);
                     // Every rod is on its side.

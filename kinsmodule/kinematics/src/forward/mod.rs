@@ -22,7 +22,7 @@ use crate::letters::Letter;
 use crate::mechanism::{Chart, Mechanism};
 use crate::placed::Place;
 use crate::pose::{Pose, Trigonometry, angles_near};
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use converge::{Ball, End};
 use nalgebra::Vector3;
 use residual::{Measured, Stance, Target, newton_step, norm};
@@ -202,7 +202,8 @@ impl<const N: usize> Mechanism<N> {
         effort.spend()?;
         let h_whole = match self.settle(target, ahead) {
             Ok(()) => {
-                let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, motion.as_ref());
+                let first =
+                    self.first_step(&ahead.at, &ahead.inverse, 0.0, target, motion.as_ref());
                 if first.h <= CERTIFIED {
                     return self.near(target, &Ball { about: ahead, first }, effort, end);
                 }
@@ -215,7 +216,7 @@ impl<const N: usize> Mechanism<N> {
         ahead.place = self.track(target, start.unwrap_or(ahead.place), h_whole, effort)?;
         self.settle(target, ahead)?;
         effort.spend()?;
-        let first = self.first_step(&ahead.at, &ahead.qr, 0.0, target, None);
+        let first = self.first_step(&ahead.at, &ahead.inverse, 0.0, target, None);
         if !(first.h <= CERTIFIED) {
             return Err(Fault::with_value(Cause::NotCertified, first.h));
         }
@@ -235,14 +236,14 @@ impl<const N: usize> Mechanism<N> {
         } else {
             None
         };
-        let mut qr = Qr::ZERO;
+        let mut inverse = PseudoInverse::ZERO;
         end.place = self.taken_along(&start, motion.as_ref());
         loop {
             self.measure(target, &end.place, &mut end.at)?;
-            self.factor(&end.at, &end.place, &mut qr)?;
-            let step = newton_step(&qr, &end.at.residual);
+            self.factor(&end.at, &end.place, &mut inverse)?;
+            let step = newton_step(&inverse, &end.at.residual);
             let error = match self.layout.is_redundant() {
-                false => qr.inverse_norm() * norm(&end.at.residual),
+                false => inverse.inverse_norm() * norm(&end.at.residual),
                 true => norm(&step),
             };
             if effort.is_converged(error, &end.at.residual) {

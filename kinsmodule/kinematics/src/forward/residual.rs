@@ -9,7 +9,7 @@ use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Twist;
 use crate::placed::{Displacement, Place, Placed};
 use crate::pose::{Pose, cayley_change, cayley_rate};
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 
@@ -46,14 +46,14 @@ impl<const N: usize> Measured<N> {
 pub(super) struct Stance<const N: usize> {
     pub(super) place: Place,
     pub(super) at: Measured<N>,
-    pub(super) qr: Qr<N>,
+    pub(super) inverse: PseudoInverse<N>,
 }
 
 impl<const N: usize> Stance<N> {
     /// To be measured and factored.
     #[inline(always)]
     pub(super) fn new(place: Place) -> Self {
-        Self { place, at: Measured::ZERO, qr: Qr::ZERO }
+        Self { place, at: Measured::ZERO, inverse: PseudoInverse::ZERO }
     }
 }
 
@@ -248,7 +248,7 @@ impl<const N: usize> Mechanism<N> {
     pub(super) fn bent_step(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; 6] {
         let [v, _] = parts(step);
         let omega = self.angular_at_middle(&about.place, step);
-        let more = about.qr.solve(&about.at.placed.bend(&v, &omega));
+        let more = about.inverse.solve(&about.at.placed.bend(&v, &omega));
         along(step, -0.5, &more)
     }
 
@@ -265,7 +265,7 @@ impl<const N: usize> Mechanism<N> {
         x: &[f64; 6],
         at: &Measured<N>,
     ) -> [f64; 6] {
-        let step = newton_step(&about.qr, &at.residual);
+        let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
         let mut left = at.placed.stretch(&v, &self.angular(&about.place, x, &step));
         // J s = −F: without a nut nothing has to be known of J.
@@ -281,7 +281,7 @@ impl<const N: usize> Mechanism<N> {
             let sum = pair(&left, i) + pair(&was, i);
             put(&mut left, i, sum);
         }
-        along(&step, -1.0, &about.qr.solve(&left))
+        along(&step, -1.0, &about.inverse.solve(&left))
     }
 
     /// Residuals of lengths and twists; refuses legs that have none.
@@ -324,10 +324,10 @@ impl<const N: usize> Mechanism<N> {
         &self,
         at: &Measured<N>,
         place: &Place,
-        qr: &mut Qr<N>,
+        inverse: &mut PseudoInverse<N>,
     ) -> Result<(), Fault> {
-        let regular = qr.renew(&self.active, self.columns(at, place));
-        match regular.unwrap_or_else(|| self.factor_flat(at, place, qr)) {
+        let regular = inverse.renew(&self.active, self.columns(at, place));
+        match regular.unwrap_or_else(|| self.factor_flat(at, place, inverse)) {
             true => Ok(()),
             false => Err(Cause::Singular.into()),
         }
@@ -336,21 +336,24 @@ impl<const N: usize> Mechanism<N> {
     /// Factors what the quick way does not. The columns are made anew: to keep them takes longer.
     #[cold]
     #[inline(never)]
-    fn factor_flat(&self, at: &Measured<N>, place: &Place, qr: &mut Qr<N>) -> bool {
-        qr.renew_by_columns(&self.active, &self.columns(at, place))
+    fn factor_flat(&self, at: &Measured<N>, place: &Place, inverse: &mut PseudoInverse<N>) -> bool {
+        inverse.renew_by_columns(&self.active, &self.columns(at, place))
     }
 
     /// Measures and factors where a stance stands.
     #[inline(always)]
     pub(super) fn settle(&self, target: &Target<N>, stance: &mut Stance<N>) -> Result<(), Fault> {
         self.measure(target, &stance.place, &mut stance.at)?;
-        self.factor(&stance.at, &stance.place, &mut stance.qr)
+        self.factor(&stance.at, &stance.place, &mut stance.inverse)
     }
 }
 
 #[inline(always)]
-pub(super) fn newton_step<const N: usize>(qr: &Qr<N>, residual: &[f64; N]) -> [f64; 6] {
-    along(&[0.0; 6], -1.0, &qr.solve(residual))
+pub(super) fn newton_step<const N: usize>(
+    inverse: &PseudoInverse<N>,
+    residual: &[f64; N],
+) -> [f64; 6] {
+    along(&[0.0; 6], -1.0, &inverse.solve(residual))
 }
 
 /// The translation of a point of the chart, and its turn times the radius. Taken apart in the
@@ -430,7 +433,7 @@ pub(super) mod tests {
         let mut about = Stance::new(place);
         machine.settle(&target, &mut about).ok()?;
         // So that what is looked at is not the condition of a random machine.
-        (about.qr.inverse_norm() < 20.0).then_some(Trial { machine, about, target, step })
+        (about.inverse.inverse_norm() < 20.0).then_some(Trial { machine, about, target, step })
     }
 
     #[test]
@@ -472,10 +475,10 @@ pub(super) mod tests {
             let Some(trial) = trial(&mut rng, coordinates, length) else { continue };
             let Trial { machine, about, target, step } = &trial;
             let off = |end: &[f64; 6]| norm(&along(end, -1.0, step));
-            let first = newton_step(&about.qr, &about.at.residual);
+            let first = newton_step(&about.inverse, &about.at.residual);
             let mut at = Measured::ZERO;
             machine.measure_from(about, &first, target, &mut at).unwrap();
-            let chord = along(&first, 1.0, &newton_step(&about.qr, &at.residual));
+            let chord = along(&first, 1.0, &newton_step(&about.inverse, &at.residual));
             let refined = along(&first, 1.0, &machine.refined_step(about, &first, &at));
             // What rounding is no longer seen in.
             if off(&chord) > 1e-9 {

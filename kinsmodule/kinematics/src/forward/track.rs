@@ -8,7 +8,7 @@ use crate::certificate::CERTIFIED;
 use crate::fault::{Cause, Fault};
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
-use crate::pseudo_inverse::Qr;
+use crate::pseudo_inverse::PseudoInverse;
 
 /// Trials for the length of one sub-step.
 const MAX_TRIALS: u32 = 4;
@@ -61,7 +61,7 @@ impl<const N: usize> Mechanism<N> {
         let from = self.joints_at(&start)?;
         let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
-        let (mut at, mut qr) = (Measured::ZERO, Qr::ZERO);
+        let (mut at, mut inverse) = (Measured::ZERO, PseudoInverse::ZERO);
         let mut done = 0.0;
         let mut share = shrunk(1.0, h_whole);
         effort.sub_steps = 0;
@@ -69,16 +69,16 @@ impl<const N: usize> Mechanism<N> {
             effort.sub_steps += 1;
             let here = self.target(&along(done))?;
             self.measure(&here, &place, &mut at)?;
-            self.factor(&at, &place, &mut qr)?;
+            self.factor(&at, &place, &mut inverse)?;
             if self.moving {
                 self.refuse_dead_points(&at.placed, &here.joints)?;
             }
             if effort.sub_steps == 1 {
-                self.refuse_nearly_singular(&at, &qr)?;
+                self.refuse_nearly_singular(&at, &inverse)?;
             }
-            let leftover = norm(&newton_step(&qr, &at.residual));
+            let leftover = norm(&newton_step(&inverse, &at.residual));
             let path = Path { along: &along, here: &here, target, done, leftover };
-            let taken = self.sub_step(&path, &place, &qr, share, effort)?;
+            let taken = self.sub_step(&path, &place, &inverse, share, effort)?;
             place = taken.place;
             done += taken.share;
             if taken.arrives {
@@ -94,7 +94,7 @@ impl<const N: usize> Mechanism<N> {
         &self,
         path: &Path<'_, N, impl Fn(f64) -> [f64; N]>,
         place: &Place,
-        qr: &Qr<N>,
+        inverse: &PseudoInverse<N>,
         mut share: f64,
         effort: &mut Effort,
     ) -> Result<SubStep, Fault> {
@@ -116,7 +116,8 @@ impl<const N: usize> Mechanism<N> {
             let ahead = self.taken_along(place, motion.as_ref());
             let at = self.measured(to, &ahead)?;
             effort.spend()?;
-            let Step { step, h, .. } = self.first_step(&at, qr, path.leftover, to, motion.as_ref());
+            let Step { step, h, .. } =
+                self.first_step(&at, inverse, path.leftover, to, motion.as_ref());
             share = share.min(rest);
             if h <= CERTIFIED {
                 return Ok(SubStep { place: self.moved(&ahead, &step), share, arrives, h });

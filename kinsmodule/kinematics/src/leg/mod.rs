@@ -71,13 +71,16 @@ impl LegKind {
         }
     }
 
-    /// Every value that enters the hash, in its order, the kind's number first.
+    /// Every value that enters the hash, in its order, the kind's number first; zeros for the axes
+    /// of a strut without a lead.
     pub(crate) fn for_each_value(&self, mut see: impl FnMut(&[f64])) {
         match self {
             LegKind::Strut(s) => {
+                let axes = [s.base_axis, s.platform_axis];
+                let [base, platform] = if s.lead == 0.0 { [[0.0; 3]; 2] } else { axes };
                 see(&[1.0]);
-                see(&s.base_axis);
-                see(&s.platform_axis);
+                see(&base);
+                see(&platform);
                 see(&[s.lead]);
             }
             LegKind::Slider(s) => {

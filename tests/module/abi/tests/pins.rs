@@ -54,6 +54,7 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("limit-soon", Bit, Out, 0.0),
     ("limit-leg", S32, Out, -1.0),
     ("limit-reason", S32, Out, 0.0),
+    ("tilt-limit", Float, In, 0.0),
     ("max-override", Float, In, 1.0),
     ("linear-acceleration", Float, In, 1e99),
     ("angular-acceleration", Float, In, 1e99),
@@ -65,6 +66,8 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
 /// Pins of every leg for the guard over the motion, and of every joint.
 const WATCHED_LEG: &[(&str, PinDir)] =
     &[("base-angle", Out), ("platform-angle", Out), ("base-cone", In), ("platform-cone", In)];
+/// Limits of a leg in its cardan joints, about their fixed axis and across it.
+const PYRAMIDS: [&str; 2] = ["base-pyramid", "platform-pyramid"];
 const WATCHED_JOINT: &[&str] = &["margin", "speed-ratio"];
 
 /// Pins of a leg of each kind: vectors, numbers (float in), and the rest.
@@ -120,6 +123,9 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
         }
         for (name, dir) in WATCHED_LEG {
             add(format!("pkmkins.{name}.{n}"), Float, *dir);
+        }
+        for way in PYRAMIDS.iter().flat_map(|end| ["about", "across"].map(|way| (end, way))) {
+            add(format!("pkmkins.{}.{n}.{}", way.0, way.1), Float, In);
         }
     }
     for n in 0..joints {

@@ -2,14 +2,20 @@
 //! What goes before a counted run of `pkmkins.monitor`: a machine in motion with everything
 //! to guard, a geometry to freeze, a tool that changes at a tilt.
 
-use crate::cases::Case;
+use crate::cases::{Aim, Case};
 use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::Kind;
 use abi_tests::subjects::Subject;
 
 /// Seconds of a servo cycle.
 const PERIOD: f64 = 1e-3;
 
-/// A motion of three cycles up to the case's pose, by the case's step in each. Every limit is
+/// Cycles of a motion until it is seen as one, and until each place ahead of it was looked at.
+const BEGINNING: u32 = 3;
+const GOING_ON: u32 = BEGINNING + 9;
+
+/// A motion up to the case's pose, by the case's step in each cycle: one that goes on in the usual
+/// case; else one that has just begun, with all places to be looked at. Every limit is
 /// set and none of those that would spare the rest is met, so that all of them are compared.
 pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
     stand_still(module);
@@ -20,7 +26,8 @@ pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
     }
     // `limit` is a share in per cent here: of the hold that the legs would have to keep.
     module.set("conditioning-limit", f64::from(case.limit) / 100.0);
-    for back in [2.0, 1.0, 0.0] {
+    let cycles = if case.aim == Aim::Typical { GOING_ON } else { BEGINNING };
+    for back in (0..cycles).rev().map(f64::from) {
         let mut pose = case.pose;
         for (value, step) in pose.iter_mut().zip(&case.joints).take(6) {
             *value -= back * step;
@@ -43,14 +50,32 @@ fn stand_still(module: &Module) {
     }
 }
 
+/// Whether all legs are struts, and the axes of their cardan joints are known.
+fn has_pyramids(subject: &Subject) -> bool {
+    let is_known = |axis: &[f64; 3]| axis.iter().any(|value| *value != 0.0);
+    subject.machine.legs.iter().all(|leg| match &leg.kind {
+        Kind::Strut { base_axis, platform_axis, .. } => {
+            is_known(base_axis) && is_known(platform_axis)
+        }
+        _ => false,
+    })
+}
+
 fn set_limits(subject: &Subject, module: &Module) {
     let size = subject.machine.size();
     module.set("linear-acceleration", size);
     module.set("angular-acceleration", 100.0);
     module.set("rod-clearance", 1e-12 * size);
+    module.set("tilt-limit", 180.0);
     for n in 0..subject.machine.legs.len() {
         module.set(&format!("base-cone.{n}"), 180.0);
         module.set(&format!("platform-cone.{n}"), 180.0);
+        for way in ["base-pyramid", "platform-pyramid"] {
+            // A leg without an axis, or a machine without a reference pose, keeps none.
+            let limit = if has_pyramids(subject) { 180.0 } else { 0.0 };
+            module.set(&format!("{way}.{n}.about"), limit);
+            module.set(&format!("{way}.{n}.across"), limit);
+        }
     }
     for n in 0..subject.machine.joints() {
         module.set(&format!("max-velocity.{n}"), size);
