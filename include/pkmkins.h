@@ -33,7 +33,7 @@ enum pkmkins_cause {
   PKMKINS_TOOL_TOO_LONG = -86,
   // the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative).
   PKMKINS_OUT_OF_REACH = -19,
-  // since the reference pose the strut has turned about its own axis by nearly half a turn (degrees shown), where its nut correction would jump by a lead.
+  // the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead.
   PKMKINS_TORSION_TOO_LARGE = -27,
   // the joint value is NaN or infinite.
   PKMKINS_JOINT_NOT_FINITE = -20,

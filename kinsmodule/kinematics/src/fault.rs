@@ -189,7 +189,7 @@ causes! {
         "check the tool table and the nets to the tool-offset pins";
     OutOfReach = -19, "the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)",
         "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
-    TorsionTooLarge = -27, "since the reference pose the strut has turned about its own axis by nearly half a turn (degrees shown), where its nut correction would jump by a lead",
+    TorsionTooLarge = -27, "the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead",
         "turn back, or lead the program through another pose";
     // Joints and seed that forward was given.
     JointNotFinite = -20, "the joint value is NaN or infinite",
