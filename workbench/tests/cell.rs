@@ -38,7 +38,6 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
     let share = rng.random_range(0.5..1.0);
     config.clearance = at.nearest().map(|nearest| share * nearest.distance);
     config.conditioning_limit = at.smallest_singular_value() * rng.random_range(0.2..0.95);
-    drop(at);
     config.tilt_limit = Some(rng.random_range(2.0..30.0));
     // Fixed axes are those of struts with a lead.
     if machine == "hexapod" {

@@ -4,7 +4,7 @@
 use crate::shipped::{MACHINES, config};
 use kinematics::{Pose, Vector3};
 use pkm::proof::axis_box;
-use pkm::study::rods::{Rods, View, pairs};
+use pkm::study::rods::{Rods, View};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -89,7 +89,7 @@ fn ends_lengths_and_directions_belong_together_on_every_machine() {
                 assert!((end - rod.ends.platform).norm() < LENGTH_MM, "{machine} {rod:?}");
             }
             assert!((rods.points[0] - rods.rods[0].ends.platform).norm() < LENGTH_MM);
-            let pairs = pairs(config.legs());
+            let pairs = config.pairs();
             let distance = |[i, j]: &[usize; 2]| rods.rods[*i].ends.distance(&rods.rods[*j].ends);
             let least = pairs.iter().map(distance).fold(f64::INFINITY, f64::min);
             if let Some(nearest) = rods.nearest {

@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 8] = [
+const ROOMS: [(&str, &[&str]); 9] = [
     ("files", &[]),
     ("read", &["files"]),
-    ("proof", &["read"]),
-    ("check", &["proof", "read"]),
-    ("program", &["files", "proof", "read"]),
-    ("study", &["files", "proof", "read"]),
-    ("calibrate", &["files", "proof", "read"]),
+    ("limits", &["read"]),
+    ("proof", &["limits", "read"]),
+    ("check", &["limits", "proof", "read"]),
+    ("program", &["files", "limits", "proof", "read"]),
+    ("study", &["files", "limits", "proof", "read"]),
+    ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "study"]),
 ];
 

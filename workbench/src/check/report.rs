@@ -12,7 +12,6 @@ use crate::read::diagnostic::Severity;
 use crate::read::ini::{Ini, IniError, Problem};
 use crate::read::machine::{JointKind, MachineConfig, MachineError};
 use crate::read::tools::{self, Tool};
-use crate::study::rods::pairs;
 use kinematics::{Fault, Letter, Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -408,7 +407,8 @@ fn nearest_at_home(report: &mut Report, config: &MachineConfig) {
     if let Some(nearest) = nearest {
         report.fact("nearest legs", format!("{} at home", shown_nearest(config, &nearest)));
     }
-    let meeting: Vec<String> = pairs(config.legs())
+    let meeting: Vec<String> = config
+        .pairs()
         .into_iter()
         .filter(|pair| !config.machine.watch().is_watched(*pair))
         .map(|[i, j]| format!("{i} and {j}"))

@@ -369,6 +369,12 @@ impl MachineConfig {
         self.machine.layout().legs()
     }
 
+    /// All pairs of legs, lower number first.
+    pub fn pairs(&self) -> Vec<[usize; 2]> {
+        let legs = self.legs();
+        (0..legs).flat_map(|i| (i + 1..legs).map(move |j| [i, j])).collect()
+    }
+
     /// The joints by kind, kinds that the machine has only.
     pub fn groups(&self) -> Vec<Group> {
         let group = |kind: JointKind| Group {

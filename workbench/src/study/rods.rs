@@ -23,7 +23,7 @@ pub struct View<'a> {
 pub struct Rods {
     /// The legs.
     pub rods: Vec<Rod>,
-    /// Angles between legs, in the order of [`pairs`].
+    /// Angles between legs, in the order of [`MachineConfig::pairs`].
     pub between: Vec<f64>,
     /// The two legs that are nearest, and the gap between them: the distance of their centre
     /// lines without a diameter. `None` where all legs share an anchor.
@@ -51,11 +51,6 @@ pub struct Rod {
     pub guide: Option<f64>,
 }
 
-/// All pairs of legs, lower number first.
-pub fn pairs(legs: usize) -> Vec<[usize; 2]> {
-    (0..legs).flat_map(|i| (i + 1..legs).map(move |j| [i, j])).collect()
-}
-
 impl<'a> View<'a> {
     /// Of this machine.
     pub fn new(config: &'a MachineConfig, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
@@ -80,7 +75,7 @@ impl<'a> View<'a> {
             platform_cone: cones.platform[i],
             guide: self.guide(i).map(|guide| lines_angle(&guide, &directions[i])),
         };
-        let between = pairs(directions.len());
+        let between = self.config.pairs();
         let between = between.iter().map(|[i, j]| angle(&directions[*i], &directions[*j]));
         let anchor = Vector3::from(self.config.geometry.legs()[0].platform);
         let in_base = |point: &Vector3<f64>| legs[0].platform + at.rotation() * (point - anchor);
@@ -111,7 +106,7 @@ impl<'a> View<'a> {
             names.extend(own.map(|name| format!("{name}_{i}")));
             names.extend(self.guide(i).map(|_| format!("guide_angle_{i}")));
         }
-        names.extend(pairs(self.config.legs()).iter().map(|[i, j]| format!("between_{i}_{j}")));
+        names.extend(self.config.pairs().iter().map(|[i, j]| format!("between_{i}_{j}")));
         names.extend(["gap", "gap_leg", "gap_other_leg"].map(String::from));
         for k in 0..self.points.len() {
             names.extend(["x", "y", "z"].map(|axis| format!("point_{k}_{axis}")));
