@@ -76,11 +76,13 @@ pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     });
 }
 
-/// What the room of a margin is a share of: the range where it has two ends, else its one end.
+/// What the room of a margin is a share of: mostly the range where it has two ends, else its one
+/// end.
 pub fn scale(margin: &Margin) -> f64 {
     match (margin.limit, margin.range) {
-        // A smallest singular value of its own scale.
+        // A singular value of unit rows, and a distance that may be large beside its limit.
         (Limit::Conditioning, _) => 1.0,
+        (Limit::Clearance, [low, _]) => margin.value.max(low),
         (_, [low, high]) if low.is_finite() && high.is_finite() => high - low,
         (_, [low, high]) => if low.is_finite() { low } else { high }.abs(),
     }
@@ -134,11 +136,16 @@ pub fn unit(config: &MachineConfig, limit: Limit, part: Part) -> String {
 pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
     let unit = unit(config, margin.limit, margin.part);
     let value = match margin.range {
-        [low, high] if low == -high => format!("{high}"),
+        [_, high] if is_either_way(margin.limit) => format!("{high}"),
         [low, high] if low.is_finite() && high.is_finite() => format!("{low} to {high}"),
         [low, high] => format!("{}", if low.is_finite() { low } else { high }),
     };
     format!("{value} {unit}").trim_end().into()
+}
+
+/// Whether a limit is one number for both directions.
+fn is_either_way(limit: Limit) -> bool {
+    is_of_feed(limit) || matches!(limit, Limit::BasePyramid | Limit::PlatformPyramid)
 }
 
 /// A limit that is not kept, as a sentence.

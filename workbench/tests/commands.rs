@@ -80,12 +80,14 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -345,6 +347,7 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 2.5e1 of the kinematics at [TRAJ]HOME
+  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
 
 error: [JOINT_0]HOME = 300
    --> linear-delta.ini:111:8
@@ -380,12 +383,14 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
@@ -436,18 +441,20 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:122:17
     |
 122 | HOME_SEQUENCE = 0
-    |                 ^ between HOME and the switches at HOME_OFFSET leg 0 at its base joint leans 40.7 degrees, more than its cone of 40; home more legs together, or move the switches
+    |                 ^ between HOME and the switches at HOME_OFFSET the base joint of leg 0 is at 40.651 degrees, beyond its limit of 40 degrees; home more legs together, or move the switches
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -712,12 +719,13 @@ Checks that a machine's INI file fits together
 
 Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints and
 mobility, geometry hash, HOME of joints and axes against the kinematics, homing order against the
-cones, whether HAL files wire the module's guard, joint ranges, how well the legs hold the platform
-at home and at worst. At the end stand [AXIS_*] limits in which, without a tool, every pose is
-proved to be within reach, joint limits, cones and the distance of rods, with legs that hold the
-platform; of a machine that tilts also whether that is proved with every tool of the tool table, and
-what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
-already; where it gives none, the machine sets the end.
+limits of the pose, whether HAL files wire the module's guard, joint ranges, how near the legs come
+to each other and how well they hold the platform at home and at worst. At the end stand [AXIS_*]
+limits in which, without a tool, every pose is proved to keep all limits: reach, joint ranges, cones
+and pyramids, tilt, the distance of the legs and the conditioning; of a machine that tilts also
+whether that is proved with every tool of the tool table, and what a smaller tilt gains in X, Y and
+Z. They stay within the axis limits that the file gives already; where it gives none, the machine
+sets the end.
 
 Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2 where the
 file describes no machine.
@@ -761,10 +769,11 @@ fn a_program_that_fits() {
 good.ngc on linear-delta.ini
   moves              3, 228.5 mm long
   time               3.9 s of motion
-  axis limits        10.0000 mm to spare: axis Z, before the program
+  axis range         10.0000 mm to spare: axis Z, before the program
   joint range        49.6351 mm to spare: carriage 2, line 3
-  base cones         16.3126 degrees to spare: the base joint of leg 2, line 4
-  conditioning       0.5106 to spare: the conditioning, line 4
+  base cone          16.3126 degrees to spare: the base joint of leg 2, line 4
+  clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 3
+  conditioning       0.5167 to spare: the conditioning, line 4
   joint speed        149.2800 mm/s to spare: the speed of carriage 2, line 3
   joint acceleration 3023.0556 mm/s² to spare: the acceleration of carriage 2, line 3
   feed               joint speeds allow 1.894 times the programmed one, in line 3
@@ -798,10 +807,11 @@ fn programs_that_do_not_fit() {
 middle.ngc on linear-delta.ini
   moves              3, 257.9 mm long
   time               4.3 s of motion
-  axis limits        5.0000 mm to spare: axis X, line 2
+  axis range         5.0000 mm to spare: axis X, line 2
   joint range        3.2551 mm beyond: carriage 0, line 4
-  base cones         7.8904 degrees to spare: the base joint of leg 2, line 4
-  conditioning       0.5054 to spare: the conditioning, line 4
+  base cone          7.8904 degrees to spare: the base joint of leg 2, line 4
+  clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 2
+  conditioning       0.5094 to spare: the conditioning, line 4
   joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2
   joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2
   feed               joint speeds allow 1.557 times the programmed one, in line 2
@@ -828,10 +838,11 @@ exit 1
 far.ngc on linear-delta.ini
   moves              3, 212.2 mm long
   time               4.5 s of motion
-  axis limits        120.0000 mm beyond: axis Y, line 1
+  axis range         120.0000 mm beyond: axis Y, line 1
   joint range        12.4713 mm beyond: carriage 0, line 1
-  base cones         18.4491 degrees beyond: the base joint of leg 1, line 1
-  conditioning       0.4948 to spare: the conditioning, line 1
+  base cone          18.4491 degrees beyond: the base joint of leg 1, line 1
+  clearance of legs  6.1645 mm to spare: the distance of legs 0 and 1, line 1
+  conditioning       0.5352 to spare: the conditioning, line 1
   joint speed        498.0656 mm/s beyond: the speed of carriage 1, line 1
   joint acceleration 33332.0380 mm/s² beyond: the acceleration of carriage 1, line 1
   feed               joint speeds allow less than 0.001 times the programmed one, in line 1
@@ -841,11 +852,11 @@ error: line 1: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this 
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y12.5463 Z88.1180 A0.0000 B0.0000 C0.0000
 
-error: line 1: axis limits: axis Y leaves its limit of -80 to 80 mm, on this move by 120.0000 mm
+error: line 1: axis range: axis Y leaves its limit of -80 to 80 mm, on this move by 120.0000 mm
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y80.0000 Z78.0000 A0.0000 B0.0000 C0.0000
 
-error: line 1: base cones: the base joint of leg 1 leaves its limit of 40 degrees, on this move by 18.4491 degrees
+error: line 1: base cone: the base joint of leg 1 leaves its limit of 40 degrees, on this move by 18.4491 degrees
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
 

@@ -75,7 +75,7 @@ impl Limit {
             Self::BasePyramid => "base pyramid",
             Self::PlatformPyramid => "platform pyramid",
             Self::Tilt => "tilt of the tool axis",
-            Self::Clearance => "clearance between legs",
+            Self::Clearance => "clearance of legs",
             Self::Conditioning => "conditioning",
             Self::JointSpeed => "joint speed",
             Self::JointAcceleration => "joint acceleration",

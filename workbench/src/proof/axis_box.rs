@@ -19,8 +19,10 @@ const SHRINKS: i32 = 5;
 /// Shares of a range that a face is pushed by.
 const SHARES: [f64; 4] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
 
-/// Most cells of one proof, and of one search.
-const MOST_CELLS: usize = 5_000;
+/// Most cells of the proof of all of the axis limits, of one other proof, and of all that make a box
+/// grow.
+const WHOLE_CELLS: usize = 50_000;
+const MOST_CELLS: usize = 10_000;
 const ALL_CELLS: usize = 20_000;
 
 /// Poses drawn before a proof is begun: one that cannot be taken spares it.
@@ -31,10 +33,7 @@ const WAYS: usize = 32;
 
 /// A proof is not begun where it is estimated to take this many times the cells that it may take:
 /// the estimate has no bias, but scatters.
-const DOUBT: f64 = 4.0;
-
-/// No cell of use is halved more often.
-const MOST_HALVINGS: usize = 60;
+const DOUBT: f64 = 2.0;
 
 /// Range of an angle for which the file gives no limits, either way from home.
 const FREE_ANGLE_DEG: f64 = 90.0;
@@ -88,9 +87,10 @@ pub fn find(
     mut progress: impl FnMut(f64),
 ) -> Result<AxisBox, Stop> {
     let mut search = Search::new(config, &Vector3::zeros(), within)?;
-    if search.is_inside(within) {
+    if search.is_proved(within, WHOLE_CELLS) {
         return Ok(*within);
     }
+    search.left = ALL_CELLS;
     let steps = f64::from(SHRINKS) + SHARES.len() as f64;
     let mut found = AxisBox { low: config.home, high: config.home };
     let mut shrunk = 0.0;
@@ -106,7 +106,8 @@ pub fn find(
     search.grow(&mut found, &moved);
     if let Some(tilted) = tilted {
         let mut other = *tilted;
-        Search::new(config, &Vector3::zeros(), within)?.grow(&mut other, &moved);
+        search.left = ALL_CELLS;
+        search.grow(&mut other, &moved);
         if share_of(&other, within, &moved) > share_of(&found, within, &moved) {
             found = other;
         }
@@ -155,6 +156,7 @@ pub fn at_tilt(
     if search.is_inside(&whole) {
         return Some(whole);
     }
+    search.left = ALL_CELLS;
     if steeper.is_none() && !search.is_inside(&found) {
         return None;
     }
@@ -210,42 +212,48 @@ impl<'a> Search<'a> {
         any
     }
 
-    /// How many cells a proof will take, by Knuth's method (1975): halves are followed at random
-    /// down to a cell that is proved, and a cell that was reached by n choices stands for 2ⁿ. Infinite
-    /// where a pose is met that cannot be taken.
-    fn estimate(&mut self, part: &AxisBox, rng: &mut Pcg64) -> f64 {
-        let mut cells = 0.0;
+    /// Whether a proof will do with so many cells, as far as an estimate by Knuth's method (1975) can
+    /// say: halves are followed at random down to a cell that is proved, and a cell that was reached
+    /// by n choices stands for 2ⁿ. It will not where a pose is met that cannot be taken.
+    fn is_likely(&mut self, part: &AxisBox, most: usize, rng: &mut Pcg64) -> bool {
+        let mut left = DOUBT * (most * WAYS) as f64;
         for _ in 0..WAYS {
             let mut cell = Cell::between(&part.low, &part.high);
-            for n in 0..MOST_HALVINGS {
+            let mut stands_for = 1.0;
+            loop {
                 self.left = self.left.saturating_sub(1);
-                cells += 2.0_f64.powi(n as i32) / WAYS as f64;
+                left -= stands_for;
                 match self.reach.judge(&cell) {
                     Verdict::Inside => break,
-                    Verdict::Outside(_) => return f64::INFINITY,
-                    Verdict::Open(k) => cell = cell.halves(k)[rng.random_range(0..2)],
+                    Verdict::Open(k) if left > 0.0 => cell = cell.halves(k)[rng.random_range(0..2)],
+                    _ => return false,
                 }
+                stands_for *= 2.0;
             }
         }
-        cells
+        left > 0.0
     }
 
-    /// Whether a box is proved to be inside.
+    /// Whether a box is proved to be inside with the cells that are left.
     fn is_inside(&mut self, part: &AxisBox) -> bool {
+        self.is_proved(part, MOST_CELLS.min(self.left))
+    }
+
+    /// Whether a box is proved to be inside with so many cells.
+    fn is_proved(&mut self, part: &AxisBox, most: usize) -> bool {
         let mut rng = Pcg64::seed_from_u64(0);
         let drawn = (0..DRAWN).map(|_| part.at(std::array::from_fn(|_| rng.random())));
         let mut tried = corners(part).chain(drawn);
-        if tried.any(|pose| self.reach.check(&pose).is_err()) {
+        if most == 0 || tried.any(|pose| self.reach.check(&pose).is_err()) {
             return false;
         }
-        let most = MOST_CELLS.min(self.left);
-        if most == 0 || !(self.estimate(part, &mut rng) <= DOUBT * most as f64) {
+        if !self.is_likely(part, most, &mut rng) {
             return false;
         }
         let mut open = vec![Cell::between(&part.low, &part.high)];
         for _ in 0..most {
             let Some(cell) = open.pop() else { return true };
-            self.left -= 1;
+            self.left = self.left.saturating_sub(1);
             match self.reach.judge(&cell) {
                 Verdict::Inside => {}
                 Verdict::Outside(_) => return false,

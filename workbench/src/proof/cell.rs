@@ -32,13 +32,14 @@
 //! still in base or platform, as those of the cones.
 //!
 //! **Conditioning**: with G the rows [u (ρ × u)/r] of the legs and M their pseudo-inverse in the
-//! middle, M (G(X) − G(C)) is bounded entry by entry by a matrix B: the slopes along every step in
-//! amount, and |M| times the bounds of the second derivatives. As no entry of |E| is larger than that
-//! of B, ‖E‖ ≤ ‖B‖ and the least singular value is at least (1 − ‖B‖) σ(C).
+//! middle, M G(X) = I + E, where E is bounded entry by entry by a matrix B: the slopes along every step
+//! in amount, and |M| times the bounds of the second derivatives. Where the spectral radius of B is
+//! less than 1, (I + E)⁻¹ is bounded by I + B + B² + … = (I − B)⁻¹, and as v = (I + E)⁻¹ M G(X) v, the
+//! least singular value is at least σ(C) / ‖(I − B)⁻¹‖.
 //!
-//! **Regular**: the same with the rows of the joints, nut corrections included. Where the spectral
-//! radius of B is less than 1, I + E has an inverse, and the joints hold the platform at every pose of
-//! the cell.
+//! **Regular**: the same of the rows of the joints J, nut corrections included: M J(X) = I + E, where
+//! B has |M (J(C) − G(C))| more. Where its spectral radius is less than 1, the joints hold the
+//! platform at every pose of the cell.
 
 use crate::limits::{self, beyond_axes};
 use crate::read::machine::MachineConfig;
@@ -173,6 +174,9 @@ pub struct Way {
 /// Legs by coordinates.
 type Rows = SMatrix<f64, MAX_LEGS, 6>;
 
+/// Coordinates by legs.
+type Inverse = SMatrix<f64, 6, MAX_LEGS>;
+
 /// Coordinates by coordinates.
 type Square = Matrix6<f64>;
 
@@ -240,6 +244,14 @@ struct LegMiddle {
     motions: [Vector3<f64>; 6],
     /// The same of the vector along the leg.
     changes: [Vector3<f64>; 6],
+}
+
+/// What is not proved of a cell.
+struct Unproved {
+    /// The coordinate to halve it along.
+    along: usize,
+    /// The limits that are not proved.
+    rest: Limits,
 }
 
 /// How well the legs hold the platform over a cell.
@@ -337,15 +349,11 @@ impl<'a> Reach<'a> {
             Ok(middle) => middle,
             Err(fault) => return Verdict::Outside(Stop::Fault(fault)),
         };
-        // Its conditioning, which takes the longest, follows from what is proved of the cell.
-        let of_shape = Limits { conditioning: 0.0, ..self.limits };
-        if let Err(margin) = limits::check(&middle.at, &of_shape) {
-            return Verdict::Outside(Stop::Limit(margin));
-        }
+        // What is proved of the cell holds in its middle, too.
         match self.holds(cell, &middle) {
-            None => Verdict::Inside,
-            Some(k) => match limits::check(&middle.at, &self.limits) {
-                Ok(()) => Verdict::Open(k),
+            Ok(()) => Verdict::Inside,
+            Err(Unproved { along, rest }) => match limits::check(&middle.at, &rest) {
+                Ok(()) => Verdict::Open(along),
                 Err(margin) => Verdict::Outside(Stop::Limit(margin)),
             },
         }
@@ -377,27 +385,27 @@ impl<'a> Reach<'a> {
         LegMiddle { segment, n: segment.span() / length, length, motions, changes }
     }
 
-    /// The coordinate to halve a cell along whose middle can be taken; `None` where every pose of it
-    /// is proved to be inside.
-    fn holds(&self, cell: &Cell, middle: &Middle) -> Option<usize> {
+    /// Whether every pose of a cell is proved to be inside.
+    fn holds(&self, cell: &Cell, middle: &Middle) -> Result<(), Unproved> {
         let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
-        let widest = || Some(greatest(&self.extents(&spread)));
+        let unproved = || Unproved { along: greatest(&self.extents(&spread)), rest: self.limits };
         let bends: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.bend(i, middle, &spread)).collect();
-        let Some(bends) = bends else { return widest() };
+        let bends = bends.ok_or_else(unproved)?;
         let kept = |span: Span| match span.room() >= 0.0 {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
         };
         if self.spans(middle, &spread, Some(&bends), self.limits.clearance, kept).is_break() {
-            return widest();
+            return Err(unproved());
         }
         let hold = self.hold(middle, &spread, &bends);
         let least = self.limits.conditioning;
         let is_kept = hold.is_regular
             && (hold.share / hold.inverse >= least
                 || hold.share * middle.at.smallest_singular_value() >= least);
-        (!is_kept).then(|| greatest(&hold.shares))
+        let rest = Limits { conditioning: least, ..Limits::NONE };
+        is_kept.then_some(()).ok_or(Unproved { along: greatest(&hold.shares), rest })
     }
 
     /// What the joints and legs do on the straight way from `middle - step` to `middle + step`.
@@ -771,45 +779,46 @@ impl<'a> Reach<'a> {
         let unknown = |shares| Hold { share: 0.0, is_regular: false, inverse: 1.0, shares };
         let rows = constraint_rows(&middle.at);
         let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
-        let slopes: Vec<Rows> =
-            spread.steps.iter().map(|step| self.row_slopes(middle, step)).collect();
         let rest = self.row_rest(spread, bends);
-        let changes: Vec<Square> = slopes.iter().map(|slope| (inverse * slope).abs()).collect();
+        let change = |step| (inverse * self.row_slopes(middle, step)).abs();
+        let changes: Vec<Square> = spread.steps.iter().map(change).collect();
         let bound = changes.iter().fold(inverse.abs() * rest, |sum, change| sum + change);
         let whole: f64 = extents.iter().sum();
         let beside = (inverse.abs() * rest).norm() / whole;
         let share = |(change, extent): (&Square, &f64)| change.norm() + beside * extent;
         let shares = changes.iter().zip(&extents).map(share).collect();
+        let is_bounded = spectral_radius(&bound) < 1.0 - ROUNDING;
         let is_regular = match self.is_geared {
-            false => spectral_radius(&bound) < 1.0 - ROUNDING,
-            true => self.is_regular_with_nuts(middle, spread, bends, &slopes, &rest),
+            true => self.is_regular_with_nuts(middle, spread, bends, (&rows, &inverse, &bound)),
+            false => is_bounded,
         };
-        // The largest eigenvalue's eighth root of the trace of its fourth power.
+        let series = (Square::identity() - bound).try_inverse().filter(|_| is_bounded);
+        let norm = series.map(|sum| spectral_radius(&sum.tr_mul(&sum)).sqrt());
+        let share = norm.map_or(0.0, |norm| (1.0 - ROUNDING) / norm);
+        // The largest eigenvalue is at most the fourth root of the trace of the fourth power.
         let inverse = (square * square).norm().powf(0.25);
-        let share = (1.0 - ROUNDING - spectral_radius(&bound.tr_mul(&bound)).sqrt()).max(0.0);
         Hold { share, is_regular, inverse, shares }
     }
 
-    /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell.
+    /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell,
+    /// from the bound of [`Self::hold`] and its pseudo-inverse.
     fn is_regular_with_nuts(
         &self,
         middle: &Middle,
         spread: &Spread,
         bends: &[Bend],
-        slopes: &[Rows],
-        rest: &Rows,
+        (rows, inverse, bound): (&Rows, &Inverse, &Square),
     ) -> bool {
         let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, bends));
-        let Some((rows, of_nuts)) = nuts else { return false };
-        let Some((inverse, _)) = self.pseudo_inverse(&rows) else { return false };
-        let rest = inverse.abs() * (rest + of_nuts);
-        let bound = slopes.iter().fold(rest, |sum, slope| sum + (inverse * slope).abs());
-        spectral_radius(&bound) < 1.0 - ROUNDING
+        nuts.is_some_and(|(with_nuts, rest)| {
+            let of_nuts = (inverse * (with_nuts - rows)).abs() + inverse.abs() * rest;
+            spectral_radius(&(bound + of_nuts)) < 1.0 - ROUNDING
+        })
     }
 
     /// Pseudo-inverse of rows, and its product with its transpose; coordinates that the legs do not
     /// move have zeros.
-    fn pseudo_inverse(&self, rows: &Rows) -> Option<(SMatrix<f64, 6, MAX_LEGS>, Square)> {
+    fn pseudo_inverse(&self, rows: &Rows) -> Option<(Inverse, Square)> {
         let mut normal = rows.tr_mul(rows);
         for k in (0..6).filter(|k| !self.active[*k]) {
             normal[(k, k)] = 1.0;
