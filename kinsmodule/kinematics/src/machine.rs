@@ -106,7 +106,7 @@ impl Machine {
     /// the arcsin turns back. A later call fixes them anew.
     ///
     /// A strut may be so near to a quarter turn that rounding has decided which way it goes on:
-    /// the first such one comes as [`Cause::FoldUndefined`], and the folds are fixed all the same.
+    /// the first such one comes as [`crate::Cause::FoldUndefined`], and the folds are fixed all the same.
     ///
     /// # Errors
     /// As [`Machine::inverse`], held coordinates aside; then nothing changes.

@@ -12,7 +12,7 @@
 //!
 //! Rooms: [`model`] what may change, [`reading`] what was measured, [`fit`] least squares and what
 //! is not believed, [`observe`] what the data does not tell, [`at_tool`] how sure the tip is,
-//! [`plan`] where to measure next, [`plate`], [`log`], [`points`] and [`table`] what is read,
+//! [`plan`] where to measure next, [`plate`], [`log`], `points` and `table` what is read,
 //! [`rewrite`] the new INI file.
 
 pub mod at_tool;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pictures and pages: one file a picture, or a few that belong together.
 //!
-//! Every picture is drawn on a [`sheet`]; [`lines`] go over time or over a path, [`contour`] lines over
+//! Every picture is drawn on a `sheet`; `lines` go over time or over a path, `contour` lines over
 //! a plane.
 
 mod contour;

@@ -250,8 +250,8 @@ struct LegMiddle {
 struct Unproved {
     /// The coordinate to halve it along.
     along: usize,
-    /// The limits that are not proved.
-    rest: Limits,
+    /// Whether all limits are proved but how well the legs hold the platform.
+    but_conditioning: bool,
 }
 
 /// How well the legs hold the platform over a cell.
@@ -352,10 +352,16 @@ impl<'a> Reach<'a> {
         // What is proved of the cell holds in its middle, too.
         match self.holds(cell, &middle) {
             Ok(()) => Verdict::Inside,
-            Err(Unproved { along, rest }) => match limits::check(&middle.at, &rest) {
-                Ok(()) => Verdict::Open(along),
-                Err(margin) => Verdict::Outside(Stop::Limit(margin)),
-            },
+            Err(Unproved { along, but_conditioning }) => {
+                let rest = match but_conditioning {
+                    true => Limits { conditioning: self.limits.conditioning, ..Limits::NONE },
+                    false => self.limits,
+                };
+                match limits::check(&middle.at, &rest) {
+                    Ok(()) => Verdict::Open(along),
+                    Err(margin) => Verdict::Outside(Stop::Limit(margin)),
+                }
+            }
         }
     }
 
@@ -388,7 +394,8 @@ impl<'a> Reach<'a> {
     /// Whether every pose of a cell is proved to be inside.
     fn holds(&self, cell: &Cell, middle: &Middle) -> Result<(), Unproved> {
         let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
-        let unproved = || Unproved { along: greatest(&self.extents(&spread)), rest: self.limits };
+        let along = || greatest(&self.extents(&spread));
+        let unproved = || Unproved { along: along(), but_conditioning: false };
         let bends: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.bend(i, middle, &spread)).collect();
         let bends = bends.ok_or_else(unproved)?;
@@ -404,8 +411,8 @@ impl<'a> Reach<'a> {
         let is_kept = hold.is_regular
             && (hold.share / hold.inverse >= least
                 || hold.share * middle.at.smallest_singular_value() >= least);
-        let rest = Limits { conditioning: least, ..Limits::NONE };
-        is_kept.then_some(()).ok_or(Unproved { along: greatest(&hold.shares), rest })
+        let along = greatest(&hold.shares);
+        is_kept.then_some(()).ok_or(Unproved { along, but_conditioning: true })
     }
 
     /// What the joints and legs do on the straight way from `middle - step` to `middle + step`.
