@@ -10,4 +10,5 @@ pub mod limits;
 pub mod program;
 pub mod proof;
 pub mod read;
+pub mod rows;
 pub mod study;

@@ -9,7 +9,7 @@
 //! once their drives stand still. The rank of their rows does.
 
 use crate::read::machine::MachineConfig;
-use crate::study::stance::Rows;
+use crate::rows::Rows;
 use kinematics::{Fault, Letter, Vector3};
 
 /// Freedoms of a leg's joints: drive, cardan joint, spherical joint.

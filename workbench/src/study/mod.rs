@@ -7,6 +7,5 @@ mod law;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;
-pub mod stance;
 pub mod stiffness;
 pub mod workspace;

@@ -14,7 +14,7 @@
 use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::machine::MachineConfig;
-use crate::study::stance::{self, Rows};
+use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
@@ -53,7 +53,7 @@ pub struct Sensitivity {
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
 pub fn jacobian(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
-    Ok(stance::moved_columns(config, at.pose_jacobian()?))
+    Ok(rows::moved_columns(config, at.pose_jacobian()?))
 }
 
 impl Sensitivity {
@@ -70,14 +70,14 @@ impl Sensitivity {
         let at = config.machine.at(pose, tool)?;
         let jacobian = jacobian(config, &at)?;
         let scaled = scaled(&jacobian, length);
-        let moved = stance::moved(config).len();
+        let moved = rows::moved(config).len();
         let weights = weights(config, &at);
-        let Some(inverse) = stance::inverse(&(weights * scaled), moved) else { return Ok(None) };
+        let Some(inverse) = rows::inverse(&(weights * scaled), moved) else { return Ok(None) };
         let mut gain = inverse * weights;
         for k in 3..6 {
             gain.row_mut(k).scale_mut(180.0 / PI / length);
         }
-        let values = stance::singular_values(&scaled, moved);
+        let values = rows::singular_values(&scaled, moved);
         Ok(Some(Self {
             gain,
             singular_values: [values[0], values[moved - 1]],
@@ -117,7 +117,7 @@ fn scaled(jacobian: &Rows, length: f64) -> Rows {
 }
 
 fn weights(config: &MachineConfig, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
-    let gains = stance::gains(config, at);
+    let gains = rows::gains(config, at);
     let value = |i: usize| gains.get(i).copied().unwrap_or(0.0);
     SMatrix::from_diagonal(&SVector::<f64, MAX_JOINTS>::from_fn(|i, _| value(i)))
 }

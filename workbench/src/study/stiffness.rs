@@ -11,8 +11,8 @@
 //! and K is not asked for.
 
 use crate::read::machine::MachineConfig;
+use crate::rows::{self, Rows, joint_rows, length_rows};
 use crate::study::file::{Screw, Springs};
-use crate::study::stance::{self, Rows, joint_rows, length_rows};
 use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
 use nalgebra::{Matrix6, SMatrix, SVector};
 use std::f64::consts::PI;
@@ -55,7 +55,7 @@ impl Stiffness {
     }
 
     fn of_rows(config: &MachineConfig, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
-        let moved = stance::moved(config).len();
+        let moved = rows::moved(config).len();
         // Angles times a length of the machine: rows of one unit, for the test of their rank.
         let radius = config.machine.radius();
         let scale = |k: usize| if k < 3 { 1.0 } else { 1.0 / radius };
@@ -63,10 +63,10 @@ impl Stiffness {
             n_per_mm.get(i).copied().unwrap_or(0.0).sqrt()
         });
         let weighted = Rows::from_fn(|i, k| root[i] * rows[(i, k)] * scale(k));
-        let inverse = stance::inverse(&weighted, moved)?;
+        let inverse = rows::inverse(&weighted, moved)?;
         // Of the coordinates: machine units and radians per force in N times machine units.
         let of_pose = inverse * inverse.transpose();
-        let map = stance::rate_map(pose);
+        let map = rows::rate_map(pose);
         let mut to_twist = SMatrix::<f64, 6, 6>::identity();
         to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
         // Lengths in mm: the rows of angles are lengths a radian.
