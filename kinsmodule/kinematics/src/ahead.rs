@@ -366,7 +366,10 @@ impl Look<'_, '_> {
             let now = speed_before(allowed, braking, time - planner.latency);
             if !(now >= outlook.allowed) {
                 outlook.allowed = now;
-                outlook.because = because.map(|fault| (fault, time));
+                // The legs are weak only further on: without the rest of the way they would not be.
+                let nears = allowed > 0.0 && because.is_some_and(|f| f.cause == Cause::HoldAhead);
+                let until = if nears { self.horizon } else { time };
+                outlook.because = because.map(|fault| (fault, until));
             }
             if outlook.soon.is_none() {
                 outlook.soon = view.refused.or(because.filter(|_| allowed < 1.0));
