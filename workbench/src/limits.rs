@@ -61,11 +61,26 @@ fn least_distance(config: &MachineConfig) -> f64 {
 /// # Errors
 /// The first limit that it does not keep.
 pub fn check(at: &At, limits: &Limits) -> Result<(), Margin> {
-    let visit = |margin: Margin| match margin.is_kept() {
+    at.margins(limits, unless_kept).break_value().map_or(Ok(()), Err)
+}
+
+/// Whether joint values are within their ranges.
+///
+/// # Errors
+/// The first that is not.
+pub fn check_joints(
+    config: &MachineConfig,
+    joints: &Joints,
+    limits: &Limits,
+) -> Result<(), Margin> {
+    limits.joints(joints, config.joints.len(), unless_kept).break_value().map_or(Ok(()), Err)
+}
+
+fn unless_kept(margin: Margin) -> ControlFlow<Margin> {
+    match margin.is_kept() {
         true => ControlFlow::Continue(()),
         false => ControlFlow::Break(margin),
-    };
-    at.margins(limits, visit).break_value().map_or(Ok(()), Err)
+    }
 }
 
 /// Visits the margins of all limits that are set at a pose.

@@ -122,17 +122,19 @@ fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
     let text = std::fs::read_to_string(&base).unwrap();
     let config = |text: &str| MachineConfig::from_ini(&Ini::parse(&base, text).unwrap()).unwrap();
     let plain = config(&text);
-    assert_eq!(plain.tilt_limit, None);
+    assert_eq!(plain.tilt_limit, Some(30.0));
     assert_eq!(plain.base_pyramid, vec![None; 6]);
     assert_eq!(plain.platform_pyramid, vec![None; 6]);
     let limited = text
-        .replace("[PKM]\n", "[PKM]\nTILT_LIMIT = 30\n")
+        .replace("TILT_LIMIT = 30\n", "TILT_LIMIT = 20\n")
         .replace("[LEG_2]\n", "[LEG_2]\nBASE_PYRAMID = 50 40\n")
         .replace("[LEG_5]\n", "[LEG_5]\nPLATFORM_PYRAMID = 35.5 25\n");
     let found = config(&limited);
-    assert_eq!(found.tilt_limit, Some(30.0));
+    assert_eq!(found.tilt_limit, Some(20.0));
     let only = |leg: usize, turns| (0..6).map(|i| (i == leg).then_some(turns)).collect::<Vec<_>>();
     assert_eq!(found.base_pyramid, only(2, [50.0, 40.0]));
     assert_eq!(found.platform_pyramid, only(5, [35.5, 25.0]));
-    assert_eq!(config(&limited.replace("TILT_LIMIT = 30", "TILT_LIMIT = 0")).tilt_limit, None);
+    for none in ["", "TILT_LIMIT = 0\n"] {
+        assert_eq!(config(&limited.replace("TILT_LIMIT = 20\n", none)).tilt_limit, None);
+    }
 }

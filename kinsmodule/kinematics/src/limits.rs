@@ -74,7 +74,7 @@ impl Limit {
             Self::PlatformCone => "platform cone",
             Self::BasePyramid => "base pyramid",
             Self::PlatformPyramid => "platform pyramid",
-            Self::Tilt => "tilt of the tool axis",
+            Self::Tilt => "tilt",
             Self::Clearance => "clearance of legs",
             Self::Conditioning => "conditioning",
             Self::JointSpeed => "joint speed",
@@ -215,6 +215,21 @@ impl Limits {
         clearance: 0.0,
     };
 
+    /// Visits the margins of joint values, those of the first `count` joints.
+    pub fn joints<B>(
+        &self,
+        values: &Joints,
+        count: usize,
+        mut visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let ranges = self.min.iter().zip(&self.max);
+        for (i, (value, (min, max))) in values.iter().zip(ranges).enumerate().take(count) {
+            let (part, range) = (Part::Joint(i), [*min, *max]);
+            visit(Margin { limit: Limit::JointRange, part, value: *value, range })?;
+        }
+        ControlFlow::Continue(())
+    }
+
     /// Visits the margins of joint speeds, those of the first `count` joints.
     pub fn speeds<B>(
         &self,
@@ -299,12 +314,7 @@ impl At<'_> {
         for ((letter, value), range) in Letter::ALL.into_iter().zip(pose).zip(limits.axis) {
             visit(Margin { limit: Limit::Axis, part: Part::Axis(letter), value, range })?;
         }
-        let ranges = limits.min.iter().zip(&limits.max);
-        let joints = self.joints().iter().zip(ranges).enumerate();
-        for (i, (value, (min, max))) in joints.take(self.layout().joints()) {
-            let (part, range) = (Part::Joint(i), [*min, *max]);
-            visit(Margin { limit: Limit::JointRange, part, value: *value, range })?;
-        }
+        limits.joints(self.joints(), self.layout().joints(), &mut visit)?;
         for i in 0..self.layout().legs() {
             if let Some(drive) = self.drive(i) {
                 visit(Margin::dead_point(Part::Leg(i), drive))?;

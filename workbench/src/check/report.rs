@@ -29,6 +29,9 @@ const DRAWN: usize = 20_000;
 /// Tilts of the table, as shares of the largest one within the axis limits.
 const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
+/// Share of the tilt limit that is tried to prove.
+const TILT_SHARE: f64 = 0.98;
+
 /// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
 const LIMIT_DIGITS: i32 = 3;
 
@@ -304,13 +307,13 @@ fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)
     found
 }
 
-/// Largest angle that A and B may have together, a hundredth of a degree below the end.
+/// Largest angle that A and B may have together, a little below the end, where a proof has no room.
 fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
     let Some(limit) = config.tilt_limit else { return f64::INFINITY };
     let both = (3..5).all(|k| within.high[k] > within.low[k]);
     // The tool axis tilts by acos(cos A cos B).
     let most = if both { limit.to_radians().cos().sqrt().acos().to_degrees() } else { limit };
-    (most * 100.0).floor() / 100.0
+    (most * TILT_SHARE * 10.0).floor() / 10.0
 }
 
 /// What poses drawn from the axis limits show.

@@ -215,7 +215,12 @@ impl<'a> Workspace<'a> {
     fn check_one(&self, position: &Vector3<f64>, angles: &[f64; 3]) -> Result<(), Border> {
         let [a, b, c] = *angles;
         let pose = Pose::from_degrees([position.x, position.y, position.z, a, b, c]);
-        let at = self.config.machine.at(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
+        let machine = &self.config.machine;
+        // Most positions are beyond the range of a joint, which takes the least time to see.
+        let joints = machine.inverse(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
+        limits::check_joints(self.config, &joints, &self.limits)
+            .map_err(|margin| Border::of_margin(&margin))?;
+        let at = machine.at(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
         limits::check(&at, &self.limits).map_err(|margin| Border::of_margin(&margin))?;
         let ends = [Limit::BasePyramid, Limit::PlatformPyramid];
         for (limit, (pyramids, turn)) in
