@@ -39,7 +39,7 @@ END
 apt-config dump | grep -E '^Acquire::(https?|Check)' > "$root/etc/apt/apt.conf.d/99this-computer" || true
 mkdir -p "$root/usr/local/share/ca-certificates"
 find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates" \;
-git clone --quiet --no-hardlinks . "$root/root/pkmkins"
+git clone --quiet --no-hardlinks . "$root/srv/pkmkins"
 
 # A mount itself, or nothing inside could have mounts of its own.
 mount --bind "$root" "$root"
@@ -48,4 +48,4 @@ mount --rbind /sys "$root/sys"
 mount --rbind /dev "$root/dev"
 mount -t tmpfs -o mode=1777 shm "$root/dev/shm"
 env -i HOME=/root TERM=dumb PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
-    chroot "$root" bash -c "cd /root/pkmkins && { $command; }"
+    chroot "$root" bash -c "cd /srv/pkmkins && { $command; }"
