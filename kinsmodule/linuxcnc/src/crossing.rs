@@ -44,9 +44,8 @@ impl Crossing {
     /// Looks at another commanded pose. Most stand near one that was looked at before.
     #[inline]
     pub fn look(&mut self, sighting: &Sighting<'_>) {
-        let Sighting { machine, tool, commanded, .. } = *sighting;
-        let known = self.side.as_ref().is_some_and(|side| machine.is_on(side, commanded, tool));
-        if !known {
+        let Sighting { tool, commanded, .. } = *sighting;
+        if !self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool)) {
             self.compare(sighting);
         }
     }
