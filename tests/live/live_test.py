@@ -192,6 +192,14 @@ def switch_back_where_no_platform_closes_is_refused(out):
 
 
 @test
+def commanded_motion_through_a_singular_pose_is_told(out):
+    wide = [{"section": "AXIS_C", "key": key, "lines": [f"{key} = {value}"]}
+            for key, value in (("MIN_LIMIT", -200), ("MAX_LIMIT", 200))]
+    result = scenario(HEXAPOD, "singular_passed", out, edits=wide, letter="C", end=130, feed=1200, code=-41)
+    return result["reason"]
+
+
+@test
 def kinematics_switch_of_a_lathe_moves_no_joint(out):
     scenario(FOUR_ROD_LATHE, "net_switch", out, start="G1 F3000 X12 Y442 Z1020 B4")
 

@@ -303,6 +303,39 @@ def refused_switch_back(machine: Machine, out, block):
     return {"reason": reason, "fastest": max(fastest)}
 
 
+def singular_passed(machine: Machine, out, letter, end, feed, code):
+    """A move through a singular pose, unguarded: forward never shows the mirror image of the commanded
+    pose, the reason is told, and the way back heals it."""
+    machine.start()
+    for pin in ("conditioning-limit", "tilt-limit", "rod-clearance",
+                *(f"base-cone.{n}" for n in machine.layout.joints)):
+        machine.set(f"pkmkins.{pin}", 0)
+    start = machine.pose()
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.command.mdi(f"G1 F{feed} {letter}{end}")
+    apart = []
+
+    def look():
+        # The commanded pose first: it goes on while the other is read.
+        commanded = machine.get(f"axis.{letter.lower()}.pos-cmd")
+        if not machine.get("pkmkins.fwd-kins-fail"):
+            apart.append(abs(machine.get(f"pkmkins.{letter.lower()}") - commanded))
+        return machine.get("pkmkins.fault") == code
+
+    machine.wait(look, 60, f"code {code}")
+    reason = reason_of(machine, code)
+    # What the drives lag and reading two pins one after the other take is a fifth of a second.
+    assert max(apart) < feed / 60 * 0.2, f"forward was {max(apart)} from the commanded pose"
+    machine.wait(machine.is_idle, 60, "end of the move")
+    assert machine.get("pkmkins.fwd-kins-fail"), "forward succeeds beyond the singular pose"
+    if not machine.is_on():
+        machine.turn_on()
+    machine.mdi(f"G1 F{feed} {letter}0")
+    assert not machine.get("pkmkins.fwd-kins-fail"), "forward fails after the way back"
+    assert_close(machine.pose(), start, AT_REST, "pose after the way back")
+    return {"reason": reason, "apart": max(apart)}
+
+
 def sample_switch(machine: Machine, out, start):
     """The same in LinuxCNC's sample configuration, by its own M428 and M429."""
     machine.start()
