@@ -16,6 +16,7 @@ pub mod module;
 pub mod nut;
 pub mod parallel;
 pub mod random;
+pub mod sequence;
 pub mod stub;
 pub mod subjects;
 pub mod tolerances;

@@ -4,143 +4,29 @@
 
 use abi_tests::geometry::distance;
 use abi_tests::machines::{random_hexapod, random_pose};
-use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::module::Pose;
 use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
+use abi_tests::sequence::{Line, Sequences};
 use abi_tests::subjects::{Subject, hexapods, subjects};
-use abi_tests::tracker::same_handed;
 use kinematics::Cause;
 
 /// How far forward's pose may be from the commanded one where the joints are exactly its own, relative
 /// to the machine's size: next to a singular pose roundings of 1e-16 make their square root of a pose.
 const SAME_REL: f64 = 1e-6;
 
-/// How far lines are followed, relative to the machine's size, and how far beyond a singular pose.
-const FARTHEST: f64 = 1.5;
-const BEYOND: f64 = 0.1;
-
-/// Cycles of a line before its singular pose that are followed.
-const BEFORE: usize = 500;
-
-/// A straight line of poses at a constant step.
-struct Line {
-    start: Pose,
-    step: Pose,
-}
-
-impl Line {
-    fn at(&self, cycle: usize) -> Pose {
-        std::array::from_fn(|k| self.start[k] + cycle as f64 * self.step[k])
-    }
-
-    /// The first cycle beyond a singular pose; `None` where the legs end before.
-    fn crossing(&self, module: &Module, machine: &Parallel, cycles: usize) -> Option<usize> {
-        let beyond = |cycle: usize| {
-            let at = self.at(cycle);
-            // The determinant by pose coordinates has the factor cos B, which is no singular pose.
-            let turned = at[4].to_radians().cos() * self.start[4].to_radians().cos() < 0.0;
-            same_handed(module, machine, &at, &self.start).map(|same| same == turned)
-        };
-        // Coarsely first, then cycle by cycle.
-        let mut before = 0;
-        for cycle in (50..cycles).step_by(50) {
-            if beyond(cycle)? {
-                return (before..=cycle).find(|cycle| beyond(*cycle) == Some(true));
-            }
-            before = cycle;
-        }
-        None
-    }
-}
-
-/// What forward did beyond the singular pose of a line.
-#[derive(Default, Debug)]
-struct Told {
-    /// Lines that cross one.
-    lines: usize,
-    /// Lines with a refusal because the commanded motion had passed it.
-    passed: usize,
-    /// Farthest of forward's poses from the commanded ones, relative to size.
-    farthest: f64,
-}
-
-impl Told {
-    /// Follows a line as LinuxCNC's controller does with drives that follow exactly.
-    fn follow(&mut self, machine: &Parallel, line: &Line, step: f64, monitored: bool) {
-        let module = machine.module();
-        let size = machine.size();
-        let cycles = (FARTHEST * size / step) as usize;
-        let Some(crossing) = line.crossing(&machine.module(), machine, cycles) else { return };
-        self.lines += 1;
-        let mut passed = false;
-        // Most of the way there is like any other.
-        let first = crossing.saturating_sub(BEFORE);
-        let start = line.at(first);
-        let mut joints: Joints = module.inverse(&start).expect("the start");
-        let (mut world, mut command) = (start, start);
-        for cycle in first..crossing + (BEYOND * size / step) as usize {
-            let code = module.forward_into(&joints, &mut world);
-            if code == 0 {
-                let apart = distance(&world, &command, machine.radius()) / size;
-                self.farthest = self.farthest.max(apart);
-                assert!(cycle <= crossing, "told {} cycles beyond, {apart} away", cycle - crossing);
-            } else {
-                passed |= code == Cause::SingularPassed.code();
-                assert!(world[..3].iter().all(|v| v.is_nan() || *v == 0.0), "{world:?}");
-                assert_eq!(module.get("fault"), f64::from(code));
-            }
-            command = line.at(cycle + 1);
-            if module.inverse_into(&command, &mut joints) != 0 {
-                break;
-            }
-            if monitored {
-                module.monitor();
-            }
-        }
-        self.passed += usize::from(passed);
-    }
-}
-
-/// Directions of jogs, then any: a length for each coordinate.
-fn directions(random: &mut Random, radius: f64, count: usize) -> Vec<[f64; 6]> {
-    let mut all: Vec<[f64; 6]> = (0..12)
-        .map(|n| {
-            let mut direction = [0.0; 6];
-            direction[n / 2] = if n % 2 == 0 { 1.0 } else { -1.0 };
-            direction
-        })
-        .collect();
-    for _ in 0..count {
-        let (go, turn) = (random.direction(), random.direction());
-        all.push(std::array::from_fn(|k| if k < 3 { go[k] } else { turn[k - 3] }));
-    }
-    // An angle moves the anchors by as much as a length.
-    let per_length = (1.0 / radius).to_degrees();
-    all.iter()
-        .map(|d| std::array::from_fn(|k| if k < 3 { d[k] } else { d[k] * per_length }))
-        .collect()
-}
-
-fn follow_lines(machine: &Parallel, start: &Pose, step: f64, random: &mut Random, told: &mut Told) {
-    for (n, direction) in directions(random, machine.radius(), 14).into_iter().enumerate() {
-        let mut line = Line { start: *start, step: [0.0; 9] };
-        for (to, along) in line.step.iter_mut().zip(direction) {
-            *to = step * along;
-        }
-        told.follow(machine, &line, step, n % 2 == 0);
-    }
-}
-
 #[test]
 fn lines_of_the_hexapods_through_singular_poses_are_refused_beyond_them() {
     let mut random = Random::new(61);
     for Subject { name, machine, .. } in hexapods() {
         for step in [0.02, 0.5] {
-            let mut told = Told::default();
-            follow_lines(&machine, &machine.home.expect("home"), step, &mut random, &mut told);
-            println!("{name}, {step} mm a cycle: {told:?}");
-            assert!(told.lines >= 8 && 2 * told.passed >= told.lines, "{name}: {told:?}");
-            assert!(told.farthest <= SAME_REL, "{name}: {told:?}");
+            let mut found = Sequences::default();
+            let modules = || machine.module();
+            let from = machine.home.expect("home");
+            found.follow_lines((&machine, &modules), &from, step, &mut random);
+            let enough = found.lines >= 8 && 2 * found.passed >= found.lines;
+            assert!(enough && found.answered == 0, "{name}: {found:?}");
+            assert!(found.farthest <= SAME_REL, "{name}: {found:?}");
         }
     }
 }
@@ -148,7 +34,7 @@ fn lines_of_the_hexapods_through_singular_poses_are_refused_beyond_them() {
 #[test]
 fn lines_of_random_machines_through_singular_poses_are_refused_beyond_them() {
     let mut random = Random::new(62);
-    let mut told = Told::default();
+    let mut found = Sequences::default();
     for _ in 0..cases(8) {
         let start = random_pose(&mut random, 1000.0);
         let mut hexapod = random_hexapod(&mut random, 1000.0);
@@ -158,11 +44,10 @@ fn lines_of_random_machines_through_singular_poses_are_refused_beyond_them() {
             continue;
         }
         let step = random.between(0.02, 0.5);
-        follow_lines(&machine, &start, step, &mut random, &mut told);
+        found.follow_lines((&machine, &|| machine.module()), &start, step, &mut random);
     }
-    println!("{told:?}");
-    assert!(told.lines >= 8 && told.passed > 0, "{told:?}");
-    assert!(told.farthest <= SAME_REL, "{told:?}");
+    assert!(found.lines >= 8 && found.passed > 0 && found.answered == 0, "{found:?}");
+    assert!(found.farthest <= SAME_REL, "{found:?}");
 }
 
 /// A machine whose drives lag by some cycles, with noise of the encoders.

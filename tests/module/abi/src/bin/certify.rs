@@ -11,6 +11,7 @@ use abi_tests::machines::{
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
+use abi_tests::sequence::Sequences;
 use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
 use abi_tests::tracker::{connected_pose, same_handed};
 use std::thread;
@@ -55,6 +56,13 @@ struct Count {
 struct Row {
     before: Count,
     behind: Count,
+}
+
+impl Subject {
+    /// Without the range of its poses.
+    fn machine_name(&self) -> &str {
+        self.name.split(", ±").next().unwrap_or(&self.name)
+    }
 }
 
 fn subjects() -> Vec<Subject> {
@@ -193,7 +201,51 @@ fn print(call: &str, subject: &Subject, module: &str, row: &Row) {
     );
 }
 
+/// Steps of sequences, machine units a cycle of a machine of 1000.
+const STEPS: [f64; 2] = [0.02, 0.5];
+
+/// Commanded motions through singular poses.
+fn print_sequences() {
+    println!(
+        "| machine | step of size/1000 | module | lines | told that the motion has passed it \
+         | answered beyond it | farthest from the commanded pose, of size |"
+    );
+    println!("|---|--:|---|--:|--:|--:|--:|");
+    let mut all = subjects();
+    all.dedup_by(|one, other| one.machine_name() == other.machine_name());
+    for (subject, step) in all.iter().flat_map(|subject| STEPS.map(|step| (subject, step))) {
+        let machine = Parallel::from(subject.machine.clone());
+        let ours = || machine.module();
+        let theirs = || {
+            let module = Module::genhexkins();
+            subject.machine.wire(&module);
+            module.set("max-error", NO_MAX_ERROR);
+            module
+        };
+        let modules: [(&str, &dyn Fn() -> Module); 2] =
+            [("pkmkins", &ours), ("genhexkins", &theirs)];
+        for (name, fresh) in modules {
+            let mut found = Sequences::default();
+            let step = step / 1000.0 * machine.size();
+            found.follow_lines((&machine, fresh), &subject.home, step, &mut Random::new(64));
+            let Sequences { lines, passed, answered, farthest } = found;
+            println!(
+                "| {} | {} | {name} | {lines} | {passed} | {answered} | {farthest:.1e} |",
+                subject.machine_name(),
+                step * 1000.0 / machine.size(),
+            );
+            assert!(name != "pkmkins" || answered == 0, "a mirror image as success");
+        }
+    }
+}
+
 fn main() {
+    print_poses();
+    println!();
+    print_sequences();
+}
+
+fn print_poses() {
     println!(
         "| forward | machine | module | poses | right | failed, a right pose exists \
          | refused, none exists | wrong | behind a singular pose | right | wrong |"

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Commanded motions along lines through singular poses, cycle by cycle, as LinuxCNC's controller
+//! makes them with drives that follow exactly.
+
+use crate::geometry::distance;
+use crate::module::{Joints, Module, Pose};
+use crate::parallel::Parallel;
+use crate::random::Random;
+use crate::tracker::same_handed;
+
+/// How far lines are followed, relative to the machine's size, and how far beyond a singular pose.
+const FARTHEST: f64 = 1.5;
+const BEYOND: f64 = 0.1;
+
+/// Cycles of a line before its singular pose that are followed.
+const BEFORE: usize = 500;
+
+/// Code of the refusal of a commanded motion that has passed a singular pose, as in docs/causes.md.
+pub const PASSED: i32 = -41;
+
+/// Directions that are not of one coordinate.
+const OBLIQUE: usize = 14;
+
+/// A straight line of poses at a constant step.
+pub struct Line {
+    /// Pose in cycle 0.
+    pub start: Pose,
+    /// Change in a cycle.
+    pub step: Pose,
+}
+
+impl Line {
+    /// Pose in a cycle.
+    #[must_use]
+    pub fn at(&self, cycle: usize) -> Pose {
+        std::array::from_fn(|k| self.start[k] + cycle as f64 * self.step[k])
+    }
+
+    /// The first cycle beyond a singular pose; `None` where the legs end before.
+    #[must_use]
+    pub fn crossing(&self, module: &Module, machine: &Parallel, cycles: usize) -> Option<usize> {
+        let beyond = |cycle: usize| {
+            let at = self.at(cycle);
+            // The determinant by pose coordinates has the factor cos B, which is no singular pose.
+            let turned = at[4].to_radians().cos() * self.start[4].to_radians().cos() < 0.0;
+            same_handed(module, machine, &at, &self.start).map(|same| same == turned)
+        };
+        // Coarsely first, then cycle by cycle.
+        let mut before = 0;
+        for cycle in (50..cycles).step_by(50) {
+            if beyond(cycle)? {
+                return (before..=cycle).find(|cycle| beyond(*cycle) == Some(true));
+            }
+            before = cycle;
+        }
+        None
+    }
+}
+
+/// What forward did on lines through singular poses.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Sequences {
+    /// Lines that pass one.
+    pub lines: usize,
+    /// Lines with a refusal because the commanded motion had passed it.
+    pub passed: usize,
+    /// Lines on which forward gave a pose for joints of a commanded pose beyond it.
+    pub answered: usize,
+    /// Farthest of the poses given from the commanded ones, relative to the machine's size.
+    pub farthest: f64,
+}
+
+impl Sequences {
+    /// Follows lines from a pose, `step` machine units a cycle: along each coordinate both ways, and
+    /// others. Every second one has a monitor. `fresh` makes the module that is followed; whether a
+    /// line passes a singular pose `machine` says.
+    pub fn follow_lines(
+        &mut self,
+        (machine, fresh): (&Parallel, &dyn Fn() -> Module),
+        start: &Pose,
+        step: f64,
+        random: &mut Random,
+    ) {
+        for (n, along) in directions(random, machine.radius()).into_iter().enumerate() {
+            let mut line = Line { start: *start, step: [0.0; 9] };
+            for (to, along) in line.step.iter_mut().zip(along) {
+                *to = step * along;
+            }
+            let cycles = (FARTHEST * machine.size() / step) as usize;
+            let Some(crossing) = line.crossing(&machine.module(), machine, cycles) else {
+                continue;
+            };
+            let end = crossing + (BEYOND * machine.size() / step) as usize;
+            self.follow(machine, &fresh(), &line, (crossing, end), n % 2 == 0);
+        }
+    }
+
+    fn follow(
+        &mut self,
+        machine: &Parallel,
+        module: &Module,
+        line: &Line,
+        (crossing, end): (usize, usize),
+        monitored: bool,
+    ) {
+        self.lines += 1;
+        let (mut passed, mut answered) = (false, false);
+        // Most of the way there is like any other.
+        let first = crossing.saturating_sub(BEFORE);
+        let mut command = line.at(first);
+        let mut world = command;
+        let mut joints: Joints = module.inverse(&command).expect("the start");
+        for cycle in first..end {
+            let code = module.forward_into(&joints, &mut world);
+            if code == 0 {
+                let apart = distance(&world, &command, machine.radius()) / machine.size();
+                self.farthest = self.farthest.max(apart);
+                answered |= cycle > crossing;
+            } else {
+                passed |= code == PASSED;
+            }
+            command = line.at(cycle + 1);
+            if module.inverse_into(&command, &mut joints) != 0 {
+                break;
+            }
+            if monitored && module.has("fault") {
+                module.monitor();
+            }
+        }
+        self.passed += usize::from(passed);
+        self.answered += usize::from(answered);
+    }
+}
+
+/// Directions of jogs, then any: a length for each coordinate.
+fn directions(random: &mut Random, radius: f64) -> Vec<[f64; 6]> {
+    let mut all: Vec<[f64; 6]> = (0..12)
+        .map(|n| {
+            let mut direction = [0.0; 6];
+            direction[n / 2] = if n % 2 == 0 { 1.0 } else { -1.0 };
+            direction
+        })
+        .collect();
+    for _ in 0..OBLIQUE {
+        let (go, turn) = (random.direction(), random.direction());
+        all.push(std::array::from_fn(|k| if k < 3 { go[k] } else { turn[k - 3] }));
+    }
+    // An angle moves the anchors by as much as a length.
+    let per_length = (1.0 / radius).to_degrees();
+    all.iter()
+        .map(|d| std::array::from_fn(|k| if k < 3 { d[k] } else { d[k] * per_length }))
+        .collect()
+}
