@@ -2,23 +2,11 @@
 //! The part of the monitor that guards the motion: what it shows about the pose, and the
 //! feed that it allows.
 //!
-//! The calculation is [`Machine::ahead`] and [`Machine::at`]; here are its pins, and what is remembered from
-//! cycle to cycle.
+//! The calculation is [`Machine::ahead`] and [`Machine::at`]. Here is what is remembered from cycle
+//! to cycle.
 
-use crate::hal::{Direction, HalError, Pin};
-use crate::pins::{Maker, Pins};
-use kinematics::{
-    At, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
-    Sight, Vector3, text,
-};
-
-/// Floor of the feed where the pin holds no share.
-const FLOOR: f64 = 0.02;
-
-/// Conditioning at which a machine has to stand, unless the pin says otherwise: some motion
-/// then moves no anchor along its leg by more than a twentieth of its own way. The shipped
-/// machines stay above four times that.
-const HOLD: f64 = 0.05;
+use crate::pins::{GuardInputs, GuardPins, Pins};
+use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
 
 /// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
 const RISE: f64 = 10.0;
@@ -26,176 +14,6 @@ const RISE: f64 = 10.0;
 /// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and
 /// shows in the one after that where that leads.
 const LATENCY: f64 = 3.0;
-
-/// Shown where no two legs can come near to each other.
-const FAR: f64 = 1e99;
-
-/// Pins of one joint.
-#[repr(C)]
-struct OfJoint {
-    margin: Pin<f64>,
-    speed_ratio: Pin<f64>,
-}
-
-/// Pins of one leg.
-#[repr(C)]
-struct OfLeg {
-    base_angle: Pin<f64>,
-    platform_angle: Pin<f64>,
-    base_cone: Pin<f64>,
-    platform_cone: Pin<f64>,
-    /// About the joint's fixed axis, and across it.
-    base_pyramid: [Pin<f64>; 2],
-    platform_pyramid: [Pin<f64>; 2],
-}
-
-/// What the guard shows.
-#[repr(C)]
-struct Shown {
-    conditioning: Pin<f64>,
-    rod_distance: Pin<f64>,
-    rod_pair: [Pin<i32>; 2],
-    inverse_time: Pin<i32>,
-    forward_time: Pin<i32>,
-    feed_scale: Pin<f64>,
-    limit_soon: Pin<bool>,
-    limit_leg: Pin<i32>,
-    limit_reason: Pin<i32>,
-}
-
-/// What the guard is given.
-#[repr(C)]
-struct Asked {
-    conditioning_limit: Pin<f64>,
-    rod_clearance: Pin<f64>,
-    tilt_limit: Pin<f64>,
-    feed_floor: Pin<f64>,
-    max_override: Pin<f64>,
-    linear_acceleration: Pin<f64>,
-    angular_acceleration: Pin<f64>,
-    requested_vel: Pin<f64>,
-    current_vel: Pin<f64>,
-    distance_to_go: Pin<f64>,
-}
-
-/// Pins of the guard; part of [`Pins`], in HAL memory.
-#[repr(C)]
-pub struct GuardPins {
-    joints: [OfJoint; MAX_JOINTS],
-    legs: [OfLeg; MAX_LEGS],
-    shown: Shown,
-    asked: Asked,
-}
-
-impl GuardPins {
-    pub fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
-        for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
-            joint.create(make, n)?;
-        }
-        for (n, leg) in self.legs.iter_mut().enumerate().take(layout.legs()) {
-            leg.create(make, n)?;
-        }
-        self.shown.create(make)?;
-        self.asked.create(make)
-    }
-
-    fn limits(&self, pins: &Pins, layout: &Layout) -> Limits {
-        let [min, max, speed] = pins.joint_limits(layout.joints());
-        let mut limits = Limits {
-            min,
-            max,
-            speed,
-            tilt: self.asked.tilt_limit.get(),
-            conditioning: self.asked.conditioning_limit.get(),
-            clearance: self.asked.rod_clearance.get(),
-            ..Limits::NONE
-        };
-        let cones = limits.base_cone.iter_mut().zip(&mut limits.platform_cone);
-        let pyramids = limits.base_pyramid.iter_mut().zip(&mut limits.platform_pyramid);
-        let legs = self.legs.iter().take(layout.legs());
-        for ((leg, cone), pyramid) in legs.zip(cones).zip(pyramids) {
-            *cone.0 = leg.base_cone.get();
-            *cone.1 = leg.platform_cone.get();
-            *pyramid.0 = leg.base_pyramid.each_ref().map(Pin::get);
-            *pyramid.1 = leg.platform_pyramid.each_ref().map(Pin::get);
-        }
-        limits
-    }
-
-    /// Smallest feed scale, in (0, 1].
-    fn floor(&self) -> f64 {
-        let floor = self.asked.feed_floor.get();
-        if floor > 0.0 && floor <= 1.0 { floor } else { FLOOR }
-    }
-}
-
-impl OfJoint {
-    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::Out;
-        make.one(&mut self.margin, Out, text!["pkmkins.margin.", n], 0.0)?;
-        make.one(&mut self.speed_ratio, Out, text!["pkmkins.speed-ratio.", n], 0.0)
-    }
-}
-
-impl OfLeg {
-    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::{In, Out};
-        make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
-        make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
-        make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
-        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)?;
-        for (pins, end) in
-            [(&mut self.base_pyramid, "base"), (&mut self.platform_pyramid, "platform")]
-        {
-            for (pin, way) in pins.iter_mut().zip([".about", ".across"]) {
-                make.one(pin, In, text!["pkmkins.", end, "-pyramid.", n, way], 0.0)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Shown {
-    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
-        use Direction::Out;
-        make.one(&mut self.conditioning, Out, text!["pkmkins.conditioning"], 0.0)?;
-        make.one(&mut self.rod_distance, Out, text!["pkmkins.rod-distance"], FAR)?;
-        for (pin, letter) in self.rod_pair.iter_mut().zip(["a", "b"]) {
-            make.one(pin, Out, text!["pkmkins.rod-pair-", letter], -1)?;
-        }
-        make.one(&mut self.inverse_time, Out, text!["pkmkins.inverse-time"], 0)?;
-        make.one(&mut self.forward_time, Out, text!["pkmkins.forward-time"], 0)?;
-        make.one(&mut self.feed_scale, Out, text!["pkmkins.feed-scale"], 1.0)?;
-        make.one(&mut self.limit_soon, Out, text!["pkmkins.limit-soon"], false)?;
-        make.one(&mut self.limit_leg, Out, text!["pkmkins.limit-leg"], -1)?;
-        make.one(&mut self.limit_reason, Out, text!["pkmkins.limit-reason"], 0)
-    }
-
-    fn limit(&self, soon: Option<Fault>) {
-        self.limit_soon.set(soon.is_some());
-        self.limit_leg.set(soon.and_then(|fault| fault.number()).map_or(-1, i32::from));
-        self.limit_reason.set(soon.map_or(0, |fault| fault.cause.code()));
-    }
-}
-
-impl Asked {
-    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
-        use Direction::In;
-        let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
-            make.one(pin, In, text!["pkmkins.", name], value)
-        };
-        one(&mut self.conditioning_limit, "conditioning-limit", HOLD)?;
-        one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
-        one(&mut self.tilt_limit, "tilt-limit", 0.0)?;
-        one(&mut self.feed_floor, "feed-floor", FLOOR)?;
-        one(&mut self.max_override, "max-override", 1.0)?;
-        one(&mut self.linear_acceleration, "linear-acceleration", FAR)?;
-        one(&mut self.angular_acceleration, "angular-acceleration", FAR)?;
-        one(&mut self.requested_vel, "requested-vel", 0.0)?;
-        one(&mut self.current_vel, "current-vel", 0.0)?;
-        one(&mut self.distance_to_go, "distance-to-go", FAR)
-    }
-}
 
 /// What the guard looks at in a cycle.
 pub struct Scene<'a> {
@@ -357,7 +175,7 @@ impl Guard {
 }
 
 /// Speed that the program may ask for at most: the feed override comes on top of it.
-fn requested(asked: &Asked) -> f64 {
+fn requested(asked: &GuardInputs) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
 }
 

@@ -4,7 +4,6 @@
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
 //! file for genhexkins works after replacing the name.
 
-use crate::guard::GuardPins;
 use crate::hal::{Component, Direction, HalError, Name, Pin};
 use crate::tool::JointLimits;
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
@@ -12,6 +11,10 @@ use kinematics::{
     Fault, Geometry, Joints, Layout, LegGeometry, LegKind, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS,
     Machine, Method, PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
+
+mod guard;
+
+pub use guard::{GuardInputs, GuardPins};
 
 /// Three pins `.x`, `.y`, `.z`.
 pub type Vector = [Pin<f64>; 3];
