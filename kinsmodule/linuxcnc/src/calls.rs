@@ -25,7 +25,7 @@ pub struct Calls {
 
 impl Calls {
     /// A call of forward.
-    pub fn saw_forward(&mut self) {
+    pub fn note_forward(&mut self) {
         self.repeated = self.awaits_command;
         self.awaits_command = true;
         // The monitor, where it runs, has ended the cycle already.
@@ -45,7 +45,7 @@ impl Calls {
     }
 
     /// A call of inverse with the machine's kinematics.
-    pub fn saw_inverse(&mut self, pose: &Pose) {
+    pub fn note_inverse(&mut self, pose: &Pose) {
         if self.takes_command() {
             self.commanded = Some(*pose);
         }

@@ -3,7 +3,7 @@
 //!
 //! Forward follows the joints and stays on its side of the singular poses; a commanded motion that
 //! passes one leaves forward behind, on the mirror image of the commanded pose. Both fit the joints,
-//! so that only the commanded poses tell.
+//! so that only the commanded poses show it.
 
 use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 
@@ -15,7 +15,7 @@ const SAME_POSE: f64 = 1e-6;
 const FOLLOWING: f64 = 0.02;
 
 /// The commanded pose beside the one that forward has found.
-pub struct Sighting<'a> {
+pub struct Comparison<'a> {
     pub machine: &'a Machine,
     pub tool: &'a Vector3<f64>,
     pub solver: &'a Solver,
@@ -43,32 +43,32 @@ impl Crossing {
 
     /// Looks at another commanded pose. Most stand near one that was looked at before.
     #[inline]
-    pub fn look(&mut self, sighting: &Sighting<'_>) {
-        let Sighting { machine, tool, commanded, .. } = *sighting;
+    pub fn update(&mut self, comparison: &Comparison<'_>) {
+        let Comparison { machine, tool, commanded, .. } = *comparison;
         let known = self.side.as_ref().is_some_and(|side| machine.is_on(side, commanded, tool));
         if !known {
-            self.compare(sighting);
+            self.compare(comparison);
         }
     }
 
     #[inline(never)]
-    fn compare(&mut self, sighting: &Sighting<'_>) {
-        let Sighting { machine, tool, found, commanded, .. } = *sighting;
+    fn compare(&mut self, comparison: &Comparison<'_>) {
+        let Comparison { machine, tool, found, commanded, .. } = *comparison;
         self.side = None;
         let (Ok(there), Ok(here)) = (machine.side(commanded, tool), machine.side(found, tool))
         else {
             return;
         };
         if there.opposes(&here) {
-            self.passed |= sighting.joints_follow();
-        } else if !self.passed || sighting.is_connected() {
+            self.passed |= comparison.joints_follow();
+        } else if !self.passed || comparison.is_connected() {
             self.passed = false;
             self.side = Some(there);
         }
     }
 }
 
-impl Sighting<'_> {
+impl Comparison<'_> {
     /// Whether the joints are those of the commanded pose, as far as drives follow.
     fn joints_follow(&self) -> bool {
         let Ok(joints) = self.machine.inverse(self.commanded, self.tool) else { return false };
