@@ -72,8 +72,8 @@ fn checked(code: c_int) -> Result<c_int, HalError> {
 /// A pin's name.
 pub type Name = Text<{ NAME_LENGTH + 1 }>;
 
-/// What the operator is told.
-pub type Message = Text<MESSAGE_LENGTH>;
+/// A message to the operator.
+type Message = Text<MESSAGE_LENGTH>;
 
 /// Shows an error to the operator: LinuxCNC forwards it to the user interface.
 pub fn print_error(message: &Message) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The pins of the guard: the limits that it is given, and what it shows.
 
-use super::{Maker, Pins};
+use super::Pins;
+use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
 
@@ -74,7 +75,7 @@ pub struct GuardPins {
 }
 
 impl GuardPins {
-    pub fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
+    pub(super) fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
         for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
             joint.create(make, n)?;
         }
