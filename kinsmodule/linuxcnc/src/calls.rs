@@ -51,13 +51,13 @@ impl Calls {
         }
     }
 
-    /// Whether the forward at hand is for the commanded joints: the second of a cycle, in joint
-    /// mode and as LinuxCNC leaves it, to go on from that pose.
+    /// Whether the current forward is for the commanded joints: the second of a cycle. LinuxCNC calls
+    /// it in joint mode, and as it leaves that mode, to go on from that pose.
     pub fn is_for_commanded_joints(&self) -> bool {
         self.repeated
     }
 
-    /// The pose commanded in the cycle before the forward at hand: the last that its joints can have
+    /// The pose commanded in the cycle before the current forward: the last that its joints can have
     /// followed.
     pub fn commanded_before(&self) -> Option<&Pose> {
         self.before.as_ref()

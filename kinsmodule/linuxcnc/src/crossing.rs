@@ -10,8 +10,8 @@ use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 /// Share of the machine's size within which a pose found again is the same one.
 const SAME_POSE: f64 = 1e-6;
 
-/// Share of the machine's size by which joints may be apart from those of the commanded pose and
-/// still follow it: on a machine of 1 m twice the following error at which drives usually stop.
+/// Share of the machine's size by which joints that follow the commanded pose may differ from its
+/// joints: on a machine of 1 m twice the following error at which drives usually stop.
 const FOLLOWING: f64 = 0.02;
 
 /// The commanded pose beside the one that forward has found.
@@ -41,7 +41,7 @@ impl Crossing {
         self.passed
     }
 
-    /// Looks at another commanded pose. Most stand near one that was looked at before.
+    /// Takes the next commanded pose. Most are near one that was compared before.
     #[inline]
     pub fn update(&mut self, comparison: &Comparison<'_>) {
         let Comparison { machine, tool, commanded, .. } = *comparison;
@@ -76,7 +76,7 @@ impl Comparison<'_> {
     }
 
     /// Whether the joints lead from the pose found to the commanded one. The sign of det J does not
-    /// tell after a motion that passed two singular poses.
+    /// decide that: it is the same again after a motion through two singular poses.
     fn is_connected(&self) -> bool {
         let Self { machine, tool, solver, found, commanded, .. } = self;
         let Ok(joints) = machine.inverse(commanded, tool) else { return false };

@@ -8,8 +8,8 @@ use crate::hal::nanoseconds;
 use kinematics::{Cause, Fault, Joints, Pose, Solution};
 
 impl Module {
-    /// Pose of the joints in degrees, which takes the place of the seed's; `address` tells the
-    /// kind of call, the seed may hold NaN.
+    /// Writes the pose of the joints, in degrees, over the seed in `pose`, which may hold NaN.
+    /// `address` is that of LinuxCNC's pose and distinguishes the kinds of call.
     pub fn forward(
         &mut self,
         joints: &Joints,
@@ -43,7 +43,7 @@ impl Module {
             return Err(Cause::NotHomed.into());
         }
         if result.is_ok() {
-            // A pose that is refused below is what the joints lead to nevertheless.
+            // A pose that is refused below is the pose of the joints nevertheless.
             self.seeds.remember(address, solution.pose);
             self.pose_is_unknown = false;
             result = self.refuse_beyond_singular(joints, &solution.pose);
@@ -90,7 +90,7 @@ impl Module {
 
     /// Refuses the pose found while the commanded motion is beyond a singular pose.
     ///
-    /// Once it is, this stays so without a commanded pose as well, until the machine is off.
+    /// It goes on refusing where there is no commanded pose, until the machine is off.
     fn refuse_beyond_singular(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
         let Some(commanded) = self.calls.commanded_before() else {
             if !self.crossing.has_passed() {
@@ -141,7 +141,7 @@ fn is_of_joints(cause: Cause) -> bool {
     )
 }
 
-/// A seed that says nothing: zeros, or the NaN that a refusal left.
+/// A seed without information: zeros, or the NaN that a refusal left.
 fn is_blank(seed: &[f64; 6]) -> bool {
     is_zero(seed) || seed.iter().all(|v| v.is_nan())
 }

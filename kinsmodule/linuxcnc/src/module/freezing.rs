@@ -66,7 +66,7 @@ impl Module {
             self.tool.take(tool);
         }
         self.guard.forget();
-        // What was commanded to the machine before says nothing of this one.
+        // The poses commanded before were those of another machine.
         self.calls = Calls::default();
         self.crossing = Crossing::new();
         self.frozen = Some(Frozen { machine, given });

@@ -26,7 +26,7 @@ impl Module {
         Ok(())
     }
 
-    /// What a switch changes beside the kind of the kinematics; nothing where it is refused.
+    /// The kinematics after a switch, for which this prepares; where it is refused, nothing changes.
     fn switched_to(&mut self, number: i32) -> Result<Kind, Fault> {
         let kind = self.kind_of(number)?;
         match kind {

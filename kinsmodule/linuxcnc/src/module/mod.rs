@@ -147,13 +147,13 @@ impl Module {
     }
 }
 
-/// The clock where it is wanted: not free beside calls of some tens of nanoseconds.
+/// The clock, read only where it is needed: calls take some tens of nanoseconds.
 fn nanoseconds_if(wanted: bool) -> i64 {
     if wanted { nanoseconds() } else { 0 }
 }
 
-/// Whether inverse refuses so after forward was refused: forward's reason is the one to be
-/// reported.
+/// Whether a refusal of inverse may follow from one of forward, whose cause is then the one to
+/// report.
 fn is_consequence(cause: Cause) -> bool {
     matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
 }

@@ -52,12 +52,12 @@ impl Reports {
 
     /// Reports a fault unless it was reported already, or too many others were.
     fn report(&mut self, fault: &Fault) {
-        let news = Some((fault.cause, fault.part));
-        if self.reported.contains(&news) {
+        let key = Some((fault.cause, fault.part));
+        if self.reported.contains(&key) {
             return;
         }
         if let Some(free) = self.reported.iter_mut().find(|place| place.is_none()) {
-            *free = news;
+            *free = key;
             let mut message = text!["pkmkins: "];
             fault.tell(&mut message);
             print_error(&message);

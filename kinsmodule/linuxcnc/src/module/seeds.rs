@@ -15,8 +15,7 @@ struct Caller {
     /// Address of the pose that LinuxCNC keeps for this kind of call.
     address: usize,
     pose: Pose,
-    /// The seed LinuxCNC holds is not a pose (the kinematics were switched), or the pose
-    /// of another tool.
+    /// LinuxCNC's seed is no pose, as the kinematics were switched, or is the pose of another tool.
     seed_is_stale: bool,
 }
 
@@ -102,7 +101,7 @@ impl Module {
         Some(self.start.seed(machine, joints, tool, &self.pins.solver()))
     }
 
-    /// The pose to start from: LinuxCNC's, unless that is none.
+    /// The pose to start from: LinuxCNC's seed where it is a pose of this machine and tool.
     pub(super) fn seed_for(&self, seed: &Pose, address: usize) -> Option<Pose> {
         let caller = self.seeds.callers.iter().flatten().find(|c| c.address == address);
         let stale = caller.map_or(self.seeds.switched_back, |c| c.seed_is_stale);

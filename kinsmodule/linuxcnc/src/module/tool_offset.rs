@@ -10,7 +10,7 @@ impl Module {
     /// The tool offset to compute with.
     ///
     /// A request takes effect at once with the machine off and before any pose is known.
-    /// Otherwise the monitor brings it into effect, without which that happens where it
+    /// Otherwise the monitor brings it into effect. Without a monitor it takes effect where it
     /// moves no joint: while the platform is level.
     #[inline(always)]
     pub(super) fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
@@ -89,7 +89,7 @@ impl Module {
         self.seeds.change_tool(&change);
     }
 
-    /// Takes the tool offset that forward has to go by.
+    /// Takes the tool offset that forward has to use.
     #[inline(always)]
     pub(super) fn retool_for_forward(&mut self) -> Result<(), Fault> {
         let request = self.pins.tool(self.frozen()?.given.spindle_offset);
@@ -106,7 +106,7 @@ impl Module {
         if self.is_monitored && of_command && usable {
             self.retool(request);
         } else if let Ok(tool) = self.tool_in_effect() {
-            // A refused tool change must not blind the display: the old offset still holds.
+            // A refused tool change must not stop the display: the old offset stays in effect.
             self.retool(tool);
         }
         Ok(())

@@ -6,7 +6,7 @@ use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
 
-/// Floor of the feed where the pin holds no share.
+/// Floor of the feed where the value of the pin is no share.
 const FLOOR: f64 = 0.02;
 
 /// Smallest singular value at which the machine has to stop, unless the pin says otherwise: some

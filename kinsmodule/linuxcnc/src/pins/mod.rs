@@ -31,7 +31,7 @@ struct JointPins {
     max_acceleration: Pin<f64>,
 }
 
-/// All pins; stands in HAL memory.
+/// All pins, in HAL memory.
 #[repr(C)]
 pub struct Pins {
     legs: [LegPins; MAX_LEGS],
@@ -116,7 +116,7 @@ impl JointPins {
 }
 
 impl Pins {
-    /// Makes all pins; `self` must stand in memory from [`Component::allocate`].
+    /// Makes all pins; `self` must be in memory from [`Component::allocate`].
     pub fn create(&mut self, component: Component, load: &Load) -> Result<(), HalError> {
         let make = Maker(component);
         for (n, (leg, kind)) in self.legs.iter_mut().zip(load.kinds()).enumerate() {
@@ -208,7 +208,7 @@ impl Pins {
         (pins.given(layout), pins.geometry.get())
     }
 
-    /// The tool vector o that is asked for, with the spindle offset in force.
+    /// The requested tool vector o, with the spindle offset in force.
     pub fn tool(&self, spindle_offset: f64) -> Vector3<f64> {
         Vector3::new(
             self.tool_offset_x.get(),

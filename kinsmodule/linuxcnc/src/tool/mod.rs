@@ -45,7 +45,7 @@ impl JointLimits {
     /// Where nobody has set any.
     pub const ABSENT: Self = Self { least: -1e99, most: 1e99, velocity: 1e99, acceleration: 1e99 };
 
-    /// Whether velocity and acceleration are limited at all, by numbers to go by.
+    /// Whether velocity and acceleration have limits.
     fn are_known(&self) -> bool {
         let Self { velocity, acceleration, .. } = Self::ABSENT;
         self.velocity > 0.0
@@ -60,7 +60,7 @@ pub struct Cycle<'a> {
     pub machine: &'a Machine,
     pub limits: [JointLimits; MAX_JOINTS],
     pub solver: Solver,
-    /// The offset that is asked for; may hold NaN.
+    /// The requested offset; may hold NaN.
     pub request: Vector3<f64>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
@@ -240,7 +240,7 @@ struct Waiting {
     pose: Pose,
     /// At rest for so many cycles.
     cycles: u32,
-    /// Since the change was asked for.
+    /// Since the change was requested.
     seconds: f64,
 }
 

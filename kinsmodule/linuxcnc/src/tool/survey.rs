@@ -98,35 +98,22 @@ impl Survey {
         Ok(Change::Surveying(self))
     }
 
+    /// The rates at the next place, if the machine can be there.
     // A frame of its own: a cycle that freezes a geometry needs none of it.
     #[inline(never)]
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let Path { pose, from, to } = &self.path;
         let tool = self.path.at(f64::from(self.next) / f64::from(PARTS));
-        let blocked = |fault: Fault| Fault { cause: Cause::ToolOutOfReach, ..fault };
-        let joints = cycle.machine.inverse(pose, &tool).map_err(blocked)?;
-        within(&joints, cycle)?;
         let travel = shift(pose, &(to - from));
         let before = Pose { position: pose.position - travel / f64::from(PARTS), ..*pose };
-        let limit_iterations = cycle.solver.limit_iterations.min(SOLVES_PER_PLACE);
-        let solver = Solver { limit_iterations, ..cycle.solver };
-        let found = cycle.machine.forward(&joints, &before, &tool, &solver).map_err(blocked)?;
-        // Another pose would mean that a singular one lies between this place and the last.
-        let miss = found.pose.distance(pose, cycle.machine.radius());
-        if !(miss <= SAME_POSE * cycle.machine.size()) {
-            return Err(Cause::ToolOutOfReach.into());
-        }
+        refuse_unreachable(pose, &before, &tool, cycle)?;
         let at = cycle.machine.at(pose, &tool).map_err(blocked)?;
         let jacobian = at.inverse_jacobian().map_err(blocked)?;
         for (i, joint) in self.rates.iter_mut().enumerate() {
             let rate = rate_along(&jacobian, i, &travel);
             if !rate.is_finite() {
-                return Err(Fault::of_joint(
-                    Cause::ToolOutOfReach,
-                    cycle.machine.layout(),
-                    i,
-                    rate,
-                ));
+                let layout = cycle.machine.layout();
+                return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, rate));
             }
             *joint = joint.with(self.next, rate);
         }
@@ -146,6 +133,31 @@ impl Survey {
         }
         Ramp::new(self.path, max_speed, acceleration)
     }
+}
+
+/// Refuses a place whose joints are beyond their limits, or from which forward does not come back to
+/// the pose. Forward starts from `before`, one part of the path back.
+fn refuse_unreachable(
+    pose: &Pose,
+    before: &Pose,
+    tool: &Vector3<f64>,
+    cycle: &Cycle<'_>,
+) -> Result<(), Fault> {
+    let joints = cycle.machine.inverse(pose, tool).map_err(blocked)?;
+    within(&joints, cycle)?;
+    let limit_iterations = cycle.solver.limit_iterations.min(SOLVES_PER_PLACE);
+    let solver = Solver { limit_iterations, ..cycle.solver };
+    let found = cycle.machine.forward(&joints, before, tool, &solver).map_err(blocked)?;
+    // Another pose would mean that a singular one lies between this place and the last.
+    let miss = found.pose.distance(pose, cycle.machine.radius());
+    if !(miss <= SAME_POSE * cycle.machine.size()) {
+        return Err(Cause::ToolOutOfReach.into());
+    }
+    Ok(())
+}
+
+fn blocked(fault: Fault) -> Fault {
+    Fault { cause: Cause::ToolOutOfReach, ..fault }
 }
 
 /// Refuses joints beyond their limits.
