@@ -266,26 +266,24 @@ struct Look<'a, 'b> {
     at: &'a mut At<'b>,
 }
 
-impl Machine {
-    /// Looks along a motion, at all of nine places.
+impl At<'_> {
+    /// Looks along a motion, at all of nine places. This and what is below move it there.
     pub fn ahead(
-        &self,
-        tool: &Vector3<f64>,
-        limits: &Limits,
+        &mut self,
+        (tool, limits): (&Vector3<f64>, &Limits),
         motion: &Motion,
         planner: &Planner,
     ) -> Outlook {
         self.look((&mut Sight::NONE.clone(), PLACES as u32), (tool, limits), motion, planner)
     }
 
-    /// As [`Machine::ahead`], for the cycles of a motion: in each the present place and one ahead, also
+    /// As [`At::ahead`], for the cycles of a motion: in each the present place and one ahead, also
     /// where the motion begins or turns. The latency has to make room for [`Sight::OLDEST`] cycles.
     #[inline(never)]
     pub fn ahead_in_turn(
-        &self,
+        &mut self,
         sight: &mut Sight,
-        tool: &Vector3<f64>,
-        limits: &Limits,
+        (tool, limits): (&Vector3<f64>, &Limits),
         motion: &Motion,
         planner: &Planner,
     ) -> Outlook {
@@ -293,7 +291,7 @@ impl Machine {
     }
 
     fn look(
-        &self,
+        &mut self,
         (sight, most): (&mut Sight, u32),
         (tool, limits): (&Vector3<f64>, &Limits),
         motion: &Motion,
@@ -306,18 +304,17 @@ impl Machine {
             return Outlook { allowed: 0.0, gathered, because: None, soon: None };
         }
         let horizon = planner.latency + FARTHER / (2.0 * braking);
-        let at = &mut self.nowhere();
         sight.turn_to(motion, self.radius());
         let nothing = Outlook { allowed: f64::INFINITY, gathered, because: None, soon: None };
-        let look = Look { tool, limits, motion, horizon, at };
+        let look = Look { tool, limits, motion, horizon, at: self };
         look.outlook((sight, most), nothing, (braking, planner))
     }
 
-    /// What is not allowed at the pose, at rest.
+    /// What is not allowed at a pose, at rest.
     #[inline(never)]
-    pub fn here(&self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
-        match self.at(pose, tool) {
-            Ok(at) => refused(&at, limits),
+    pub fn here(&mut self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
+        match self.move_to(pose, tool) {
+            Ok(()) => refused(self, limits),
             Err(fault) => Some(fault),
         }
     }
@@ -658,7 +655,7 @@ mod tests {
         let machine = machine();
         let motion = straight([-10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let look = |limits: &Limits, planner: &Planner| {
-            machine.ahead(&Vector3::zeros(), limits, &motion, planner)
+            machine.nowhere().ahead((&Vector3::zeros(), limits), &motion, planner)
         };
         let free = look(&Limits::NONE, &PLANNER);
         assert_eq!((free.allowed, free.soon), (f64::INFINITY, None));

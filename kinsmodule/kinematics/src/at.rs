@@ -62,8 +62,12 @@ impl<'a> At<'a> {
         }
     }
 
-    /// Takes another pose in the same memory; after an error it is at none.
-    pub(crate) fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
+    /// Takes another pose in the same memory; `tool` as in [`crate::Machine::inverse`]. After an
+    /// error it is at no pose.
+    ///
+    /// # Errors
+    /// As [`crate::Machine::inverse`].
+    pub fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
         match &mut self.legs {
             Lanes::Four(legs) => legs.move_to(pose, tool),
             Lanes::Six(legs) => legs.move_to(pose, tool),
@@ -86,6 +90,11 @@ impl<'a> At<'a> {
     /// Numbers and letters of the machine.
     pub fn layout(&self) -> &Layout {
         each!(self, legs => &legs.machine.layout)
+    }
+
+    /// [`crate::Machine::radius`].
+    pub(crate) fn radius(&self) -> f64 {
+        each!(self, legs => legs.machine.radius)
     }
 
     /// Joint values, as [`crate::Machine::inverse`].

@@ -5,7 +5,7 @@ use crate::fault::{Cause, Fault};
 use crate::lanes::Lanes3;
 use crate::layout::{MAX_JOINTS, MAX_LEGS};
 use crate::legs_at::{Gradient, LegsAt};
-use crate::mechanism::Chart;
+use crate::mechanism::{Chart, Mechanism};
 use nalgebra::{SMatrix, Vector3};
 
 /// Rows of joints by columns of a twist or pose; rows beyond the last joint are 0.
@@ -61,19 +61,26 @@ impl<const N: usize> LegsAt<'_, N> {
         let moment = Lanes3::from_fn(|i| legs[i].moment);
         let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
         machine.to_chart(&mut columns, &self.stand.place);
+        Ok(machine.sign_of(&columns))
+    }
+}
+
+impl<const N: usize> Mechanism<N> {
+    /// Sign of the determinant of the active columns.
+    pub fn sign_of(&self, columns: &[[f64; N]; 6]) -> i32 {
         let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
-        let active = columns.iter().zip(machine.active).filter(|(_, active)| *active);
+        let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
         for (row, (column, _)) in square.iter_mut().zip(active) {
             for (to, value) in row.iter_mut().zip(column) {
                 *to = *value;
             }
         }
-        Ok(sign_of_determinant(square, machine.count().min(MAX_LEGS)))
+        sign_of_determinant(square, self.count().min(MAX_LEGS))
     }
 }
 
 /// Sign of the determinant of the first `m` rows and columns.
-pub(crate) fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
+fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
     let m = m.min(MAX_LEGS);
     let mut sign = 1;
     for k in 0..m {

@@ -79,8 +79,9 @@ impl Machine {
         Ok(at)
     }
 
-    /// A machine at no pose yet.
-    pub(crate) fn nowhere(&self) -> At<'_> {
+    /// To be moved to one pose after the other in the same memory, see [`At::move_to`]; until then
+    /// nothing that it says means anything.
+    pub fn nowhere(&self) -> At<'_> {
         let legs = match &self.lanes {
             Lanes::Four(m) => at::Lanes::Four(m.nowhere()),
             Lanes::Six(m) => at::Lanes::Six(m.nowhere()),

@@ -14,8 +14,7 @@
 
 use crate::certificate::lipschitz_constant;
 use crate::fault::Fault;
-use crate::jacobian::sign_of_determinant;
-use crate::layout::{Joints, MAX_LEGS};
+use crate::layout::Joints;
 use crate::machine::{Lanes, Machine, each};
 use crate::mechanism::Mechanism;
 use crate::placed::{Place, Placed};
@@ -103,18 +102,6 @@ impl<const N: usize> Mechanism<N> {
         let ways =
             legs.map(|(leg, (from, to))| (to - from).abs() / leg.margin(1.0).map_or(1.0, f64::abs));
         ways.fold(0.0, f64::max)
-    }
-
-    /// Sign of the determinant of the active columns.
-    fn sign_of(&self, columns: &[[f64; N]; 6]) -> i32 {
-        let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
-        let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
-        for (row, (column, _)) in square.iter_mut().zip(active) {
-            for (to, value) in row.iter_mut().zip(column) {
-                *to = *value;
-            }
-        }
-        sign_of_determinant(square, self.count().min(MAX_LEGS))
     }
 
     /// Radius ρ of a ball with L(ρ) ρ < 1; 0 where none was found.

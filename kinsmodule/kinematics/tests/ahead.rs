@@ -62,14 +62,14 @@ impl<'a> Drive<'a> {
 
     fn outlook(&self) -> Outlook {
         let motion = self.motion().expect("it moves");
-        self.case.machine.ahead(&NO_TOOL, &self.limits, &motion, &self.planner)
+        self.case.machine.nowhere().ahead((&NO_TOOL, &self.limits), &motion, &self.planner)
     }
 
     /// The same after a time, with what was seen before.
     fn outlook_in_turn(&self, sight: &mut Sight) -> Outlook {
         let motion = self.motion().expect("it moves");
-        let machine = &self.case.machine;
-        machine.ahead_in_turn(sight, &NO_TOOL, &self.limits, &motion, &self.planner)
+        let mut at = self.case.machine.nowhere();
+        at.ahead_in_turn(sight, (&NO_TOOL, &self.limits), &motion, &self.planner)
     }
 
     /// Some cycles later.

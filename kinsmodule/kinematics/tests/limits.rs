@@ -71,7 +71,7 @@ fn the_tilt_is_the_angle_of_the_tool_axis_to_z_whatever_turns_about_it() {
         if tilt > 0.0 {
             let here = |most: f64| {
                 let limits = Limits { tilt: most, ..Limits::NONE };
-                case.machine.here(&NO_TOOL, &limits, &Pose::from_degrees(pose))
+                case.machine.nowhere().here(&NO_TOOL, &limits, &Pose::from_degrees(pose))
             };
             assert_eq!(here(tilt + 1e-9), None);
             let fault = here(tilt - 1e-9).expect("beyond");
@@ -106,7 +106,7 @@ fn a_leg_beyond_its_pyramid_is_named_with_its_turn_and_one_without_an_axis_keeps
                     let mut limits = Limits::NONE;
                     let pyramids = [&mut limits.base_pyramid, &mut limits.platform_pyramid];
                     pyramids.into_iter().nth(end).expect("two ends")[leg][way] = most;
-                    machine.here(&NO_TOOL, &limits, &pose)
+                    machine.nowhere().here(&NO_TOOL, &limits, &pose)
                 };
                 assert_eq!(here(turn.abs() * 1.001), None);
                 let fault = here(turn.abs() * 0.999).expect("beyond");
@@ -120,7 +120,7 @@ fn a_leg_beyond_its_pyramid_is_named_with_its_turn_and_one_without_an_axis_keeps
     without.home = None;
     let machine = Machine::freeze(&without, &[0.0; MAX_LEGS]).expect("a machine");
     let limits = Limits { base_pyramid: [[90.0; 2]; MAX_LEGS], ..Limits::NONE };
-    let fault = machine.here(&NO_TOOL, &limits, &pose).expect("no direction at home");
+    let fault = machine.nowhere().here(&NO_TOOL, &limits, &pose).expect("no direction at home");
     assert!(fault.cause == Cause::BasePyramidAhead && fault.value.is_nan());
 }
 

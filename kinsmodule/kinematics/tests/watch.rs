@@ -174,7 +174,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
 fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
     let mut told = [0; 3];
     each_pose(84, |case, watch, pose, legs, rng| {
-        let at = |limits: &Limits| case.machine.here(&NO_TOOL, limits, pose);
+        let at = |limits: &Limits| case.machine.nowhere().here(&NO_TOOL, limits, pose);
         assert_eq!(at(&Limits::NONE), None, "{}", case.name);
         let cones = watch.cones(&pose.rotation(), legs);
         let leg = uniform(rng, 0.0, case.geometry.legs().len() as f64) as usize;
@@ -220,6 +220,6 @@ fn a_pose_that_is_none_is_told_with_its_own_cause() {
     let case = &declared()[0];
     let mut far = case.home;
     far.position.x = f64::INFINITY;
-    let fault = case.machine.here(&NO_TOOL, &Limits::NONE, &far).expect("no pose");
+    let fault = case.machine.nowhere().here(&NO_TOOL, &Limits::NONE, &far).expect("no pose");
     assert_eq!(fault.cause, Cause::PoseNotFinite);
 }

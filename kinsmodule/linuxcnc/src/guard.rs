@@ -2,10 +2,9 @@
 //! The part of the monitor that guards the motion: what it shows about the pose, and the
 //! feed that it allows.
 //!
-//! The calculation is [`Machine::ahead`] and [`Machine::at`]. Here is what is remembered from cycle
-//! to cycle.
+//! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
 
-use crate::pins::{GuardInputs, GuardPins, Pins};
+use crate::pins::{GuardInputs, GuardOutputs, GuardPins, Pins};
 use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
 
 /// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
@@ -14,6 +13,9 @@ const RISE: f64 = 10.0;
 /// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and
 /// shows in the one after that where that leads.
 const LATENCY: f64 = 3.0;
+
+/// Cycles in which all of what people read about the pose is shown anew.
+const SHOWN_IN: u32 = 4;
 
 /// What the guard looks at in a cycle.
 pub struct Scene<'a> {
@@ -42,6 +44,8 @@ pub struct Guard {
     inhibited: Option<Fault>,
     inverse_time: i64,
     forward_time: i64,
+    /// Which part of the shown values was shown last.
+    part: u32,
 }
 
 impl Guard {
@@ -54,6 +58,7 @@ impl Guard {
             inhibited: None,
             inverse_time: 0,
             forward_time: 0,
+            part: 0,
         }
     }
 
@@ -81,13 +86,14 @@ impl Guard {
     pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
         let pins = &scene.pins.guard;
         let commanded = scene.commanded;
-        show_pose(scene);
+        let at = &mut scene.machine.nowhere();
+        self.show_pose(scene, at);
         pins.shown.inverse_time.set(shown_time(self.inverse_time));
         pins.shown.forward_time.set(shown_time(self.forward_time));
         // What the planner went in this cycle is the mean of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
-        let (soon, view) = self.looked(scene, commanded, mean);
+        let (soon, view) = self.looked((scene, at), commanded, mean);
         self.before = [self.before[1], commanded];
         self.speed_before = speed;
         let told = self.inhibited.is_some();
@@ -96,11 +102,24 @@ impl Guard {
         self.inhibited.filter(|_| !told)
     }
 
+    /// What people read about the pose that forward found: of four parts one a cycle, in turn.
+    fn show_pose(&mut self, scene: &Scene<'_>, at: &mut At<'_>) {
+        let moved = scene.pose.map(|pose| at.move_to(&pose, scene.tool));
+        let Some(Ok(())) = moved else { return scene.pins.assembly.set(0) };
+        self.part = if self.part < SHOWN_IN - 1 { self.part + 1 } else { 0 };
+        match self.part {
+            0 => show_joints(scene, at),
+            1 => show_cones(&scene.pins.guard, at),
+            2 => show_nearest(&scene.pins.guard.shown, at),
+            _ => scene.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
+        }
+    }
+
     /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
     /// speed that it is a multiple of. `told` is the speed that the planner tells.
     fn looked(
         &mut self,
-        scene: &Scene<'_>,
+        (scene, at): (&Scene<'_>, &mut At<'_>),
         commanded: Option<Pose>,
         told: f64,
     ) -> (Option<Fault>, Option<(Outlook, f64)>) {
@@ -108,7 +127,7 @@ impl Guard {
         let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
         let Some(motion) = self.motion(scene, commanded) else {
             self.sight = Sight::NONE;
-            return (scene.machine.here(scene.tool, &limits, &pose), None);
+            return (at.here(scene.tool, &limits, &pose), None);
         };
         let asked = &scene.pins.guard.asked;
         // In its first and last cycles the way of the poses alone says how fast the machine is.
@@ -120,8 +139,7 @@ impl Guard {
             requested: requested(asked) / speed,
             latency: (LATENCY + f64::from(Sight::OLDEST)) * scene.period,
         };
-        let view =
-            scene.machine.ahead_in_turn(&mut self.sight, scene.tool, &limits, &motion, &planner);
+        let view = at.ahead_in_turn(&mut self.sight, (scene.tool, &limits), &motion, &planner);
         (view.soon, Some((view, speed)))
     }
 
@@ -183,42 +201,33 @@ fn shown_time(nanoseconds: i64) -> i32 {
     i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
-/// What people read about the pose that forward found.
-// A frame of its own: it ends before the look ahead begins.
-#[inline(never)]
-fn show_pose(scene: &Scene<'_>) {
-    let at = scene.pose.map(|pose| scene.machine.at(&pose, scene.tool));
-    let Some(Ok(at)) = &at else { return scene.pins.assembly.set(0) };
+fn show_joints(scene: &Scene<'_>, at: &At<'_>) {
     scene.pins.assembly.set(at.assembly().unwrap_or(0));
-    let _ = show_joints(scene, at);
-    show_legs(&scene.pins.guard, at);
-    scene.pins.guard.shown.conditioning.set(at.smallest_singular_value());
-}
-
-fn show_joints(scene: &Scene<'_>, at: &At<'_>) -> Result<(), Fault> {
     let (pins, count) = (&scene.pins.guard, at.layout().joints());
     let [min, max, _] = scene.pins.joint_limits(count);
     let ranges = at.joints().iter().zip(min.iter().zip(&max));
     for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
         pins.margin.set((joint - min).min(max - joint));
     }
-    let ratios = at.speed_ratios()?;
+    let Ok(ratios) = at.speed_ratios() else { return };
     for (pins, ratio) in pins.joints.iter().zip(ratios).take(count) {
         pins.speed_ratio.set(ratio);
     }
-    Ok(())
 }
 
-fn show_legs(pins: &GuardPins, at: &At<'_>) {
+fn show_cones(pins: &GuardPins, at: &At<'_>) {
     let cones = at.cones();
     let angles = cones.base.iter().zip(&cones.platform);
     for (pins, (base, platform)) in pins.legs.iter().zip(angles).take(at.layout().legs()) {
         pins.base_angle.set(*base);
         pins.platform_angle.set(*platform);
     }
+}
+
+fn show_nearest(shown: &GuardOutputs, at: &At<'_>) {
     if let Some(nearest) = at.nearest() {
-        pins.shown.rod_distance.set(nearest.distance);
-        for (pin, leg) in pins.shown.rod_pair.iter().zip(nearest.pair) {
+        shown.rod_distance.set(nearest.distance);
+        for (pin, leg) in shown.rod_pair.iter().zip(nearest.pair) {
             pin.set(leg as i32);
         }
     }

@@ -9,7 +9,7 @@ mod leg;
 mod maker;
 mod workspace_box;
 
-pub use guard::{GuardInputs, GuardPins};
+pub use guard::{GuardInputs, GuardOutputs, GuardPins};
 
 use crate::hal::{Component, Direction, HalError, Pin};
 use crate::tool::JointLimits;

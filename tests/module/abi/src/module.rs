@@ -159,6 +159,14 @@ impl Module {
         self.monitor_in_cycle_of(PERIOD);
     }
 
+    /// As many runs of the monitor as it takes to show all that people read about a pose: it shows a
+    /// quarter of it in each.
+    pub fn monitor_until_all_is_shown(&self) {
+        for _ in 0..4 {
+            self.monitor();
+        }
+    }
+
     /// As [`Module::monitor`], in a servo thread of another period (nanoseconds).
     /// # Panics
     /// If the module exports no such function.

@@ -453,7 +453,7 @@ fn forward_writes_the_pins_people_look_at() {
     let module = paper_004().module();
     let joints: Joints = module.inverse(&SEED).expect("a pose of the workspace");
     let pose = module.forward(&joints, &SEED).expect("its own joints");
-    module.monitor();
+    module.monitor_until_all_is_shown();
     for (axis, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(pose) {
         assert_eq!(module.get(axis), value);
     }

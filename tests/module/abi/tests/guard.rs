@@ -158,6 +158,7 @@ fn every_value_at_a_pose_is_that_of_an_independent_computation() {
                 module.set(&format!("max-limit.{n}"), joints[n] + 5.0);
             }
             cycle(&module, &pose, &pose);
+            module.monitor_until_all_is_shown();
             check_joints(&subject, &module, &pose);
             let now = directions(machine, &pose, &joints);
             let name = subject.name;

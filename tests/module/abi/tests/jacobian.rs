@@ -164,13 +164,13 @@ fn frames_and_jacobian_leave_no_trace() {
     let module = paper_004().module();
     let joints = module.inverse(&POSE).expect("a pose of the workspace");
     module.forward(&joints, &POSE).expect("its own joints");
-    module.monitor();
+    module.monitor_until_all_is_shown();
     let pins = || module.pins().iter().map(|pin| pin.get().to_bits()).collect::<Vec<_>>();
     let before = pins();
     let _ = module.jacobian(&joints, &[f64::NAN; 9]);
     let _ = module.tool_frame(&[f64::NAN; 16]);
     let _ = module.work_frame(&joints);
-    module.monitor();
+    module.monitor_until_all_is_shown();
     assert_eq!(pins(), before);
     assert_eq!(module.messages().len(), 0, "{:?}", module.messages());
 }

@@ -41,10 +41,11 @@ pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
     }
 }
 
-/// Ends a motion and what was told about it.
+/// Ends a motion and what was told about it. The number of cycles is odd together with those of the
+/// motion, so that one case after the other counts each of the four parts of what the monitor shows.
 fn stand_still(module: &Module) {
     module.set("requested-vel", 0.0);
-    for reset in [1.0, 0.0] {
+    for reset in [1.0, 0.0, 0.0] {
         module.set("fault-reset", reset);
         module.monitor();
     }
