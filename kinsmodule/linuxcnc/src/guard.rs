@@ -7,18 +7,18 @@
 use crate::pins::{GuardInputs, GuardOutputs, GuardPins, Pins};
 use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
 
-/// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
+/// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
 const RISE: f64 = 10.0;
 
-/// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and
-/// shows in the one after that where that leads.
+/// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and its
+/// poses show it in the one after that.
 const LATENCY: f64 = 3.0;
 
 /// Cycles in which all of what people read about the pose is shown anew.
 const SHOWN_IN: u32 = 4;
 
-/// What the guard looks at in a cycle.
-pub struct Scene<'a> {
+/// What the guard goes by in one cycle.
+pub struct Cycle<'a> {
     pub pins: &'a Pins,
     pub machine: &'a Machine,
     /// Tool offset in effect.
@@ -35,7 +35,7 @@ pub struct Scene<'a> {
 pub struct Guard {
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
-    /// What was seen ahead.
+    /// What was found ahead.
     sight: Sight,
     /// `.current-vel` of the cycle before.
     speed_before: f64,
@@ -72,89 +72,89 @@ impl Guard {
         self.inverse_time = nanoseconds;
     }
 
-    /// Without the machine's kinematics in force there is nothing to guard.
+    /// One cycle without the machine's kinematics in force: there is nothing to guard.
     pub fn idle(&mut self, pins: &Pins, period: f64) {
         self.forget();
         self.inhibited = None;
         pins.guard.shown.limit(None);
-        self.answer(&pins.guard, 1.0, period);
+        self.set_scale(&pins.guard, 1.0, period);
     }
 
-    /// One cycle. A fault is why the feed was inhibited just now.
+    /// One cycle. Returns why the feed is inhibited from this cycle on.
     // A frame of its own: a cycle that freezes a geometry needs none of it.
     #[inline(never)]
-    pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
-        let pins = &scene.pins.guard;
-        let commanded = scene.commanded;
-        let at = &mut scene.machine.nowhere();
-        self.show_pose(scene, at);
+    pub fn run(&mut self, cycle: &Cycle<'_>) -> Option<Fault> {
+        let pins = &cycle.pins.guard;
+        let commanded = cycle.commanded;
+        let at = &mut cycle.machine.nowhere();
+        self.show_pose(cycle, at);
         pins.shown.inverse_time.set(shown_time(self.inverse_time));
         pins.shown.forward_time.set(shown_time(self.forward_time));
-        // What the planner went in this cycle is the mean of the speeds at its ends.
+        // The mean speed of this cycle is that of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
-        let (soon, view) = self.looked((scene, at), commanded, mean);
+        let (soon, view) = self.looked((cycle, at), commanded, mean);
         self.before = [self.before[1], commanded];
         self.speed_before = speed;
-        let told = self.inhibited.is_some();
-        self.allow(scene, view);
+        let was_inhibited = self.inhibited.is_some();
+        self.allow(cycle, view);
         pins.shown.limit(self.inhibited.or(soon));
-        self.inhibited.filter(|_| !told)
+        self.inhibited.filter(|_| !was_inhibited)
     }
 
     /// What people read about the pose that forward found: of four parts one a cycle, in turn.
-    fn show_pose(&mut self, scene: &Scene<'_>, at: &mut At<'_>) {
-        let moved = scene.pose.map(|pose| at.move_to(&pose, scene.tool));
-        let Some(Ok(())) = moved else { return scene.pins.assembly.set(0) };
+    fn show_pose(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) {
+        let moved = cycle.pose.map(|pose| at.move_to(&pose, cycle.tool));
+        let Some(Ok(())) = moved else { return cycle.pins.assembly.set(0) };
         self.part = if self.part < SHOWN_IN - 1 { self.part + 1 } else { 0 };
         match self.part {
-            0 => show_joints(scene, at),
-            1 => show_cones(&scene.pins.guard, at),
-            2 => show_nearest(&scene.pins.guard.shown, at),
-            _ => scene.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
+            0 => show_joints(cycle, at),
+            1 => show_cones(&cycle.pins.guard, at),
+            2 => show_nearest(&cycle.pins.guard.shown, at),
+            _ => cycle.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
         }
     }
 
     /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
-    /// speed that it is a multiple of. `told` is the speed that the planner tells.
+    /// speed that it is a multiple of. `reported` is the speed that the planner reports.
     fn looked(
         &mut self,
-        (scene, at): (&Scene<'_>, &mut At<'_>),
+        (cycle, at): (&Cycle<'_>, &mut At<'_>),
         commanded: Option<Pose>,
-        told: f64,
+        reported: f64,
     ) -> (Option<Fault>, Option<(Outlook, f64)>) {
-        let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
-        let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
-        let Some(motion) = self.motion(scene, commanded) else {
+        let Some(pose) = commanded.or(cycle.pose) else { return (None, None) };
+        let limits = cycle.pins.guard.limits(cycle.pins, cycle.machine.layout());
+        let Some(motion) = self.motion(cycle, commanded) else {
             self.sight = Sight::NONE;
-            return (at.here(scene.tool, &limits, &pose), None);
+            return (at.here(cycle.tool, &limits, &pose), None);
         };
-        let asked = &scene.pins.guard.asked;
-        // In its first and last cycles the way of the poses alone says how fast the machine is.
-        let slow = !(told >= 0.5 * scene.pins.guard.floor() * requested(asked));
-        let speed = if slow { motion.speed() } else { told };
+        let asked = &cycle.pins.guard.asked;
+        // In the first and last cycles of a motion only the poses show how fast the machine is.
+        let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
+        let speed = if slow { motion.speed() } else { reported };
         let planner = Planner {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
             requested: requested(asked) / speed,
-            latency: (LATENCY + f64::from(Sight::OLDEST)) * scene.period,
+            latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
         };
-        let view = at.ahead_in_turn(&mut self.sight, (scene.tool, &limits), &motion, &planner);
+        let view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         (view.soon, Some((view, speed)))
     }
 
-    fn motion(&self, scene: &Scene<'_>, commanded: Option<Pose>) -> Option<Motion> {
+    fn motion(&self, cycle: &Cycle<'_>, commanded: Option<Pose>) -> Option<Motion> {
         let second = self.before[1]?;
         let first = self.before[0].unwrap_or(second);
         let poses = [&first, &second, &commanded?];
-        let linear = scene.pins.guard.asked.linear_acceleration.get();
-        Motion::of(scene.machine, poses, scene.period, linear)
+        let linear = cycle.pins.guard.asked.linear_acceleration.get();
+        Motion::of(cycle.machine, poses, cycle.period, linear)
     }
 
     /// Turns the outlook into a feed scale, or inhibits the feed: where the floor is too fast, and
-    /// the machine may be so fast before an answer acts.
-    fn allow(&mut self, scene: &Scene<'_>, view: Option<(Outlook, f64)>) {
-        let pins = &scene.pins.guard;
+    /// the machine may be so fast before the feed scale acts.
+    fn allow(&mut self, cycle: &Cycle<'_>, view: Option<(Outlook, f64)>) {
+        let pins = &cycle.pins.guard;
         let requested = requested(&pins.asked);
         let mut wanted = 1.0;
         if requested == 0.0 {
@@ -168,11 +168,11 @@ impl Guard {
             let why = view.because.filter(|(_, time)| too_fast && within(*time));
             self.inhibited = self.inhibited.or(why.map(|(fault, _)| fault));
         }
-        self.answer(pins, wanted, scene.period);
+        self.set_scale(pins, wanted, cycle.period);
     }
 
-    /// Writes a feed scale within [floor, 1] that falls at once and rises slowly.
-    fn answer(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
+    /// Sets the feed scale within [floor, 1] that falls at once and rises slowly.
+    fn set_scale(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
         let floor = pins.floor();
         let risen = self.scale + RISE * period;
         let allowed = if self.inhibited.is_some() || !(wanted >= floor) { floor } else { wanted };
@@ -185,7 +185,7 @@ impl Guard {
         self.inhibited.is_some()
     }
 
-    /// Nothing is known of the motion of a newly frozen machine.
+    /// Forgets the motion, as for a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
         self.sight = Sight::NONE;
@@ -201,10 +201,10 @@ fn shown_time(nanoseconds: i64) -> i32 {
     i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
-fn show_joints(scene: &Scene<'_>, at: &At<'_>) {
-    scene.pins.assembly.set(at.assembly().unwrap_or(0));
-    let (pins, count) = (&scene.pins.guard, at.layout().joints());
-    let [min, max, _] = scene.pins.joint_limits(count);
+fn show_joints(cycle: &Cycle<'_>, at: &At<'_>) {
+    cycle.pins.assembly.set(at.assembly().unwrap_or(0));
+    let (pins, count) = (&cycle.pins.guard, at.layout().joints());
+    let [min, max, _] = cycle.pins.joint_limits(count);
     let ranges = at.joints().iter().zip(min.iter().zip(&max));
     for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
         pins.margin.set((joint - min).min(max - joint));

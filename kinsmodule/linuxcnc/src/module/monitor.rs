@@ -2,7 +2,7 @@
 //! The function in the servo thread beside the kinematics calls.
 
 use super::{Kind, Module};
-use crate::guard::Scene;
+use crate::guard::Cycle;
 use kinematics::{Fault, Pose};
 
 impl Module {
@@ -30,7 +30,7 @@ impl Module {
             self.show_assembly();
             return None;
         };
-        self.guard.run(&Scene {
+        self.guard.run(&Cycle {
             pins: self.pins,
             machine: &frozen.machine,
             tool: &self.tool.offset(),

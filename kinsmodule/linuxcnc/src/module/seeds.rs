@@ -121,7 +121,7 @@ impl Module {
     /// Forward while no pose has fixed the folds of nut corrections, as in a drop-in, which has no
     /// reference pose.
     ///
-    /// The first pose known takes its place. That is the seed, [TRAJ]HOME, which is the same after
+    /// The first pose known takes its place. That is the seed, `[TRAJ]HOME`, which is the same after
     /// every start; joints that were homed are not. Zeros are no seed; then it is the pose found.
     /// Inverse never fixes the folds: LinuxCNC may ask it for the end point of a move that is not
     /// made.
