@@ -17,11 +17,11 @@ use crate::fault::Fault;
 use crate::layout::Joints;
 use crate::machine::{Lanes, Machine, each};
 use crate::mechanism::Mechanism;
-use crate::placed::{Place, Placed};
+use crate::placed::Placed;
 use crate::pose::Pose;
 use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// Radius of the first ball to be tried, as a share of 1/L at its middle: L grows with the ball.
 const FIRST_SHARE: f64 = 0.7;
@@ -29,16 +29,15 @@ const FIRST_SHARE: f64 = 0.7;
 /// Balls to be tried, each half as large as the one before.
 const TRIES: u32 = 4;
 
-/// A turn by θ changes a rotation matrix by 2√2 sin(θ/2) (Frobenius norm), which is at least
-/// 2√2 θ/π up to half a turn.
-const TURN_PER_CHANGE: f64 = core::f64::consts::PI / (2.0 * core::f64::consts::SQRT_2);
-
 /// The side of the singular poses on which a pose stands, and how far from it that is proved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
     sign: i32,
-    centre: Vector3<f64>,
-    rotation: Matrix3<f64>,
+    pose: Pose,
+    tool: Vector3<f64>,
+    /// Length from the control point to the reference point.
+    lever: f64,
+    radius: f64,
     reach: f64,
 }
 
@@ -47,6 +46,20 @@ impl Side {
     /// differ. Machines with more legs than coordinates have no such sign.
     pub fn opposes(&self, other: &Self) -> bool {
         self.sign * other.sign < 0
+    }
+
+    /// Whether another pose is so near that it certainly stands on the same side.
+    ///
+    /// The platform turns by no more than A, B and C change together, its reference point
+    /// t − o + R (o + reference) goes no farther than t goes, twice o, and its lever turns.
+    #[inline]
+    pub fn reaches(&self, pose: &Pose, tool: &Vector3<f64>) -> bool {
+        let turn = (pose.angles - self.pose.angles).abs().sum();
+        let retooled = (tool - self.tool).abs().sum();
+        let way = (pose.position - self.pose.position).norm();
+        let way = way + 2.0 * retooled + (self.lever + retooled) * turn;
+        let turn = self.radius * turn;
+        way * way + turn * turn < self.reach * self.reach
     }
 }
 
@@ -57,11 +70,6 @@ impl Machine {
     /// As [`Machine::inverse`].
     pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
         each!(self, m => m.side(pose, tool))
-    }
-
-    /// Whether a pose is so near to that of `side` that it certainly stands on the same side.
-    pub fn is_on(&self, side: &Side, pose: &Pose, tool: &Vector3<f64>) -> bool {
-        each!(self, m => m.is_on(side, pose, tool))
     }
 
     /// Largest way of a leg's joint from one set of values to another as a length, machine units: of a
@@ -87,13 +95,8 @@ impl<const N: usize> Mechanism<N> {
             }),
             None => 0.0,
         };
-        Ok(Side { sign, centre: place.centre, rotation: place.rotation, reach })
-    }
-
-    pub fn is_on(&self, side: &Side, pose: &Pose, tool: &Vector3<f64>) -> bool {
-        let Place { centre, rotation, .. } = self.standing(pose, &pose.trigonometry(), tool).place;
-        let turn = TURN_PER_CHANGE * self.radius * (rotation - side.rotation).norm();
-        (centre - side.centre).norm_squared() + turn * turn < side.reach * side.reach
+        let lever = (tool + self.reference).norm();
+        Ok(Side { sign, pose: *pose, tool: *tool, lever, radius: self.radius, reach })
     }
 
     pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {

@@ -4,7 +4,7 @@
 use crate::common::machines::declared;
 use crate::common::random::{RECIPES, draw};
 use crate::common::{Case, NO_TOOL, cases, direction, rng, uniform};
-use kinematics::Pose;
+use kinematics::{Pose, Vector3};
 use rand_pcg::Pcg64;
 
 fn all(rng: &mut Pcg64) -> Vec<Case> {
@@ -31,20 +31,23 @@ fn what_is_said_to_be_on_a_side_has_its_sign_of_the_determinant() {
         case.machine.layout().legs() == case.machine.layout().coordinates().as_slice().len()
     };
     for case in all(&mut rng).into_iter().filter(square) {
-        let sign = |pose: &Pose| case.machine.assembly(pose, &NO_TOOL);
+        let sign = |pose: &Pose, tool: &Vector3<f64>| case.machine.assembly(pose, tool);
         for _ in 0..cases(60).max(6) {
             let pose = (case.sample)(&mut rng);
-            let Ok(side) = case.machine.side(&pose, &NO_TOOL) else { continue };
+            let tool = direction(&mut rng) * (0.1 * case.machine.size());
+            let Ok(side) = case.machine.side(&pose, &tool) else { continue };
             for _ in 0..10 {
                 let way = case.machine.size() * uniform(&mut rng, 0.0, 0.7).powi(3);
                 let other = away(&case, &pose, way, &mut rng);
-                if !case.machine.is_on(&side, &other, &NO_TOOL) {
+                let retooled = tool + direction(&mut rng) * (0.2 * way);
+                if !side.reaches(&other, &retooled) {
                     far += 1;
                     continue;
                 }
                 near += 1;
-                assert_eq!(sign(&other), sign(&pose), "{}: {other:?} and {pose:?}", case.name);
-                let there = case.machine.side(&other, &NO_TOOL).expect("next to a regular pose");
+                let signs = [sign(&other, &retooled), sign(&pose, &tool)];
+                assert_eq!(signs[0], signs[1], "{}: {other:?} and {pose:?}", case.name);
+                let there = case.machine.side(&other, &retooled).expect("next to a regular pose");
                 assert!(!there.opposes(&side));
             }
         }
@@ -84,7 +87,7 @@ fn a_side_reaches_over_many_servo_steps_of_the_declared_workspaces() {
             let pose = (case.sample)(&mut rng);
             let side = case.machine.side(&pose, &NO_TOOL).expect("a pose of the workspace");
             let other = away(&case, &pose, 5.0 * case.step, &mut rng);
-            within += usize::from(case.machine.is_on(&side, &other, &NO_TOOL));
+            within += usize::from(side.reaches(&other, &NO_TOOL));
         }
         assert!(10 * within > 9 * count, "{}: {within} of {count}", case.name);
     }

@@ -44,9 +44,8 @@ impl Crossing {
     /// Takes the next commanded pose. Most are near one that was compared before.
     #[inline]
     pub fn update(&mut self, comparison: &Comparison<'_>) {
-        let Comparison { machine, tool, commanded, .. } = *comparison;
-        let known = self.side.as_ref().is_some_and(|side| machine.is_on(side, commanded, tool));
-        if !known {
+        let Comparison { tool, commanded, .. } = *comparison;
+        if !self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool)) {
             self.compare(comparison);
         }
     }
