@@ -95,7 +95,7 @@ impl EmcPose {
     }
 
     /// Makes the coordinates that the machine moves NaN; all of X … C if none is known.
-    fn spoil(&mut self, layout: Option<&Layout>) {
+    fn set_nan(&mut self, layout: Option<&Layout>) {
         let mut values = self.degrees();
         for (value, letter) in values.iter_mut().zip(Letter::ALL) {
             if !layout.is_some_and(|layout| layout.is_held(letter)) {
@@ -167,12 +167,12 @@ pub unsafe extern "C" fn kinematicsForward(
     let (world, module) = unsafe { (world.as_mut(), module()) };
     let Some(world) = world else { return Cause::NullPointer.code() };
     let Some(module) = module else {
-        world.spoil(None);
+        world.set_nan(None);
         return Cause::NullPointer.code();
     };
     // SAFETY: as above.
     let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
-        world.spoil(Some(module.layout()));
+        world.set_nan(Some(module.layout()));
         return Cause::NullPointer.code();
     };
     let address = &raw const *world as usize;
@@ -185,7 +185,7 @@ pub unsafe extern "C" fn kinematicsForward(
         Ok(()) => world.set_degrees(pose),
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
-        Err(_) => world.spoil(Some(module.layout())),
+        Err(_) => world.set_nan(Some(module.layout())),
     }
     code(result)
 }

@@ -25,7 +25,7 @@ pub struct Calls {
 
 impl Calls {
     /// A call of forward.
-    pub fn saw_forward(&mut self) {
+    pub fn note_forward(&mut self) {
         self.repeated = self.awaits_command;
         self.awaits_command = true;
         // The monitor, where it runs, has ended the cycle already.
@@ -45,19 +45,19 @@ impl Calls {
     }
 
     /// A call of inverse with the machine's kinematics.
-    pub fn saw_inverse(&mut self, pose: &Pose) {
+    pub fn note_inverse(&mut self, pose: &Pose) {
         if self.takes_command() {
             self.commanded = Some(*pose);
         }
     }
 
-    /// Whether the forward at hand is for the commanded joints: the second of a cycle, in joint
-    /// mode and as LinuxCNC leaves it, to go on from that pose.
+    /// Whether the current forward is for the commanded joints: the second of a cycle. LinuxCNC calls
+    /// it in joint mode, and as it leaves that mode, to go on from that pose.
     pub fn is_for_commanded_joints(&self) -> bool {
         self.repeated
     }
 
-    /// The pose commanded in the cycle before the forward at hand: the last that its joints can have
+    /// The pose commanded in the cycle before the current forward: the last that its joints can have
     /// followed.
     pub fn commanded_before(&self) -> Option<&Pose> {
         self.before.as_ref()

@@ -3,19 +3,19 @@
 //!
 //! Forward follows the joints and stays on its side of the singular poses; a commanded motion that
 //! passes one leaves forward behind, on the mirror image of the commanded pose. Both fit the joints,
-//! so that only the commanded poses tell.
+//! so that only the commanded poses show it.
 
 use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 
 /// Share of the machine's size within which a pose found again is the same one.
 const SAME_POSE: f64 = 1e-6;
 
-/// Share of the machine's size by which joints may be apart from those of the commanded pose and
-/// still follow it: on a machine of 1 m twice the following error at which drives usually stop.
+/// Share of the machine's size by which joints that follow the commanded pose may differ from its
+/// joints: on a machine of 1 m twice the following error at which drives usually stop.
 const FOLLOWING: f64 = 0.02;
 
 /// The commanded pose beside the one that forward has found.
-pub struct Sighting<'a> {
+pub struct Comparison<'a> {
     pub machine: &'a Machine,
     pub tool: &'a Vector3<f64>,
     pub solver: &'a Solver,
@@ -41,33 +41,33 @@ impl Crossing {
         self.passed
     }
 
-    /// Looks at another commanded pose. Most stand near one that was looked at before.
+    /// Takes the next commanded pose. Most are near one that was compared before.
     #[inline]
-    pub fn look(&mut self, sighting: &Sighting<'_>) {
-        let Sighting { tool, commanded, .. } = *sighting;
+    pub fn update(&mut self, comparison: &Comparison<'_>) {
+        let Comparison { tool, commanded, .. } = *comparison;
         if !self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool)) {
-            self.compare(sighting);
+            self.compare(comparison);
         }
     }
 
     #[inline(never)]
-    fn compare(&mut self, sighting: &Sighting<'_>) {
-        let Sighting { machine, tool, found, commanded, .. } = *sighting;
+    fn compare(&mut self, comparison: &Comparison<'_>) {
+        let Comparison { machine, tool, found, commanded, .. } = *comparison;
         self.side = None;
         let (Ok(there), Ok(here)) = (machine.side(commanded, tool), machine.side(found, tool))
         else {
             return;
         };
         if there.opposes(&here) {
-            self.passed |= sighting.joints_follow();
-        } else if !self.passed || sighting.is_connected() {
+            self.passed |= comparison.joints_follow();
+        } else if !self.passed || comparison.is_connected() {
             self.passed = false;
             self.side = Some(there);
         }
     }
 }
 
-impl Sighting<'_> {
+impl Comparison<'_> {
     /// Whether the joints are those of the commanded pose, as far as drives follow.
     fn joints_follow(&self) -> bool {
         let Ok(joints) = self.machine.inverse(self.commanded, self.tool) else { return false };
@@ -75,7 +75,7 @@ impl Sighting<'_> {
     }
 
     /// Whether the joints lead from the pose found to the commanded one. The sign of det J does not
-    /// tell after a motion that passed two singular poses.
+    /// decide that: it is the same again after a motion through two singular poses.
     fn is_connected(&self) -> bool {
         let Self { machine, tool, solver, found, commanded, .. } = self;
         let Ok(joints) = machine.inverse(commanded, tool) else { return false };

@@ -2,206 +2,23 @@
 //! The part of the monitor that guards the motion: what it shows about the pose, and the
 //! feed that it allows.
 //!
-//! The calculation is [`Machine::ahead`] and [`Machine::at`]; here are its pins, and what is remembered from
-//! cycle to cycle.
+//! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
 
-use crate::hal::{Direction, HalError, Pin};
-use crate::pins::{Maker, Pins};
-use kinematics::{
-    At, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
-    Sight, Vector3, text,
-};
+use crate::pins::{GuardInputs, GuardOutputs, GuardPins, Pins};
+use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
 
-/// Floor of the feed where the pin holds no share.
-const FLOOR: f64 = 0.02;
-
-/// Conditioning at which a machine has to stand, unless the pin says otherwise: some motion
-/// then moves no anchor along its leg by more than a twentieth of its own way. The shipped
-/// machines stay above four times that.
-const HOLD: f64 = 0.05;
-
-/// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
+/// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
 const RISE: f64 = 10.0;
 
-/// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and
-/// shows in the one after that where that leads.
+/// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and its
+/// poses show it in the one after that.
 const LATENCY: f64 = 3.0;
 
 /// Cycles in which all of what people read about the pose is shown anew.
 const SHOWN_IN: u32 = 4;
 
-/// Shown where no two legs can come near to each other.
-const FAR: f64 = 1e99;
-
-/// Pins of one joint.
-#[repr(C)]
-struct OfJoint {
-    margin: Pin<f64>,
-    speed_ratio: Pin<f64>,
-}
-
-/// Pins of one leg.
-#[repr(C)]
-struct OfLeg {
-    base_angle: Pin<f64>,
-    platform_angle: Pin<f64>,
-    base_cone: Pin<f64>,
-    platform_cone: Pin<f64>,
-    /// About the joint's fixed axis, and across it.
-    base_pyramid: [Pin<f64>; 2],
-    platform_pyramid: [Pin<f64>; 2],
-}
-
-/// What the guard shows.
-#[repr(C)]
-struct Shown {
-    conditioning: Pin<f64>,
-    rod_distance: Pin<f64>,
-    rod_pair: [Pin<i32>; 2],
-    inverse_time: Pin<i32>,
-    forward_time: Pin<i32>,
-    feed_scale: Pin<f64>,
-    limit_soon: Pin<bool>,
-    limit_leg: Pin<i32>,
-    limit_reason: Pin<i32>,
-}
-
-/// What the guard is given.
-#[repr(C)]
-struct Asked {
-    conditioning_limit: Pin<f64>,
-    rod_clearance: Pin<f64>,
-    tilt_limit: Pin<f64>,
-    feed_floor: Pin<f64>,
-    max_override: Pin<f64>,
-    linear_acceleration: Pin<f64>,
-    angular_acceleration: Pin<f64>,
-    requested_vel: Pin<f64>,
-    current_vel: Pin<f64>,
-    distance_to_go: Pin<f64>,
-}
-
-/// Pins of the guard; part of [`Pins`], in HAL memory.
-#[repr(C)]
-pub struct GuardPins {
-    joints: [OfJoint; MAX_JOINTS],
-    legs: [OfLeg; MAX_LEGS],
-    shown: Shown,
-    asked: Asked,
-}
-
-impl GuardPins {
-    pub fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
-        for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
-            joint.create(make, n)?;
-        }
-        for (n, leg) in self.legs.iter_mut().enumerate().take(layout.legs()) {
-            leg.create(make, n)?;
-        }
-        self.shown.create(make)?;
-        self.asked.create(make)
-    }
-
-    fn limits(&self, pins: &Pins, layout: &Layout) -> Limits {
-        let [min, max, speed] = pins.joint_limits(layout.joints());
-        let mut limits = Limits {
-            min,
-            max,
-            speed,
-            tilt: self.asked.tilt_limit.get(),
-            conditioning: self.asked.conditioning_limit.get(),
-            clearance: self.asked.rod_clearance.get(),
-            ..Limits::NONE
-        };
-        let cones = limits.base_cone.iter_mut().zip(&mut limits.platform_cone);
-        let pyramids = limits.base_pyramid.iter_mut().zip(&mut limits.platform_pyramid);
-        let legs = self.legs.iter().take(layout.legs());
-        for ((leg, cone), pyramid) in legs.zip(cones).zip(pyramids) {
-            *cone.0 = leg.base_cone.get();
-            *cone.1 = leg.platform_cone.get();
-            *pyramid.0 = leg.base_pyramid.each_ref().map(Pin::get);
-            *pyramid.1 = leg.platform_pyramid.each_ref().map(Pin::get);
-        }
-        limits
-    }
-
-    /// Smallest feed scale, in (0, 1].
-    fn floor(&self) -> f64 {
-        let floor = self.asked.feed_floor.get();
-        if floor > 0.0 && floor <= 1.0 { floor } else { FLOOR }
-    }
-}
-
-impl OfJoint {
-    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::Out;
-        make.one(&mut self.margin, Out, text!["pkmkins.margin.", n], 0.0)?;
-        make.one(&mut self.speed_ratio, Out, text!["pkmkins.speed-ratio.", n], 0.0)
-    }
-}
-
-impl OfLeg {
-    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::{In, Out};
-        make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
-        make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
-        make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
-        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)?;
-        for (pins, end) in
-            [(&mut self.base_pyramid, "base"), (&mut self.platform_pyramid, "platform")]
-        {
-            for (pin, way) in pins.iter_mut().zip([".about", ".across"]) {
-                make.one(pin, In, text!["pkmkins.", end, "-pyramid.", n, way], 0.0)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Shown {
-    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
-        use Direction::Out;
-        make.one(&mut self.conditioning, Out, text!["pkmkins.conditioning"], 0.0)?;
-        make.one(&mut self.rod_distance, Out, text!["pkmkins.rod-distance"], FAR)?;
-        for (pin, letter) in self.rod_pair.iter_mut().zip(["a", "b"]) {
-            make.one(pin, Out, text!["pkmkins.rod-pair-", letter], -1)?;
-        }
-        make.one(&mut self.inverse_time, Out, text!["pkmkins.inverse-time"], 0)?;
-        make.one(&mut self.forward_time, Out, text!["pkmkins.forward-time"], 0)?;
-        make.one(&mut self.feed_scale, Out, text!["pkmkins.feed-scale"], 1.0)?;
-        make.one(&mut self.limit_soon, Out, text!["pkmkins.limit-soon"], false)?;
-        make.one(&mut self.limit_leg, Out, text!["pkmkins.limit-leg"], -1)?;
-        make.one(&mut self.limit_reason, Out, text!["pkmkins.limit-reason"], 0)
-    }
-
-    fn limit(&self, soon: Option<Fault>) {
-        self.limit_soon.set(soon.is_some());
-        self.limit_leg.set(soon.and_then(|fault| fault.number()).map_or(-1, i32::from));
-        self.limit_reason.set(soon.map_or(0, |fault| fault.cause.code()));
-    }
-}
-
-impl Asked {
-    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
-        use Direction::In;
-        let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
-            make.one(pin, In, text!["pkmkins.", name], value)
-        };
-        one(&mut self.conditioning_limit, "conditioning-limit", HOLD)?;
-        one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
-        one(&mut self.tilt_limit, "tilt-limit", 0.0)?;
-        one(&mut self.feed_floor, "feed-floor", FLOOR)?;
-        one(&mut self.max_override, "max-override", 1.0)?;
-        one(&mut self.linear_acceleration, "linear-acceleration", FAR)?;
-        one(&mut self.angular_acceleration, "angular-acceleration", FAR)?;
-        one(&mut self.requested_vel, "requested-vel", 0.0)?;
-        one(&mut self.current_vel, "current-vel", 0.0)?;
-        one(&mut self.distance_to_go, "distance-to-go", FAR)
-    }
-}
-
-/// What the guard looks at in a cycle.
-pub struct Scene<'a> {
+/// What the guard goes by in one cycle.
+pub struct Cycle<'a> {
     pub pins: &'a Pins,
     pub machine: &'a Machine,
     /// Tool offset in effect.
@@ -218,7 +35,7 @@ pub struct Scene<'a> {
 pub struct Guard {
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
-    /// What was seen ahead.
+    /// What was found ahead.
     sight: Sight,
     /// `.current-vel` of the cycle before.
     speed_before: f64,
@@ -255,89 +72,89 @@ impl Guard {
         self.inverse_time = nanoseconds;
     }
 
-    /// Without the machine's kinematics in force there is nothing to guard.
+    /// One cycle without the machine's kinematics in force: there is nothing to guard.
     pub fn idle(&mut self, pins: &Pins, period: f64) {
         self.forget();
         self.inhibited = None;
         pins.guard.shown.limit(None);
-        self.answer(&pins.guard, 1.0, period);
+        self.set_scale(&pins.guard, 1.0, period);
     }
 
-    /// One cycle. A fault is why the feed was inhibited just now.
+    /// One cycle. Returns why the feed is inhibited from this cycle on.
     // A frame of its own: a cycle that freezes a geometry needs none of it.
     #[inline(never)]
-    pub fn run(&mut self, scene: &Scene<'_>) -> Option<Fault> {
-        let pins = &scene.pins.guard;
-        let commanded = scene.commanded;
-        let at = &mut scene.machine.nowhere();
-        self.show_pose(scene, at);
+    pub fn run(&mut self, cycle: &Cycle<'_>) -> Option<Fault> {
+        let pins = &cycle.pins.guard;
+        let commanded = cycle.commanded;
+        let at = &mut cycle.machine.nowhere();
+        self.show_pose(cycle, at);
         pins.shown.inverse_time.set(shown_time(self.inverse_time));
         pins.shown.forward_time.set(shown_time(self.forward_time));
-        // What the planner went in this cycle is the mean of the speeds at its ends.
+        // The mean speed of this cycle is that of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
-        let (soon, view) = self.looked((scene, at), commanded, mean);
+        let (soon, view) = self.looked((cycle, at), commanded, mean);
         self.before = [self.before[1], commanded];
         self.speed_before = speed;
-        let told = self.inhibited.is_some();
-        self.allow(scene, view);
+        let was_inhibited = self.inhibited.is_some();
+        self.allow(cycle, view);
         pins.shown.limit(self.inhibited.or(soon));
-        self.inhibited.filter(|_| !told)
+        self.inhibited.filter(|_| !was_inhibited)
     }
 
     /// What people read about the pose that forward found: of four parts one a cycle, in turn.
-    fn show_pose(&mut self, scene: &Scene<'_>, at: &mut At<'_>) {
-        let moved = scene.pose.map(|pose| at.move_to(&pose, scene.tool));
-        let Some(Ok(())) = moved else { return scene.pins.assembly.set(0) };
+    fn show_pose(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) {
+        let moved = cycle.pose.map(|pose| at.move_to(&pose, cycle.tool));
+        let Some(Ok(())) = moved else { return cycle.pins.assembly.set(0) };
         self.part = if self.part < SHOWN_IN - 1 { self.part + 1 } else { 0 };
         match self.part {
-            0 => show_joints(scene, at),
-            1 => show_cones(&scene.pins.guard, at),
-            2 => show_nearest(&scene.pins.guard.shown, at),
-            _ => scene.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
+            0 => show_joints(cycle, at),
+            1 => show_cones(&cycle.pins.guard, at),
+            2 => show_nearest(&cycle.pins.guard.shown, at),
+            _ => cycle.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
         }
     }
 
     /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
-    /// speed that it is a multiple of. `told` is the speed that the planner tells.
+    /// speed that it is a multiple of. `reported` is the speed that the planner reports.
     fn looked(
         &mut self,
-        (scene, at): (&Scene<'_>, &mut At<'_>),
+        (cycle, at): (&Cycle<'_>, &mut At<'_>),
         commanded: Option<Pose>,
-        told: f64,
+        reported: f64,
     ) -> (Option<Fault>, Option<(Outlook, f64)>) {
-        let Some(pose) = commanded.or(scene.pose) else { return (None, None) };
-        let limits = scene.pins.guard.limits(scene.pins, scene.machine.layout());
-        let Some(motion) = self.motion(scene, commanded) else {
+        let Some(pose) = commanded.or(cycle.pose) else { return (None, None) };
+        let limits = cycle.pins.guard.limits(cycle.pins, cycle.machine.layout());
+        let Some(motion) = self.motion(cycle, commanded) else {
             self.sight = Sight::NONE;
-            return (at.here(scene.tool, &limits, &pose), None);
+            return (at.here(cycle.tool, &limits, &pose), None);
         };
-        let asked = &scene.pins.guard.asked;
-        // In its first and last cycles the way of the poses alone says how fast the machine is.
-        let slow = !(told >= 0.5 * scene.pins.guard.floor() * requested(asked));
-        let speed = if slow { motion.speed() } else { told };
+        let asked = &cycle.pins.guard.asked;
+        // In the first and last cycles of a motion only the poses show how fast the machine is.
+        let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
+        let speed = if slow { motion.speed() } else { reported };
         let planner = Planner {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
             requested: requested(asked) / speed,
-            latency: (LATENCY + f64::from(Sight::OLDEST)) * scene.period,
+            latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
         };
-        let view = at.ahead_in_turn(&mut self.sight, (scene.tool, &limits), &motion, &planner);
+        let view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         (view.soon, Some((view, speed)))
     }
 
-    fn motion(&self, scene: &Scene<'_>, commanded: Option<Pose>) -> Option<Motion> {
+    fn motion(&self, cycle: &Cycle<'_>, commanded: Option<Pose>) -> Option<Motion> {
         let second = self.before[1]?;
         let first = self.before[0].unwrap_or(second);
         let poses = [&first, &second, &commanded?];
-        let linear = scene.pins.guard.asked.linear_acceleration.get();
-        Motion::of(scene.machine, poses, scene.period, linear)
+        let linear = cycle.pins.guard.asked.linear_acceleration.get();
+        Motion::of(cycle.machine, poses, cycle.period, linear)
     }
 
     /// Turns the outlook into a feed scale, or inhibits the feed: where the floor is too fast, and
-    /// the machine may be so fast before an answer acts.
-    fn allow(&mut self, scene: &Scene<'_>, view: Option<(Outlook, f64)>) {
-        let pins = &scene.pins.guard;
+    /// the machine may be so fast before the feed scale acts.
+    fn allow(&mut self, cycle: &Cycle<'_>, view: Option<(Outlook, f64)>) {
+        let pins = &cycle.pins.guard;
         let requested = requested(&pins.asked);
         let mut wanted = 1.0;
         if requested == 0.0 {
@@ -351,11 +168,11 @@ impl Guard {
             let why = view.because.filter(|(_, time)| too_fast && within(*time));
             self.inhibited = self.inhibited.or(why.map(|(fault, _)| fault));
         }
-        self.answer(pins, wanted, scene.period);
+        self.set_scale(pins, wanted, cycle.period);
     }
 
-    /// Writes a feed scale within [floor, 1] that falls at once and rises slowly.
-    fn answer(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
+    /// Sets the feed scale within [floor, 1] that falls at once and rises slowly.
+    fn set_scale(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
         let floor = pins.floor();
         let risen = self.scale + RISE * period;
         let allowed = if self.inhibited.is_some() || !(wanted >= floor) { floor } else { wanted };
@@ -368,7 +185,7 @@ impl Guard {
         self.inhibited.is_some()
     }
 
-    /// Nothing is known of the motion of a newly frozen machine.
+    /// Forgets the motion, as for a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
         self.sight = Sight::NONE;
@@ -376,7 +193,7 @@ impl Guard {
 }
 
 /// Speed that the program may ask for at most: the feed override comes on top of it.
-fn requested(asked: &Asked) -> f64 {
+fn requested(asked: &GuardInputs) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
 }
 
@@ -384,10 +201,10 @@ fn shown_time(nanoseconds: i64) -> i32 {
     i32::try_from(nanoseconds).unwrap_or(i32::MAX)
 }
 
-fn show_joints(scene: &Scene<'_>, at: &At<'_>) {
-    scene.pins.assembly.set(at.assembly().unwrap_or(0));
-    let (pins, count) = (&scene.pins.guard, at.layout().joints());
-    let [min, max, _] = scene.pins.joint_limits(count);
+fn show_joints(cycle: &Cycle<'_>, at: &At<'_>) {
+    cycle.pins.assembly.set(at.assembly().unwrap_or(0));
+    let (pins, count) = (&cycle.pins.guard, at.layout().joints());
+    let [min, max, _] = cycle.pins.joint_limits(count);
     let ranges = at.joints().iter().zip(min.iter().zip(&max));
     for (pins, (joint, (min, max))) in pins.joints.iter().zip(ranges).take(count) {
         pins.margin.set((joint - min).min(max - joint));
@@ -407,7 +224,7 @@ fn show_cones(pins: &GuardPins, at: &At<'_>) {
     }
 }
 
-fn show_nearest(shown: &Shown, at: &At<'_>) {
+fn show_nearest(shown: &GuardOutputs, at: &At<'_>) {
     if let Some(nearest) = at.nearest() {
         shown.rod_distance.set(nearest.distance);
         for (pin, leg) in shown.rod_pair.iter().zip(nearest.pair) {

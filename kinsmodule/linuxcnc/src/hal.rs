@@ -72,8 +72,8 @@ fn checked(code: c_int) -> Result<c_int, HalError> {
 /// A pin's name.
 pub type Name = Text<{ NAME_LENGTH + 1 }>;
 
-/// What the operator is told.
-pub type Message = Text<MESSAGE_LENGTH>;
+/// A message to the operator.
+type Message = Text<MESSAGE_LENGTH>;
 
 /// Shows an error to the operator: LinuxCNC forwards it to the user interface.
 pub fn print_error(message: &Message) {
@@ -167,8 +167,8 @@ pin_value! {
     i32 => hal_pin_s32_new;
 }
 
-/// A HAL pin. LinuxCNC changes the pointer when the pin is netted, so it has to stand
-/// in HAL memory and be read anew at each access.
+/// A HAL pin. LinuxCNC changes the pointer when the pin is netted. So the pointer
+/// must be in HAL memory, and is read anew at each access.
 #[repr(transparent)]
 pub struct Pin<T>(UnsafeCell<*mut T>);
 
@@ -176,7 +176,7 @@ impl<T: PinValue> Pin<T> {
     /// Makes the pin with its first value.
     ///
     /// # Safety
-    /// `self` must stand in memory from [`Component::allocate`].
+    /// `self` must be in memory from [`Component::allocate`].
     pub unsafe fn create(
         &self,
         component: Component,

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkmkins.so`: the crate `kinematics` behind LinuxCNC's kinematics interface.
 //!
-//! Rooms: [`abi`] is what LinuxCNC calls, [`hal`] what this module calls, [`load`] the
-//! load parameters, [`pins`] the HAL pins, [`module`] the state between calls, [`calls`] which of them
-//! a servo cycle has brought, [`crossing`] whether the commanded motion has passed a singular pose, [`tool`] how the tool offset follows its request, [`guard`] the watch
-//! over the motion. All unsafe code of the project is here; each block names who guarantees what it needs.
+//! | file | what it holds |
+//! | --- | --- |
+//! | [`abi`], [`hal`] | what LinuxCNC calls; what this module calls |
+//! | [`load`], [`pins`] | the load parameters; the HAL pins |
+//! | [`module`] | the state between calls, and the rules that go with it |
+//! | [`calls`], [`crossing`] | the commanded pose of a cycle; whether the commanded motion has passed a singular pose |
+//! | [`start`], [`tool`], [`guard`] | the start without a seed; the change of the tool offset; the feed that the motion ahead allows |
+//!
+//! All unsafe code that runs on a machine is here; each block names who guarantees what it needs.
 //!
 //! LinuxCNC calls `rtapi_app_main` and `rtapi_app_exit` with no servo thread running,
 //! and everything else from that one thread.

@@ -6,7 +6,7 @@ use core::ptr::null_mut;
 
 /// A pointer that LinuxCNC reads or sets before any thread runs.
 #[repr(transparent)]
-pub struct Shared<T>(T);
+struct Shared<T>(T);
 
 // SAFETY: rtapi_app reads these once at load, from one thread; the module never writes them.
 unsafe impl<T> Sync for Shared<T> {}

@@ -43,8 +43,8 @@ impl Start {
 
     /// Goes on searching: the pose that forward starts from, or why there is none (yet).
     ///
-    /// The joints of the first call stand until the search ends: from the pose found for
-    /// them forward leads to those of today.
+    /// The search is for the joints of its first call until it ends. From the pose found for them
+    /// forward leads to the present joints.
     pub fn seed(
         &mut self,
         machine: &Machine,

@@ -25,7 +25,7 @@ use std::process::ExitCode;
 const MARGIN: f64 = 1.25;
 
 /// Places that the survey of a tool change visits in a cycle, and solves that forward may take
-/// for each: as in the module's `tool.rs`.
+/// for each: as in the module's `tool/survey.rs`.
 const PLACES_PER_CYCLE: u64 = 4;
 const SOLVES_PER_PLACE: u32 = 24;
 

@@ -4,80 +4,34 @@
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
 //! file for genhexkins works after replacing the name.
 
-use crate::guard::GuardPins;
-use crate::hal::{Component, Direction, HalError, Name, Pin};
+mod guard;
+mod leg;
+mod maker;
+mod workspace_box;
+
+pub use guard::{GuardInputs, GuardOutputs, GuardPins};
+
+use crate::hal::{Component, Direction, HalError, Pin};
 use crate::tool::JointLimits;
-use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use kinematics::leg::Kind;
 use kinematics::{
-    Fault, Geometry, Joints, Layout, LegGeometry, LegKind, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS,
-    Machine, Method, PerLeg, Solver, Vector3, WorkspaceBox, text,
+    Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS, Machine, Method,
+    PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
-
-/// Three pins `.x`, `.y`, `.z`.
-pub type Vector = [Pin<f64>; 3];
-
-/// Six pins `.x` … `.c`.
-pub type Pose6 = [Pin<f64>; 6];
-
-const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
-
-/// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
-#[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
-const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
-    const D: f64 = 0.707107;
-    const P: f64 = 0.866025;
-    [
-        [[-22.95, 13.25, 0.0], [-1.0, 11.5, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
-        [[22.95, 13.25, 0.0], [1.0, 11.5, 0.0], [0.0, -D, D], [P, 0.5, 0.0]],
-        [[22.95, 13.25, 0.0], [10.459, -4.884, 0.0], [-D, 0.0, D], [P, 0.5, 0.0]],
-        [[0.0, -26.5, 0.0], [9.459, -6.616, 0.0], [-D, 0.0, D], [P, -0.5, 0.0]],
-        [[0.0, -26.5, 0.0], [-9.459, -6.616, 0.0], [0.0, D, D], [P, -0.5, 0.0]],
-        [[-22.95, 13.25, 0.0], [-10.459, -4.884, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
-    ]
-};
-
-/// Pins of one leg; those that its kind does not have are not made and never read.
-#[repr(C)]
-pub struct LegPins {
-    base: Vector,
-    platform: Vector,
-    offset: Pin<f64>,
-    // Strut.
-    base_axis: Vector,
-    platform_axis: Vector,
-    lead: Pin<f64>,
-    correction: Pin<f64>,
-    // Slider.
-    guide: Vector,
-    // Crank.
-    axis: Vector,
-    arm: Vector,
-    // Slider and crank.
-    rod: Pin<f64>,
-    side: Pin<i32>,
-}
+use leg::LegPins;
+use maker::{Maker, Pose6, Vector, read};
+use workspace_box::BoxPins;
 
 /// Pins of one joint.
 #[repr(C)]
-pub struct JointPins {
+struct JointPins {
     min_limit: Pin<f64>,
     max_limit: Pin<f64>,
     max_velocity: Pin<f64>,
     max_acceleration: Pin<f64>,
 }
 
-/// Pins of one box of the workspace; those beyond `boxes=` are not made and never read.
-#[repr(C)]
-pub struct BoxPins {
-    low: Pose6,
-    high: Pose6,
-    /// Rows of the coordinates X … C, one pin a leg.
-    matrix: [[Pin<f64>; MAX_LEGS]; 6],
-    steps: Pin<u32>,
-    geometry: Pin<u32>,
-}
-
-/// All pins; stands in HAL memory.
+/// All pins, in HAL memory.
 #[repr(C)]
 pub struct Pins {
     legs: [LegPins; MAX_LEGS],
@@ -136,110 +90,6 @@ impl Given {
     }
 }
 
-/// Makes pins of one component.
-pub struct Maker(Component);
-
-impl Maker {
-    pub fn one<T: crate::hal::PinValue>(
-        &self,
-        pin: &mut Pin<T>,
-        direction: Direction,
-        name: Name,
-        value: T,
-    ) -> Result<(), HalError> {
-        // SAFETY: only `Pins::create` uses a maker, on pins in HAL memory.
-        unsafe { pin.create(self.0, direction, &name, value) }
-    }
-
-    fn letters<const M: usize>(
-        &self,
-        pins: &mut [Pin<f64>; M],
-        direction: Direction,
-        stem: Name,
-        values: [f64; M],
-    ) -> Result<(), HalError> {
-        for ((pin, letter), value) in pins.iter_mut().zip(LETTERS).zip(values) {
-            let mut name = stem;
-            name.push(letter);
-            self.one(pin, direction, name, value)?;
-        }
-        Ok(())
-    }
-}
-
-impl LegPins {
-    fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
-        use Direction::In;
-        // genhexkins' machine where it has such a leg, so that its HAL files work.
-        let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
-        let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
-        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
-        make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
-        make.one(&mut self.offset, In, text!["pkmkins.offset.", n], 0.0)?;
-        match kind {
-            Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
-            Kind::Slider => {
-                make.letters(&mut self.guide, In, text!["pkmkins.guide.", n, "."], [0.0; 3])?;
-                self.create_rod(make, n)
-            }
-            Kind::Crank => {
-                make.letters(&mut self.axis, In, text!["pkmkins.axis.", n, "."], [0.0; 3])?;
-                make.letters(&mut self.arm, In, text!["pkmkins.arm.", n, "."], [0.0; 3])?;
-                self.create_rod(make, n)
-            }
-        }
-    }
-
-    fn create_strut(
-        &mut self,
-        make: &Maker,
-        n: usize,
-        base: [f64; 3],
-        platform: [f64; 3],
-    ) -> Result<(), HalError> {
-        use Direction::{In, Out};
-        make.letters(&mut self.base_axis, In, text!["pkmkins.base-n.", n, "."], base)?;
-        let axis = &mut self.platform_axis;
-        make.letters(axis, In, text!["pkmkins.platform-n.", n, "."], platform)?;
-        make.one(&mut self.lead, In, text!["pkmkins.lead.", n], 0.0)?;
-        make.one(&mut self.correction, Out, text!["pkmkins.correction.", n], 0.0)
-    }
-
-    fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
-        use Direction::In;
-        make.one(&mut self.rod, In, text!["pkmkins.rod.", n], 0.0)?;
-        make.one(&mut self.side, In, text!["pkmkins.side.", n], 0)
-    }
-
-    /// The leg as the pins give it now; `common_lead` is that of all struts.
-    fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
-        let (base, platform) = (read(&self.base), read(&self.platform));
-        match kind {
-            Kind::Strut => LegGeometry::strut(base, platform, self.strut(common_lead)),
-            Kind::Slider => {
-                let (guide, rod, side) = (read(&self.guide), self.rod.get(), self.side.get());
-                let kind = LegKind::Slider(SliderGeometry { guide, rod, side });
-                LegGeometry { base, platform, kind }
-            }
-            Kind::Crank => {
-                let (axis, arm) = (read(&self.axis), read(&self.arm));
-                let (rod, side) = (self.rod.get(), self.side.get());
-                let kind = LegKind::Crank(CrankGeometry { axis, arm, rod, side });
-                LegGeometry { base, platform, kind }
-            }
-        }
-    }
-
-    fn strut(&self, common_lead: f64) -> StrutGeometry {
-        let own = self.lead.get();
-        StrutGeometry {
-            base_axis: read(&self.base_axis),
-            platform_axis: read(&self.platform_axis),
-            lead: if own == 0.0 { common_lead } else { own },
-        }
-    }
-}
-
 impl JointPins {
     fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
@@ -265,42 +115,8 @@ impl JointPins {
     }
 }
 
-impl BoxPins {
-    fn create(&mut self, make: &Maker, k: usize, load: &Load) -> Result<(), HalError> {
-        use Direction::In;
-        make.letters(&mut self.low, In, text!["pkmkins.box.", k, ".low."], [0.0; 6])?;
-        make.letters(&mut self.high, In, text!["pkmkins.box.", k, ".high."], [0.0; 6])?;
-        for letter in load.layout.coordinates().as_slice() {
-            let row = letter.index().min(5);
-            for (n, pin) in self.matrix[row].iter_mut().enumerate().take(load.layout.legs()) {
-                let name = text!["pkmkins.box.", k, ".matrix.", LETTERS[row], ".", n];
-                make.one(pin, In, name, 0.0)?;
-            }
-        }
-        make.one(&mut self.steps, In, text!["pkmkins.box.", k, ".steps"], 0)?;
-        make.one(&mut self.geometry, In, text!["pkmkins.box.", k, ".geometry"], 0)
-    }
-
-    fn given(&self, layout: &Layout) -> WorkspaceBox {
-        let mut given = WorkspaceBox {
-            low: read(&self.low),
-            high: read(&self.high),
-            steps: self.steps.get(),
-            ..WorkspaceBox::EMPTY
-        };
-        for letter in layout.coordinates().as_slice() {
-            let row = letter.index().min(5);
-            let places = given.matrix[row].iter_mut().zip(&self.matrix[row]);
-            for (place, pin) in places.take(layout.legs()) {
-                *place = pin.get();
-            }
-        }
-        given
-    }
-}
-
 impl Pins {
-    /// Makes all pins; `self` must stand in memory from [`Component::allocate`].
+    /// Makes all pins; `self` must be in memory from [`Component::allocate`].
     pub fn create(&mut self, component: Component, load: &Load) -> Result<(), HalError> {
         let make = Maker(component);
         for (n, (leg, kind)) in self.legs.iter_mut().zip(load.kinds()).enumerate() {
@@ -392,7 +208,7 @@ impl Pins {
         (pins.given(layout), pins.geometry.get())
     }
 
-    /// The tool vector o that is asked for, with the spindle offset in force.
+    /// The requested tool vector o, with the spindle offset in force.
     pub fn tool(&self, spindle_offset: f64) -> Vector3<f64> {
         Vector3::new(
             self.tool_offset_x.get(),
@@ -490,8 +306,4 @@ impl Pins {
             pin.set(n as i32 == number);
         }
     }
-}
-
-fn read<const M: usize>(pins: &[Pin<f64>; M]) -> [f64; M] {
-    pins.each_ref().map(Pin::get)
 }

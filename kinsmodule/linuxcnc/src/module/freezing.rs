@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! When a geometry is frozen: at `.apply`, or at the first call of a drop-in.
+
+use super::{Module, seeds::Seeds};
+use crate::calls::Calls;
+use crate::crossing::Crossing;
+use crate::pins::Given;
+use kinematics::{Cause, Fault, Machine, Pose};
+
+/// The geometry in use.
+pub(super) struct Frozen {
+    pub(super) machine: Machine,
+    pub(super) given: Given,
+}
+
+impl Module {
+    /// Reads the pins that ask for something, and freezes what has to be frozen before a
+    /// kinematics call; `drop_in` returns whether the call may do so without `.apply`.
+    pub(super) fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
+        if !self.is_monitored {
+            self.watch_reset();
+        }
+        self.machine_was_on |= self.pins.machine_on();
+        self.watch_apply();
+        if self.frozen.is_none() && !self.apply_used && drop_in() {
+            let result = self.freeze();
+            if let Err(fault) = &result {
+                self.report_unmonitored(fault);
+            }
+            return result;
+        }
+        Ok(())
+    }
+
+    /// Honours a rising edge of `.apply`.
+    pub(super) fn watch_apply(&mut self) {
+        let apply = self.pins.apply();
+        let rising = apply && !self.apply_was;
+        self.apply_was = apply;
+        if !rising {
+            return;
+        }
+        self.apply_used = true;
+        let result =
+            if self.pins.machine_on() { Err(Cause::ApplyWhileOn.into()) } else { self.freeze() };
+        if let Err(fault) = result {
+            self.record(&fault);
+            self.report_unmonitored(&fault);
+        }
+    }
+
+    /// Takes the geometry of the pins, or leaves the last good one in force.
+    fn freeze(&mut self) -> Result<(), Fault> {
+        let given = self.pins.given(&self.load);
+        let hash = given.geometry.hash();
+        let checked = given.checked().and_then(|machine| {
+            self.start.freeze(self.pins, &self.load, hash)?;
+            Ok(machine)
+        });
+        self.pins.geometry_ok.set(checked.is_ok());
+        let machine = checked?;
+        self.pins.geometry_hash.set(hash);
+        self.pins.geometry_changed.set(false);
+        let tool = self.pins.tool(given.spindle_offset);
+        if machine.check_tool(&tool).is_ok() {
+            self.tool.take(tool);
+        }
+        self.guard.forget();
+        // The poses commanded before were those of another machine.
+        self.calls = Calls::default();
+        self.crossing = Crossing::new();
+        self.frozen = Some(Frozen { machine, given });
+        self.pins.show_tool(&self.tool.offset());
+        self.seeds = Seeds::new();
+        self.pins.max_iterations.set(0);
+        Ok(())
+    }
+
+    pub(super) fn frozen(&self) -> Result<&Frozen, Fault> {
+        self.frozen.as_ref().ok_or(Cause::NoGeometry.into())
+    }
+
+    /// Shows whether the pins differ from the frozen values.
+    pub(super) fn watch_geometry(&self) {
+        // NaN on a pin counts as a change: a frozen geometry holds none.
+        let changed =
+            self.frozen.as_ref().is_some_and(|frozen| self.pins.given(&self.load) != frozen.given);
+        self.pins.geometry_changed.set(changed);
+    }
+
+    pub(super) fn reference(&self) -> Option<Pose> {
+        let home = self.frozen.as_ref()?.given.geometry.home?;
+        Some(Pose::from_degrees(home))
+    }
+}

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The identity kinematics, in which each joint is a letter, and the switch to and from them.
+
+use super::Module;
+use crate::crossing::Crossing;
+use kinematics::{Cause, Fault, Jacobian, Joints, Letter, MAX_JOINTS, Pose};
+
+/// Kinematics in force.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Machine,
+    Identity,
+}
+
+impl Module {
+    /// Changes the kinematics: 0 the machine, 1 identity.
+    pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
+        match self.switched_to(number) {
+            Ok(kind) => self.kind = kind,
+            Err(fault) => {
+                self.report_unmonitored(&fault);
+                return self.recorded(Err(fault));
+            }
+        }
+        self.pins.show_type(number);
+        Ok(())
+    }
+
+    /// The kinematics after a switch, for which this prepares; where it is refused, nothing changes.
+    fn switched_to(&mut self, number: i32) -> Result<Kind, Fault> {
+        let kind = self.kind_of(number)?;
+        match kind {
+            _ if kind == self.kind => {}
+            Kind::Identity => {
+                self.identity_joints = None;
+                self.crossing = Crossing::new();
+            }
+            Kind::Machine => {
+                let pose = self.pose_after_identity()?;
+                self.seeds.switch_back(pose);
+                self.pose_is_unknown = true;
+            }
+        }
+        Ok(kind)
+    }
+
+    /// The pose to which the identity kinematics have moved the joints, if they have.
+    ///
+    /// LinuxCNC does not look whether the first forward after a switch succeeds, and would go on
+    /// from the pose before. Where no pose was ever known, as before homing, there is none to start
+    /// from, and nothing is refused here.
+    fn pose_after_identity(&self) -> Result<Option<Pose>, Fault> {
+        let (Some(last), Some(joints)) = (self.seeds.last(), &self.identity_joints) else {
+            return Ok(None);
+        };
+        let (machine, solver) = (&self.frozen()?.machine, self.pins.solver());
+        Ok(Some(machine.forward(joints, &last, &self.tool.offset(), &solver)?.pose))
+    }
+
+    fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
+        match number {
+            0 => Ok(Kind::Machine),
+            1 if self.layout().joint_letters().is_some() => Ok(Kind::Identity),
+            1 => Err(Cause::IdentityImpossible.into()),
+            _ => Err(Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number))),
+        }
+    }
+
+    /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
+    pub fn identity_forward(&mut self, joints: &Joints, pose: &mut [f64; 6]) -> Result<(), Fault> {
+        self.forget_before_homing();
+        self.calls.note_forward();
+        let result = self.identity_pose(joints);
+        self.pins.fwd_kins_fail.set(result.is_err());
+        *pose = self.recorded(result)?;
+        self.identity_joints = Some(*joints);
+        self.pins.show_pose(*pose);
+        Ok(())
+    }
+
+    /// Each joint at its letter's place, 0 at those that no joint moves.
+    fn identity_pose(&self, joints: &Joints) -> Result<[f64; 6], Fault> {
+        let mut world = [0.0; 6];
+        if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
+            return Err(Fault::of_joint(Cause::JointNotFinite, self.layout(), i, joints[i]));
+        }
+        for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
+            if let Some(place) = world.get_mut(letter.index()) {
+                *place = *value;
+            }
+        }
+        Ok(world)
+    }
+
+    /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
+    pub fn identity_inverse(&mut self, pose: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
+        if !pose.iter().all(|v| v.is_finite()) {
+            return self.recorded(Err(Cause::PoseNotFinite.into()));
+        }
+        let held = self.refuse_held(pose);
+        self.recorded(held)?;
+        let letters = self.layout().joint_letters().into_iter().flatten();
+        let mut commanded = [0.0; MAX_JOINTS];
+        for ((joint, kept), letter) in joints.iter_mut().zip(&mut commanded).zip(letters) {
+            *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
+            *kept = *joint;
+        }
+        if self.calls.takes_command() {
+            self.identity_joints = Some(commanded);
+        }
+        Ok(())
+    }
+
+    /// Refuses a value for a letter that no joint moves: nothing would bring it back to 0.
+    fn refuse_held(&self, pose: &[f64; 6]) -> Result<(), Fault> {
+        // Before a geometry is known rounding is that of one machine unit.
+        let size = self.frozen.as_ref().map_or(1.0, |frozen| frozen.machine.size());
+        for (letter, value) in Letter::ALL.into_iter().zip(pose) {
+            if self.layout().is_held(letter) {
+                letter.check_held(*value, size)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// ∂q/∂(x … c) of the identity kinematics.
+    pub fn identity_jacobian(&self) -> Jacobian {
+        let mut jacobian = Jacobian::zeros();
+        for (i, letter) in self.layout().joint_letters().into_iter().flatten().enumerate() {
+            if let Some(place) = jacobian.get_mut((i, letter.index())) {
+                *place = 1.0;
+            }
+        }
+        jacobian
+    }
+}

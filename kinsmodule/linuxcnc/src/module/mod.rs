@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The state between calls, and what LinuxCNC asks of the machine's kinematics.
+
+mod forward;
+mod freezing;
+mod identity;
+mod monitor;
+mod report;
+mod seeds;
+mod tool_offset;
+
+pub use identity::Kind;
+
+use crate::calls::Calls;
+use crate::crossing::Crossing;
+use crate::guard::Guard;
+use crate::hal::nanoseconds;
+use crate::pins::Pins;
+use crate::start::Start;
+use crate::tool::Tool;
+use freezing::Frozen;
+use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Pose};
+use report::Reports;
+use seeds::Seeds;
+
+/// State between calls.
+pub struct Module {
+    pins: &'static Pins,
+    load: Load,
+    /// Whether the monitor runs. It then reports the faults and moves the tool offset.
+    is_monitored: bool,
+    frozen: Option<Frozen>,
+    apply_was: bool,
+    /// Once `.apply` was used, no call freezes by itself.
+    apply_used: bool,
+    /// Whether `.machine-on` was ever true: only then does false mean that it is off.
+    machine_was_on: bool,
+    kind: Kind,
+    /// Joints commanded last in identity kinematics, where there was a call.
+    identity_joints: Option<Joints>,
+    /// The kinematics were switched back to the machine, and forward has found no pose of the
+    /// joints since: what LinuxCNC takes for the pose may be one from before the switch, far from
+    /// where the joints are.
+    pose_is_unknown: bool,
+    /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
+    /// refusal over to inverse.
+    refused: bool,
+    tool: Tool,
+    calls: Calls,
+    seeds: Seeds,
+    /// The start without a seed.
+    start: Start,
+    crossing: Crossing,
+    guard: Guard,
+    reports: Reports,
+    reset_was: bool,
+}
+
+impl Module {
+    pub fn new(pins: &'static Pins, load: Load) -> Self {
+        Self {
+            pins,
+            load,
+            is_monitored: false,
+            frozen: None,
+            apply_was: false,
+            apply_used: false,
+            machine_was_on: false,
+            kind: Kind::Machine,
+            identity_joints: None,
+            pose_is_unknown: false,
+            refused: false,
+            tool: Tool::new(),
+            calls: Calls::default(),
+            seeds: Seeds::new(),
+            start: Start::new(),
+            crossing: Crossing::new(),
+            guard: Guard::new(),
+            reports: Reports::new(),
+            reset_was: false,
+        }
+    }
+
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    pub fn layout(&self) -> &Layout {
+        &self.load.layout
+    }
+
+    /// Joints of a pose in degrees, written to `joints`; left alone after an error.
+    ///
+    /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
+    /// points of queued moves at any time; the first call of all freezes the geometry.
+    #[inline(always)]
+    pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
+        let timed = self.is_monitored && self.calls.awaits_command();
+        let begin = nanoseconds_if(timed);
+        let pose = Pose::from_degrees(*degrees);
+        let result = match self.prepared(|| !is_zero(degrees)) {
+            Ok(()) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
+            Ok(()) => self.joints_of(&pose, joints),
+            Err(fault) => Err(fault),
+        };
+        self.calls.note_inverse(&pose);
+        if timed {
+            self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
+        }
+        let Err(fault) = result else {
+            self.refused = false;
+            return Ok(());
+        };
+        if !(self.refused && is_consequence(fault.cause)) {
+            self.record(&fault);
+        }
+        Err(fault)
+    }
+
+    #[inline(always)]
+    fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
+        let (frozen, tool) = (self.frozen()?, self.tool.offset());
+        let request = self.pins.tool(frozen.given.spindle_offset);
+        if self.tool.has(&request) {
+            return frozen.machine.inverse_into(pose, &tool, joints);
+        }
+        let tool = self.tool_instead_of(frozen, request)?;
+        let found = frozen.machine.inverse(&{ *pose }, &tool)?;
+        for (joint, value) in joints.iter_mut().zip(found) {
+            *joint = value;
+        }
+        Ok(())
+    }
+
+    /// Pose of the joints for the tool frame: no state changes, no fault is recorded.
+    pub fn pose_of(&self, joints: &Joints) -> Result<Pose, Fault> {
+        let machine = &self.frozen()?.machine;
+        let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
+        let tool = self.tool_in_effect()?;
+        Ok(machine.forward(joints, &seed, &tool, &self.pins.solver())?.pose)
+    }
+
+    /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.
+    pub fn jacobian(&self, pose: &Pose) -> Result<Jacobian, Fault> {
+        let tool = self.tool_in_effect()?;
+        self.frozen()?.machine.at(pose, &tool)?.pose_jacobian()
+    }
+}
+
+/// The clock, read only where it is needed: calls take some tens of nanoseconds.
+fn nanoseconds_if(wanted: bool) -> i64 {
+    if wanted { nanoseconds() } else { 0 }
+}
+
+/// Whether a refusal of inverse may follow from one of forward, whose cause is then the one to
+/// report.
+fn is_consequence(cause: Cause) -> bool {
+    matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
+}
+
+fn is_zero<const M: usize>(values: &[f64; M]) -> bool {
+    values.iter().all(|v| *v == 0.0)
+}

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The function in the servo thread beside the kinematics calls.
+
+use super::{Kind, Module};
+use crate::guard::Cycle;
+use kinematics::{Fault, Pose};
+
+impl Module {
+    /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
+    /// shows what only people read, and reports faults to the operator.
+    pub fn monitor(&mut self, seconds: f64) {
+        self.is_monitored = true;
+        self.start.count_cycle();
+        self.watch_apply();
+        self.watch_reset();
+        let commanded = self.calls.end_cycle();
+        self.advance_tool(commanded, seconds);
+        self.watch_geometry();
+        if let Some(fault) = self.guarded(commanded, seconds) {
+            self.record(&fault);
+        }
+        self.pins.feed_inhibit.set(self.inhibits_feed());
+        self.reports.report_pending();
+    }
+
+    /// A cycle of the guard, `period` seconds long.
+    fn guarded(&mut self, commanded: Option<Pose>, period: f64) -> Option<Fault> {
+        let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
+            self.guard.idle(self.pins, period);
+            self.show_assembly();
+            return None;
+        };
+        self.guard.run(&Cycle {
+            pins: self.pins,
+            machine: &frozen.machine,
+            tool: &self.tool.offset(),
+            pose: self.seeds.last(),
+            commanded,
+            period,
+        })
+    }
+
+    /// Whether no motion may begin or go on.
+    fn inhibits_feed(&self) -> bool {
+        self.tool.is_busy() || self.guard.inhibits_feed()
+    }
+
+    #[inline(never)]
+    pub(super) fn show_assembly(&self) {
+        let sign = self.seeds.last().and_then(|pose| {
+            let machine = &self.frozen.as_ref()?.machine;
+            machine.at(&pose, &self.tool.offset()).ok()?.assembly().ok()
+        });
+        self.pins.assembly.set(sign.unwrap_or(0));
+    }
+}

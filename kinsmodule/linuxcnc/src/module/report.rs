@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What is reported to the operator: each fault once, until no fault has come for a while.
+
+use super::Module;
+use crate::crossing::Crossing;
+use crate::hal::print_error;
+use kinematics::{Cause, Fault, MachinePart, text};
+
+/// Cycles without a fault after which the same fault is reported again.
+const QUIET_CYCLES: u32 = 1000;
+
+/// Most different faults that are reported before a quiet while.
+const MOST_REPORTED: usize = 4;
+
+/// Faults to report, and those reported.
+pub(super) struct Reports {
+    /// The last fault, until the monitor reports it.
+    pending: Option<Fault>,
+    /// Reported since the last quiet while; when it is full, nothing more is until then.
+    reported: [Option<(Cause, Option<MachinePart>)>; MOST_REPORTED],
+    /// Cycles since the last fault.
+    quiet: u32,
+}
+
+impl Reports {
+    pub(super) const fn new() -> Self {
+        Self { pending: None, reported: [None; MOST_REPORTED], quiet: 0 }
+    }
+
+    /// Leaves a fault to the monitor.
+    pub(super) fn add(&mut self, fault: Fault) {
+        self.pending = Some(fault);
+    }
+
+    /// Whatever was reported may be reported again.
+    fn allow_repeats(&mut self) {
+        self.reported = [None; MOST_REPORTED];
+    }
+
+    /// One cycle of the monitor: reports a pending fault.
+    pub(super) fn report_pending(&mut self) {
+        if let Some(fault) = self.pending.take() {
+            self.quiet = 0;
+            self.report(&fault);
+            return;
+        }
+        self.quiet = self.quiet.saturating_add(1);
+        if self.quiet >= QUIET_CYCLES {
+            self.allow_repeats();
+        }
+    }
+
+    /// Reports a fault unless it was reported already, or too many others were.
+    fn report(&mut self, fault: &Fault) {
+        let key = Some((fault.cause, fault.part));
+        if self.reported.contains(&key) {
+            return;
+        }
+        if let Some(free) = self.reported.iter_mut().find(|place| place.is_none()) {
+            *free = key;
+            let mut message = text!["pkmkins: "];
+            fault.tell(&mut message);
+            print_error(&message);
+        }
+    }
+}
+
+impl Module {
+    /// Records the fault of a refused call.
+    pub(super) fn recorded<T>(&mut self, result: Result<T, Fault>) -> Result<T, Fault> {
+        if let Err(fault) = &result {
+            self.record(fault);
+        }
+        result
+    }
+
+    /// Shows a fault on the pins, and leaves its report to the monitor.
+    pub(super) fn record(&mut self, fault: &Fault) {
+        self.pins.show_fault(fault);
+        self.reports.add(*fault);
+    }
+
+    /// Honours a rising edge of `.fault-reset`.
+    pub(super) fn watch_reset(&mut self) {
+        let reset = self.pins.fault_reset();
+        if reset && !self.reset_was {
+            self.pins.clear_fault();
+            self.crossing = Crossing::new();
+            self.reports.allow_repeats();
+        }
+        self.reset_was = reset;
+    }
+
+    /// Reports a refused geometry or kinematics type at once where no monitor runs: nobody else
+    /// would, and it does not happen in the course of motion.
+    pub(super) fn report_unmonitored(&mut self, fault: &Fault) {
+        if !self.is_monitored {
+            self.reports.report(fault);
+        }
+    }
+}

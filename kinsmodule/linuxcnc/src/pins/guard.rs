@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The pins of the guard: the limits that it is given, and what it shows.
+
+use super::Pins;
+use super::maker::Maker;
+use crate::hal::{Direction, HalError, Pin};
+use kinematics::{Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
+
+/// Floor of the feed where the value of the pin is no share.
+const FLOOR: f64 = 0.02;
+
+/// Smallest singular value at which the machine has to stop, unless the pin says otherwise: some
+/// motion then moves no anchor along its leg by more than a twentieth of its own way. The shipped
+/// machines stay above four times that.
+const CONDITIONING_LIMIT: f64 = 0.05;
+
+/// The distance shown where no two legs can come near to each other; no limit, where it is given.
+const FAR: f64 = 1e99;
+
+/// What the guard shows of one joint.
+#[repr(C)]
+pub struct GuardJointPins {
+    pub margin: Pin<f64>,
+    pub speed_ratio: Pin<f64>,
+}
+
+/// What the guard shows and is given of one leg.
+#[repr(C)]
+pub struct GuardLegPins {
+    pub base_angle: Pin<f64>,
+    pub platform_angle: Pin<f64>,
+    base_cone: Pin<f64>,
+    platform_cone: Pin<f64>,
+    /// About the joint's fixed axis, and across it.
+    base_pyramid: [Pin<f64>; 2],
+    platform_pyramid: [Pin<f64>; 2],
+}
+
+/// What the guard shows.
+#[repr(C)]
+pub struct GuardOutputs {
+    pub conditioning: Pin<f64>,
+    pub rod_distance: Pin<f64>,
+    pub rod_pair: [Pin<i32>; 2],
+    pub inverse_time: Pin<i32>,
+    pub forward_time: Pin<i32>,
+    pub feed_scale: Pin<f64>,
+    limit_soon: Pin<bool>,
+    limit_leg: Pin<i32>,
+    limit_reason: Pin<i32>,
+}
+
+/// What the guard is given.
+#[repr(C)]
+pub struct GuardInputs {
+    conditioning_limit: Pin<f64>,
+    rod_clearance: Pin<f64>,
+    tilt_limit: Pin<f64>,
+    feed_floor: Pin<f64>,
+    pub max_override: Pin<f64>,
+    pub linear_acceleration: Pin<f64>,
+    pub angular_acceleration: Pin<f64>,
+    pub requested_vel: Pin<f64>,
+    pub current_vel: Pin<f64>,
+    pub distance_to_go: Pin<f64>,
+}
+
+/// Pins of the guard; part of [`Pins`], in HAL memory.
+#[repr(C)]
+pub struct GuardPins {
+    pub joints: [GuardJointPins; MAX_JOINTS],
+    pub legs: [GuardLegPins; MAX_LEGS],
+    pub shown: GuardOutputs,
+    pub asked: GuardInputs,
+}
+
+impl GuardPins {
+    pub(super) fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
+        for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
+            joint.create(make, n)?;
+        }
+        for (n, leg) in self.legs.iter_mut().enumerate().take(layout.legs()) {
+            leg.create(make, n)?;
+        }
+        self.shown.create(make)?;
+        self.asked.create(make)
+    }
+
+    /// Limits of the machine, live.
+    pub fn limits(&self, pins: &Pins, layout: &Layout) -> Limits {
+        let [min, max, speed] = pins.joint_limits(layout.joints());
+        let mut limits = Limits {
+            min,
+            max,
+            speed,
+            tilt: self.asked.tilt_limit.get(),
+            conditioning: self.asked.conditioning_limit.get(),
+            clearance: self.asked.rod_clearance.get(),
+            ..Limits::NONE
+        };
+        let cones = limits.base_cone.iter_mut().zip(&mut limits.platform_cone);
+        let pyramids = limits.base_pyramid.iter_mut().zip(&mut limits.platform_pyramid);
+        let legs = self.legs.iter().take(layout.legs());
+        for ((leg, cone), pyramid) in legs.zip(cones).zip(pyramids) {
+            *cone.0 = leg.base_cone.get();
+            *cone.1 = leg.platform_cone.get();
+            *pyramid.0 = leg.base_pyramid.each_ref().map(Pin::get);
+            *pyramid.1 = leg.platform_pyramid.each_ref().map(Pin::get);
+        }
+        limits
+    }
+
+    /// Smallest feed scale, in (0, 1].
+    pub fn floor(&self) -> f64 {
+        let floor = self.asked.feed_floor.get();
+        if floor > 0.0 && floor <= 1.0 { floor } else { FLOOR }
+    }
+}
+
+impl GuardJointPins {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::Out;
+        make.one(&mut self.margin, Out, text!["pkmkins.margin.", n], 0.0)?;
+        make.one(&mut self.speed_ratio, Out, text!["pkmkins.speed-ratio.", n], 0.0)
+    }
+}
+
+impl GuardLegPins {
+    fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
+        make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
+        make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
+        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)?;
+        for (pins, end) in
+            [(&mut self.base_pyramid, "base"), (&mut self.platform_pyramid, "platform")]
+        {
+            for (pin, way) in pins.iter_mut().zip([".about", ".across"]) {
+                make.one(pin, In, text!["pkmkins.", end, "-pyramid.", n, way], 0.0)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl GuardOutputs {
+    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::Out;
+        make.one(&mut self.conditioning, Out, text!["pkmkins.conditioning"], 0.0)?;
+        make.one(&mut self.rod_distance, Out, text!["pkmkins.rod-distance"], FAR)?;
+        for (pin, letter) in self.rod_pair.iter_mut().zip(["a", "b"]) {
+            make.one(pin, Out, text!["pkmkins.rod-pair-", letter], -1)?;
+        }
+        make.one(&mut self.inverse_time, Out, text!["pkmkins.inverse-time"], 0)?;
+        make.one(&mut self.forward_time, Out, text!["pkmkins.forward-time"], 0)?;
+        make.one(&mut self.feed_scale, Out, text!["pkmkins.feed-scale"], 1.0)?;
+        make.one(&mut self.limit_soon, Out, text!["pkmkins.limit-soon"], false)?;
+        make.one(&mut self.limit_leg, Out, text!["pkmkins.limit-leg"], -1)?;
+        make.one(&mut self.limit_reason, Out, text!["pkmkins.limit-reason"], 0)
+    }
+
+    /// Shows which limit is near, if one is.
+    pub fn limit(&self, soon: Option<Fault>) {
+        self.limit_soon.set(soon.is_some());
+        self.limit_leg.set(soon.and_then(|fault| fault.number()).map_or(-1, i32::from));
+        self.limit_reason.set(soon.map_or(0, |fault| fault.cause.code()));
+    }
+}
+
+impl GuardInputs {
+    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::In;
+        let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
+            make.one(pin, In, text!["pkmkins.", name], value)
+        };
+        one(&mut self.conditioning_limit, "conditioning-limit", CONDITIONING_LIMIT)?;
+        one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
+        one(&mut self.tilt_limit, "tilt-limit", 0.0)?;
+        one(&mut self.feed_floor, "feed-floor", FLOOR)?;
+        one(&mut self.max_override, "max-override", 1.0)?;
+        one(&mut self.linear_acceleration, "linear-acceleration", FAR)?;
+        one(&mut self.angular_acceleration, "angular-acceleration", FAR)?;
+        one(&mut self.requested_vel, "requested-vel", 0.0)?;
+        one(&mut self.current_vel, "current-vel", 0.0)?;
+        one(&mut self.distance_to_go, "distance-to-go", FAR)
+    }
+}

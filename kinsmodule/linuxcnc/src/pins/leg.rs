@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The pins of a leg: the values of its kind, and the correction of a strut.
+
+use super::maker::{Maker, Vector, read};
+use crate::hal::{Direction, HalError, Pin};
+use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use kinematics::{LegGeometry, LegKind, text};
+
+/// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
+#[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
+const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
+    const D: f64 = 0.707107;
+    const P: f64 = 0.866025;
+    [
+        [[-22.95, 13.25, 0.0], [-1.0, 11.5, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
+        [[22.95, 13.25, 0.0], [1.0, 11.5, 0.0], [0.0, -D, D], [P, 0.5, 0.0]],
+        [[22.95, 13.25, 0.0], [10.459, -4.884, 0.0], [-D, 0.0, D], [P, 0.5, 0.0]],
+        [[0.0, -26.5, 0.0], [9.459, -6.616, 0.0], [-D, 0.0, D], [P, -0.5, 0.0]],
+        [[0.0, -26.5, 0.0], [-9.459, -6.616, 0.0], [0.0, D, D], [P, -0.5, 0.0]],
+        [[-22.95, 13.25, 0.0], [-10.459, -4.884, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
+    ]
+};
+
+/// Pins of one leg; those that its kind does not have are not made and never read.
+#[repr(C)]
+pub(super) struct LegPins {
+    base: Vector,
+    platform: Vector,
+    pub(super) offset: Pin<f64>,
+    // Strut.
+    base_axis: Vector,
+    platform_axis: Vector,
+    lead: Pin<f64>,
+    pub(super) correction: Pin<f64>,
+    // Slider.
+    guide: Vector,
+    // Crank.
+    axis: Vector,
+    arm: Vector,
+    // Slider and crank.
+    rod: Pin<f64>,
+    side: Pin<i32>,
+}
+
+impl LegPins {
+    pub(super) fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
+        use Direction::In;
+        // genhexkins' machine where it has such a leg, so that its HAL files work.
+        let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
+        let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
+        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
+        make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
+        make.one(&mut self.offset, In, text!["pkmkins.offset.", n], 0.0)?;
+        match kind {
+            Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
+            Kind::Slider => {
+                make.letters(&mut self.guide, In, text!["pkmkins.guide.", n, "."], [0.0; 3])?;
+                self.create_rod(make, n)
+            }
+            Kind::Crank => {
+                make.letters(&mut self.axis, In, text!["pkmkins.axis.", n, "."], [0.0; 3])?;
+                make.letters(&mut self.arm, In, text!["pkmkins.arm.", n, "."], [0.0; 3])?;
+                self.create_rod(make, n)
+            }
+        }
+    }
+
+    fn create_strut(
+        &mut self,
+        make: &Maker,
+        n: usize,
+        base: [f64; 3],
+        platform: [f64; 3],
+    ) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        make.letters(&mut self.base_axis, In, text!["pkmkins.base-n.", n, "."], base)?;
+        let axis = &mut self.platform_axis;
+        make.letters(axis, In, text!["pkmkins.platform-n.", n, "."], platform)?;
+        make.one(&mut self.lead, In, text!["pkmkins.lead.", n], 0.0)?;
+        make.one(&mut self.correction, Out, text!["pkmkins.correction.", n], 0.0)
+    }
+
+    fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::In;
+        make.one(&mut self.rod, In, text!["pkmkins.rod.", n], 0.0)?;
+        make.one(&mut self.side, In, text!["pkmkins.side.", n], 0)
+    }
+
+    /// The leg as the pins give it now; `common_lead` is that of all struts.
+    pub(super) fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
+        let (base, platform) = (read(&self.base), read(&self.platform));
+        match kind {
+            Kind::Strut => LegGeometry::strut(base, platform, self.strut(common_lead)),
+            Kind::Slider => {
+                let (guide, rod, side) = (read(&self.guide), self.rod.get(), self.side.get());
+                let kind = LegKind::Slider(SliderGeometry { guide, rod, side });
+                LegGeometry { base, platform, kind }
+            }
+            Kind::Crank => {
+                let (axis, arm) = (read(&self.axis), read(&self.arm));
+                let (rod, side) = (self.rod.get(), self.side.get());
+                let kind = LegKind::Crank(CrankGeometry { axis, arm, rod, side });
+                LegGeometry { base, platform, kind }
+            }
+        }
+    }
+
+    fn strut(&self, common_lead: f64) -> StrutGeometry {
+        let own = self.lead.get();
+        StrutGeometry {
+            base_axis: read(&self.base_axis),
+            platform_axis: read(&self.platform_axis),
+            lead: if own == 0.0 { common_lead } else { own },
+        }
+    }
+}

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The survey of a path before it is followed.
+//!
+//! Inverse and forward must find every place, within the limits of the joints. The largest rates
+//! and second derivatives of the joints bound the speed and the acceleration of the ramp.
+
+use super::path::{Path, shift};
+use super::ramp::Ramp;
+use super::{Change, Cycle};
+use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose, Solver, Vector3};
+use libm::sqrt;
+
+/// Parts into which the path is divided for the survey: rates change little from one to
+/// the next, even 3° from the dead point of a rod.
+const PARTS: u32 = 64;
+
+/// Places surveyed in one cycle.
+const PLACES_PER_CYCLE: u32 = 4;
+
+/// Linear solves that forward may take for a place, so that a cycle's work stays a small part of
+/// it: six are enough for every path of the tests. One that asks for four times as many comes too
+/// near to a singular pose.
+const SOLVES_PER_PLACE: u32 = 24;
+
+/// Share of the machine's size within which a pose found again is the same one.
+const SAME_POSE: f64 = 1e-9;
+
+/// Share of a joint's velocity limit that is used.
+const VELOCITY_SHARE: f64 = 0.9;
+
+/// Shares of a joint's acceleration limit: for the acceleration along the path, and for the second
+/// derivative of the joint at constant speed.
+/// With the 9/8 of the last cycle (see [`Ramp::continued`]) 0.93 of the limit is used.
+const ACCELERATION_SHARE: f64 = 0.56;
+const SECOND_DERIVATIVE_SHARE: f64 = 0.3;
+
+/// What the survey has found of a joint, per share of the path.
+#[derive(Clone, Copy, Default)]
+struct JointRates {
+    rate: f64,
+    largest_rate: f64,
+    second_derivative: f64,
+    largest_second_derivative: f64,
+    /// Of the second derivative, from one part of the path to the next.
+    largest_change: f64,
+}
+
+impl JointRates {
+    /// Takes in the rate at the next place.
+    fn with(self, place: u32, rate: f64) -> Self {
+        let second_derivative = if place > 0 { (rate - self.rate) * f64::from(PARTS) } else { 0.0 };
+        let change = if place > 1 { second_derivative - self.second_derivative } else { 0.0 };
+        Self {
+            rate,
+            largest_rate: self.largest_rate.max(rate.abs()),
+            second_derivative,
+            largest_second_derivative: self.largest_second_derivative.max(second_derivative.abs()),
+            largest_change: self.largest_change.max(change.abs()),
+        }
+    }
+
+    /// Bound of the second derivative: what was found is the mean of each part, and within
+    /// a part it changes about as much as between neighbours.
+    fn second_derivative_bound(&self) -> f64 {
+        self.largest_second_derivative + self.largest_change
+    }
+
+    /// Bound of the rate, between the places too.
+    fn rate_bound(&self) -> f64 {
+        self.largest_rate + self.second_derivative_bound() / f64::from(PARTS)
+    }
+}
+
+/// A survey under way.
+#[derive(Clone, Copy)]
+pub(super) struct Survey {
+    pub(super) path: Path,
+    /// The next place.
+    next: u32,
+    rates: [JointRates; MAX_JOINTS],
+}
+
+impl Survey {
+    pub(super) fn new(path: Path) -> Self {
+        Self { path, next: 0, rates: [JointRates::default(); MAX_JOINTS] }
+    }
+
+    /// A cycle further: the survey, or the ramp where it has come to the end.
+    pub(super) fn continued(mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
+        self.path.refuse_other_pose(pose)?;
+        for _ in 0..PLACES_PER_CYCLE {
+            if self.next > PARTS {
+                return Ok(Change::Moving(self.ramp(cycle)));
+            }
+            self.visit(cycle)?;
+            self.next += 1;
+        }
+        Ok(Change::Surveying(self))
+    }
+
+    /// The rates at the next place, if the machine can be there.
+    // A frame of its own: a cycle that freezes a geometry needs none of it.
+    #[inline(never)]
+    fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
+        let Path { pose, from, to } = &self.path;
+        let tool = self.path.at(f64::from(self.next) / f64::from(PARTS));
+        let travel = shift(pose, &(to - from));
+        let before = Pose { position: pose.position - travel / f64::from(PARTS), ..*pose };
+        refuse_unreachable(pose, &before, &tool, cycle)?;
+        let at = cycle.machine.at(pose, &tool).map_err(blocked)?;
+        let jacobian = at.inverse_jacobian().map_err(blocked)?;
+        for (i, joint) in self.rates.iter_mut().enumerate() {
+            let rate = rate_along(&jacobian, i, &travel);
+            if !rate.is_finite() {
+                let layout = cycle.machine.layout();
+                return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, rate));
+            }
+            *joint = joint.with(self.next, rate);
+        }
+        Ok(())
+    }
+
+    /// The ramp along the surveyed path, which takes at least a cycle.
+    fn ramp(&self, cycle: &Cycle<'_>) -> Ramp {
+        let mut max_speed = 1.0 / cycle.seconds;
+        let mut acceleration = max_speed / cycle.seconds;
+        for (joint, limits) in self.rates.iter().zip(&cycle.limits) {
+            let (rate, second) = (joint.rate_bound(), joint.second_derivative_bound());
+            max_speed = max_speed
+                .min(VELOCITY_SHARE * limits.velocity / rate)
+                .min(sqrt(SECOND_DERIVATIVE_SHARE * limits.acceleration / second));
+            acceleration = acceleration.min(ACCELERATION_SHARE * limits.acceleration / rate);
+        }
+        Ramp::new(self.path, max_speed, acceleration)
+    }
+}
+
+/// Refuses a place whose joints are beyond their limits, or from which forward does not come back to
+/// the pose. Forward starts from `before`, one part of the path back.
+fn refuse_unreachable(
+    pose: &Pose,
+    before: &Pose,
+    tool: &Vector3<f64>,
+    cycle: &Cycle<'_>,
+) -> Result<(), Fault> {
+    let joints = cycle.machine.inverse(pose, tool).map_err(blocked)?;
+    within(&joints, cycle)?;
+    let limit_iterations = cycle.solver.limit_iterations.min(SOLVES_PER_PLACE);
+    let solver = Solver { limit_iterations, ..cycle.solver };
+    let found = cycle.machine.forward(&joints, before, tool, &solver).map_err(blocked)?;
+    // Another pose would mean that a singular one lies between this place and the last.
+    let miss = found.pose.distance(pose, cycle.machine.radius());
+    if !(miss <= SAME_POSE * cycle.machine.size()) {
+        return Err(Cause::ToolOutOfReach.into());
+    }
+    Ok(())
+}
+
+fn blocked(fault: Fault) -> Fault {
+    Fault { cause: Cause::ToolOutOfReach, ..fault }
+}
+
+/// Refuses joints beyond their limits.
+fn within(joints: &Joints, cycle: &Cycle<'_>) -> Result<(), Fault> {
+    let layout = cycle.machine.layout();
+    for (i, (joint, limits)) in joints.iter().zip(&cycle.limits).enumerate().take(layout.joints()) {
+        if !(*joint >= limits.least && *joint <= limits.most) {
+            return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, *joint));
+        }
+    }
+    Ok(())
+}
+
+/// Rate of joint `i` while the platform travels without turning.
+fn rate_along(jacobian: &Jacobian, i: usize, travel: &Vector3<f64>) -> f64 {
+    let of = |axis| jacobian.get((i, axis)).map_or(0.0, |rate: &f64| *rate);
+    of(0) * travel.x + of(1) * travel.y + of(2) * travel.z
+}
