@@ -207,7 +207,7 @@ const STEPS: [f64; 2] = [0.02, 0.5];
 /// Commanded motions through singular poses.
 fn print_sequences() {
     println!(
-        "| machine | step of size/1000 | module | lines | told that the motion has passed it \
+        "| machine | step of size/1000 | module | lines | refused because the motion has passed it \
          | answered beyond it | farthest from the commanded pose, of size |"
     );
     println!("|---|--:|---|--:|--:|--:|--:|");
@@ -226,13 +226,12 @@ fn print_sequences() {
             [("pkmkins", &ours), ("genhexkins", &theirs)];
         for (name, fresh) in modules {
             let mut found = Sequences::default();
-            let step = step / 1000.0 * machine.size();
-            found.follow_lines((&machine, fresh), &subject.home, step, &mut Random::new(64));
+            let way = step / 1000.0 * machine.size();
+            found.follow_lines((&machine, fresh), &subject.home, way, &mut Random::new(64));
             let Sequences { lines, passed, answered, farthest } = found;
             println!(
-                "| {} | {} | {name} | {lines} | {passed} | {answered} | {farthest:.1e} |",
+                "| {} | {step} | {name} | {lines} | {passed} | {answered} | {farthest:.1e} |",
                 subject.machine_name(),
-                step * 1000.0 / machine.size(),
             );
             assert!(name != "pkmkins" || answered == 0, "a mirror image as success");
         }
