@@ -202,7 +202,7 @@ struct View {
 pub struct Sight {
     between: [Option<View>; BETWEEN],
     there: Option<View>,
-    hold: Hold,
+    singular_value: SingularValue,
     /// That of the motion in the cycle before.
     rate: [f64; 6],
     /// The place that is looked at next.
@@ -217,7 +217,7 @@ impl Sight {
     pub const NONE: Self = Self {
         between: [None; BETWEEN],
         there: None,
-        hold: Hold { now: 0.0, change: 0.0, limit: 0.0, requested: 0.0 },
+        singular_value: SingularValue { now: 0.0, change: 0.0, limit: 0.0, requested: 0.0 },
         rate: [0.0; 6],
         next: 0,
     };
@@ -342,7 +342,7 @@ impl Look<'_, '_> {
             let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
             let there = self.view(1.0);
             sight.there = Some(there);
-            sight.hold = self.hold((rows, now), &there);
+            sight.singular_value = self.singular_value((rows, now), &there);
         }
         for k in 0..BETWEEN {
             let k = (due + k) % BETWEEN;
@@ -353,18 +353,19 @@ impl Look<'_, '_> {
                 left -= 1;
             }
         }
-        let hold = Hold { requested: planner.requested, ..sight.hold };
+        let singular_value = SingularValue { requested: planner.requested, ..sight.singular_value };
         let ends = [Some(here), sight.there];
         let views = ends[..1].iter().chain(&sight.between).chain(&ends[1..]);
         for (k, view) in views.enumerate() {
             let Some(view) = view else { continue };
             let time = self.horizon * share(k);
-            let (allowed, because) = view.speed(&hold, share(k));
+            let (allowed, because) = view.speed(&singular_value, share(k));
             let now = speed_before(allowed, braking, time - planner.latency);
             if !(now >= outlook.allowed) {
                 outlook.allowed = now;
                 // The legs are weak only further on: without the rest of the way they would not be.
-                let nears = allowed > 0.0 && because.is_some_and(|f| f.cause == Cause::HoldAhead);
+                let nears =
+                    allowed > 0.0 && because.is_some_and(|f| f.cause == Cause::ConditioningAhead);
                 let until = if nears { self.horizon } else { time };
                 outlook.because = because.map(|fault| (fault, until));
             }
@@ -399,9 +400,13 @@ impl Look<'_, '_> {
     /// How the smallest singular value changes to the place viewed last. Its exact value there is
     /// needed only where what the rows change by might bring it near the limit: singular values
     /// change by the norm of that at most (Weyl).
-    fn hold(&self, (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64), there: &View) -> Hold {
+    fn singular_value(
+        &self,
+        (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64),
+        there: &View,
+    ) -> SingularValue {
         let limit = self.limits.conditioning;
-        let none = Hold { now, change: 0.0, limit, requested: 0.0 };
+        let none = SingularValue { now, change: 0.0, limit, requested: 0.0 };
         let Some((rows, then)) = rows.zip(self.rows_of(there)) else { return none };
         let mut square = 0.0;
         for (row, then) in rows.iter().zip(&then) {
@@ -412,7 +417,7 @@ impl Look<'_, '_> {
         if now - sqrt(square) > SLOW_FROM * limit {
             return none;
         }
-        Hold { change: self.at.smallest_singular_value() - now, ..none }
+        SingularValue { change: self.at.smallest_singular_value() - now, ..none }
     }
 }
 
@@ -423,8 +428,8 @@ fn share(k: usize) -> f64 {
 
 impl View {
     /// Largest speed here and what limits it.
-    fn speed(&self, hold: &Hold, share: f64) -> (f64, Option<Fault>) {
-        match hold.speed(share) {
+    fn speed(&self, singular_value: &SingularValue, share: f64) -> (f64, Option<Fault>) {
+        match singular_value.speed(share) {
             Some((slower, why)) if !(self.joints.0 <= slower) => (slower, Some(why)),
             _ => self.joints,
         }
@@ -454,29 +459,29 @@ fn speed_before(allowed: f64, braking: f64, time: f64) -> f64 {
     sqrt(allowed * allowed + 2.0 * braking * time.max(0.0))
 }
 
-/// How the legs' hold on the platform changes along the way: slow from twice the limit on, if
+/// How the smallest singular value changes along the way: slow from twice the limit on, if
 /// it gets worse. On the way out of such a pose the machine may move.
 #[derive(Clone, Copy, Debug)]
-struct Hold {
+struct SingularValue {
     now: f64,
     change: f64,
     limit: f64,
     requested: f64,
 }
 
-impl Hold {
+impl SingularValue {
     /// Speed at a share of the way, with its reason.
     fn speed(&self, share: f64) -> Option<(f64, Fault)> {
         if self.limit == 0.0 || self.change >= 0.0 {
             return None;
         }
-        let hold = self.now + self.change * share;
-        let part = hold / self.limit - 1.0;
+        let singular_value = self.now + self.change * share;
+        let part = singular_value / self.limit - 1.0;
         if part >= SLOW_FROM - 1.0 {
             return None;
         }
         let speed = if part > 0.0 { part * self.requested } else { 0.0 };
-        Some((speed, Fault::with_value(Cause::HoldAhead, hold)))
+        Some((speed, Fault::with_value(Cause::ConditioningAhead, singular_value)))
     }
 }
 
@@ -615,22 +620,24 @@ mod tests {
     }
 
     #[test]
-    fn the_hold_allows_its_part_of_the_speed_between_the_limit_and_twice_that() {
-        let hold = Hold { now: 0.375, change: -0.25, limit: 0.125, requested: 4.0 };
-        // 0.25, 0.1875 and 0.125 of the hold are left.
-        assert_eq!(hold.speed(0.5), None);
-        let told = |hold| Fault::with_value(Cause::HoldAhead, hold);
-        assert_eq!(hold.speed(0.75), Some((2.0, told(0.1875))));
-        assert_eq!(hold.speed(1.0), Some((0.0, told(0.125))));
-        let worse = Hold { now: 0.25, ..hold };
-        assert_eq!(worse.speed(1.0), Some((0.0, told(0.0))));
-        assert_eq!(Hold { change: 0.0, now: 0.1, ..hold }.speed(1.0), None);
-        assert_eq!(Hold { limit: 0.0, ..hold }.speed(1.0), None);
+    fn the_singular_value_allows_its_part_of_the_speed_between_the_limit_and_twice_that() {
+        let singular_value =
+            SingularValue { now: 0.375, change: -0.25, limit: 0.125, requested: 4.0 };
+        // 0.25, 0.1875 and 0.125 of the singular value are left.
+        assert_eq!(singular_value.speed(0.5), None);
+        let reported = |singular_value| Fault::with_value(Cause::ConditioningAhead, singular_value);
+        assert_eq!(singular_value.speed(0.75), Some((2.0, reported(0.1875))));
+        assert_eq!(singular_value.speed(1.0), Some((0.0, reported(0.125))));
+        let worse = SingularValue { now: 0.25, ..singular_value };
+        assert_eq!(worse.speed(1.0), Some((0.0, reported(0.0))));
+        assert_eq!(SingularValue { change: 0.0, now: 0.1, ..singular_value }.speed(1.0), None);
+        assert_eq!(SingularValue { limit: 0.0, ..singular_value }.speed(1.0), None);
     }
 
     #[test]
-    fn the_slower_of_joints_and_hold_is_told_with_its_reason() {
-        let hold = Hold { now: 0.25, change: -0.0625, limit: 0.125, requested: 4.0 };
+    fn the_slower_of_joints_and_singular_value_is_reported_with_its_reason() {
+        let singular_value =
+            SingularValue { now: 0.25, change: -0.0625, limit: 0.125, requested: 4.0 };
         let layout = *machine().layout();
         let view = |speed: f64| {
             let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
@@ -638,20 +645,20 @@ mod tests {
             let joints = joint_speed(&rates, &limits, &layout);
             View { joints, refused: None, is_reached: true }
         };
-        // The second joint allows 0.98 · 8/4, the hold 4 · (0.1875/0.125 − 1) at its end.
-        let (speed, why) = view(8.0).speed(&hold, 1.0);
+        // The second joint allows 0.98 · 8/4, the singular value 4 · (0.1875/0.125 − 1) at its end.
+        let (speed, why) = view(8.0).speed(&singular_value, 1.0);
         assert_eq!(
             (speed, why),
             (1.96, Some(Fault::of_joint(Cause::JointTooFast, &layout, 1, 8.0)))
         );
-        let slower = Hold { requested: 2.0, ..hold };
-        let told = Fault::with_value(Cause::HoldAhead, 0.1875);
-        assert_eq!(view(8.0).speed(&slower, 1.0), (1.0, Some(told)));
+        let slower = SingularValue { requested: 2.0, ..singular_value };
+        let reported = Fault::with_value(Cause::ConditioningAhead, 0.1875);
+        assert_eq!(view(8.0).speed(&slower, 1.0), (1.0, Some(reported)));
         assert_eq!(view(f64::INFINITY).speed(&slower, 0.0).0, f64::INFINITY);
     }
 
     #[test]
-    fn what_slows_on_the_way_is_told_soon_and_nothing_brakes_before_the_latency_is_over() {
+    fn what_slows_on_the_way_is_reported_soon_and_nothing_brakes_before_the_latency_is_over() {
         let machine = machine();
         let motion = straight([-10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let look = |limits: &Limits, planner: &Planner| {

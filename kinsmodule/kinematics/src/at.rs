@@ -109,7 +109,7 @@ impl<'a> At<'a> {
 
     /// Orientation of the platform: base from platform.
     pub fn rotation(&self) -> Matrix3<f64> {
-        each!(self, legs => legs.stand.place.rotation)
+        each!(self, legs => legs.placement.place.rotation)
     }
 
     /// Length corrections by nut rotation, machine units; zeros without a lead.

@@ -23,7 +23,7 @@
 //!
 //! **Moving base anchors** (carriages, cranks) turn the rows while the joints move. Their
 //! mean displacement is taken along by the platform, which changes no leg; what is left
-//! is the travel δ of each anchor, |δ'| ≤ δ over a step of unit time, |c''| its bend, and
+//! is the travel δ of each anchor, |δ'| ≤ δ over a step of unit time, |c''| its second derivative, and
 //! |d''| that of the length that the joint sets (0 for all but a kind whose length is not
 //! linear in q; no row depends on d). Seen from the platform taken along, a gradient
 //! changes by s₁δ/l_min at most, and a residual at a fixed place leaves the straight line
@@ -40,7 +40,7 @@ use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
 use crate::leg::LEAST_DRIVE;
 use crate::mechanism::Mechanism;
-use crate::nut::{Ball, Twist};
+use crate::nut::{Ball, Torsion};
 use crate::placed::Placed;
 use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
@@ -77,14 +77,14 @@ pub(crate) struct Motion<const N: usize> {
 pub(crate) fn lipschitz_constant<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
-    twist: Option<&Twist<N>>,
+    torsion: Option<&Torsion<N>>,
     inverse: &PseudoInverse<N>,
     rho: f64,
     motion: Option<&Motion<N>>,
 ) -> Result<f64, Fault> {
     let mut sum = f64x2::ZERO;
     for i in (0..N).step_by(2) {
-        let k = curvature(machine, placed, twist, i, rho, motion)? * pair(&machine.present, i);
+        let k = curvature(machine, placed, torsion, i, rho, motion)? * pair(&machine.present, i);
         sum += k * k;
     }
     Ok(inverse.inverse_norm() * sqrt(sum.reduce_add()))
@@ -96,7 +96,7 @@ pub(crate) fn lipschitz_constant<const N: usize>(
 fn curvature<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
-    twist: Option<&Twist<N>>,
+    torsion: Option<&Torsion<N>>,
     i: usize,
     rho: f64,
     motion: Option<&Motion<N>>,
@@ -113,10 +113,10 @@ fn curvature<const N: usize>(
     }
     let curved = both(1.0) / shortest;
     let of_length = s1 * s1 * curved + s2;
-    let (Some(nut), Some(twist)) = (&machine.nut, twist) else { return Ok(of_length) };
+    let (Some(nut), Some(torsion)) = (&machine.nut, torsion) else { return Ok(of_length) };
     let ball = Ball { rho, radius: machine.radius, curved, s1, s2 };
-    let Some(of_nut) = nut.curvature(twist, i, &ball) else {
-        return Err(twist.uncertain());
+    let Some(of_nut) = nut.curvature(torsion, i, &ball) else {
+        return Err(torsion.uncertain());
     };
     Ok(of_length + of_nut)
 }
@@ -183,7 +183,7 @@ impl<const N: usize> Mechanism<N> {
     #[inline]
     pub fn margin(&self, placed: &Placed<N>, i: usize, q: f64) -> Option<f64> {
         let leg = &self.legs[i];
-        leg.margin(leg.gain(q, &(placed.span.get(i) / placed.length[i])))
+        leg.margin(leg.transmission(q, &(placed.span.get(i) / placed.length[i])))
     }
 
     /// Refuses rods at or beyond their dead point, at these joint values.
@@ -309,9 +309,9 @@ pub(crate) mod tests {
         let placed = machine.placed(anchors, place);
         let mut lengths = placed.length;
         if let Some(nut) = &machine.nut {
-            let twist = nut.twist(&placed.directions(), &place.rotation);
-            nut.refuse_along_axis(&twist).ok()?;
-            for (length, correction) in lengths.iter_mut().zip(nut.corrections(&twist)) {
+            let torsion = nut.torsion(&placed.directions(), &place.rotation);
+            nut.refuse_along_axis(&torsion).ok()?;
+            for (length, correction) in lengths.iter_mut().zip(nut.corrections(&torsion)) {
                 *length += correction;
             }
         }
@@ -367,16 +367,16 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn flatness_is_that_of_the_legs_shortened_by_ball_and_travel() {
+    fn the_lipschitz_constant_is_that_of_the_legs_shortened_by_ball_and_travel() {
         let (machine, placed, inverse) = by_hand([10.0, 18.0, 10.0, 10.0, 10.0, 10.0]);
         // 2² / (10 − 2·1) + 0.25 and 2² / (18 − 2·1) + 0.25.
-        let flat = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None).unwrap();
-        assert_near(flat, of_both(0.75, 0.5));
+        let lipschitz = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None).unwrap();
+        assert_near(lipschitz, of_both(0.75, 0.5));
         // The same with 3 and 11 less of them.
         let motion = motion([3.0, 11.0, 0.0, 0.0, 0.0, 0.0]);
-        let flat =
+        let lipschitz =
             lipschitz_constant(&machine, &placed, None, &inverse, 1.0, Some(&motion)).unwrap();
-        assert_near(flat, of_both(4.0 / 5.0 + 0.25, 4.0 / 5.0 + 0.25));
+        assert_near(lipschitz, of_both(4.0 / 5.0 + 0.25, 4.0 / 5.0 + 0.25));
     }
 
     #[test]
@@ -386,19 +386,19 @@ pub(crate) mod tests {
         for _ in 0..60 {
             let Some((machine, place)) = machine(&mut rng, b"XYZABC", true) else { continue };
             let placed = machine.placed(&machine.base, &place);
-            let Ok(Some(twist)) = machine.twist(&placed.directions(), &place.rotation) else {
+            let Ok(Some(torsion)) = machine.torsion(&placed.directions(), &place.rotation) else {
                 continue;
             };
             let bare = Mechanism { nut: None, ..machine.clone() };
             for i in [0, 2, 4] {
-                let k = |m, twist| curvature(m, &placed, twist, i, 1.0, None);
-                let (Ok(all), Ok(length)) = (k(&machine, Some(&twist)), k(&bare, None)) else {
+                let k = |m, torsion| curvature(m, &placed, torsion, i, 1.0, None);
+                let (Ok(all), Ok(length)) = (k(&machine, Some(&torsion)), k(&bare, None)) else {
                     continue;
                 };
                 let (s1, s2) = (pair(&machine.s1, i), pair(&machine.s2, i));
                 let curved = both(1.0) / (pair(&placed.length, i) - s1);
                 let ball = Ball { rho: 1.0, radius: machine.radius, curved, s1, s2 };
-                let nut = machine.nut.as_ref().and_then(|nut| nut.curvature(&twist, i, &ball));
+                let nut = machine.nut.as_ref().and_then(|nut| nut.curvature(&torsion, i, &ball));
                 assert_eq!(all, length + nut.expect("as above"));
                 added += u32::from(all != length);
             }
@@ -407,16 +407,16 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_ball_that_reaches_a_leg_of_no_length_has_no_flatness_and_names_it() {
+    fn a_ball_that_reaches_a_leg_of_no_length_has_no_lipschitz_constant_and_names_it() {
         for leg in 0..6 {
             let mut length = [10.0; 6];
             length[leg] = 7.0;
             let (machine, placed, inverse) = by_hand(length);
-            let flat = |rho| lipschitz_constant(&machine, &placed, None, &inverse, rho, None);
-            assert!(flat(3.4).is_ok());
+            let lipschitz = |rho| lipschitz_constant(&machine, &placed, None, &inverse, rho, None);
+            assert!(lipschitz(3.4).is_ok());
             let fault = Fault::of_leg(Cause::StrutTooShort, leg, 0.0);
-            assert_eq!(flat(3.5), Err(fault));
-            assert_eq!(flat(3.75), Err(Fault { value: -0.5, ..fault }));
+            assert_eq!(lipschitz(3.5), Err(fault));
+            assert_eq!(lipschitz(3.75), Err(Fault { value: -0.5, ..fault }));
         }
     }
 
@@ -492,8 +492,8 @@ pub(crate) mod tests {
                 let anchors = machine.moved_anchors(&joints).unwrap();
                 let rho = random(&mut rng, 0.1, 40.0);
                 let placed = machine.placed(&anchors, &place);
-                let twist = machine.twist(&placed.directions(), &place.rotation);
-                let Ok(twist) = twist else { continue };
+                let torsion = machine.torsion(&placed.directions(), &place.rotation);
+                let Ok(torsion) = torsion else { continue };
                 // Differences reach a little beyond the point where they are taken.
                 let away = random(&mut rng, 0.0, rho - 0.06);
                 let ray = unit(&mut rng, &machine);
@@ -503,11 +503,11 @@ pub(crate) mod tests {
                 let bent = |m| bending(m, &anchors, &place, &point, &direction);
                 let (Some(both), Some(length)) = (bent(&machine), bent(&bare)) else { continue };
                 for i in 0..6 {
-                    let bound = |m, twist| {
-                        let pair = curvature(m, &placed, twist, i & !1, rho, None)?;
+                    let bound = |m, torsion| {
+                        let pair = curvature(m, &placed, torsion, i & !1, rho, None)?;
                         Ok::<_, Fault>(pair.to_array()[i % 2])
                     };
-                    let Ok(k) = bound(&machine, twist.as_ref()) else { continue };
+                    let Ok(k) = bound(&machine, torsion.as_ref()) else { continue };
                     let of_length = bound(&bare, None).unwrap();
                     largest[0] = largest[0].max(length[i].abs() / of_length);
                     // 1e-9: rounding of the differences, of nut terms of 1e-5 and more.

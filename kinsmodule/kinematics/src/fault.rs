@@ -31,7 +31,7 @@ impl MachinePart {
         }
     }
 
-    fn tell<const LENGTH: usize>(self, text: &mut Text<LENGTH>) {
+    fn write_name<const LENGTH: usize>(self, text: &mut Text<LENGTH>) {
         match self {
             Self::Leg(leg) => {
                 text.push("leg ");
@@ -93,9 +93,9 @@ impl Fault {
     }
 
     /// Appends what is wrong and the way out to a message.
-    pub fn tell<const LENGTH: usize>(&self, text: &mut Text<LENGTH>) {
+    pub fn write_message<const LENGTH: usize>(&self, text: &mut Text<LENGTH>) {
         if let Some(part) = self.part {
-            part.tell(text);
+            part.write_name(text);
             text.push(": ");
         }
         text.push(self.cause.text());
@@ -121,7 +121,7 @@ impl From<Cause> for Fault {
 impl core::fmt::Display for Fault {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let mut text = Text::<SHOWN>::of(&[]);
-        self.tell(&mut text);
+        self.write_message(&mut text);
         f.write_str(text.as_str())
     }
 }
@@ -288,7 +288,7 @@ causes! {
         "stop, and lead the program through another pose";
     PlatformConeAhead = -92, "the leg comes to the end of its platform joint's cone (degrees shown)",
         "stop, and lead the program through another pose";
-    HoldAhead = -93, "the motion leads to where the legs hardly hold the platform (conditioning shown)",
+    ConditioningAhead = -93, "the motion leads to where the legs hardly hold the platform (conditioning shown)",
         "if the feed is stopped: abort the program, move away, and lead it through another pose";
     LegsNear = -94, "the legs come too near to each other (distance shown)",
         "stop, and lead the program through another pose";

@@ -251,7 +251,7 @@ impl<const N: usize> Mechanism<N> {
         let pose = self.held(pose, false)?;
         pose.check()?;
         self.check_tool(tool)?;
-        let place = self.standing(&pose, &pose.trigonometry(), tool).place;
+        let place = self.placement(&pose, &pose.trigonometry(), tool).place;
         let mut placed = Placed::ZERO;
         self.corrected(&place, &mut placed, |_| ())?;
         let Some(nut) = &mut self.nut else { return Ok(None) };
@@ -261,7 +261,7 @@ impl<const N: usize> Mechanism<N> {
     /// The legs at a pose without a tool, from moving base anchor to platform anchor.
     #[inline(never)]
     pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
-        let place = self.standing(pose, &pose.trigonometry(), &Vector3::zeros()).place;
+        let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros()).place;
         let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
         let placed = self.placed(&anchors, &place);
         let mut spans = [Vector3::zeros(); MAX_LEGS];
@@ -275,10 +275,10 @@ impl<const N: usize> Mechanism<N> {
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
         let anchors = self.moved_anchors(&self.joints_at(place)?)?;
         let placed = self.placed(&anchors, place);
-        let twist = self.twist(&placed.directions(), &place.rotation)?;
-        let columns = self.charted_rows(&placed, twist.as_ref(), place);
+        let torsion = self.torsion(&placed.directions(), &place.rotation)?;
+        let columns = self.charted_rows(&placed, torsion.as_ref(), place);
         let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
-        let flat = lipschitz_constant(self, &placed, twist.as_ref(), &inverse, 0.0, None)?;
+        let flat = lipschitz_constant(self, &placed, torsion.as_ref(), &inverse, 0.0, None)?;
         if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }

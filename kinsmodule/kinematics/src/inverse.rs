@@ -6,7 +6,7 @@ use crate::lanes::{Lanes3, are_finite, between, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
 use crate::mechanism::Mechanism;
-use crate::nut::{Nut, Turns, Twist};
+use crate::nut::{Nut, Torsion, Turns};
 use crate::placed::{Place, Placed};
 use crate::pose::{FLAT, Pose, Trigonometry};
 use nalgebra::Vector3;
@@ -16,13 +16,13 @@ use nalgebra::Vector3;
 const HUGE: f64 = 1e70;
 
 /// A pose as the legs see it.
-pub(crate) struct Stand {
+pub(crate) struct Placement {
     pub place: Place,
     /// The reference point in base, legs and table together.
     pub point: Vector3<f64>,
 }
 
-impl Stand {
+impl Placement {
     /// Level, at the origin.
     pub const LEVEL: Self = Self { place: Place::LEVEL, point: Vector3::new(0.0, 0.0, 0.0) };
 }
@@ -77,7 +77,7 @@ impl<const N: usize> Mechanism<N> {
         between(&length, self.least_length(), HUGE).all().then_some(length)
     }
 
-    /// Lengths of struts with their corrections; `None` as well where any has no twist, or a large
+    /// Lengths of struts with their corrections; `None` as well where any has no torsion, or a large
     /// one.
     #[inline(always)]
     fn corrected_struts(&self, nut: &Nut<N>, place: &Place) -> Option<[f64; N]> {
@@ -125,13 +125,13 @@ impl<const N: usize> Mechanism<N> {
         if self.holds {
             pose = self.held(&pose, true)?;
         }
-        let stand = self.standing(&pose, &pose.trigonometry(), &tool);
-        let struts = if self.moving { None } else { self.lengths(&stand.place) };
+        let placement = self.placement(&pose, &pose.trigonometry(), &tool);
+        let struts = if self.moving { None } else { self.lengths(&placement.place) };
         let legs = match struts {
             Some(struts) => self.joints_of_lengths(&struts),
-            None => self.joints_at(&stand.place)?,
+            None => self.joints_at(&placement.place)?,
         };
-        self.write_joints(&legs, &stand.point, joints)
+        self.write_joints(&legs, &placement.point, joints)
     }
 
     /// Joint values of legs and table.
@@ -193,20 +193,28 @@ impl<const N: usize> Mechanism<N> {
 
     /// Where a pose puts the platform.
     #[inline(always)]
-    pub(crate) fn standing(&self, pose: &Pose, trig: &Trigonometry, tool: &Vector3<f64>) -> Stand {
+    pub(crate) fn placement(
+        &self,
+        pose: &Pose,
+        trig: &Trigonometry,
+        tool: &Vector3<f64>,
+    ) -> Placement {
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
-        Stand { place: Place { centre: self.of_legs(point), rotation, angles: pose.angles }, point }
+        Placement {
+            place: Place { centre: self.of_legs(point), rotation, angles: pose.angles },
+            point,
+        }
     }
 
     /// Legs from their base anchors at joint value 0, and the nut corrections there; hands over the
-    /// twist that they come from.
+    /// torsion that they come from.
     #[inline(always)]
     pub(crate) fn corrected(
         &self,
         place: &Place,
         placed: &mut Placed<N>,
-        keep: impl FnOnce(&Twist<N>),
+        keep: impl FnOnce(&Torsion<N>),
     ) -> Result<[f64; N], Fault> {
         self.place(&self.base, place, placed);
         if self.moving {
@@ -215,10 +223,10 @@ impl<const N: usize> Mechanism<N> {
             self.refuse_short_legs(&placed.length)?;
         }
         let Some(nut) = &self.nut else { return Ok([0.0; N]) };
-        let twist = nut.twist(&placed.directions(), &place.rotation);
-        nut.refuse(&twist)?;
-        keep(&twist);
-        Ok(nut.corrections(&twist))
+        let torsion = nut.torsion(&placed.directions(), &place.rotation);
+        nut.refuse(&torsion)?;
+        keep(&torsion);
+        Ok(nut.corrections(&torsion))
     }
 
     /// A rod may start at its platform anchor, a strut may not.
@@ -351,8 +359,8 @@ mod tests {
             };
             let mut quick = [f64::NAN; N];
             let told = machine.inverse(&pose, &tool, &mut quick);
-            let stand = machine.standing(&pose, &pose.trigonometry(), &tool);
-            let expected = machine.joints_at(&stand.place);
+            let placement = machine.placement(&pose, &pose.trigonometry(), &tool);
+            let expected = machine.joints_at(&placement.place);
             assert_eq!(told.err(), expected.err());
             sound += usize::from(told.is_ok());
             for (quick, expected) in quick.into_iter().zip(expected.unwrap_or(quick)) {

@@ -60,7 +60,7 @@ impl<const N: usize> LegsAt<'_, N> {
         let force = Lanes3::from_fn(|i| legs[i].force);
         let moment = Lanes3::from_fn(|i| legs[i].moment);
         let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-        machine.to_chart(&mut columns, &self.stand.place);
+        machine.to_chart(&mut columns, &self.placement.place);
         Ok(machine.sign_of(&columns))
     }
 }

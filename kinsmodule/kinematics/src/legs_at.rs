@@ -2,11 +2,11 @@
 //! The legs of a machine at a pose, in its lanes: what [`crate::At`] is made of.
 
 use crate::fault::{Cause, Fault};
-use crate::inverse::Stand;
+use crate::inverse::Placement;
 use crate::lanes::{Lanes3, cross, dot, put, scaled, sum, wide};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::mechanism::Mechanism;
-use crate::nut::Twist;
+use crate::nut::Torsion;
 use crate::placed::Placed;
 use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
@@ -19,7 +19,7 @@ pub(crate) struct LegsAt<'a, const N: usize> {
     pub machine: &'a Mechanism<N>,
     pub tool: Vector3<f64>,
     pub trig: Trigonometry,
-    pub stand: Stand,
+    pub placement: Placement,
     /// Joint values of the legs.
     pub joints: [f64; N],
     pub corrections: [f64; N],
@@ -28,7 +28,7 @@ pub(crate) struct LegsAt<'a, const N: usize> {
     /// The legs from there.
     pub placed: Placed<N>,
     /// Means something on machines with a nut only.
-    twist: Twist<N>,
+    torsion: Torsion<N>,
     gradients: Cell<Option<Result<[Gradient; N], Fault>>>,
     singular_value: Cell<Option<f64>>,
 }
@@ -61,12 +61,12 @@ impl<const N: usize> Mechanism<N> {
             machine: self,
             tool: Vector3::zeros(),
             trig: Trigonometry::LEVEL,
-            stand: Stand::LEVEL,
+            placement: Placement::LEVEL,
             joints: [0.0; N],
             corrections: [0.0; N],
             anchors: Lanes3::ZERO,
             placed: Placed::ZERO,
-            twist: Twist::ZERO,
+            torsion: Torsion::ZERO,
             gradients: Cell::new(None),
             singular_value: Cell::new(None),
         }
@@ -82,14 +82,14 @@ impl<const N: usize> LegsAt<'_, N> {
         let pose = &if machine.holds { machine.held(pose, true)? } else { *pose };
         self.tool = *tool;
         self.trig = pose.trigonometry();
-        self.stand = machine.standing(pose, &self.trig, tool);
-        let place = &self.stand.place;
-        let twist = &mut self.twist;
-        self.corrections = machine.corrected(place, &mut self.placed, |found| *twist = *found)?;
+        self.placement = machine.placement(pose, &self.trig, tool);
+        let place = &self.placement.place;
+        let torsion = &mut self.torsion;
+        self.corrections = machine.corrected(place, &mut self.placed, |found| *torsion = *found)?;
         self.joints = machine.leg_joints(&self.placed, &self.corrections)?;
         self.anchors = machine.moved_anchors(&self.joints)?;
         if machine.moving {
-            machine.place(&self.anchors, &self.stand.place, &mut self.placed);
+            machine.place(&self.anchors, &self.placement.place, &mut self.placed);
         }
         self.gradients.set(None);
         self.singular_value.set(None);
@@ -98,7 +98,7 @@ impl<const N: usize> LegsAt<'_, N> {
 
     /// Joint values of legs and table.
     pub fn all_joints(&self) -> Result<Joints, Fault> {
-        self.machine.all_joints(&self.joints, &self.stand.point)
+        self.machine.all_joints(&self.joints, &self.placement.point)
     }
 
     pub fn corrections(&self) -> PerLeg {
@@ -109,24 +109,24 @@ impl<const N: usize> LegsAt<'_, N> {
         for (i, segment) in segments.iter_mut().enumerate().take(self.machine.count()) {
             *segment = Segment {
                 base: self.anchors.get(i),
-                platform: self.stand.place.centre + self.placed.arms.get(i),
+                platform: self.placement.place.centre + self.placed.arms.get(i),
             };
         }
     }
 
     /// From the control point to the reference point, in base.
     pub fn lever(&self) -> Vector3<f64> {
-        self.stand.place.rotation * (self.tool + self.machine.reference)
+        self.placement.place.rotation * (self.tool + self.machine.reference)
     }
 
     /// Torsion of the legs, if any has a lead.
-    pub fn twist(&self) -> Option<&Twist<N>> {
-        self.machine.nut.is_some().then_some(&self.twist)
+    pub fn torsion(&self) -> Option<&Torsion<N>> {
+        self.machine.nut.is_some().then_some(&self.torsion)
     }
 
     /// Speed of the platform anchor along the leg per joint rate.
-    fn gain(&self, i: usize, n: &Vector3<f64>) -> f64 {
-        self.machine.legs[i].gain(self.joints[i] + self.machine.offset[i], n)
+    fn transmission(&self, i: usize, n: &Vector3<f64>) -> f64 {
+        self.machine.legs[i].transmission(self.joints[i] + self.machine.offset[i], n)
     }
 
     /// How far leg `i` is from its dead point, see [`crate::leg`]; `None` where it has none.
@@ -142,11 +142,11 @@ impl<const N: usize> LegsAt<'_, N> {
     }
 
     fn find_gradients(&self) -> Result<[Gradient; N], Fault> {
-        let rows = self.machine.rows(&self.placed, self.twist());
+        let rows = self.machine.rows(&self.placed, self.torsion());
         let n = self.placed.directions();
         let mut rates = [0.0; N];
         for (i, rate) in rates.iter_mut().enumerate() {
-            *rate = 1.0 / self.gain(i, &n.get(i));
+            *rate = 1.0 / self.transmission(i, &n.get(i));
             // So far away that a joint value swallows its leg.
             if !rate.is_finite() {
                 return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
@@ -202,7 +202,7 @@ impl<const N: usize> LegsAt<'_, N> {
             let speed = sum(&v, &cross(&omega, &self.placed.arms.pair(i)));
             let mut rate = dot(&n, &speed);
             if let Some(nut) = &self.machine.nut {
-                let of_nut = nut.rates(&self.twist, i, &n, curved);
+                let of_nut = nut.rates(&self.torsion, i, &n, curved);
                 rate += dot(&of_nut.along, &speed) + dot(&of_nut.moment, &omega);
             }
             put(&mut rates, i, rate);
@@ -210,7 +210,7 @@ impl<const N: usize> LegsAt<'_, N> {
         if self.machine.moving {
             let n = self.placed.directions();
             for i in 0..N {
-                let per_rate = 1.0 / self.gain(i, &n.get(i));
+                let per_rate = 1.0 / self.transmission(i, &n.get(i));
                 // So far away that a joint value swallows its leg.
                 if !per_rate.is_finite() {
                     return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
@@ -224,7 +224,7 @@ impl<const N: usize> LegsAt<'_, N> {
     /// Unit constraint rows without nut corrections, column by column, see
     /// [`Mechanism::to_chart`].
     pub fn constraint_columns(&self) -> [[f64; N]; 6] {
-        self.machine.charted_rows(&self.placed, None, &self.stand.place)
+        self.machine.charted_rows(&self.placed, None, &self.placement.place)
     }
 
     pub fn smallest_singular_value(&self) -> f64 {

@@ -153,7 +153,7 @@ impl Margin {
             Limit::PlatformPyramid => Cause::PlatformPyramidAhead,
             Limit::Tilt => Cause::TiltAhead,
             Limit::Clearance => Cause::LegsNear,
-            Limit::Conditioning => Cause::HoldAhead,
+            Limit::Conditioning => Cause::ConditioningAhead,
             Limit::JointSpeed => Cause::JointTooFast,
             Limit::DeadPoint => Cause::DeadPoint,
             Limit::Axis | Limit::Reach | Limit::JointAcceleration => return None,

@@ -11,7 +11,7 @@ use crate::lanes::{Lanes3, are_above, both, cross, pair, put, scaled, sum, times
 use crate::layout::Layout;
 use crate::leg::Leg;
 use crate::letters::Letter;
-use crate::nut::{Nut, Twist};
+use crate::nut::{Nut, Torsion};
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
 use nalgebra::{Matrix3, Vector3};
@@ -207,26 +207,26 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Twist of every leg, if any leg has a lead.
+    /// Torsion of every leg, if any leg has a lead.
     #[inline]
-    pub fn twist(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Twist<N>>, Fault> {
+    pub fn torsion(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Torsion<N>>, Fault> {
         let Some(nut) = &self.nut else { return Ok(None) };
-        let twist = nut.twist(n, r);
-        nut.refuse_along_axis(&twist)?;
-        Ok(Some(twist))
+        let torsion = nut.torsion(n, r);
+        nut.refuse_along_axis(&torsion)?;
+        Ok(Some(torsion))
     }
 
     /// Rows of the length constraints at a place of the platform: one column per lane
     /// array, linear part first, about the reference point; the last three per radian.
     #[inline(always)]
-    pub fn rows(&self, placed: &Placed<N>, twist: Option<&Twist<N>>) -> [[f64; N]; 6] {
+    pub fn rows(&self, placed: &Placed<N>, torsion: Option<&Torsion<N>>) -> [[f64; N]; 6] {
         let mut columns = [[0.0; N]; 6];
         for i in (0..N).step_by(2) {
             let curved = placed.curved(i);
             let mut force = scaled(&placed.span.pair(i), curved);
             let mut moment = [both(0.0); 3];
-            if let (Some(nut), Some(twist)) = (&self.nut, twist) {
-                let rates = nut.rates(twist, i, &force, curved);
+            if let (Some(nut), Some(torsion)) = (&self.nut, torsion) {
+                let rates = nut.rates(torsion, i, &force, curved);
                 force = sum(&force, &rates.along);
                 moment = rates.moment;
             }
@@ -243,10 +243,10 @@ impl<const N: usize> Mechanism<N> {
     pub fn charted_rows(
         &self,
         placed: &Placed<N>,
-        twist: Option<&Twist<N>>,
+        torsion: Option<&Torsion<N>>,
         place: &Place,
     ) -> [[f64; N]; 6] {
-        let mut columns = self.rows(placed, twist);
+        let mut columns = self.rows(placed, torsion);
         self.to_chart(&mut columns, place);
         columns
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Nut rotation: a strut whose screw and nut are held by cardan joints only is
-//! twisted about its own axis by a change of pose, and the thread turns that twist
+//! turned about its own axis by a change of pose, and the thread turns that torsion
 //! into length the motor did not command.
 //!
 //! Source: paper 004 (Novikov, Strutynsky, Kyrychenko 2011), equation 1, in its
@@ -9,14 +9,14 @@
 //! its direction in the platform), α = A·n, β = B·n:
 //!
 //! ```text
-//! S = n·(A×B),  C = A·B − αβ,  twist φ = atan2(S, C)
+//! S = n·(A×B),  C = A·B − αβ,  torsion φ = atan2(S, C)
 //! correction = h (lead/2π) atan2(h S, h C),   h = cos φ₀ = ±1
 //! ```
 //!
 //! φ₀ is 0 or π, whichever is nearer to φ at the reference pose. Within ±90° of φ₀
 //! this equals the published arcsin (genhexkins); beyond, it stays continuous. As long as
 //! no pose has fixed φ₀, h follows the sign of C at every pose: that is the arcsin itself.
-//! Half a turn from φ₀ it would jump by a lead: twists near to that are refused.
+//! Half a turn from φ₀ it would jump by a lead: torsions near to that are refused.
 //! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
 
 use crate::fault::{Cause, Fault};
@@ -27,7 +27,7 @@ use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// Smallest 1 − α² and 1 − β²: nearer to a joint axis the twist is undefined.
+/// Smallest 1 − α² and 1 − β²: nearer to a joint axis the torsion is undefined.
 pub const MIN_SIN_SQUARED: f64 = 1e-6;
 
 /// Smallest sine of the angle between a strut and a joint axis, widened by what a pose may change,
@@ -44,7 +44,7 @@ const MAX_TORSION: f64 = 170.0 / 180.0 * core::f64::consts::PI;
 /// choice of φ₀ would hang on rounding.
 const MIN_FOLD_COS: f64 = 0.1;
 
-/// Squared sine of 10°, within which a joint axis is what makes twists change fast.
+/// Squared sine of 10°, within which a joint axis is what makes torsions change fast.
 const NEAR_AXIS: f64 = 0.03;
 
 /// Where the continuous correction is folded.
@@ -62,16 +62,16 @@ pub(crate) struct Nut<const N: usize> {
     /// Once the fold is fixed times h, which makes h S of S and h C of C.
     base_axis: Lanes3<N>,
     platform_axis: Lanes3<N>,
-    /// lead / 2π, once the fold is fixed times h: length per radian of twist.
+    /// lead / 2π, once the fold is fixed times h: length per radian of torsion.
     travel: [f64; N],
-    /// 1 for a leg without a screw, which gives it a twist of 0; else 0.
+    /// 1 for a leg without a screw, which gives it a torsion of 0; else 0.
     idle: [f64; N],
     fold: Fold,
 }
 
-/// The twist of every leg at one pose.
+/// The torsion of every leg at one pose.
 #[derive(Clone, Copy)]
-pub(crate) struct Twist<const N: usize> {
+pub(crate) struct Torsion<const N: usize> {
     /// Platform axes in base.
     platform_axis: Lanes3<N>,
     alpha: [f64; N],
@@ -84,16 +84,16 @@ pub(crate) struct Twist<const N: usize> {
     from_fold: [f64; N],
 }
 
-/// What nut corrections come from: gain · atan2(sine, cosine).
+/// What nut corrections come from: factor · atan2(sine, cosine).
 #[repr(align(16))]
 pub(crate) struct Turns<const N: usize> {
     sine: [f64; N],
     cosine: [f64; N],
-    gain: [f64; N],
+    factor: [f64; N],
 }
 
 impl<const N: usize> Turns<N> {
-    pub const ZERO: Self = Self { sine: [0.0; N], cosine: [0.0; N], gain: [0.0; N] };
+    pub const ZERO: Self = Self { sine: [0.0; N], cosine: [0.0; N], factor: [0.0; N] };
 }
 
 /// Gradient of the correction of two legs: force part along v, free moment along ω.
@@ -134,14 +134,14 @@ impl<const N: usize> Nut<N> {
         n: &Lanes3<N>,
         rotation: &Matrix3<f64>,
     ) -> Result<Option<Fault>, Fault> {
-        let twist = self.twist(n, rotation);
-        self.refuse_along_axis(&twist)?;
+        let torsion = self.torsion(n, rotation);
+        self.refuse_along_axis(&torsion)?;
         let mut doubt = None;
         for i in 0..N {
             if self.travel[i] == 0.0 {
                 continue;
             }
-            let cos = twist.cosine[i] / twist.norm(i);
+            let cos = torsion.cosine[i] / torsion.norm(i);
             if doubt.is_none() && !(cos.abs() >= MIN_FOLD_COS) {
                 doubt = Some(Fault::of_leg(Cause::FoldUndefined, i, cos));
             }
@@ -163,47 +163,47 @@ impl<const N: usize> Nut<N> {
         self.fold = Fold::Literal;
     }
 
-    /// Twist of every leg; [`Self::refuse_along_axis`] tells whether it means anything.
+    /// Torsion of every leg; [`Self::refuse_along_axis`] says whether it means anything.
     #[inline(always)]
-    pub fn twist(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Twist<N> {
-        let mut twist = Twist::ZERO;
+    pub fn torsion(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Torsion<N> {
+        let mut torsion = Torsion::ZERO;
         for i in (0..N).step_by(2) {
-            twist.platform_axis.put(i, times(rotation, &self.platform_axis.pair(i)));
+            torsion.platform_axis.put(i, times(rotation, &self.platform_axis.pair(i)));
         }
-        self.project(n, &mut twist);
-        twist.unfold();
-        twist
+        self.project(n, &mut torsion);
+        torsion.unfold();
+        torsion
     }
 
-    /// Twist of every leg after the platform has changed its orientation R to R + `change` R,
-    /// written to `twist`: the arcs of small differences are what costs least.
+    /// Torsion of every leg after the platform has changed its orientation R to R + `change` R,
+    /// written to `torsion`: the arcs of small differences are what costs least.
     #[inline(always)]
-    pub fn twist_from(
+    pub fn torsion_from(
         &self,
-        from: &Twist<N>,
+        from: &Torsion<N>,
         n: &Lanes3<N>,
         change: &Matrix3<f64>,
-        twist: &mut Twist<N>,
+        torsion: &mut Torsion<N>,
     ) {
         for i in (0..N).step_by(2) {
             let was = from.platform_axis.pair(i);
-            twist.platform_axis.put(i, sum(&was, &times(change, &was)));
+            torsion.platform_axis.put(i, sum(&was, &times(change, &was)));
         }
-        self.project(n, twist);
+        self.project(n, torsion);
         if self.fold == Fold::Literal {
-            twist.unfold();
+            torsion.unfold();
             return;
         }
         for i in (0..N).step_by(2) {
-            let (s, c) = (pair(&twist.sine, i), pair(&twist.cosine, i));
+            let (s, c) = (pair(&torsion.sine, i), pair(&torsion.cosine, i));
             let (s0, c0) = (pair(&from.sine, i), pair(&from.cosine, i));
             let arc = arcs(s * c0 - c * s0, c * c0 + s * s0);
-            put(&mut twist.from_fold, i, pair(&from.from_fold, i) + arc);
+            put(&mut torsion.from_fold, i, pair(&from.from_fold, i) + arc);
         }
     }
 
     /// What the corrections of struts i and i + 1 come from, and where they mean anything:
-    /// [`Self::twist`] and [`Self::refuse_along_axis`] in one, for struts as vectors with
+    /// [`Self::torsion`] and [`Self::refuse_along_axis`] in one, for struts as vectors with
     /// their lengths. S and C are l² times as large, which takes no division; where squares of the
     /// lengths are beyond all numbers the mask says nothing.
     #[inline(always)]
@@ -219,65 +219,65 @@ impl<const N: usize> Nut<N> {
         let square = length * length;
         let mut sine = dot(strut, &cross(&a, &b)) * length;
         let mut cosine = (dot(&a, &b) + pair(&self.idle, i)) * square - alpha * beta;
-        let mut gain = pair(&self.travel, i);
+        let mut factor = pair(&self.travel, i);
         if self.fold == Fold::Literal {
             let hand = cosine.simd_lt(both(0.0)).select(both(-1.0), both(1.0));
-            (sine, cosine, gain) = (hand * sine, hand * cosine, hand * gain);
+            (sine, cosine, factor) = (hand * sine, hand * cosine, hand * factor);
         }
         put(&mut turns.sine, i, sine);
         put(&mut turns.cosine, i, cosine);
-        put(&mut turns.gain, i, gain);
+        put(&mut turns.factor, i, factor);
         let most = both(1.0 - MIN_SIN_SQUARED) * square;
         (alpha * alpha).simd_le(most) & (beta * beta).simd_le(most)
     }
 
-    /// Lengths to add to struts i and i + 1, and a mask of those that are told: twists of more
+    /// Lengths to add to struts i and i + 1, and a mask of those that are known: torsions of more
     /// than 47° are not.
     #[inline(always)]
     pub fn correction(&self, i: usize, turns: &Turns<N>) -> (f64x2, f64x2) {
-        let (arcs, told) = arcs_by_half(pair(&turns.sine, i), pair(&turns.cosine, i));
-        (pair(&turns.gain, i) * arcs, told)
+        let (arcs, known) = arcs_by_half(pair(&turns.sine, i), pair(&turns.cosine, i));
+        (pair(&turns.factor, i) * arcs, known)
     }
 
-    /// All of a twist but platform axes, which it has, and arc.
+    /// All of a torsion but platform axes, which it has, and arc.
     #[inline(always)]
-    fn project(&self, n: &Lanes3<N>, twist: &mut Twist<N>) {
+    fn project(&self, n: &Lanes3<N>, torsion: &mut Torsion<N>) {
         for i in (0..N).step_by(2) {
-            let (a, b, n) = (self.base_axis.pair(i), twist.platform_axis.pair(i), n.pair(i));
+            let (a, b, n) = (self.base_axis.pair(i), torsion.platform_axis.pair(i), n.pair(i));
             let (alpha, beta) = (dot(&a, &n), dot(&b, &n));
             let cosine = dot(&a, &b) - alpha * beta + pair(&self.idle, i);
-            put(&mut twist.alpha, i, alpha);
-            put(&mut twist.beta, i, beta);
-            put(&mut twist.sine, i, dot(&n, &cross(&a, &b)));
-            put(&mut twist.cosine, i, cosine);
+            put(&mut torsion.alpha, i, alpha);
+            put(&mut torsion.beta, i, beta);
+            put(&mut torsion.sine, i, dot(&n, &cross(&a, &b)));
+            put(&mut torsion.cosine, i, cosine);
         }
-        twist.hand = [1.0; N];
+        torsion.hand = [1.0; N];
         if self.fold == Fold::Literal {
-            twist.hand = twist.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
+            torsion.hand = torsion.cosine.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
         }
     }
 
-    /// Refuses a strut that points along one of its joint axes: it has no twist.
+    /// Refuses a strut that points along one of its joint axes: it has no torsion.
     #[inline(always)]
-    pub fn refuse_along_axis(&self, twist: &Twist<N>) -> Result<(), Fault> {
+    pub fn refuse_along_axis(&self, torsion: &Torsion<N>) -> Result<(), Fault> {
         for i in (0..N).step_by(2) {
-            let (alpha, beta) = (pair(&twist.alpha, i), pair(&twist.beta, i));
+            let (alpha, beta) = (pair(&torsion.alpha, i), pair(&torsion.beta, i));
             let room = (both(1.0) - alpha * alpha, both(1.0) - beta * beta);
             let least = both(MIN_SIN_SQUARED);
             if !(room.0.simd_ge(least) & room.1.simd_ge(least)).all() {
-                return Err(twist.along_axis());
+                return Err(torsion.along_axis());
             }
         }
         Ok(())
     }
 
-    /// Refuses a strut that has no twist, or is about to lose its sense.
+    /// Refuses a strut that has no torsion, or is about to lose its sense.
     #[inline(always)]
-    pub fn refuse(&self, twist: &Twist<N>) -> Result<(), Fault> {
-        self.refuse_along_axis(twist)?;
+    pub fn refuse(&self, torsion: &Torsion<N>) -> Result<(), Fault> {
+        self.refuse_along_axis(torsion)?;
         for i in (0..N).step_by(2) {
-            if !pair(&twist.from_fold, i).abs().simd_le(both(MAX_TORSION)).all() {
-                return Err(twist.beyond());
+            if !pair(&torsion.from_fold, i).abs().simd_le(both(MAX_TORSION)).all() {
+                return Err(torsion.beyond());
             }
         }
         Ok(())
@@ -285,11 +285,11 @@ impl<const N: usize> Nut<N> {
 
     /// Lengths to add to the struts, in machine units.
     #[inline(always)]
-    pub fn corrections(&self, twist: &Twist<N>) -> [f64; N] {
+    pub fn corrections(&self, torsion: &Torsion<N>) -> [f64; N] {
         let mut out = [0.0; N];
         for i in (0..N).step_by(2) {
-            let gain = pair(&twist.hand, i) * pair(&self.travel, i);
-            put(&mut out, i, gain * pair(&twist.from_fold, i));
+            let factor = pair(&torsion.hand, i) * pair(&self.travel, i);
+            put(&mut out, i, factor * pair(&torsion.from_fold, i));
         }
         out
     }
@@ -302,13 +302,13 @@ impl<const N: usize> Nut<N> {
     /// dφ = w·v + ( ρ×w + (n − βB)/(1−β²) )·ω
     /// ```
     #[inline(always)]
-    pub fn rates(&self, twist: &Twist<N>, i: usize, n: &[f64x2; 3], curved: f64x2) -> Rates {
-        let gain = pair(&twist.hand, i) * pair(&self.travel, i);
-        let (alpha, beta) = (pair(&twist.alpha, i), pair(&twist.beta, i));
-        let of_n = gain / (both(1.0) - beta * beta);
+    pub fn rates(&self, torsion: &Torsion<N>, i: usize, n: &[f64x2; 3], curved: f64x2) -> Rates {
+        let factor = pair(&torsion.hand, i) * pair(&self.travel, i);
+        let (alpha, beta) = (pair(&torsion.alpha, i), pair(&torsion.beta, i));
+        let of_n = factor / (both(1.0) - beta * beta);
         let of_b = beta * of_n;
-        let of_a = alpha * gain / (both(1.0) - alpha * alpha);
-        let (a, b) = (self.base_axis.pair(i), twist.platform_axis.pair(i));
+        let of_a = alpha * factor / (both(1.0) - alpha * alpha);
+        let (a, b) = (self.base_axis.pair(i), torsion.platform_axis.pair(i));
         // One product with n serves both axes.
         let axes = sum(&scaled(&b, of_b * curved), &scaled(&a, -of_a * curved));
         Rates { along: cross(&axes, n), moment: sum(&scaled(n, of_n), &scaled(&b, -of_b)) }
@@ -322,21 +322,21 @@ impl<const N: usize> Nut<N> {
     /// the planes normal to the joint axes, widened by what the ball may turn them:
     /// κ (3n'²/cos²θA + 3(n'+1/r)²/cos²θB + (tan θA + tan θB) n'' + 1/(r² cos θB)).
     #[inline(always)]
-    pub fn curvature(&self, twist: &Twist<N>, i: usize, ball: &Ball) -> Option<f64x2> {
+    pub fn curvature(&self, torsion: &Torsion<N>, i: usize, ball: &Ball) -> Option<f64x2> {
         let kappa = pair(&self.travel, i).abs();
         let idle = kappa.simd_eq(both(0.0));
         let (rho, turn) = (both(ball.rho), both(1.0 / ball.radius));
         let n1 = ball.s1 * ball.curved;
         let n2 = ball.s2 * ball.curved + both(3.0) * n1 * n1;
         let n1b = n1 + turn;
-        let a = Widened::new(pair(&twist.alpha, i), n1 * rho);
-        let b = Widened::new(pair(&twist.beta, i), n1b * rho);
+        let a = Widened::new(pair(&torsion.alpha, i), n1 * rho);
+        let b = Widened::new(pair(&torsion.beta, i), n1b * rho);
         let slope = n1 * (a.tan + b.tan) + turn * b.secant;
         let fold = match self.fold {
             Fold::Literal => core::f64::consts::FRAC_PI_2,
             Fold::Fixed => MAX_TORSION,
         };
-        let folded = pair(&twist.from_fold, i).abs() + slope * rho;
+        let folded = pair(&torsion.from_fold, i).abs() + slope * rho;
         if !(idle | (a.allowed & b.allowed & folded.simd_lt(both(fold)))).all() {
             return None;
         }
@@ -346,7 +346,7 @@ impl<const N: usize> Nut<N> {
     }
 }
 
-impl<const N: usize> Twist<N> {
+impl<const N: usize> Torsion<N> {
     pub const ZERO: Self = Self {
         platform_axis: Lanes3::ZERO,
         alpha: [0.0; N],
@@ -392,11 +392,11 @@ impl<const N: usize> Twist<N> {
         Fault::of_leg(Cause::TorsionTooLarge, most.0, most.1 * 180.0 / core::f64::consts::PI)
     }
 
-    /// Why nothing is certain about these twists: they are too large, or a strut is too near to
+    /// Why nothing is certain about these torsions: they are too large, or a strut is too near to
     /// one of its joint axes.
     #[cold]
     pub fn uncertain(&self) -> Fault {
-        // Beside an axis a step changes a twist by any amount.
+        // Beside an axis a step changes a torsion by any amount.
         let clear = (0..N).all(|i| self.room(i) > NEAR_AXIS);
         if clear { self.beyond() } else { self.along_axis() }
     }
@@ -483,8 +483,8 @@ mod tests {
     /// Sines 0.6 and 0.28, cosines 0.8 and 0.96. The ball widens them by 0.2 and 0.4, to cosines
     /// of 0.8 · 0.98 − 0.6 · 0.2 and 0.96 · 0.92 − 0.28 · 0.4, and sines of 0.6 + 0.8 · 0.2 and
     /// 0.28 + 0.96 · 0.4.
-    fn tilted(from_fold: f64) -> Twist<4> {
-        Twist { alpha: [0.6; 4], beta: [-0.28; 4], from_fold: [from_fold; 4], ..Twist::ZERO }
+    fn tilted(from_fold: f64) -> Torsion<4> {
+        Torsion { alpha: [0.6; 4], beta: [-0.28; 4], from_fold: [from_fold; 4], ..Torsion::ZERO }
     }
 
     const COSINES: [f64; 2] = [0.664, 0.7712];
@@ -505,10 +505,10 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_the_correction_may_fold() {
-        // So far twists turn on a way of 2.
+        // So far torsions turn on a way of 2.
         let turn = 2.0 * 0.1 * (TANGENTS + 1.0 / COSINES[1]);
         for (fold, limit) in [(Fold::Fixed, 170.0 / 180.0 * PI), (Fold::Literal, FRAC_PI_2)] {
-            let within = |twist| nut(fold).curvature(&tilted(twist), 0, &BALL).is_some();
+            let within = |torsion| nut(fold).curvature(&tilted(torsion), 0, &BALL).is_some();
             let room = limit - turn;
             for sign in [-1.0, 1.0] {
                 assert!(within(sign * (room - 1e-6)), "{limit}");
@@ -520,7 +520,7 @@ mod tests {
     #[test]
     fn there_is_no_curvature_where_a_strut_may_meet_a_joint_axis() {
         // One leg of the two and one of the axes, widened by 0.0002 and 0.0004 to a cosine of
-        // 0.001; twists turn by less than π.
+        // 0.001; torsions turn by less than π.
         let ball = Ball { rho: 2e-3, ..BALL };
         let sine_of = |cosine: f64| sqrt(1.0 - cosine * cosine);
         for leg in 0..2 {
@@ -530,30 +530,30 @@ mod tests {
                 (0.6, sine_of(1.41e-3), false),
                 (0.6, -sine_of(1.39e-3), true),
             ] {
-                let mut twist = tilted(0.0);
-                (twist.alpha[leg], twist.beta[leg]) = (alpha, beta);
-                let bound = nut(Fold::Fixed).curvature(&twist, 0, &ball);
+                let mut torsion = tilted(0.0);
+                (torsion.alpha[leg], torsion.beta[leg]) = (alpha, beta);
+                let bound = nut(Fold::Fixed).curvature(&torsion, 0, &ball);
                 assert_eq!(bound.is_none(), is_met, "{leg}: {alpha} {beta}");
             }
         }
         // Legs without a screw have no axes to meet.
-        let idle = Twist { alpha: [1.0; 4], beta: [1.0; 4], ..tilted(9.0) };
+        let idle = Torsion { alpha: [1.0; 4], beta: [1.0; 4], ..tilted(9.0) };
         assert_eq!(NONE.curvature(&idle, 0, &BALL).map(f64x2::to_array), Some([0.0; 2]));
     }
 
     #[test]
     fn the_strut_that_is_nearest_to_an_axis_is_refused_with_the_square_of_its_sine() {
         let nut = nut(Fold::Fixed);
-        let mut twist = tilted(0.0);
-        assert_eq!(nut.refuse_along_axis(&twist), Ok(()));
-        assert!((twist.room(0) - 0.64).abs() < ROUNDING);
-        twist.beta[1] = 0.8;
-        assert!((twist.room(1) - 0.36).abs() < ROUNDING);
+        let mut torsion = tilted(0.0);
+        assert_eq!(nut.refuse_along_axis(&torsion), Ok(()));
+        assert!((torsion.room(0) - 0.64).abs() < ROUNDING);
+        torsion.beta[1] = 0.8;
+        assert!((torsion.room(1) - 0.36).abs() < ROUNDING);
         // Sines of a little more and a little less than the smallest ones.
         let (far, near) = (sqrt(1.0 - 1.1e-6), sqrt(1.0 - 0.9e-6));
         for leg in 0..4 {
             for sign in [-1.0, 1.0] {
-                let mut along = twist;
+                let mut along = torsion;
                 along.alpha[leg] = sign * far;
                 assert_eq!(nut.refuse_along_axis(&along), Ok(()));
                 along.alpha[leg] = 0.6;
@@ -581,12 +581,12 @@ mod tests {
                 if i == leg { strut } else { across }
             });
             let mut turns = Turns::ZERO;
-            let told = [0, 2].map(|i| {
+            let known = [0, 2].map(|i| {
                 let pair = struts.pair(i);
                 let length = dot(&pair, &pair).sqrt();
                 nut.turn(i, (&pair, length), &Matrix3::identity(), &mut turns).to_array()
             });
-            [told[0][0], told[0][1], told[1][0], told[1][1]].map(|mask| mask.to_bits() == 0)
+            [known[0][0], known[0][1], known[1][0], known[1][1]].map(|mask| mask.to_bits() == 0)
         };
         for leg in 0..4 {
             for axis in [axes(leg), platform[leg], -axes(leg), -platform[leg]] {
@@ -628,7 +628,7 @@ mod tests {
         let turned =
             |angle: f64| *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
         let corrections =
-            |nut: &Nut<4>, angle: f64| nut.corrections(&nut.twist(&up, &turned(angle)));
+            |nut: &Nut<4>, angle: f64| nut.corrections(&nut.torsion(&up, &turned(angle)));
         let same = |one: &Nut<4>, other: &Nut<4>| {
             for k in -30..=30 {
                 let angle = 0.1 * f64::from(k);

@@ -73,31 +73,31 @@ impl<const N: usize> Placed<N> {
 
     /// Speeds of the lengths while the platform moves at `v` and turns at `omega`.
     #[inline(always)]
-    pub fn stretch(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+    pub fn length_rates(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
         let (v, omega) = (wide(v), wide(omega));
-        let mut stretch = [0.0; N];
+        let mut length_rates = [0.0; N];
         for i in (0..N).step_by(2) {
             let speed = sum(&v, &cross(&omega, &self.arms.pair(i)));
-            put(&mut stretch, i, dot(&self.span.pair(i), &speed) * self.curved(i));
+            put(&mut length_rates, i, dot(&self.span.pair(i), &speed) * self.curved(i));
         }
-        stretch
+        length_rates
     }
 
     /// Second derivatives of the lengths while the platform moves at `v` and turns at `omega`,
     /// both constant: u the speed of an arm's end, (|u|² − (n·u)²)/l + n·(ω × (ω × arm)).
     #[inline(always)]
-    pub fn bend(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
+    pub fn length_accelerations(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
         let (v, omega) = (wide(v), wide(omega));
-        let mut bend = [0.0; N];
+        let mut accelerations = [0.0; N];
         for i in (0..N).step_by(2) {
             let turned = cross(&omega, &self.arms.pair(i));
             let u = sum(&v, &turned);
             let (span, curved) = (self.span.pair(i), self.curved(i));
             let along = dot(&span, &u) * curved;
             let pull = dot(&u, &u) - along * along + dot(&span, &cross(&omega, &turned));
-            put(&mut bend, i, pull * curved);
+            put(&mut accelerations, i, pull * curved);
         }
-        bend
+        accelerations
     }
 
     /// Unit vectors along the legs, base to platform.

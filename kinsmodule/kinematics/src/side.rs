@@ -83,14 +83,14 @@ impl<const N: usize> Mechanism<N> {
     pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
         let mut legs = self.nowhere();
         legs.move_to(pose, tool)?;
-        let (joints, placed, place) = (&legs.joints, &legs.placed, &legs.stand.place);
-        let twist = legs.twist();
-        let columns = self.charted_rows(placed, twist, place);
+        let (joints, placed, place) = (&legs.joints, &legs.placed, &legs.placement.place);
+        let torsion = legs.torsion();
+        let columns = self.charted_rows(placed, torsion, place);
         let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
         let reach = match PseudoInverse::new(&columns, &self.active) {
             _ if self.layout.is_redundant() => f64::INFINITY,
             Some(inverse) => self.largest_ball(|rho| {
-                let fixed = lipschitz_constant(self, placed, twist, &inverse, rho, None).ok()?;
+                let fixed = lipschitz_constant(self, placed, torsion, &inverse, rho, None).ok()?;
                 Some(fixed + self.of_joints(placed, joints, &inverse, rho)?)
             }),
             None => 0.0,
@@ -101,18 +101,18 @@ impl<const N: usize> Mechanism<N> {
 
     pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {
         let legs = self.legs.iter().zip(from.iter().zip(to)).take(self.count());
-        // The margin of a gain of 1 is 1 over the largest gain.
+        // The margin of a transmission of 1 is 1 over the largest transmission.
         let ways =
             legs.map(|(leg, (from, to))| (to - from).abs() / leg.margin(1.0).map_or(1.0, f64::abs));
         ways.fold(0.0, f64::max)
     }
 
     /// Radius ρ of a ball with L(ρ) ρ < 1; 0 where none was found.
-    fn largest_ball(&self, flat: impl Fn(f64) -> Option<f64>) -> f64 {
-        let Some(least) = flat(0.0) else { return 0.0 };
+    fn largest_ball(&self, lipschitz: impl Fn(f64) -> Option<f64>) -> f64 {
+        let Some(least) = lipschitz(0.0) else { return 0.0 };
         let mut rho = FIRST_SHARE / least;
         for _ in 0..TRIES {
-            if flat(rho).is_some_and(|flat| flat * rho < 1.0) {
+            if lipschitz(rho).is_some_and(|lipschitz| lipschitz * rho < 1.0) {
                 return rho;
             }
             rho /= 2.0;
@@ -132,10 +132,12 @@ impl<const N: usize> Mechanism<N> {
         let mut sum = 0.0;
         for i in 0..self.count() {
             let (leg, s1, length) = (&self.legs[i], self.s1[i], placed.length[i]);
-            let gain = leg.gain(joints[i] + self.offset[i], &(placed.span.get(i) / length));
-            let Some(margin) = leg.margin(gain) else { continue };
+            let transmission =
+                leg.transmission(joints[i] + self.offset[i], &(placed.span.get(i) / length));
+            let Some(margin) = leg.margin(transmission) else { continue };
             let speed = s1 * (1.0 + 2.0 / margin);
-            let turn = speed * rho / length + leg.bend(2.0 * s1 * rho / gain).turn;
+            let turn =
+                speed * rho / length + leg.second_derivatives(2.0 * s1 * rho / transmission).turn;
             if !(margin > 0.0 && turn <= margin / 2.0) {
                 return None;
             }

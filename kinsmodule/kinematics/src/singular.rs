@@ -87,7 +87,7 @@ impl Bidiagonal {
     /// The pivots p of BᵀB − x I are q + s, with s' = e s/p − x for the next one.
     #[inline(always)]
     fn sums(&self, x: f64) -> Option<[f64; 2]> {
-        let (mut s, mut slope, mut bend) = (-x, -1.0, 0.0);
+        let (mut s, mut slope, mut curvature) = (-x, -1.0, 0.0);
         let (mut first, mut second) = (0.0, 0.0);
         for (q, e) in self.diagonal.iter().zip(&self.above).take(self.count) {
             let pivot = q + s;
@@ -97,8 +97,8 @@ impl Bidiagonal {
             let over = 1.0 / pivot;
             let (ratio, factor) = (slope * over, e * q * over * over);
             first -= ratio;
-            second += ratio * ratio - bend * over;
-            bend = factor * (bend - 2.0 * slope * ratio);
+            second += ratio * ratio - curvature * over;
+            curvature = factor * (curvature - 2.0 * slope * ratio);
             slope = factor * slope - 1.0;
             s = e * s * over - x;
         }

@@ -258,7 +258,7 @@ fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
         // The way ahead, some 1e-8 degrees, changes the hold by as little.
         assert!((found.allowed - expected).abs() < 1e-6, "{share}: {found:?}");
         let why = found.because.expect("something limits").0.cause;
-        assert_eq!(why, Cause::HoldAhead);
+        assert_eq!(why, Cause::ConditioningAhead);
         assert!(allowed(share, -10.0).allowed > 1e90, "slowed on the way out");
     }
     assert!(allowed(2.1, 10.0).allowed > 1e90);

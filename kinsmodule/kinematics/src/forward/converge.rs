@@ -70,7 +70,7 @@ pub(super) struct Step {
     pub(super) step: [f64; 6],
     pub(super) length: f64,
     /// L of the ball of twice its length; infinite where nothing can be said.
-    pub(super) flat: f64,
+    pub(super) lipschitz: f64,
     /// L η.
     pub(super) h: f64,
 }
@@ -82,7 +82,7 @@ pub(super) struct Ball<'a, const N: usize> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Newton's step from a measured place towards `target`, and how flat the ball is that
+    /// Newton's step from a measured place towards `target`, and how lipschitz the ball is that
     /// it needs; the ball reaches at least twice `leftover` far.
     #[inline]
     pub(super) fn first_step(
@@ -102,10 +102,10 @@ impl<const N: usize> Mechanism<N> {
             let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
             turned = row_change(self, &at.placed, inverse, 2.0 * reach, motion, margin);
         }
-        let flat =
-            lipschitz_constant(self, &at.placed, self.twist_of(at), inverse, 2.0 * reach, motion)
+        let lipschitz =
+            lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, 2.0 * reach, motion)
                 .unwrap_or(f64::INFINITY);
-        Step { step, length, flat, h: flat * reach + turned }
+        Step { step, length, lipschitz, h: lipschitz * reach + turned }
     }
 
     /// Converges within the ball, in the chart about its middle.
@@ -213,26 +213,31 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
         // The ball of the first step serves if it is as large.
-        let flat = match distance <= 2.0 * first.length {
-            true => first.flat,
-            false => self.flat(&about.at, &about.inverse, distance).unwrap_or(f64::INFINITY),
+        let lipschitz = match distance <= 2.0 * first.length {
+            true => first.lipschitz,
+            false => self.lipschitz(&about.at, &about.inverse, distance).unwrap_or(f64::INFINITY),
         };
-        let reach = flat * distance;
+        let reach = lipschitz * distance;
         if !(reach < 1.0) {
             return Err(Fault::with_value(Cause::NotCertified, reach));
         }
         if self.moving {
             self.refuse_dead_points(&end.placed, &target.joints)?;
         }
-        if !(first.flat * self.size * CERTAIN_AT_ALL < 1.0) {
+        if !(first.lipschitz * self.size * CERTAIN_AT_ALL < 1.0) {
             self.refuse_nearly_singular(&about.at, &about.inverse)?;
         }
         Ok(Certificate::Ball(reach))
     }
 
     /// L of the ball of radius `rho` about a measured place.
-    fn flat(&self, at: &Measured<N>, inverse: &PseudoInverse<N>, rho: f64) -> Result<f64, Fault> {
-        lipschitz_constant(self, &at.placed, self.twist_of(at), inverse, rho, None)
+    fn lipschitz(
+        &self,
+        at: &Measured<N>,
+        inverse: &PseudoInverse<N>,
+        rho: f64,
+    ) -> Result<f64, Fault> {
+        lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, rho, None)
     }
 
     pub(super) fn refuse_nearly_singular(
@@ -240,7 +245,7 @@ impl<const N: usize> Mechanism<N> {
         at: &Measured<N>,
         inverse: &PseudoInverse<N>,
     ) -> Result<(), Fault> {
-        if self.flat(at, inverse, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
+        if self.lipschitz(at, inverse, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
             return Ok(());
         }
         Err(Cause::NearlySingular.into())
@@ -363,7 +368,8 @@ mod tests {
     }
 
     #[test]
-    fn a_first_step_is_certified_by_flatness_bow_and_drift_of_the_ball_that_it_needs() {
+    fn a_first_step_is_certified_by_lipschitz_constant_chord_deviation_and_drift_of_the_ball_that_it_needs()
+     {
         let mut rng = Pcg64::seed_from_u64(18);
         let mut checked = 0;
         for _ in 0..60 {
@@ -377,14 +383,17 @@ mod tests {
             }
             let Stance { at, inverse, .. } = &about;
             let alone = machine.first_step(at, inverse, 0.0, &to, None);
-            let flat =
+            let lipschitz =
                 |rho, motion| lipschitz_constant(&machine, &at.placed, None, inverse, rho, motion);
             // What was left over may reach farther than the step itself.
             for leftover in [0.0, 0.5, 3.0].map(|share| share * alone.length) {
                 let reach = leftover.max(alone.length);
                 let step_of = |motion| machine.first_step(at, inverse, leftover, &to, motion);
-                if let Ok(flat) = flat(2.0 * reach, None) {
-                    assert_eq!((step_of(None).flat, step_of(None).h), (flat, flat * reach));
+                if let Ok(lipschitz) = lipschitz(2.0 * reach, None) {
+                    assert_eq!(
+                        (step_of(None).lipschitz, step_of(None).h),
+                        (lipschitz, lipschitz * reach)
+                    );
                 }
                 let motion = Some(&step.motion);
                 let reach = reach + chord_deviation(&machine, &at.placed, inverse, &step.motion);
@@ -392,10 +401,10 @@ mod tests {
                     |i: usize| machine.margin(&at.placed, i, to.joints[i] + machine.offset[i]);
                 let turned =
                     row_change(&machine, &at.placed, inverse, 2.0 * reach, &step.motion, margin);
-                if let Ok(flat) = flat(2.0 * reach, motion) {
+                if let Ok(lipschitz) = lipschitz(2.0 * reach, motion) {
                     assert_eq!(
-                        (step_of(motion).flat, step_of(motion).h),
-                        (flat, flat * reach + turned)
+                        (step_of(motion).lipschitz, step_of(motion).h),
+                        (lipschitz, lipschitz * reach + turned)
                     );
                     checked += u32::from(turned > 0.0 && turned.is_finite());
                 }
@@ -423,10 +432,10 @@ mod tests {
                 // Some roundings of sums of six.
                 assert!((found - shift).norm() <= 1e-14 * (1.0 + shift.norm()), "{found} {shift}");
                 for i in 0..6 {
-                    let bend = machine.legs[i].bend(step.to[i] - step.from[i]);
-                    let expected = (chord[i] - shift).norm() + bend.anchor / 2.0;
+                    let of_leg = machine.legs[i].second_derivatives(step.to[i] - step.from[i]);
+                    let expected = (chord[i] - shift).norm() + of_leg.anchor / 2.0;
                     assert!((travel[i] - expected).abs() <= 1e-14 * (1.0 + chord[i].norm()));
-                    assert_eq!((second[i], turn[i]), (bend.anchor + bend.length, bend.turn));
+                    assert_eq!((second[i], turn[i]), (of_leg.anchor + of_leg.length, of_leg.turn));
                 }
                 let still = Mechanism { moving: false, ..machine };
                 assert!(still.motion(&from, &to).is_none());
@@ -448,7 +457,7 @@ mod tests {
             if !(first.h <= CERTIFIED) {
                 continue;
             }
-            let (flat, ball) = (first.flat, Ball { about: &about, first });
+            let (lipschitz, ball) = (first.lipschitz, Ball { about: &about, first });
             let mut effort =
                 Effort { iterations: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 };
             let mut end = End { place: about.place, at: Measured::ZERO };
@@ -457,7 +466,7 @@ mod tests {
                 continue;
             };
             // Half a unit away, give or take the tolerance; the first ball is about twice as large.
-            assert!((reach / flat - 0.5).abs() < 1e-8, "{reach} {flat}");
+            assert!((reach / lipschitz - 0.5).abs() < 1e-8, "{reach} {lipschitz}");
             checked += 1;
         }
         assert!(checked > 20, "{checked}");
@@ -472,8 +481,8 @@ mod tests {
         let mut about = Stance::new(place);
         machine.settle(&target, &mut about).expect("regular");
         let end = about.at;
-        let confirm = |flat: f64, length: f64, distance: f64| {
-            let first = Step { step: [0.0; 6], length, flat, h: 0.0 };
+        let confirm = |lipschitz: f64, length: f64, distance: f64| {
+            let first = Step { step: [0.0; 6], length, lipschitz, h: 0.0 };
             machine.confirm(&target, &Ball { about: &about, first }, distance, &end)
         };
         // Within twice the first step its own bound serves, here of a ball of radius 2.
@@ -482,16 +491,21 @@ mod tests {
         assert!(confirm(f64::NAN, 1.0, 1.0).is_err());
         // Beyond that the ball of the distance itself is asked.
         let Stance { at, inverse, .. } = &about;
-        let flat =
-            |rho| lipschitz_constant(&machine, &at.placed, None, inverse, rho, None).expect("flat");
-        let (distance, near) = (0.2 / flat(0.0), flat(0.2 / flat(0.0)) * 0.2 / flat(0.0));
+        let lipschitz = |rho| {
+            lipschitz_constant(&machine, &at.placed, None, inverse, rho, None).expect("lipschitz")
+        };
+        let (distance, near) =
+            (0.2 / lipschitz(0.0), lipschitz(0.2 / lipschitz(0.0)) * 0.2 / lipschitz(0.0));
         assert_eq!(confirm(9.0, 0.4 * distance, distance), Ok(Certificate::Ball(near)));
         // A first ball that is too small for certainty asks for the place's own Lipschitz constant, which
         // says the same of a machine scaled to be nearly singular.
-        let singular = Mechanism { size: 1.01 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
-        let regular = Mechanism { size: 0.99 / (CERTAIN_AT_ALL * flat(0.0)), ..machine.clone() };
+        let singular =
+            Mechanism { size: 1.01 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
+        let regular =
+            Mechanism { size: 0.99 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
         let told = |machine: &Mechanism<6>| {
-            let first = Step { step: [0.0; 6], length: 1.0, flat: 2.0 * flat(0.0), h: 0.0 };
+            let first =
+                Step { step: [0.0; 6], length: 1.0, lipschitz: 2.0 * lipschitz(0.0), h: 0.0 };
             machine.confirm(&target, &Ball { about: &about, first }, 0.0, &end)
         };
         assert_eq!(told(&regular), Ok(Certificate::Ball(0.0)));
@@ -571,7 +585,7 @@ mod tests {
                     else {
                         panic!("the nut has no correction within a certified ball");
                     };
-                    let bound = first.flat * rho + row_change;
+                    let bound = first.lipschitz * rho + row_change;
                     assert!(departure <= bound + 1e-6, "{departure} {bound}");
                     turned = turned.max(departure / bound);
                     let residuals = residuals(&machine, &step, share, &[0.0; 6]).unwrap();

@@ -92,7 +92,7 @@ impl<const N: usize> Mechanism<N> {
             return Err(self.inconsistent(&target, &start(), residual));
         }
         let corrections = match &self.nut {
-            Some(nut) => nut.corrections(&end.at.twist),
+            Some(nut) => nut.corrections(&end.at.torsion),
             None => [0.0; N],
         };
         let pose = self.pose_at(&end.place, joints, tool, seed, &trig);

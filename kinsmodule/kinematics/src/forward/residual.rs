@@ -6,7 +6,7 @@ use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, between, both, inner, pair, put};
 use crate::layout::Joints;
 use crate::mechanism::{Chart, Mechanism};
-use crate::nut::Twist;
+use crate::nut::Torsion;
 use crate::placed::{Displacement, Place, Placed};
 use crate::pose::{Pose, cayley_change, cayley_rate};
 use crate::pseudo_inverse::PseudoInverse;
@@ -33,13 +33,13 @@ impl<const N: usize> Target<N> {
 pub(crate) struct Measured<const N: usize> {
     pub placed: Placed<N>,
     /// Means something on machines with a nut only.
-    pub(super) twist: Twist<N>,
+    pub(super) torsion: Torsion<N>,
     pub(super) residual: [f64; N],
 }
 
 impl<const N: usize> Measured<N> {
     pub(super) const ZERO: Self =
-        Self { placed: Placed::ZERO, twist: Twist::ZERO, residual: [0.0; N] };
+        Self { placed: Placed::ZERO, torsion: Torsion::ZERO, residual: [0.0; N] };
 }
 
 /// A factored place, about which the chart is laid.
@@ -124,10 +124,10 @@ impl<const N: usize> Mechanism<N> {
         }
         let mut motion = Motion { shift, travel: [0.0; N], second: [0.0; N], turn: [0.0; N] };
         for i in 0..N {
-            let bend = self.legs[i].bend(to.joints[i] - from.joints[i]);
-            motion.travel[i] = (chord(i) - shift).norm() + bend.anchor / 2.0;
-            motion.second[i] = bend.anchor + bend.length;
-            motion.turn[i] = bend.turn;
+            let second = self.legs[i].second_derivatives(to.joints[i] - from.joints[i]);
+            motion.travel[i] = (chord(i) - shift).norm() + second.anchor / 2.0;
+            motion.second[i] = second.anchor + second.length;
+            motion.turn[i] = second.turn;
         }
         Some(motion)
     }
@@ -219,7 +219,7 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<(), Fault> {
         self.place(&target.anchors, place, &mut at.placed);
         if let Some(nut) = &self.nut {
-            at.twist = nut.twist(&at.placed.directions(), &place.rotation);
+            at.torsion = nut.torsion(&at.placed.directions(), &place.rotation);
         }
         self.compare(target, at)
     }
@@ -236,7 +236,12 @@ impl<const N: usize> Mechanism<N> {
         let by = self.displacement(&about.place, x);
         about.at.placed.moved(&by, &mut at.placed);
         if let Some(nut) = &self.nut {
-            nut.twist_from(&about.at.twist, &at.placed.directions(), &by.change, &mut at.twist);
+            nut.torsion_from(
+                &about.at.torsion,
+                &at.placed.directions(),
+                &by.change,
+                &mut at.torsion,
+            );
         }
         self.compare(target, at)?;
         Ok(by)
@@ -248,7 +253,7 @@ impl<const N: usize> Mechanism<N> {
     pub(super) fn bent_step(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; 6] {
         let [v, _] = parts(step);
         let omega = self.angular_at_middle(&about.place, step);
-        let more = about.inverse.solve(&about.at.placed.bend(&v, &omega));
+        let more = about.inverse.solve(&about.at.placed.length_accelerations(&v, &omega));
         along(step, -0.5, &more)
     }
 
@@ -267,13 +272,13 @@ impl<const N: usize> Mechanism<N> {
     ) -> [f64; 6] {
         let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
-        let mut left = at.placed.stretch(&v, &self.angular(&about.place, x, &step));
+        let mut left = at.placed.length_rates(&v, &self.angular(&about.place, x, &step));
         // J s = −F: without a nut nothing has to be known of J.
         let was = match self.nut {
             Some(_) => about
                 .at
                 .placed
-                .stretch(&v, &self.angular_at_middle(&about.place, &step))
+                .length_rates(&v, &self.angular_at_middle(&about.place, &step))
                 .map(|v| -v),
             None => at.residual,
         };
@@ -284,14 +289,14 @@ impl<const N: usize> Mechanism<N> {
         along(&step, -1.0, &about.inverse.solve(&left))
     }
 
-    /// Residuals of lengths and twists; refuses legs that have none.
+    /// Residuals of lengths and torsions; refuses legs that have none.
     #[inline(always)]
     pub(super) fn compare(&self, target: &Target<N>, at: &mut Measured<N>) -> Result<(), Fault> {
         self.refuse_short_legs(&at.placed.length)?;
         let mut corrections = [0.0; N];
         if let Some(nut) = &self.nut {
-            nut.refuse_along_axis(&at.twist)?;
-            corrections = nut.corrections(&at.twist);
+            nut.refuse_along_axis(&at.torsion)?;
+            corrections = nut.corrections(&at.torsion);
         }
         for i in (0..N).step_by(2) {
             let length = pair(&at.placed.length, i) + pair(&corrections, i);
@@ -307,16 +312,16 @@ impl<const N: usize> Mechanism<N> {
         Ok(at)
     }
 
-    /// The twist of a machine that has any.
+    /// The torsion of a machine that has any.
     #[inline]
-    pub(super) fn twist_of<'a>(&self, at: &'a Measured<N>) -> Option<&'a Twist<N>> {
-        self.nut.is_some().then_some(&at.twist)
+    pub(super) fn torsion_of<'a>(&self, at: &'a Measured<N>) -> Option<&'a Torsion<N>> {
+        self.nut.is_some().then_some(&at.torsion)
     }
 
     /// Rows of the residuals in the chart, column by column.
     #[inline(always)]
     pub(super) fn columns(&self, at: &Measured<N>, place: &Place) -> [[f64; N]; 6] {
-        self.charted_rows(&at.placed, self.twist_of(at), place)
+        self.charted_rows(&at.placed, self.torsion_of(at), place)
     }
 
     #[inline(always)]
@@ -449,14 +454,14 @@ pub(super) mod tests {
                 let [v, _] = parts(&trial.step);
                 let omega = trial.machine.angular_at_middle(&trial.about.place, &trial.step);
                 let (low, middle, high) = (lengths(-STEP), lengths(0.0), lengths(STEP));
-                let stretch = trial.about.at.placed.stretch(&v, &omega);
-                let bend = trial.about.at.placed.bend(&v, &omega);
+                let length_rates = trial.about.at.placed.length_rates(&v, &omega);
+                let accelerations = trial.about.at.placed.length_accelerations(&v, &omega);
                 for i in 0..6 {
                     let first = (high[i] - low[i]) / (2.0 * STEP);
                     let second = (high[i] + low[i] - 2.0 * middle[i]) / (STEP * STEP);
                     // What third and fourth derivatives add, even of short legs.
-                    assert!((stretch[i] - first).abs() < 1e-4, "{} {first}", stretch[i]);
-                    assert!((bend[i] - second).abs() < 1e-4 + 1e-2 * second.abs());
+                    assert!((length_rates[i] - first).abs() < 1e-4, "{} {first}", length_rates[i]);
+                    assert!((accelerations[i] - second).abs() < 1e-4 + 1e-2 * second.abs());
                 }
                 checked += 1;
             }

@@ -16,7 +16,7 @@
 //! u = (p − c)/L, u · ∂c/∂θ = −side √(a²+b²−T²)/L. Joint values are degrees, so that
 //! ∂c/∂q = (π/180) k × m(θ).
 
-use super::{Bend, Drive, LEAST_DRIVE, Refusal, direction, rod_length, side_sign};
+use super::{Drive, LEAST_DRIVE, Refusal, SecondDerivatives, direction, rod_length, side_sign};
 use crate::fault::Cause;
 use libm::{atan2, hypot, sincos, sqrt};
 use nalgebra::Vector3;
@@ -116,20 +116,20 @@ impl Crank {
     }
 
     #[inline]
-    pub fn gain(&self, q: f64, u: &Vector3<f64>) -> f64 {
+    pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
         let (s, c) = sincos(q * RADIANS);
         u.dot(&((self.across[1] * c - self.across[0] * s) * RADIANS))
     }
 
     #[inline]
-    pub fn margin(&self, gain: f64) -> f64 {
-        -self.side * gain / (self.arm * RADIANS)
+    pub fn margin(&self, transmission: f64) -> f64 {
+        -self.side * transmission / (self.arm * RADIANS)
     }
 
     #[inline]
-    pub fn bend(&self, dq: f64) -> Bend {
+    pub fn second_derivatives(&self, dq: f64) -> SecondDerivatives {
         let turn = (dq * RADIANS).abs();
-        Bend { turn, anchor: self.arm * turn * turn, length: 0.0 }
+        SecondDerivatives { turn, anchor: self.arm * turn * turn, length: 0.0 }
     }
 }
 
@@ -169,10 +169,10 @@ mod tests {
 
     #[test]
     fn the_end_of_the_arm_bends_as_on_its_circle() {
-        let bend = crank().bend(-60.0);
+        let second = crank().second_derivatives(-60.0);
         let turn = core::f64::consts::FRAC_PI_3;
-        assert!((bend.turn - turn).abs() < ROUNDING, "{}", bend.turn);
-        assert!((bend.anchor - 3.0 * turn * turn).abs() < ROUNDING, "{}", bend.anchor);
-        assert_eq!(bend.length, 0.0);
+        assert!((second.turn - turn).abs() < ROUNDING, "{}", second.turn);
+        assert!((second.anchor - 3.0 * turn * turn).abs() < ROUNDING, "{}", second.anchor);
+        assert_eq!(second.length, 0.0);
     }
 }

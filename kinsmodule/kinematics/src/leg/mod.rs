@@ -148,39 +148,39 @@ impl Leg {
     /// u · ∂c/∂q + ∂d/∂q at the native joint value `q`: speed of the platform anchor along
     /// `u`, the unit vector from moving base anchor to platform anchor, per joint rate.
     #[inline]
-    pub fn gain(&self, q: f64, u: &Vector3<f64>) -> f64 {
+    pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
         match self {
-            Leg::Strut => strut::GAIN,
-            Leg::Slider(slider) => slider.gain(u),
-            Leg::Crank(crank) => crank.gain(q, u),
+            Leg::Strut => strut::TRANSMISSION,
+            Leg::Slider(slider) => slider.transmission(u),
+            Leg::Crank(crank) => crank.transmission(q, u),
         }
     }
 
-    /// How far a leg is from its dead point: its `gain`, positive on its side, as a share of
+    /// How far a leg is from its dead point: its `transmission`, positive on its side, as a share of
     /// the largest one; for a rod −side · cos of the angle between u and the motion of the
     /// lower end. `None` for a leg without dead point.
     #[inline]
-    pub fn margin(&self, gain: f64) -> Option<f64> {
+    pub fn margin(&self, transmission: f64) -> Option<f64> {
         match self {
             Leg::Strut => None,
-            Leg::Slider(slider) => Some(slider.margin(gain)),
-            Leg::Crank(crank) => Some(crank.margin(gain)),
+            Leg::Slider(slider) => Some(slider.margin(transmission)),
+            Leg::Crank(crank) => Some(crank.margin(transmission)),
         }
     }
 
-    /// How the leg bends over any joint step of size `dq`.
+    /// Second derivatives of the leg over any joint step of size `dq`.
     #[inline]
-    pub fn bend(&self, dq: f64) -> Bend {
+    pub fn second_derivatives(&self, dq: f64) -> SecondDerivatives {
         match self {
-            Leg::Strut | Leg::Slider(_) => Bend::NONE,
-            Leg::Crank(crank) => crank.bend(dq),
+            Leg::Strut | Leg::Slider(_) => SecondDerivatives::NONE,
+            Leg::Crank(crank) => crank.second_derivatives(dq),
         }
     }
 }
 
-/// Bend of a leg over a step that is run through in unit time: upper bounds for every
+/// Second derivatives of a leg over a step that is run through in unit time: upper bounds for every
 /// moment of it. Forward's proof rests on them.
-pub(crate) struct Bend {
+pub(crate) struct SecondDerivatives {
     /// Largest change of [`Leg::margin`] while u stands still: the angle by which the
     /// direction of ∂c/∂q turns, radians, or the change of ∂d/∂q.
     pub turn: f64,
@@ -190,7 +190,7 @@ pub(crate) struct Bend {
     pub length: f64,
 }
 
-impl Bend {
+impl SecondDerivatives {
     /// Of a leg whose c and d are linear in q.
     const NONE: Self = Self { turn: 0.0, anchor: 0.0, length: 0.0 };
 }

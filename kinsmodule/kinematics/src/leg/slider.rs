@@ -70,13 +70,13 @@ impl Slider {
     }
 
     #[inline]
-    pub fn gain(&self, u: &Vector3<f64>) -> f64 {
+    pub fn transmission(&self, u: &Vector3<f64>) -> f64 {
         u.dot(&self.guide)
     }
 
     #[inline]
-    pub fn margin(&self, gain: f64) -> f64 {
-        -self.side * gain
+    pub fn margin(&self, transmission: f64) -> f64 {
+        -self.side * transmission
     }
 }
 

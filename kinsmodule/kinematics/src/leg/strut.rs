@@ -21,7 +21,7 @@ pub struct StrutGeometry {
 }
 
 /// Speed of the platform anchor along the strut per joint rate.
-pub(super) const GAIN: f64 = 1.0;
+pub(super) const TRANSMISSION: f64 = 1.0;
 
 #[inline]
 pub(super) fn joint(length: f64) -> f64 {

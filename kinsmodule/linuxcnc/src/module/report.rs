@@ -59,7 +59,7 @@ impl Reports {
         if let Some(free) = self.reported.iter_mut().find(|place| place.is_none()) {
             *free = key;
             let mut message = text!["pkmkins: "];
-            fault.tell(&mut message);
+            fault.write_message(&mut message);
             print_error(&message);
         }
     }

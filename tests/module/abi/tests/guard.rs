@@ -508,8 +508,8 @@ fn a_machine_stops_before_its_legs_lose_hold_and_may_go_back() {
     // The floor of the feed, 0.3 degrees per second, is stopped within a thousandth of a degree.
     assert!(hold > 0.3 * 0.999 && hold < 0.3 * 1.03, "conditioning {hold}");
     assert_eq!(module.get("feed-scale"), module.get("feed-floor"));
-    assert_eq!(module.get("limit-reason") as i32, Cause::HoldAhead.code());
-    assert_eq!(module.get("fault") as i32, Cause::HoldAhead.code());
+    assert_eq!(module.get("limit-reason") as i32, Cause::ConditioningAhead.code());
+    assert_eq!(module.get("fault") as i32, Cause::ConditioningAhead.code());
     let told: Vec<_> = module.messages().into_iter().map(|message| message.text).collect();
     assert_eq!(told.len(), 1, "{told:?}");
     assert!(told[0].contains("[code -93]"), "{told:?}");
