@@ -672,7 +672,8 @@ fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint>
     let max = value(&of_joint::MAX_LIMIT, errors);
     let (kind, name) = kind_and_name(n, load);
     if let (Some(min), Some(max)) = (min, max) {
-        errors.of(check_range(ini, &section, min, max));
+        let expected = format!("expected less than MAX_LIMIT = {max}");
+        errors.of(check_least(ini, &section, min < max, &expected));
         if kind == JointKind::Arm {
             errors.of(check_turn(ini, n, &section));
         }
@@ -684,12 +685,12 @@ fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint>
     Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
 }
 
-fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniError> {
-    if min < max {
+/// Refuses the lower end of a range that is none.
+fn check_least(ini: &Ini, section: &str, is_range: bool, expected: &str) -> Result<(), IniError> {
+    if is_range {
         return Ok(());
     }
-    let expected = format!("expected less than MAX_LIMIT = {max}");
-    Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, &expected)?, &expected))
+    Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, expected)?, expected))
 }
 
 /// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
@@ -728,6 +729,10 @@ fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
 fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
     let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
     let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
+    if let (Some(min), Some(max)) = (min, max) {
+        let expected = format!("expected at most MAX_LIMIT = {max}");
+        errors.of(check_least(ini, section, min <= max, &expected));
+    }
     let velocity = errors.of(positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY)));
     let acceleration =
         errors.of(positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION)));
