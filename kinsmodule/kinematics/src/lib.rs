@@ -59,7 +59,7 @@ pub use jacobian::Jacobian;
 pub use layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 pub use leg::{LEAST_DRIVE, LegKind};
 pub use letters::{Letter, Letters};
-pub use limits::{Limit, Limits, Margin, Part};
+pub use limits::{CONDITIONING_LIMIT, Limit, Limits, Margin, Part};
 pub use load::Load;
 pub use load_error::LoadError;
 pub use machine::Machine;

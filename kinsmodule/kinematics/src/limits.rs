@@ -9,6 +9,11 @@ use crate::letters::Letter;
 use crate::watch::{Cones, Nearest, Turns};
 use core::ops::ControlFlow;
 
+/// Smallest singular value at which a machine has to stand where the integrator says nothing: some
+/// motion then moves no anchor along its leg by more than a twentieth of its own way. The shipped
+/// machines stay above four times that.
+pub const CONDITIONING_LIMIT: f64 = 0.05;
+
 /// A kind of limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Limit {

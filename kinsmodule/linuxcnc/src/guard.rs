@@ -8,17 +8,12 @@
 use crate::hal::{Direction, HalError, Pin};
 use crate::pins::{Maker, Pins};
 use kinematics::{
-    At, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook, Planner, Pose,
-    Sight, Vector3, text,
+    At, CONDITIONING_LIMIT, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, Machine, Motion, Outlook,
+    Planner, Pose, Sight, Vector3, text,
 };
 
 /// Floor of the feed where the pin holds no share.
 const FLOOR: f64 = 0.02;
-
-/// Conditioning at which a machine has to stand, unless the pin says otherwise: some motion
-/// then moves no anchor along its leg by more than a twentieth of its own way. The shipped
-/// machines stay above four times that.
-const HOLD: f64 = 0.05;
 
 /// How fast the feed scale rises, per second: a tenth of a second from nothing to all.
 const RISE: f64 = 10.0;
@@ -184,7 +179,7 @@ impl Asked {
         let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
             make.one(pin, In, text!["pkmkins.", name], value)
         };
-        one(&mut self.conditioning_limit, "conditioning-limit", HOLD)?;
+        one(&mut self.conditioning_limit, "conditioning-limit", CONDITIONING_LIMIT)?;
         one(&mut self.rod_clearance, "rod-clearance", 0.0)?;
         one(&mut self.tilt_limit, "tilt-limit", 0.0)?;
         one(&mut self.feed_floor, "feed-floor", FLOOR)?;

@@ -44,8 +44,8 @@
 use crate::limits::{self, beyond_axes};
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    At, Fault, Jacobian, Joints, LEAST_DRIVE, LegGeometry, LegKind, Letter, Limit, Limits,
-    MAX_LEGS, Margin, Matrix3, Part, Pose, Segment, Vector3,
+    At, Fault, Jacobian, Joints, LEAST_DRIVE, LEAST_SINE_TO_AXIS, LegGeometry, LegKind, Letter,
+    Limit, Limits, MAX_LEGS, Margin, Matrix3, Part, Pose, Segment, Vector3,
 };
 use nalgebra::{Matrix6, SMatrix, Vector6};
 use std::f64::consts::PI;
@@ -53,9 +53,12 @@ use std::ops::ControlFlow;
 
 const RADIANS: f64 = PI / 180.0;
 
-/// Least cosine of the angle between a strut and the plane square to a cardan axis, 80 degrees:
-/// beyond, a strut's correction changes so fast that no cell of use is proved.
+/// Least cosine of the angle between a strut and the plane square to a cardan axis, 80 degrees. It
+/// is a choice of this proof: the correction is defined beyond it, up to the core's
+/// [`LEAST_SINE_TO_AXIS`], but changes so fast there that no cell of use is proved.
 const LEAST_COSINE: f64 = 0.17;
+// The cosine of the angle to the plane is the sine of that to the axis.
+const _: () = assert!(LEAST_COSINE > LEAST_SINE_TO_AXIS);
 
 /// Steps towards the positive vector that bounds the spectral radius of a matrix best.
 const STEPS: usize = 4;

@@ -9,8 +9,8 @@ use crate::read::ini::{Entry, Ini, IniError};
 use keys::{Key, Need, joint as of_joint, leg as of_leg, machine as of_machine};
 use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_LEGS, Machine, MachinePart,
-    PerLeg, Pose, Segment, Solver, Vector3,
+    CONDITIONING_LIMIT, Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_LEGS,
+    Machine, MachinePart, PerLeg, Pose, Segment, Solver, Vector3,
 };
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -24,9 +24,6 @@ const AXIS_VELOCITY: f64 = 1.0;
 
 /// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
 const AXIS_ACCELERATION: f64 = 1.0;
-
-/// Conditioning at which the module's guard stops the machine where the file says nothing.
-const HOLD: f64 = 0.05;
 
 /// Limits of the path in `[TRAJ]`: speeds, then accelerations, lengths before angles.
 const SPEEDS: [&str; 4] = [
@@ -566,7 +563,7 @@ impl Values {
             offsets: padded,
             cones: cones?,
             solver: solver?,
-            conditioning_limit: conditioning_limit?.unwrap_or(HOLD),
+            conditioning_limit: conditioning_limit?.unwrap_or(CONDITIONING_LIMIT),
             clearance: clearance?,
             tilt_limit: tilt_limit?.filter(|limit| *limit != 0.0),
             pyramids: pyramids?,
