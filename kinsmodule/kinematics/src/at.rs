@@ -62,8 +62,12 @@ impl<'a> At<'a> {
         }
     }
 
-    /// Takes another pose in the same memory; after an error it is at none.
-    pub(crate) fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
+    /// Takes another pose in the same memory, as [`crate::Machine::at`] does; after an error it is
+    /// at none.
+    ///
+    /// # Errors
+    /// As [`crate::Machine::inverse`].
+    pub fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
         match &mut self.legs {
             Lanes::Four(legs) => legs.move_to(pose, tool),
             Lanes::Six(legs) => legs.move_to(pose, tool),
@@ -173,6 +177,12 @@ impl<'a> At<'a> {
     /// (v, r ω). No dimension; 0 where the legs do not hold the platform.
     pub fn smallest_singular_value(&self) -> f64 {
         each!(self, legs => legs.smallest_singular_value())
+    }
+
+    /// Whether the smallest singular value is surely above `least`, in less work than it takes
+    /// itself.
+    pub(crate) fn is_surely_above(&self, least: f64) -> bool {
+        each!(self, legs => legs.is_surely_above(least))
     }
 
     /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not

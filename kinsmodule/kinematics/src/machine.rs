@@ -79,14 +79,23 @@ impl Machine {
         Ok(at)
     }
 
-    /// A machine at no pose yet.
-    pub(crate) fn nowhere(&self) -> At<'_> {
+    /// A machine at no pose yet, to be moved to one after the other with [`At::move_to`]: for those
+    /// who ask for many poses.
+    pub fn nowhere(&self) -> At<'_> {
         let legs = match &self.lanes {
             Lanes::Four(m) => at::Lanes::Four(m.nowhere()),
             Lanes::Six(m) => at::Lanes::Six(m.nowhere()),
             Lanes::Eight(m) => at::Lanes::Eight(m.nowhere()),
         };
         At::nowhere(legs, &self.watch)
+    }
+
+    /// The machine with these fixed axes of its joints at base and platform, one a leg, in place of
+    /// those of its geometry: [`At::turns`] are seen about them. An empty list leaves the geometry's.
+    /// Nothing else changes, corrections least of all.
+    pub fn with_joint_axes(mut self, axes: [&[[f64; 3]]; 2]) -> Self {
+        self.watch.set_axes(axes);
+        self
     }
 
     /// What does not change about the legs and is needed to watch them.
