@@ -342,7 +342,7 @@ impl Seen {
             for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
                 *range = (range.0.min(*value), range.1.max(*value));
             }
-            match limits::check(&at, &of_legs) {
+            match at.check(&of_legs) {
                 Ok(()) => {
                     let value = at.smallest_singular_value();
                     drawn.push((value, pose));
@@ -357,7 +357,7 @@ impl Seen {
         }
         seen.worst = conditioning::worst(within, drawn, |pose| {
             let at = reach.at(pose).ok()?;
-            limits::check(&at, &of_legs).ok()?;
+            at.check(&of_legs).ok()?;
             Some(at.smallest_singular_value())
         });
         seen

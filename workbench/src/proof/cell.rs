@@ -41,7 +41,7 @@
 //! B has |M (J(C) − G(C))| more. Where its spectral radius is less than 1, the joints hold the
 //! platform at every pose of the cell.
 
-use crate::limits::{self, beyond_axes};
+use crate::limits::beyond_axes;
 use crate::read::machine::MachineConfig;
 use kinematics::{
     At, Fault, Jacobian, Joints, LEAST_DRIVE, LEAST_SINE_TO_AXIS, LegGeometry, LegKind, Letter,
@@ -343,7 +343,7 @@ impl<'a> Reach<'a> {
     /// What stops it.
     pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
         let at = self.at(pose).map_err(Stop::Fault)?;
-        limits::check(&at, &self.limits).map_err(Stop::Limit)
+        at.check(&self.limits).map_err(Stop::Limit)
     }
 
     /// What is known of a cell.
@@ -360,7 +360,7 @@ impl<'a> Reach<'a> {
                     true => Limits { conditioning: self.limits.conditioning, ..Limits::NONE },
                     false => self.limits,
                 };
-                match limits::check(&middle.at, &rest) {
+                match middle.at.check(&rest) {
                     Ok(()) => Verdict::Open(along),
                     Err(margin) => Verdict::Outside(Stop::Limit(margin)),
                 }
