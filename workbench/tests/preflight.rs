@@ -9,7 +9,7 @@ use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Preflight, preflight};
 use pkm::program::replay::duration;
 use pkm::proof::axis_box::range;
-use pkm::proof::cell::Reach;
+use pkm::proof::reach::Reach;
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

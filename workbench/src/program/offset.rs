@@ -8,7 +8,7 @@
 
 use crate::limits;
 use crate::program::interpreter::Move;
-use crate::proof::cell::Reach;
+use crate::proof::reach::Reach;
 use crate::read::machine::{Axis, MachineConfig};
 use kinematics::{Fault, Letter, Limits, Vector3};
 use serde::Serialize;
