@@ -21,7 +21,7 @@ pub fn of(config: &MachineConfig) -> Limits {
     for (range, axis) in limits.axis.iter_mut().zip(&config.axes) {
         *range = [axis.min, axis.max];
     }
-    let joints = |values: &mut Joints, of: fn(&crate::read::machine::Joint) -> f64| {
+    let joints = |values: &mut Joints, of: fn(&crate::read::joints::Joint) -> f64| {
         values.iter_mut().zip(&config.joints).for_each(|(to, joint)| *to = of(joint));
     };
     joints(&mut limits.min, |joint| joint.min);

@@ -2,7 +2,8 @@
 //! Rows of the legs at one pose of a machine, which tell what they feel of a motion about the tool
 //! tip.
 
-use crate::read::machine::{MachineConfig, drive_rate};
+use crate::read::legs::drive_rate;
+use crate::read::machine::MachineConfig;
 use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 

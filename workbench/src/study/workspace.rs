@@ -8,7 +8,8 @@
 //! once more, independently, a count on a grid.
 
 use crate::limits;
-use crate::read::machine::{JointKind, MachineConfig};
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
 use crate::study::file;
 use kinematics::{
     At, Cause, Fault, LegKind, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,

@@ -5,7 +5,8 @@
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
 use pkm::draw::sample::Sample;
-use pkm::read::machine::{JointKind, MachineConfig};
+use pkm::read::joints::JointKind;
+use pkm::read::machine::MachineConfig;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
