@@ -4,9 +4,10 @@
 use crate::shipped::{MACHINES, cases, config, folder};
 use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
 use pkm::limits;
+use pkm::program::findings::Preflight;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
 use pkm::program::offset::{self, Offset};
-use pkm::program::preflight::{Preflight, preflight};
+use pkm::program::preflight::preflight;
 use pkm::program::replay::duration;
 use pkm::proof::axis_box::range;
 use pkm::proof::reach::Reach;
