@@ -122,7 +122,9 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
         let side = |pose: &[f64; 6]| {
             config
                 .machine
-                .assembly(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .at(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .unwrap()
+                .assembly()
                 .unwrap()
         };
         let reaches = report

@@ -269,7 +269,11 @@ fn a_singular_pose_between_is_never_missed() {
         config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
         // Only reach and singular poses are left to break.
         let side = |pose: &[f64; 6]| {
-            config.machine.assembly(&Pose::from_degrees(*pose), &config.spindle).unwrap_or(0)
+            config
+                .machine
+                .at(&Pose::from_degrees(*pose), &config.spindle)
+                .and_then(|at| at.assembly())
+                .unwrap_or(0)
         };
         let mut crossed = 0;
         for _ in 0..400 {

@@ -192,14 +192,18 @@ fn singular_poses_are_found_where_the_legs_are_assembled_another_way_beyond() {
     let range = axis_box::range(&config);
     let found = near(&config, &range, &config.spindle, 300, 3.0);
     let parallel = found.nearest.iter().find(|found| found.kind == Kind::Parallel).unwrap();
-    let hold = config.machine.conditioning(&Pose::from_degrees(parallel.pose), &NO_TOOL).unwrap();
+    let hold = config
+        .machine
+        .at(&Pose::from_degrees(parallel.pose), &NO_TOOL)
+        .unwrap()
+        .smallest_singular_value();
     assert!(hold < 1e-8, "{hold}");
     // The axis limits of this machine are proved to hold none.
     assert!(parallel.reach > 1.0 && found.least > 0.01, "{found:?}");
     let middle = range.at([0.5; 6]);
     let side = |factor: f64| {
         let pose = std::array::from_fn(|k| middle[k] + factor * (parallel.pose[k] - middle[k]));
-        config.machine.assembly(&Pose::from_degrees(pose), &NO_TOOL).unwrap()
+        config.machine.at(&Pose::from_degrees(pose), &NO_TOOL).unwrap().assembly().unwrap()
     };
     // Far less than the distance of two sheets of singular poses.
     assert_eq!(side(1.0 - 1e-6) * side(1.0 + 1e-6), -1);

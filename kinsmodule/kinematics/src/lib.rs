@@ -6,7 +6,7 @@
 //!
 //! Data flows one way: [`Geometry`] (what the integrator wrote) is checked once by
 //! [`Machine::freeze`]; a [`Machine`] then answers [`Machine::inverse`],
-//! [`Machine::forward`] and [`Machine::inverse_jacobian`].
+//! [`Machine::forward`] and [`Machine::at`], which gives all else about a pose.
 //!
 //! Frames: *base* is the machine frame that G-code poses are given in; *platform*
 //! moves with the tool. Lengths are in the machine's own unit (mm, inch or m: no

@@ -10,7 +10,7 @@ use kinematics::{Cause, Fault, LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose,
 
 /// Cosine between a rod and its lower end's motion, of `leg` and the smallest of all.
 fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
-    let segments = case.machine.segments(pose, &NO_TOOL).unwrap();
+    let segments = *case.machine.at(pose, &NO_TOOL).unwrap().segments();
     let joints = case.joints(pose);
     let drive = |i: usize| match case.geometry.legs()[i].kind {
         LegKind::Strut(_) => f64::INFINITY,

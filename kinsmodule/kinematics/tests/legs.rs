@@ -17,8 +17,8 @@ const LENGTH: f64 = 1e-13;
 /// Every leg of a reached pose joins the points that its joint says, on its side.
 fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
     let joints = case.machine.inverse(pose, tool).ok()?;
-    let segments = case.machine.segments(pose, tool).unwrap();
-    let corrections = case.machine.corrections(pose, tool).unwrap();
+    let at = case.machine.at(pose, tool).unwrap();
+    let (segments, corrections) = (at.segments(), at.corrections());
     let layout = case.machine.layout();
     // D = t − o + R (o + centre); table and held letters do not reach the legs.
     let centre = Vector3::from(case.geometry.centre);

@@ -66,7 +66,7 @@ fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
         joints,
         motors: joints,
         forward: pose,
-        corrections: config.machine.corrections(&asked, &tool).unwrap(),
+        corrections: config.machine.at(&asked, &tool).unwrap().corrections(),
         tool: tool.into(),
         iterations: 2.0,
         residual: 1e-12,
