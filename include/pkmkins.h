@@ -128,7 +128,7 @@ enum pkmkins_cause {
   // the leg comes to the end of its platform joint's cone (degrees shown).
   PKMKINS_PLATFORM_CONE_AHEAD = -92,
   // the motion leads to where the legs hardly hold the platform (conditioning shown).
-  PKMKINS_HOLD_AHEAD = -93,
+  PKMKINS_CONDITIONING_AHEAD = -93,
   // the legs come too near to each other (distance shown).
   PKMKINS_LEGS_NEAR = -94,
   // the joint would have to be faster than its limit (shown).

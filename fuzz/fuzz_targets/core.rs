@@ -111,12 +111,13 @@ impl Question<'_> {
         let (machine, tool) = (self.machine, &self.tool);
         let joints = machine.inverse(pose, tool)?;
         assert!(joints.iter().all(|q| q.is_finite()), "{joints:?}");
-        let corrections = machine.corrections(pose, tool)?;
+        let at = machine.at(pose, tool)?;
+        let corrections = at.corrections();
         assert!(corrections.iter().all(|c| c.is_finite()), "{corrections:?}");
-        for rows in [machine.inverse_jacobian(pose, tool), machine.pose_jacobian(pose, tool)] {
+        for rows in [at.inverse_jacobian(), at.pose_jacobian()] {
             assert!(rows.is_ok_and_finite(), "{rows:?} at {pose:?} with {tool:?}");
         }
-        let _ = (machine.segments(pose, tool), machine.assembly(pose, tool));
+        let _ = (at.segments(), at.assembly());
         Ok(joints)
     }
 

@@ -21,7 +21,7 @@ pub fn of(config: &MachineConfig) -> Limits {
     for (range, axis) in limits.axis.iter_mut().zip(&config.axes) {
         *range = [axis.min, axis.max];
     }
-    let joints = |values: &mut Joints, of: fn(&crate::read::machine::Joint) -> f64| {
+    let joints = |values: &mut Joints, of: fn(&crate::read::joints::Joint) -> f64| {
         values.iter_mut().zip(&config.joints).for_each(|(to, joint)| *to = of(joint));
     };
     joints(&mut limits.min, |joint| joint.min);
@@ -54,33 +54,6 @@ fn per_leg<T: Copy + Default>(values: &[Option<T>]) -> [T; MAX_LEGS] {
 /// `[PKM]ROD_CLEARANCE`, or without it what keeps them from meeting.
 fn least_distance(config: &MachineConfig) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
-}
-
-/// Whether a pose keeps the limits.
-///
-/// # Errors
-/// The first limit that it does not keep.
-pub fn check(at: &At, limits: &Limits) -> Result<(), Margin> {
-    at.margins(limits, unless_kept).break_value().map_or(Ok(()), Err)
-}
-
-/// Whether joint values are within their ranges.
-///
-/// # Errors
-/// The first that is not.
-pub fn check_joints(
-    config: &MachineConfig,
-    joints: &Joints,
-    limits: &Limits,
-) -> Result<(), Margin> {
-    limits.joints(joints, config.joints.len(), unless_kept).break_value().map_or(Ok(()), Err)
-}
-
-fn unless_kept(margin: Margin) -> ControlFlow<Margin> {
-    match margin.is_kept() {
-        true => ControlFlow::Continue(()),
-        false => ControlFlow::Break(margin),
-    }
 }
 
 /// Visits the margins of all limits that are set at a pose.
@@ -159,7 +132,7 @@ pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
 }
 
 /// Whether a limit is one number for both directions.
-fn is_either_way(limit: Limit) -> bool {
+pub(crate) fn is_either_way(limit: Limit) -> bool {
     is_of_feed(limit) || matches!(limit, Limit::BasePyramid | Limit::PlatformPyramid)
 }
 

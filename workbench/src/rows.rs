@@ -2,7 +2,8 @@
 //! Rows of the legs at one pose of a machine, which tell what they feel of a motion about the tool
 //! tip.
 
-use crate::read::machine::{MachineConfig, drive_rate};
+use crate::read::legs::drive_rate;
+use crate::read::machine::MachineConfig;
 use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 
@@ -11,8 +12,9 @@ use nalgebra::SMatrix;
 pub type Rows = SMatrix<f64, MAX_JOINTS, 6>;
 
 /// Singular values below this share of the largest count as 0: far above the rounding of rows
-/// that depend on each other (1e-15), far below those of a pose that any machine is run at.
-const RANK_TOLERANCE: f64 = 1e-9;
+/// that depend on each other (1e-15), far below those of a pose that any machine is run at, and of a
+/// machine that the core accepts ([`kinematics::CERTAIN_AT_ALL`]).
+pub(crate) const RANK_TOLERANCE: f64 = 1e-9;
 
 /// By how much each leg gets longer, and each table axis moves, per unit of X Y Z and per radian of
 /// A B C, without the correction for a turning nut. `tool` is that of `at`.

@@ -9,8 +9,9 @@ use pkm::limits::is_of_feed;
 use pkm::program::interpreter;
 use pkm::program::preflight::preflight;
 use pkm::proof::axis_box::{AxisBox, at_tilt, range};
-use pkm::proof::cell::{Cell, Reach, Stop, Verdict};
+use pkm::proof::cell::{Cell, Verdict};
 use pkm::proof::conditioning;
+use pkm::proof::reach::{Reach, Stop};
 use pkm::read::machine::MachineConfig;
 use pkm::read::tools::Tool;
 use rand::{Rng, SeedableRng};
@@ -121,7 +122,9 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
         let side = |pose: &[f64; 6]| {
             config
                 .machine
-                .assembly(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .at(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .unwrap()
+                .assembly()
                 .unwrap()
         };
         let reaches = report

@@ -238,6 +238,30 @@ exit 2
 }
 
 #[test]
+fn an_axis_whose_lower_limit_is_beyond_its_upper_one() {
+    let bench = Bench::new()
+        .spoilt(
+            "[AXIS_Z]\nTYPE = LINEAR\nMIN_LIMIT = 0",
+            "[AXIS_Z]\nTYPE = LINEAR\nMIN_LIMIT = 200",
+        )
+        .with("line.ngc", "G21 G90\nG1 X10 F100\nM2\n");
+    for words in ["check linear-delta.ini", "preflight linear-delta.ini line.ngc"] {
+        assert_data_eq!(
+            bench.answer(words, ""),
+            str![[r#"
+error: [AXIS_Z]MIN_LIMIT = 200
+   --> linear-delta.ini:173:13
+    |
+173 | MIN_LIMIT = 200
+    |             ^^^ expected at most MAX_LIMIT = 100
+exit 2
+
+"#]]
+        );
+    }
+}
+
+#[test]
 fn a_tool_table_that_is_none() {
     let bench = Bench::new().with("linear-delta.tbl", "T1 P1 Z1\nT2 Zlong\n");
     let told = bench.answer("check linear-delta.ini", "");

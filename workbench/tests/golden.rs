@@ -154,7 +154,7 @@ fn inverse_and_corrections_give_the_golden_rows() {
             let joints = machine.inverse(&pose, &tool).unwrap();
             assert_eq!(row.joints.len(), machine.layout().joints());
             golden.close(&joints, &row.joints, LENGTH_TOLERANCE_MM);
-            let corrections = machine.corrections(&pose, &tool).unwrap();
+            let corrections = machine.at(&pose, &tool).unwrap().corrections();
             let lengths: Vec<f64> = joints.iter().zip(corrections).map(|(j, c)| j - c).collect();
             let expected = row.lengths.as_ref().unwrap_or(&row.joints);
             golden.close(&lengths, expected, LENGTH_TOLERANCE_MM);
@@ -181,8 +181,10 @@ fn forward_from_home_finds_the_golden_poses() {
 fn pose_jacobian_gives_the_golden_rows() {
     for golden in golden() {
         let Jacobian { pose, rows } = &golden.jacobian;
-        let jacobian =
-            golden.machine().pose_jacobian(&Pose::from_degrees(*pose), &Vector3::zeros());
+        let jacobian = golden
+            .machine()
+            .at(&Pose::from_degrees(*pose), &Vector3::zeros())
+            .and_then(|at| at.pose_jacobian());
         let jacobian = jacobian.unwrap();
         assert_eq!(rows.len(), golden.geometry.layout().joints());
         for (i, row) in rows.iter().enumerate() {

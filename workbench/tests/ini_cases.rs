@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Good and bad INI files: the list that hal/pkmkins.tcl is held to as well.
 
+use pkm::read::error::MachineError;
 use pkm::read::ini::Ini;
-use pkm::read::machine::{MachineConfig, MachineError};
+use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

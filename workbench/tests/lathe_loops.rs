@@ -87,7 +87,7 @@ fn carriages_stand_where_guide_and_sphere_of_paper_003_meet() {
         for _ in 0..cases(1000) {
             let pose = Pose::from_degrees(range.at(std::array::from_fn(|_| rng.random())));
             let joints = config.machine.inverse(&pose, &NO_TOOL).unwrap();
-            let segments = config.machine.segments(&pose, &NO_TOOL).unwrap();
+            let segments = *config.machine.at(&pose, &NO_TOOL).unwrap().segments();
             for (i, leg) in config.geometry.legs().iter().enumerate() {
                 let LegKind::Slider(slider) = leg.kind else { panic!("a slider") };
                 let (base, tau) =

@@ -4,12 +4,13 @@
 use crate::shipped::{MACHINES, cases, config, folder};
 use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
 use pkm::limits;
+use pkm::program::findings::Preflight;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
 use pkm::program::offset::{self, Offset};
-use pkm::program::preflight::{Preflight, preflight};
+use pkm::program::preflight::preflight;
 use pkm::program::replay::duration;
 use pkm::proof::axis_box::range;
-use pkm::proof::cell::Reach;
+use pkm::proof::reach::Reach;
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -268,7 +269,11 @@ fn a_singular_pose_between_is_never_missed() {
         config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
         // Only reach and singular poses are left to break.
         let side = |pose: &[f64; 6]| {
-            config.machine.assembly(&Pose::from_degrees(*pose), &config.spindle).unwrap_or(0)
+            config
+                .machine
+                .at(&Pose::from_degrees(*pose), &config.spindle)
+                .and_then(|at| at.assembly())
+                .unwrap_or(0)
         };
         let mut crossed = 0;
         for _ in 0..400 {

@@ -3,7 +3,7 @@
 //! forward kinematics, and draws.
 
 use crate::shipped::{MACHINES, config};
-use kinematics::{Letter, Pose, Solver, Vector3};
+use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::{Law, Study};
@@ -192,14 +192,18 @@ fn singular_poses_are_found_where_the_legs_are_assembled_another_way_beyond() {
     let range = axis_box::range(&config);
     let found = near(&config, &range, &config.spindle, 300, 3.0);
     let parallel = found.nearest.iter().find(|found| found.kind == Kind::Parallel).unwrap();
-    let hold = config.machine.conditioning(&Pose::from_degrees(parallel.pose), &NO_TOOL).unwrap();
+    let hold = config
+        .machine
+        .at(&Pose::from_degrees(parallel.pose), &NO_TOOL)
+        .unwrap()
+        .smallest_singular_value();
     assert!(hold < 1e-8, "{hold}");
     // The axis limits of this machine are proved to hold none.
     assert!(parallel.reach > 1.0 && found.least > 0.01, "{found:?}");
     let middle = range.at([0.5; 6]);
     let side = |factor: f64| {
         let pose = std::array::from_fn(|k| middle[k] + factor * (parallel.pose[k] - middle[k]));
-        config.machine.assembly(&Pose::from_degrees(pose), &NO_TOOL).unwrap()
+        config.machine.at(&Pose::from_degrees(pose), &NO_TOOL).unwrap().assembly().unwrap()
     };
     // Far less than the distance of two sheets of singular poses.
     assert_eq!(side(1.0 - 1e-6) * side(1.0 + 1e-6), -1);
@@ -215,8 +219,8 @@ fn the_end_of_a_rods_reach_is_where_it_stands_nearly_square_to_its_guide() {
     let at = config.machine.at(&pose, &NO_TOOL).unwrap();
     let drives = (0..config.legs()).filter_map(|i| at.drive(i));
     let drive = drives.reduce(f64::min).unwrap();
-    // The core refuses a rod whose |cos| to its guide is below 0.05.
-    assert!((drive - 0.05).abs() < 1e-9, "{drive}");
+    // The core refuses a rod whose |cos| to its guide is below that.
+    assert!((drive - LEAST_DRIVE).abs() < 1e-9, "{drive}");
 }
 
 #[test]

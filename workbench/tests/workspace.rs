@@ -133,7 +133,7 @@ fn limits_of_a_study_end_rays_where_they_are_met() {
     let home = config.home_pose().position;
     let hold = |position: Vector3<f64>| {
         let pose = kinematics::Pose { position, angles: Vector3::zeros() };
-        config.machine.conditioning(&pose, &config.spindle).unwrap()
+        config.machine.at(&pose, &config.spindle).unwrap().smallest_singular_value()
     };
     let free = level(&config, &Study::default());
     let mut looked = 0;
@@ -165,7 +165,7 @@ fn a_pyramid_ends_a_ray_where_the_leg_turns_too_far_about_the_axis_of_its_joint(
     let mut pose = home;
     pose.position += ray.direction * ray.exit();
     let along = |pose: &kinematics::Pose| {
-        let segment = config.machine.segments(pose, &config.spindle).unwrap()[leg];
+        let segment = config.machine.at(pose, &config.spindle).unwrap().segments()[leg];
         (segment.platform - segment.base).normalize()
     };
     let kinematics::LegKind::Strut(strut) = config.geometry.legs()[leg].kind else { panic!() };
@@ -193,7 +193,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let position = home.position + ray.direction * ray.exit();
     let pose = kinematics::Pose { position, angles: Vector3::new(a, b, c) };
     let seen = |pose: &kinematics::Pose| {
-        let segment = config.machine.segments(pose, &config.spindle).unwrap()[leg];
+        let segment = config.machine.at(pose, &config.spindle).unwrap().segments()[leg];
         pose.rotation().transpose() * (segment.platform - segment.base).normalize()
     };
     let kinematics::LegKind::Strut(strut) = config.geometry.legs()[leg].kind else { panic!() };

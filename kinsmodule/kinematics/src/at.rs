@@ -184,6 +184,12 @@ impl<'a> At<'a> {
         each!(self, legs => legs.smallest_singular_value())
     }
 
+    /// Whether the smallest singular value is surely above `least`, in less work than it takes
+    /// itself.
+    pub(crate) fn is_surely_above(&self, least: f64) -> bool {
+        each!(self, legs => legs.is_surely_above(least))
+    }
+
     /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not
     /// square): tells apart ways of assembling the machine, but not all of them.
     /// Information, not a guard.

@@ -10,7 +10,7 @@ use crate::nut::Torsion;
 use crate::placed::Placed;
 use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
-use crate::singular::smallest_singular_value;
+use crate::singular::{is_surely_above, smallest_singular_value};
 use core::cell::Cell;
 use nalgebra::Vector3;
 
@@ -231,5 +231,9 @@ impl<const N: usize> LegsAt<'_, N> {
         once(&self.singular_value, || {
             smallest_singular_value(&self.constraint_columns(), &self.machine.active)
         })
+    }
+
+    pub fn is_surely_above(&self, least: f64) -> bool {
+        is_surely_above(&self.constraint_columns(), &self.machine.active, least)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! Data flows one way: [`Geometry`] (what the integrator wrote) is checked once by
 //! [`Machine::freeze`]; a [`Machine`] then answers [`Machine::inverse`],
-//! [`Machine::forward`] and [`Machine::inverse_jacobian`].
+//! [`Machine::forward`] and [`Machine::at`], which gives all else about a pose.
 //!
 //! Frames: *base* is the machine frame that G-code poses are given in; *platform*
 //! moves with the tool. Lengths are in the machine's own unit (mm, inch or m: no
@@ -59,7 +59,7 @@ pub use jacobian::Jacobian;
 pub use layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 pub use leg::{LEAST_DRIVE, LegKind};
 pub use letters::{Letter, Letters};
-pub use limits::{Limit, Limits, Margin, Part};
+pub use limits::{CONDITIONING_LIMIT, Limit, Limits, Margin, Part};
 pub use load::Load;
 pub use load_error::LoadError;
 pub use machine::Machine;

@@ -9,6 +9,11 @@ use crate::letters::Letter;
 use crate::watch::{Cones, Nearest, Turns};
 use core::ops::ControlFlow;
 
+/// Smallest singular value at which a machine has to stand where the integrator says nothing: some
+/// motion then moves no anchor along its leg by more than a twentieth of its own way. The shipped
+/// machines stay above four times that.
+pub const CONDITIONING_LIMIT: f64 = 0.05;
+
 /// A kind of limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Limit {
@@ -283,11 +288,30 @@ impl At<'_> {
             visit(clearance(&nearest, limits))?;
         }
         if limits.conditioning != 0.0 {
-            let (value, range) =
-                (self.smallest_singular_value(), [limits.conditioning, f64::INFINITY]);
-            visit(Margin { limit: Limit::Conditioning, part: Part::Whole, value, range })?;
+            visit(self.conditioning(limits))?;
         }
         ControlFlow::Continue(())
+    }
+
+    fn conditioning(&self, limits: &Limits) -> Margin {
+        let (value, range) = (self.smallest_singular_value(), [limits.conditioning, f64::INFINITY]);
+        Margin { limit: Limit::Conditioning, part: Part::Whole, value, range }
+    }
+
+    /// Whether the pose keeps all limits of [`At::margins`]. What is surely kept is not measured, so
+    /// that this takes less work than a fold over the margins.
+    ///
+    /// # Errors
+    /// The first margin in the order of the list that is not kept.
+    pub fn check(&self, limits: &Limits) -> Result<(), Margin> {
+        if let Some(broken) = self.first_broken(limits) {
+            return Err(broken);
+        }
+        if limits.conditioning == 0.0 || self.is_surely_above(limits.conditioning) {
+            return Ok(());
+        }
+        let margin = self.conditioning(limits);
+        if margin.is_kept() { Ok(()) } else { Err(margin) }
     }
 
     /// The first limit in the order of the list that is not kept; conditioning aside.

@@ -6,12 +6,10 @@ use crate::fault::Fault;
 use crate::forward::{Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
-use crate::jacobian::Jacobian;
-use crate::layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
+use crate::layout::{Joints, Layout, MAX_JOINTS, PerLeg};
 use crate::mechanism::Mechanism;
 use crate::nut::Nut;
 use crate::pose::Pose;
-use crate::segment::Segment;
 use crate::watch::Watch;
 use nalgebra::Vector3;
 
@@ -88,6 +86,14 @@ impl Machine {
             Lanes::Eight(m) => at::Lanes::Eight(m.nowhere()),
         };
         At::nowhere(legs, &self.watch)
+    }
+
+    /// The machine with these fixed axes of its joints at base and platform, one a leg, in place of
+    /// those of its geometry: [`At::turns`] are seen about them. An empty list leaves the geometry's.
+    /// Nothing else changes, corrections least of all.
+    pub fn with_joint_axes(mut self, axes: [&[[f64; 3]]; 2]) -> Self {
+        self.watch.set_axes(axes);
+        self
     }
 
     /// What does not change about the legs and is needed to watch them.
@@ -224,53 +230,5 @@ impl Machine {
     /// criterion of the legs' lengths makes of a joint.
     pub fn largest_residual(&self, solver: &Solver) -> f64 {
         each!(self, m => m.largest_residual(solver))
-    }
-
-    /// [`At::segments`] of a pose.
-    ///
-    /// # Errors
-    /// As [`Machine::at`].
-    pub fn segments(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<[Segment; MAX_LEGS], Fault> {
-        Ok(*self.at(pose, tool)?.segments())
-    }
-
-    /// [`At::corrections`] of a pose.
-    ///
-    /// # Errors
-    /// As [`Machine::at`].
-    pub fn corrections(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<PerLeg, Fault> {
-        Ok(self.at(pose, tool)?.corrections())
-    }
-
-    /// [`At::inverse_jacobian`] of a pose.
-    ///
-    /// # Errors
-    /// As there, and as [`Machine::at`].
-    pub fn inverse_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
-        self.at(pose, tool)?.inverse_jacobian()
-    }
-
-    /// [`At::pose_jacobian`] of a pose.
-    ///
-    /// # Errors
-    /// As there, and as [`Machine::at`].
-    pub fn pose_jacobian(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Jacobian, Fault> {
-        self.at(pose, tool)?.pose_jacobian()
-    }
-
-    /// [`At::smallest_singular_value`] of a pose.
-    ///
-    /// # Errors
-    /// As [`Machine::at`].
-    pub fn conditioning(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<f64, Fault> {
-        Ok(self.at(pose, tool)?.smallest_singular_value())
-    }
-
-    /// [`At::assembly`] of a pose.
-    ///
-    /// # Errors
-    /// As there, and as [`Machine::at`].
-    pub fn assembly(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<i32, Fault> {
-        self.at(pose, tool)?.assembly()
     }
 }

@@ -22,6 +22,10 @@ const STEPS: usize = 40;
 /// A step as small as this share of the value is rounding.
 const SETTLED: f64 = 1e-14;
 
+/// Room for rounding of products of columns, as a share of the sum of all squares: far above the
+/// roundings of a factor of six columns (1e-14), far below any square that is asked for.
+const ROOM: f64 = 1e-12;
+
 /// Smallest singular value of the active columns; infinite where none is active. It is off by some
 /// roundings of the largest one.
 pub(crate) fn smallest_singular_value<const N: usize>(
@@ -40,6 +44,37 @@ pub(crate) fn smallest_singular_value<const N: usize>(
         return f64::INFINITY;
     }
     Bidiagonal::of(front, count.min(N).min(6)).smallest()
+}
+
+/// Whether the smallest singular value of the active columns is surely above `least`, in a third of
+/// the work that the value takes: AᵀA − least² I then has a Cholesky factor, with room for rounding.
+pub(crate) fn is_surely_above<const N: usize>(
+    columns: &[[f64; N]; 6],
+    active: &[bool; 6],
+    least: f64,
+) -> bool {
+    let mut gram = [[0.0; 6]; 6];
+    let mut trace = 0.0;
+    for i in (0..6).filter(|i| active[*i]) {
+        for j in (0..=i).filter(|j| active[*j]) {
+            gram[i][j] = inner(&columns[i], &columns[j]);
+        }
+        trace += gram[i][i];
+    }
+    let shift = least * least + ROOM * trace;
+    for k in (0..6).filter(|k| active[*k]) {
+        let pivot = gram[k][k] - shift;
+        if !(pivot > 0.0) {
+            return false;
+        }
+        for i in k + 1..6 {
+            let share = gram[i][k] / pivot;
+            for j in k + 1..=i {
+                gram[i][j] -= share * gram[j][k];
+            }
+        }
+    }
+    true
 }
 
 /// Squares of the elements of an upper bidiagonal matrix.
@@ -183,6 +218,25 @@ mod tests {
             let columns = core::array::from_fn(|k| core::array::from_fn(|i| m[(i, k)]));
             check::<6>(&columns, m.singular_values().min());
         }
+    }
+
+    #[test]
+    fn what_is_surely_above_a_value_is_and_most_of_what_is_above_is_surely() {
+        let mut sure = 0;
+        for case in 0..400 {
+            let columns: [[f64; 8]; 6] = core::array::from_fn(|k| {
+                core::array::from_fn(|i| number(97 * case + 13 * i + 7 * k + i * k))
+            });
+            for active in [[true; 6], [true, false, true, true, false, true]] {
+                let value = smallest_singular_value(&columns, &active);
+                let is_above = |least| is_surely_above(&columns, &active, least);
+                assert!(!is_above(value) && !is_above(1.01 * value) && !is_above(f64::NAN));
+                sure += usize::from(is_above(0.99 * value));
+            }
+        }
+        assert!(sure > 780, "{sure}");
+        // Fewer lanes than columns hold nothing.
+        assert!(!is_surely_above(&[[1.0; 4]; 6], &[true; 6], 0.0));
     }
 
     /// Q D Pᵀ of two rotations of six dimensions.

@@ -87,6 +87,16 @@ impl Watch {
         Self { joints, count: legs.len(), apart }
     }
 
+    /// Names the fixed axes of the joints at base and platform, one a leg.
+    pub(crate) fn set_axes(&mut self, axes: [&[[f64; 3]]; 2]) {
+        let Some(joints) = &mut self.joints else { return };
+        for (joints, axes) in joints.iter_mut().zip(axes) {
+            for (i, axis) in axes.iter().enumerate().take(self.count) {
+                joints.axis.set(i, direction(axis).unwrap_or_default());
+            }
+        }
+    }
+
     /// Angles of the legs' cones for an orientation of the platform; zeros where the
     /// machine has no reference pose.
     pub fn cones(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> Cones {

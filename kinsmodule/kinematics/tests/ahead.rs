@@ -246,7 +246,11 @@ fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
         drive.planner = Planner { linear: 1e9, angular: 1e9, requested: 1.0, latency: 0.0 };
         drive
     };
-    let hold = case.machine.conditioning(&still(30.0, 1.0).at(0.0), &NO_TOOL).expect("a pose");
+    let hold = case
+        .machine
+        .at(&still(30.0, 1.0).at(0.0), &NO_TOOL)
+        .expect("a pose")
+        .smallest_singular_value();
     let allowed = |share: f64, rate: f64| {
         let mut drive = still(30.0, rate);
         drive.limits.conditioning = hold / share;

@@ -76,7 +76,10 @@ fn bad_poses_joints_seeds_and_tools_are_refused_and_named() {
             v[k] = bad;
             let pose = Pose::from_degrees(v);
             assert_eq!(m.inverse(&pose, &NO_TOOL).unwrap_err().cause, Cause::PoseNotFinite);
-            assert_eq!(m.pose_jacobian(&pose, &NO_TOOL).unwrap_err().cause, Cause::PoseNotFinite);
+            assert_eq!(
+                m.at(&pose, &NO_TOOL).and_then(|at| at.pose_jacobian()).unwrap_err().cause,
+                Cause::PoseNotFinite
+            );
             let fault = m.forward(&joints, &pose, &NO_TOOL, &solver).unwrap_err();
             assert_eq!(fault.cause, Cause::SeedMissing);
             let mut q = joints;
@@ -191,7 +194,7 @@ fn axes_are_not_asked_for_where_a_strut_has_no_lead() {
     });
     let machine = Machine::freeze(&plain, &NO_OFFSET).unwrap();
     let turned = Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, 10.0]);
-    let corrections = machine.corrections(&turned, &NO_TOOL).unwrap();
+    let corrections = machine.at(&turned, &NO_TOOL).unwrap().corrections();
     assert!(corrections[0] != 0.0);
     assert_eq!(corrections[1..], [0.0; 7]);
 }
@@ -363,7 +366,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
             (fault.cause, fault.number())
         };
         let joints = case.joints(&case.home);
-        let segments = case.machine.segments(&case.home, &NO_TOOL).unwrap();
+        let segments = *case.machine.at(&case.home, &NO_TOOL).unwrap().segments();
         let base = Vector3::from(case.geometry.legs()[2].base);
         let span = segments[2].platform - base;
         // The shortest rod that reaches: square to the guide, or in line with the arm.
@@ -465,7 +468,7 @@ fn a_tool_longer_than_a_million_machines_is_refused() {
             for fault in [
                 case.machine.check_tool(&tool).unwrap_err(),
                 case.machine.inverse(&case.home, &tool).unwrap_err(),
-                case.machine.pose_jacobian(&case.home, &tool).unwrap_err(),
+                case.machine.at(&case.home, &tool).and_then(|at| at.pose_jacobian()).unwrap_err(),
                 case.machine.forward(&joints, &case.home, &tool, &solver).unwrap_err(),
             ] {
                 assert_eq!((fault.cause, fault.value), (Cause::ToolTooLong, tool[k].abs()));
@@ -478,7 +481,7 @@ fn a_tool_longer_than_a_million_machines_is_refused() {
 fn a_jacobian_where_a_joint_value_swallows_its_leg_is_refused_and_not_infinite() {
     let case = linear_delta();
     let far = Pose::from_degrees([0.0, 0.0, -1e70, 0.0, 0.0, 0.0]);
-    let fault = case.machine.inverse_jacobian(&far, &NO_TOOL).unwrap_err();
+    let fault = case.machine.at(&far, &NO_TOOL).and_then(|at| at.inverse_jacobian()).unwrap_err();
     assert_eq!(fault.cause, Cause::DeadPoint, "{fault}");
 }
 
@@ -501,9 +504,12 @@ fn joints_beyond_all_numbers_are_refused_with_the_first_of_them() {
 fn rates_of_angles_are_refused_where_a_and_c_are_one_and_only_there() {
     let [hexapod, _] = hexapods();
     let upright = |b: f64| Pose::from_degrees([0.0, 0.0, 400.0, 0.0, b, 0.0]);
-    let fault = hexapod.machine.pose_jacobian(&upright(90.0), &NO_TOOL).unwrap_err();
+    let fault =
+        hexapod.machine.at(&upright(90.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).unwrap_err();
     assert_eq!(fault.cause, Cause::TiltNearRightAngle);
-    assert!(hexapod.machine.pose_jacobian(&upright(89.0), &NO_TOOL).is_ok());
+    assert!(hexapod.machine.at(&upright(89.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).is_ok());
     // Two angles are told apart everywhere.
-    assert!(pentapod().machine.pose_jacobian(&upright(90.0), &NO_TOOL).is_ok());
+    assert!(
+        pentapod().machine.at(&upright(90.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).is_ok()
+    );
 }

@@ -15,7 +15,8 @@ const EMPTY: WorkspaceBox = WorkspaceBox::EMPTY;
 
 /// A box of half widths `by` about a pose, with the inverse of the Jacobian there.
 fn about(case: &Case, middle: [f64; 6], by: [f64; 6]) -> WorkspaceBox {
-    let jacobian = case.machine.pose_jacobian(&Pose::from_degrees(middle), &NO_TOOL).unwrap();
+    let jacobian =
+        case.machine.at(&Pose::from_degrees(middle), &NO_TOOL).unwrap().pose_jacobian().unwrap();
     let layout = case.machine.layout();
     let moved = |k: usize| layout.coordinates().as_slice().iter().any(|l| l.index() == k);
     let rows = SMatrix::<f64, 8, 6>::from_fn(|i, k| {
@@ -246,12 +247,13 @@ fn the_assembly_is_the_sign_of_the_determinant() {
         let letters = layout.coordinates().as_slice();
         for _ in 0..cases(50) {
             let pose = Pose::from_degrees(drawn(&mut rng, &given, 1.5));
-            let assembly = case.machine.assembly(&pose, &NO_TOOL).unwrap();
+            let at = case.machine.at(&pose, &NO_TOOL).unwrap();
+            let assembly = at.assembly().unwrap();
             if layout.is_redundant() {
                 assert_eq!(assembly, 0, "{}", case.name);
                 continue;
             }
-            let jacobian = case.machine.inverse_jacobian(&pose, &NO_TOOL).unwrap();
+            let jacobian = at.inverse_jacobian().unwrap();
             let size = letters.len();
             let square = SMatrix::<f64, 6, 6>::from_fn(|i, k| match i < size && k < size {
                 true => jacobian[(i, letters[k].index())],
@@ -267,7 +269,7 @@ fn the_assembly_is_the_sign_of_the_determinant() {
         Case::new("corner", geometry(&legs, "XYZ", "", home), within([0.0; 6], [0.0; 6]), 1.0);
     let at = |z: f64| {
         let pose = Pose::from_degrees([3.0, 3.0, z, 0.0, 0.0, 0.0]);
-        case.machine.assembly(&pose, &NO_TOOL).unwrap()
+        case.machine.at(&pose, &NO_TOOL).unwrap().assembly().unwrap()
     };
     assert_eq!((at(4.0), at(-4.0), at(0.0)), (1, -1, 0));
 }

@@ -6,14 +6,11 @@ use crate::common::machines::{declared, geometry, linear_delta, rotary_delta};
 use crate::common::reference::rod;
 use crate::common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
 use kinematics::leg::CrankGeometry;
-use kinematics::{Cause, Fault, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
-
-/// The rod's cosine below which the core refuses.
-const LEAST: f64 = 0.05;
+use kinematics::{Cause, Fault, LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
 /// Cosine between a rod and its lower end's motion, of `leg` and the smallest of all.
 fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
-    let segments = case.machine.segments(pose, &NO_TOOL).unwrap();
+    let segments = *case.machine.at(pose, &NO_TOOL).unwrap().segments();
     let joints = case.joints(pose);
     let drive = |i: usize| match case.geometry.legs()[i].kind {
         LegKind::Strut(_) => f64::INFINITY,
@@ -76,7 +73,11 @@ fn a_platform_that_walks_away_meets_the_dead_point_of_the_rod_that_is_nearest_to
             // Alike in symmetric poses; one step of the walk changes them by less than 0.02.
             assert!(drive < least + 0.02, "{}: {drive} {least} {first}", case.name);
             assert_eq!(first.cause, Cause::DeadPoint, "{}: {first}", case.name);
-            assert!(first.value < LEAST && drive >= LEAST, "{}: {drive} {first}", case.name);
+            assert!(
+                first.value < LEAST_DRIVE && drive >= LEAST_DRIVE,
+                "{}: {drive} {first}",
+                case.name
+            );
             assert_eq!(beyond.cause, Cause::OutOfReach, "{}: {beyond}", case.name);
             assert!(beyond.number().is_some() && beyond.value > 0.0, "{}: {beyond}", case.name);
             dead += 1;
@@ -127,7 +128,7 @@ fn forward_names_the_rod_at_its_dead_point() {
             // Near its end a rod may as well spoil the certificate first.
             if fault.cause == Cause::DeadPoint {
                 assert_eq!(fault.number(), first.number(), "{}: {fault}", case.name);
-                assert!(fault.value < LEAST, "{fault}");
+                assert!(fault.value < LEAST_DRIVE, "{fault}");
                 named += 1;
             }
         }

@@ -118,8 +118,8 @@ fn tool_of(case: &Case) -> Vector3<f64> {
 /// Both Jacobians of a machine at a pose, if the pose and its neighbours are reached.
 fn check(case: &Case, free: &Machine, pose: &Pose) -> Option<f64> {
     let tool = tool_of(case);
-    let of_pose = case.machine.pose_jacobian(pose, &tool).ok()?;
-    let of_twist = case.machine.inverse_jacobian(pose, &tool).unwrap();
+    let at = case.machine.at(pose, &tool).ok()?;
+    let (of_pose, of_twist) = (at.pose_jacobian().ok()?, at.inverse_jacobian().unwrap());
     let mut per_degree = of_twist;
     per_degree.fixed_columns_mut::<3>(3).scale_mut(1.0_f64.to_radians());
     let a = largest_difference(case, free, pose, &tool, &of_pose, coordinate)?;
@@ -175,7 +175,7 @@ fn table_rows_and_columns_are_those_of_a_slide_under_the_work() {
     let mut rng = rng(41);
     for _ in 0..200 {
         let pose = (case.sample)(&mut rng);
-        let j = case.machine.pose_jacobian(&pose, &Vector3::zeros()).unwrap();
+        let j = case.machine.at(&pose, &Vector3::zeros()).unwrap().pose_jacobian().unwrap();
         // X and Y move their slide one to one, and no leg.
         for row in 0..4 {
             assert_eq!((j[(row, 0)], j[(row, 1)]), (0.0, 0.0));
@@ -204,7 +204,9 @@ fn random_screws(rng: &mut Pcg64) -> ([StrutGeometry; 6], Case) {
 /// Whether differences of this step say anything: no strut near one of its joint axes,
 /// no twist near the quarter turn where the arcsin folds.
 fn is_smooth(struts: &[StrutGeometry; 6], machine: &Machine, pose: &Pose) -> bool {
-    let Ok(segments) = machine.segments(pose, &Vector3::zeros()) else { return false };
+    let Ok(segments) = machine.at(pose, &Vector3::zeros()).map(|at| *at.segments()) else {
+        return false;
+    };
     struts.iter().zip(segments).all(|(strut, segment)| {
         let n = (segment.platform - segment.base).normalize();
         let a = Vector3::from(strut.base_axis).normalize();
@@ -224,7 +226,7 @@ fn the_nut_gradient_is_exact_for_any_axes_leads_and_hands() {
         let (struts, case) = random_screws(&mut rng);
         let pose = (case.sample)(&mut rng);
         if is_smooth(&struts, &case.machine, &pose) {
-            let jacobian = case.machine.pose_jacobian(&pose, &tool).unwrap();
+            let jacobian = case.machine.at(&pose, &tool).unwrap().pose_jacobian().unwrap();
             let machine = &case.machine;
             let difference =
                 largest_difference(&case, machine, &pose, &tool, &jacobian, coordinate).unwrap();
@@ -238,8 +240,8 @@ fn the_nut_gradient_is_exact_for_any_axes_leads_and_hands() {
 #[test]
 fn the_twist_jacobian_is_the_pose_jacobian_at_a_level_pose_without_turns() {
     for case in declared() {
-        let of_twist = case.machine.inverse_jacobian(&case.home, &Vector3::zeros()).unwrap();
-        let of_pose = case.machine.pose_jacobian(&case.home, &Vector3::zeros()).unwrap();
+        let at = case.machine.at(&case.home, &Vector3::zeros()).unwrap();
+        let (of_twist, of_pose) = (at.inverse_jacobian().unwrap(), at.pose_jacobian().unwrap());
         for i in 0..case.machine.layout().joints() {
             for k in 0..6 {
                 let unit = if k < 3 { 1.0 } else { 1.0_f64.to_radians() };

@@ -4,6 +4,7 @@
 use crate::common::machines::{declared, paper_004};
 use crate::common::{NO_TOOL, cases, rng};
 use kinematics::{At, Cause, Fault, Limit, Limits, MAX_LEGS, Machine, Margin, Part, Pose, Vector3};
+use rand::Rng;
 use std::ops::ControlFlow;
 
 fn margins(at: &At<'_>, limits: &Limits) -> Vec<Margin> {
@@ -53,6 +54,63 @@ fn every_limit_that_is_set_is_visited_in_the_order_of_the_list_and_no_other() {
             assert!(all.iter().all(|margin| margin.is_kept() && margin.room() >= 0.0), "{all:?}");
             let unset = margins(&at, &Limits::NONE);
             assert_eq!(unset.len(), 6 + joints + rods);
+        }
+    }
+}
+
+#[test]
+fn a_check_finds_the_first_margin_that_is_not_kept_in_memory_used_before_as_well() {
+    let mut found = [0; Limit::ALL.len()];
+    let mut kept = 0;
+    for case in declared() {
+        let mut rng = rng(92);
+        let mut moved = case.machine.nowhere();
+        for _ in 0..cases(100).max(100) {
+            let pose = (case.sample)(&mut rng);
+            let at = case.machine.at(&pose, &NO_TOOL).expect("a pose");
+            moved.move_to(&pose, &NO_TOOL).expect("a pose");
+            let mut near =
+                |value: f64, sign: f64| value * (1.0 + sign * rng.random_range(-0.05..0.3));
+            let cones = at.cones();
+            let limits = Limits {
+                base_cone: cones.base.map(|angle| near(angle, 1.0)),
+                platform_cone: cones.platform.map(|angle| near(angle, 1.0)),
+                tilt: near(at.tilt(), 1.0),
+                conditioning: near(at.smallest_singular_value(), -1.0),
+                clearance: near(at.nearest().map_or(0.0, |nearest| nearest.distance), -1.0),
+                ..Limits::NONE
+            };
+            let first = margins(&at, &limits).into_iter().find(|margin| !margin.is_kept());
+            assert_eq!(moved.check(&limits), first.map_or(Ok(()), Err), "{}", case.name);
+            match first {
+                Some(margin) => found[margin.limit.index()] += 1,
+                None => kept += 1,
+            }
+        }
+    }
+    for limit in [Limit::BaseCone, Limit::PlatformCone, Limit::Clearance, Limit::Conditioning] {
+        assert!(found[limit.index()] > 10, "{}: {found:?}", limit.name());
+    }
+    assert!(kept > 10, "{kept}");
+}
+
+#[test]
+fn joints_turn_about_the_axes_that_are_named_for_them_and_nothing_else_changes() {
+    let near = |one: f64, other: f64| one == other || (one.is_nan() && other.is_nan());
+    for case in declared() {
+        let axes: Vec<[f64; 3]> = (0..MAX_LEGS).map(|i| [1.0, 0.5, -0.25 * i as f64]).collect();
+        let named = case.machine.clone().with_joint_axes([&axes, &[]]);
+        let pose = (case.sample)(&mut rng(93));
+        let [one, other] =
+            [&case.machine, &named].map(|machine| machine.at(&pose, &NO_TOOL).expect("a pose"));
+        assert_eq!((one.joints(), one.corrections()), (other.joints(), other.corrections()));
+        let ([_, own], [base, platform]) = (one.turns(), other.turns());
+        for i in 0..case.machine.layout().legs() {
+            let (axis, leg) = (Vector3::from(axes[i]).normalize(), one.segments()[i].span());
+            let across = axis.dot(&leg.normalize()).asin().to_degrees();
+            // Degrees: some ten roundings.
+            assert!((base.across[i] - across).abs() < 1e-11, "{}: {i}", case.name);
+            assert!(base.about[i].is_finite() && near(platform.about[i], own.about[i]));
         }
     }
 }

@@ -31,7 +31,7 @@ fn without_home(given: &Geometry) -> Geometry {
 
 /// Unit vectors along the struts, base to platform.
 fn directions(machine: &Machine, pose: &Pose) -> [Vector3<f64>; 6] {
-    let segments = machine.segments(pose, &NO_TOOL).unwrap();
+    let segments = *machine.at(pose, &NO_TOOL).unwrap().segments();
     std::array::from_fn(|i| (segments[i].platform - segments[i].base).normalize())
 }
 
@@ -57,8 +57,8 @@ fn joints_are_lengths_and_corrections_with_and_without_reference_pose() {
         for _ in 0..2000 {
             let pose = (hexapod.sample)(&mut rng);
             let joints = machine.inverse(&pose, &NO_TOOL).unwrap();
-            let segments = machine.segments(&pose, &NO_TOOL).unwrap();
-            let corrections = machine.corrections(&pose, &NO_TOOL).unwrap();
+            let at = machine.at(&pose, &NO_TOOL).unwrap();
+            let (segments, corrections) = (at.segments(), at.corrections());
             assert_eq!(corrections[3], 0.0);
             for i in 0..6 {
                 let length = (segments[i].platform - segments[i].base).norm();
@@ -81,8 +81,8 @@ fn correction_equals_the_printed_arcsin_within_its_range_with_and_without_refere
     for _ in 0..2000 {
         let pose = (hexapod.sample)(&mut rng);
         let n = directions(&folded, &pose);
-        let a = literal.corrections(&pose, &NO_TOOL).unwrap();
-        let b = folded.corrections(&pose, &NO_TOOL).unwrap();
+        let a = literal.at(&pose, &NO_TOOL).unwrap().corrections();
+        let b = folded.at(&pose, &NO_TOOL).unwrap().corrections();
         for i in 0..6 {
             let expected = printed(&struts[i], &n[i], &pose);
             assert!((a[i] - expected).abs() < GOLDEN_JOINT, "{pose:?}");
@@ -96,7 +96,8 @@ fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
     let given = paper_004(10.0);
     let (folded, literal) = (machine(&given), machine(&without_home(&given)));
     let at = |m: &Machine, c: f64| {
-        m.corrections(&Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, c]), &NO_TOOL).unwrap()[0]
+        m.at(&Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, c]), &NO_TOOL).unwrap().corrections()
+            [0]
     };
     let step = 0.5;
     let (mut largest, mut folds) = (0.0_f64, false);
@@ -122,7 +123,7 @@ fn a_correction_never_jumps_by_a_lead_without_a_refusal_in_between() {
     for k in 0..7200 {
         let c = f64::from(k) * step;
         let pose = Pose::from_degrees([20.0, -30.0, 250.0, 5.0, 3.0, c]);
-        match folded.corrections(&pose, &NO_TOOL) {
+        match folded.at(&pose, &NO_TOOL).map(|at| at.corrections()) {
             Ok(here) => {
                 let change = |from: [f64; 8]| (0..6).map(move |i| (here[i] - from[i]).abs());
                 // 10/360 mm per degree of torsion, which is at most a few times the turn.
@@ -159,7 +160,7 @@ fn a_right_hand_screw_gets_shorter_when_the_platform_turns_with_the_strut_direct
         StrutGeometry { base_axis: [1.0, 0.0, 0.0], platform_axis: [-1.0, 0.0, 0.0], lead: 10.0 };
     let m = machine(&hexapod(base, platform, struts, given.home));
     let turned = Pose::from_degrees([0.0, 0.0, 250.0, 0.0, 0.0, 36.0]);
-    assert!((m.corrections(&turned, &NO_TOOL).unwrap()[0] + 1.0).abs() < 1e-12);
+    assert!((m.at(&turned, &NO_TOOL).unwrap().corrections()[0] + 1.0).abs() < 1e-12);
     assert!((m.inverse(&turned, &NO_TOOL).unwrap()[0] - 249.0).abs() < 1e-12);
 }
 
@@ -186,8 +187,9 @@ fn equal_senses_and_a_negative_lead_are_the_same_screw_as_opposed_senses() {
 fn pure_translation_of_parallel_axes_needs_no_correction() {
     let given = paper_004(10.0);
     let corrections = machine(&given)
-        .corrections(&Pose::from_degrees([100.0, -50.0, 150.0, 0.0, 0.0, 0.0]), &NO_TOOL)
-        .unwrap();
+        .at(&Pose::from_degrees([100.0, -50.0, 150.0, 0.0, 0.0, 0.0]), &NO_TOOL)
+        .unwrap()
+        .corrections();
     assert!(corrections.iter().all(|c| c.abs() < 1e-12), "{corrections:?}");
 }
 

@@ -9,7 +9,9 @@ use crate::common::random::{RECIPES, draw};
 use crate::common::tolerances::{EXACT, GOLDEN_JOINT, ROUND_TRIP};
 use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::StrutGeometry;
-use kinematics::{Cause, Fault, Geometry, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
+use kinematics::{
+    Cause, Fault, Geometry, LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose, Solver, Vector3,
+};
 
 #[test]
 fn a_tool_changes_no_joint_of_a_level_platform_and_moves_the_tip_of_a_tilted_one() {
@@ -76,8 +78,8 @@ fn a_joint_offset_is_taken_from_the_joint_and_given_back_by_forward() {
             assert_eq!(a[legs..], b[legs..]);
             let found = shifted.forward(&b, &case.home, &NO_TOOL, &Solver::default()).unwrap();
             assert!(case.apart(&found.pose, &pose) <= ROUND_TRIP, "{}", case.name);
-            let jacobians =
-                [&case.machine, &shifted].map(|m| m.pose_jacobian(&pose, &NO_TOOL).unwrap());
+            let jacobians = [&case.machine, &shifted]
+                .map(|m| m.at(&pose, &NO_TOOL).unwrap().pose_jacobian().unwrap());
             // Joints of 1e3 lose 1e-13 to the offset; near a dead point rows bend 1e2 times.
             assert!((jacobians[0] - jacobians[1]).amax() < 1e-9, "{}", case.name);
         }
@@ -322,7 +324,7 @@ fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return()
     let finest = Solver { convergence_criterion: 1e-300, ..solver };
     assert_eq!(hexapod.machine.largest_residual(&finest), rounding);
     // A rod's length tells twenty times as little of its joint at the dead point's edge.
-    assert_eq!(linear_delta().machine.largest_residual(&solver), 1e-7 / 0.05);
+    assert_eq!(linear_delta().machine.largest_residual(&solver), 1e-7 / LEAST_DRIVE);
     // Four rods that hold three coordinates may contradict each other.
     let redundant = pyramid().machine;
     assert_eq!(redundant.largest_residual(&solver), 5e-3 * redundant.radius());

@@ -31,7 +31,9 @@ fn what_is_said_to_be_on_a_side_has_its_sign_of_the_determinant() {
         case.machine.layout().legs() == case.machine.layout().coordinates().as_slice().len()
     };
     for case in all(&mut rng).into_iter().filter(square) {
-        let sign = |pose: &Pose, tool: &Vector3<f64>| case.machine.assembly(pose, tool);
+        let sign = |pose: &Pose, tool: &Vector3<f64>| {
+            case.machine.at(pose, tool).and_then(|at| at.assembly())
+        };
         for _ in 0..cases(60).max(6) {
             let pose = (case.sample)(&mut rng);
             let tool = direction(&mut rng) * (0.1 * case.machine.size());
@@ -67,8 +69,9 @@ fn poses_oppose_each_other_where_the_signs_of_the_determinant_differ() {
             let other = away(&case, &one, way, &mut rng);
             let sides = [&one, &other].map(|pose| case.machine.side(pose, &NO_TOOL));
             let [Ok(here), Ok(there)] = sides else { continue };
-            let signs =
-                [&one, &other].map(|pose| case.machine.assembly(pose, &NO_TOOL).expect("reached"));
+            let signs = [&one, &other].map(|pose| {
+                case.machine.at(pose, &NO_TOOL).expect("reached").assembly().expect("reached")
+            });
             assert_eq!(here.opposes(&there), signs[0] * signs[1] < 0, "{}", case.name);
             opposed += usize::from(here.opposes(&there));
             agreed += usize::from(!here.opposes(&there));

@@ -16,7 +16,8 @@ fn each_pose(seed: u64, mut check: impl FnMut(&Case, &Watch, &Pose, &[Segment; 8
         let watch = case.machine.watch();
         for _ in 0..cases(100).max(10) {
             let pose = (case.sample)(&mut rng);
-            let legs = case.machine.segments(&pose, &NO_TOOL).expect("a pose of the workspace");
+            let legs =
+                *case.machine.at(&pose, &NO_TOOL).expect("a pose of the workspace").segments();
             check(&case, watch, &pose, &legs, &mut rng);
         }
     }
@@ -91,7 +92,7 @@ fn degrees_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 fn cones_are_the_angles_to_the_direction_at_home_in_base_and_platform() {
     each_pose(82, |case, watch, pose, legs, _| {
         let home = Pose::from_degrees(case.geometry.home.expect("a reference pose"));
-        let then = case.machine.segments(&home, &NO_TOOL).expect("a pose");
+        let then = *case.machine.at(&home, &NO_TOOL).expect("a pose").segments();
         let cones = watch.cones(&pose.rotation(), legs);
         for i in 0..case.geometry.legs().len() {
             let (now, then) = (legs[i].platform - legs[i].base, then[i].platform - then[i].base);
@@ -112,7 +113,7 @@ fn with_a_tilted_reference_pose_cones_are_0_there_and_stay_so_while_all_of_it_tu
     let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a machine");
     let watch = machine.watch();
     let home = Pose::from_degrees(geometry.home.expect("just given"));
-    let legs = machine.segments(&home, &NO_TOOL).expect("a pose");
+    let legs = *machine.at(&home, &NO_TOOL).expect("a pose").segments();
     let there = watch.cones(&home.rotation(), &legs);
     assert!(there.base.iter().chain(&there.platform).all(|angle| *angle < ANGLE), "{there:?}");
     // Where legs turn with the platform only the base joints see it.
@@ -129,7 +130,7 @@ fn without_a_reference_pose_there_are_no_cones() {
     let home = Pose::from_degrees(geometry.home.expect("a reference pose"));
     geometry.home = None;
     let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).expect("a machine");
-    let legs = machine.segments(&home, &NO_TOOL).expect("a pose");
+    let legs = *machine.at(&home, &NO_TOOL).expect("a pose").segments();
     let cones = machine.watch().cones(&home.rotation(), &legs);
     assert_eq!((cones.base, cones.platform), ([0.0; MAX_LEGS], [0.0; MAX_LEGS]));
 }
@@ -150,7 +151,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
         let count = case.geometry.legs().len();
         for _ in 0..cases(50).max(5) {
             let pose = (case.sample)(&mut rng);
-            let legs = case.machine.segments(&pose, &NO_TOOL).expect("a pose");
+            let legs = *case.machine.at(&pose, &NO_TOOL).expect("a pose").segments();
             let middle = (0..count).map(|i| legs[i].platform).sum::<Vector3<f64>>() / count as f64;
             let rows = SMatrix::<f64, 8, 6>::from_fn(|i, k| {
                 if i >= count || !active(k) {
@@ -163,7 +164,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
             let size = (0..6).filter(|k| active(*k)).count();
             let mut values: Vec<f64> = rows.singular_values().iter().copied().collect();
             values.sort_by(|a, b| b.total_cmp(a));
-            let found = case.machine.conditioning(&pose, &NO_TOOL).expect("a pose");
+            let found = case.machine.at(&pose, &NO_TOOL).expect("a pose").smallest_singular_value();
             // Rounding of numbers of size 1, in some rotations each.
             assert!((found - values[size - 1]).abs() < 1e-12, "{}: {found} {values:?}", case.name);
         }

@@ -175,7 +175,7 @@ impl<'a> Changed<'a> {
         // A table keeps its place, not the tip's over it.
         let letters = [layout.coordinates().as_slice(), layout.table().as_slice()].concat();
         let joints = layout.joints();
-        let jacobian = self.machine.pose_jacobian(&pose, tool)?;
+        let jacobian = self.machine.at(&pose, tool)?.pose_jacobian()?;
         let active =
             DMatrix::from_fn(joints, letters.len(), |i, k| jacobian[(i, letters[k].index())]);
         let by = self.beside.joint_rates(&pose, tool, joints, self.model.parameters.len())?;

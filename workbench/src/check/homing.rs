@@ -89,7 +89,7 @@ fn follow(config: &MachineConfig, joints: &[Homing], sequence: i64) -> Option<Tr
             Ok(solution) => seed = solution.pose,
             Err(fault) => return Some(Trouble::NoPose(sequence, fault.to_string())),
         }
-        match config.machine.at(&seed, &config.spindle).map(|at| limits::check(&at, &limits)) {
+        match config.machine.at(&seed, &config.spindle).map(|at| at.check(&limits)) {
             Ok(Ok(())) => {}
             Ok(Err(margin)) => return Some(Trouble::Limit(sequence, margin)),
             Err(fault) => return Some(Trouble::NoPose(sequence, fault.to_string())),

@@ -9,16 +9,11 @@
 //! once their drives stand still. The rank of their rows does.
 
 use crate::read::machine::MachineConfig;
-use crate::rows::Rows;
+use crate::rows::{RANK_TOLERANCE, Rows};
 use kinematics::{Fault, Letter, Vector3};
 
 /// Freedoms of a leg's joints: drive, cardan joint, spherical joint.
 const FREEDOMS: [i32; 3] = [1, 2, 3];
-
-/// Singular values below this share of the largest count as 0: far above the rounding of rows
-/// that depend on each other (1e-15), far below those of a machine that the core accepts (its
-/// ball of certainty must reach 1e-6 of the size).
-const RANK_TOLERANCE: f64 = 1e-9;
 
 /// Rows of the leg constraints at home: per leg the speed of its platform anchor along the leg,
 /// per unit speed of X Y Z, and of A B C times the platform radius, about the centre; also of

@@ -6,11 +6,13 @@ use crate::check::mobility::Structure;
 use crate::check::wiring::{self, at_key};
 use crate::limits;
 use crate::proof::axis_box::{self, AxisBox};
-use crate::proof::cell::{Reach, Stop};
 use crate::proof::conditioning;
+use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
+use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError, Problem};
-use crate::read::machine::{JointKind, MachineConfig, MachineError};
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
 use crate::read::tools::{self, Tool};
 use kinematics::{Fault, Letter, Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
@@ -342,7 +344,7 @@ impl Seen {
             for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
                 *range = (range.0.min(*value), range.1.max(*value));
             }
-            match limits::check(&at, &of_legs) {
+            match at.check(&of_legs) {
                 Ok(()) => {
                     let value = at.smallest_singular_value();
                     drawn.push((value, pose));
@@ -357,7 +359,7 @@ impl Seen {
         }
         seen.worst = conditioning::worst(within, drawn, |pose| {
             let at = reach.at(pose).ok()?;
-            limits::check(&at, &of_legs).ok()?;
+            at.check(&of_legs).ok()?;
             Some(at.smallest_singular_value())
         });
         seen

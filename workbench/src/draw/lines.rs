@@ -3,7 +3,8 @@
 
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Chart, Frame, LEGEND_ROOM, SIZE, STYLES, axes, drawn, legend, padded};
-use crate::read::machine::{Group, MachineConfig};
+use crate::read::joints::Group;
+use crate::read::machine::MachineConfig;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 

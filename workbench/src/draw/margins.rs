@@ -4,7 +4,7 @@
 use crate::draw::lines::{Line, MOST_POINTS, apart, drawn_lines, first_up, lines, thin_low};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, TIME, drawn, legend, path_axes, project};
-use crate::program::preflight::Place;
+use crate::program::findings::Place;
 use crate::read::machine::MachineConfig;
 use plotters::prelude::*;
 

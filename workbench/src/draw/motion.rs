@@ -7,7 +7,8 @@ use crate::draw::sample::Sample;
 use crate::draw::sheet::{Frame, TIME, span};
 use crate::draw::tool_path::{isometric, tool_path};
 use crate::program::path::{Along, along};
-use crate::read::machine::{Group, JointKind, MachineConfig};
+use crate::read::joints::{Group, JointKind};
+use crate::read::machine::MachineConfig;
 use kinematics::{LegKind, MAX_JOINTS};
 
 /// All plots of a trace.

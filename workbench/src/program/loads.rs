@@ -4,7 +4,8 @@
 
 use crate::program::interpreter::Move;
 use crate::program::planner::{self, Cycle};
-use crate::read::machine::{Joint, MachineConfig};
+use crate::read::joints::Joint;
+use crate::read::machine::MachineConfig;
 use kinematics::{Joints, Pose, Vector3};
 use serde::Serialize;
 

@@ -2,6 +2,8 @@
 //! Programs: what LinuxCNC makes of them, and whether they fit a machine.
 
 mod corner;
+pub mod findings;
+mod follow;
 pub mod interpreter;
 pub mod loads;
 pub mod offset;

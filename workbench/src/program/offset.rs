@@ -8,8 +8,9 @@
 
 use crate::limits;
 use crate::program::interpreter::Move;
-use crate::proof::cell::Reach;
-use crate::read::machine::{Axis, MachineConfig};
+use crate::proof::reach::Reach;
+use crate::read::joints::Axis;
+use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limits, Vector3};
 use serde::Serialize;
 

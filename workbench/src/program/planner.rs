@@ -160,8 +160,7 @@ impl<'a> Planner<'a> {
 
     /// Largest share of the axes' accelerations that a vector of X Y Z takes.
     fn share_of_axes(&self, acceleration: &Vector3<f64>) -> f64 {
-        let share =
-            |(a, axis): (&f64, &crate::read::machine::Axis)| a.abs() / axis.max_acceleration;
+        let share = |(a, axis): (&f64, &crate::read::joints::Axis)| a.abs() / axis.max_acceleration;
         let shares = acceleration.iter().zip(&self.config.axes).map(share);
         shares.filter(|share| share.is_finite()).fold(0.0, f64::max)
     }
@@ -222,9 +221,9 @@ impl<'a> Planner<'a> {
     fn in_plane(
         &self,
         normal: &Vector3<f64>,
-        limit: impl Fn(&crate::read::machine::Axis) -> f64,
+        limit: impl Fn(&crate::read::joints::Axis) -> f64,
     ) -> f64 {
-        let extent = |(n, axis): (&f64, &crate::read::machine::Axis)| {
+        let extent = |(n, axis): (&f64, &crate::read::joints::Axis)| {
             limit(axis) / (1.0 - n * n).max(0.0).sqrt().max(NO_LENGTH)
         };
         normal.iter().zip(&self.config.axes).map(extent).fold(f64::INFINITY, f64::min)

@@ -7,7 +7,8 @@
 
 use crate::limits;
 use crate::program::interpreter::{Move, MoveKind};
-use crate::read::machine::{Group, MachineConfig};
+use crate::read::joints::Group;
+use crate::read::machine::MachineConfig;
 use kinematics::{
     Certificate, Cones, Fault, Joints, Limits, Margin, PerLeg, Pose, Solution, Vector3,
 };

@@ -7,7 +7,8 @@
 //! more with the effort that a proof may take: not the largest of all boxes, for which there is
 //! no one measure of millimetres and degrees together.
 
-use crate::proof::cell::{Cell, Reach, Stop, Verdict};
+use crate::proof::cell::{Cell, Verdict};
+use crate::proof::reach::{Reach, Stop};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Vector3};
 use rand::{Rng, SeedableRng};

@@ -2,9 +2,13 @@
 //! Statements about boxes of poses that hold for every pose in them.
 
 pub mod axis_box;
+mod bounds;
 pub mod boxes;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;
 mod jet;
 pub mod one_to_one;
+pub mod reach;
+mod regular;
+pub mod spans;

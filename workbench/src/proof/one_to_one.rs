@@ -118,7 +118,8 @@ impl<'a> Prover<'a> {
     pub fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
         let jacobian = self
             .machine
-            .pose_jacobian(&Pose::from_degrees(*pose), &Vector3::zeros())
+            .at(&Pose::from_degrees(*pose), &Vector3::zeros())
+            .and_then(|at| at.pose_jacobian())
             .map_err(|fault| Doubt::Reach(*pose, fault))?;
         let mut rows = Rows::zeros();
         for i in 0..self.machine.layout().legs() {
@@ -352,11 +353,11 @@ impl<'a> Prover<'a> {
 /// Per leg its lead, negative where the joint axes are opposed at home.
 fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
     let home = Pose::from_degrees(geometry.home.unwrap_or_default());
-    let segments = machine.segments(&home, &Vector3::zeros());
+    let at = machine.at(&home, &Vector3::zeros());
     let lead = |(i, leg): (usize, &LegGeometry)| {
         let LegKind::Strut(strut) = leg.kind else { return 0.0 };
-        let Ok(segments) = &segments else { return strut.lead };
-        let n = (segments[i].platform - segments[i].base).normalize();
+        let Ok(at) = &at else { return strut.lead };
+        let n = at.segments()[i].span().normalize();
         let base = Vector3::from(strut.base_axis);
         let platform = home.rotation() * Vector3::from(strut.platform_axis);
         let cosine = base.dot(&platform) - base.dot(&n) * platform.dot(&n);

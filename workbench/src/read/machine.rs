@@ -5,28 +5,17 @@
 //! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
 
 use crate::read::boxes::{self, BoxSection};
+use crate::read::error::{Errors, MachineError, leg_section};
 use crate::read::ini::{Entry, Ini, IniError};
-use keys::{Key, Need, joint as of_joint, leg as of_leg, machine as of_machine};
-use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use crate::read::joints::{AXES, Axis, Group, Joint, JointKind, axis, joint, positive};
+use crate::read::legs::{check_leg_sections, leg_geometry};
+use keys::{leg as of_leg, machine as of_machine};
 use kinematics::{
-    Fault, Geometry, Layout, LegGeometry, LegKind, Letter, Load, MAX_LEGS, Machine, MachinePart,
-    PerLeg, Pose, Segment, Solver, Vector3,
+    CONDITIONING_LIMIT, Geometry, Layout, LegGeometry, Letter, Load, MAX_LEGS, Machine, PerLeg,
+    Pose, Solver, Vector3,
 };
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
-
-/// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
-/// of emccfg.h), machine units or degrees per second.
-const AXIS_VELOCITY: f64 = 1.0;
-
-/// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
-const AXIS_ACCELERATION: f64 = 1.0;
-
-/// Conditioning at which the module's guard stops the machine where the file says nothing.
-const HOLD: f64 = 0.05;
 
 /// Limits of the path in `[TRAJ]`: speeds, then accelerations, lengths before angles.
 const SPEEDS: [&str; 4] = [
@@ -39,184 +28,6 @@ const SPEEDS: [&str; 4] = [
 /// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
 /// one is that of [`Load::with_boxes`].
 const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
-
-/// Why no machine could be made of an INI file.
-#[derive(Clone, Debug, PartialEq)]
-pub enum MachineError {
-    /// The text of the file is wrong: everything that was found, never empty.
-    Ini(Vec<IniError>),
-    /// The text is in order, but describes no machine; the section of the leg that the fault
-    /// names.
-    Geometry(PathBuf, Fault, Option<IniError>),
-}
-
-impl MachineError {
-    /// The refusal of the geometry of a file.
-    pub fn of_geometry(ini: &Ini, fault: Fault) -> Self {
-        let section = match fault.part {
-            Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
-                Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))
-            }
-            _ => None,
-        };
-        Self::Geometry(ini.file().into(), fault, section)
-    }
-}
-
-impl fmt::Display for MachineError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            MachineError::Ini(errors) => {
-                let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
-                f.write_str(&texts.join("\n"))
-            }
-            MachineError::Geometry(file, fault, _) => write!(f, "{}: {fault}", file.display()),
-        }
-    }
-}
-
-impl std::error::Error for MachineError {}
-
-impl From<IniError> for MachineError {
-    fn from(error: IniError) -> Self {
-        MachineError::Ini(vec![error])
-    }
-}
-
-/// What is wrong with values that do not depend on each other.
-#[derive(Default)]
-struct Errors(Vec<IniError>);
-
-impl Errors {
-    /// The value; what is wrong with it is kept, once.
-    fn of<T>(&mut self, value: Result<T, IniError>) -> Option<T> {
-        match value {
-            Ok(value) => Some(value),
-            Err(error) => {
-                if !self.0.contains(&error) {
-                    self.0.push(error);
-                }
-                None
-            }
-        }
-    }
-
-    /// All of them.
-    fn each<T>(
-        &mut self,
-        count: usize,
-        value: impl Fn(usize, &mut Self) -> Option<T>,
-    ) -> Option<Vec<T>> {
-        let values: Vec<Option<T>> = (0..count).map(|n| value(n, self)).collect();
-        values.into_iter().collect()
-    }
-
-    fn checked(self) -> Result<(), MachineError> {
-        self.value(Some(()))
-    }
-
-    /// No value is missing where nothing was wrong.
-    fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
-        value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
-    }
-}
-
-/// What a joint moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum JointKind {
-    /// The length of a strut.
-    Strut,
-    /// A carriage along its guide.
-    Carriage,
-    /// An arm about its axis, in degrees.
-    Arm,
-    /// The table under the workpiece.
-    Table,
-}
-
-impl JointKind {
-    const ALL: [Self; 4] = [Self::Strut, Self::Carriage, Self::Arm, Self::Table];
-
-    const fn of_leg(kind: Kind) -> Self {
-        match kind {
-            Kind::Strut => Self::Strut,
-            Kind::Slider => Self::Carriage,
-            Kind::Crank => Self::Arm,
-        }
-    }
-
-    /// Name of one such joint.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Strut => "strut",
-            Self::Carriage => "carriage",
-            Self::Arm => "arm",
-            Self::Table => "table",
-        }
-    }
-
-    /// Name of several.
-    pub const fn plural(self) -> &'static str {
-        match self {
-            Self::Strut => "struts",
-            Self::Carriage => "carriages",
-            Self::Arm => "arms",
-            Self::Table => "table axes",
-        }
-    }
-
-    /// What is measured of it.
-    pub const fn quantity(self) -> &'static str {
-        match self {
-            Self::Strut => "length",
-            Self::Carriage | Self::Table => "position",
-            Self::Arm => "angle",
-        }
-    }
-}
-
-/// Joints of one kind.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
-    /// Their kind.
-    pub kind: JointKind,
-    /// Their unit.
-    pub unit: &'static str,
-    /// Their numbers.
-    pub joints: Vec<usize>,
-}
-
-/// Kind, limits and home of one joint, `[JOINT_N]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Joint {
-    /// Kind.
-    pub kind: JointKind,
-    /// Name for people, such as `strut 3` or `table X`.
-    pub name: String,
-    /// Lowest value, in joint units.
-    pub min: f64,
-    /// Highest value, in joint units.
-    pub max: f64,
-    /// Joint units per second.
-    pub max_velocity: f64,
-    /// Joint units per second squared.
-    pub max_acceleration: f64,
-    /// Value at the end of homing; LinuxCNC takes 0 where it is missing.
-    pub home: f64,
-}
-
-/// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
-    /// Lowest value, machine units or degrees.
-    pub min: f64,
-    /// Highest value, machine units or degrees.
-    pub max: f64,
-    /// Machine units or degrees per second.
-    pub max_velocity: f64,
-    /// Machine units or degrees per second squared.
-    pub max_acceleration: f64,
-}
 
 /// What LinuxCNC's interpreter needs to read programs as this machine does.
 #[derive(Clone, Debug, PartialEq)]
@@ -391,23 +202,6 @@ impl MachineConfig {
     }
 }
 
-/// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
-pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
-    match leg.kind {
-        LegKind::Strut(_) => None,
-        LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
-        LegKind::Crank(crank) => {
-            let arm = segment.base - Vector3::from(leg.base);
-            let axis = Vector3::from(crank.axis).normalize();
-            Some(axis.cross(&arm) * (std::f64::consts::PI / 180.0))
-        }
-    }
-}
-
-fn leg_section(n: usize) -> String {
-    format!("LEG_{n}")
-}
-
 /// The load parameters in `[KINS]KINEMATICS`.
 fn load(ini: &Ini) -> Result<Load, IniError> {
     let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]";
@@ -448,24 +242,6 @@ fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
         layout.joints()
     );
     Err(ini.refuse(ini.require("KINS", "JOINTS", &expected)?, &expected))
-}
-
-/// Exactly the sections LEG_0 to that of the last leg.
-fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
-    for n in 0..legs {
-        if !ini.sections().any(|name| name == leg_section(n)) {
-            let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
-            return Err(ini.refuse_section(&leg_section(n), &text));
-        }
-    }
-    for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
-        if !(0..legs).any(|n| name == leg_section(n)) {
-            let expected =
-                format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
-            return Err(ini.refuse_section(name, &expected));
-        }
-    }
-    Ok(())
 }
 
 /// LinuxCNC takes no program word with a letter that is missing here, so that nothing
@@ -566,7 +342,7 @@ impl Values {
             offsets: padded,
             cones: cones?,
             solver: solver?,
-            conditioning_limit: conditioning_limit?.unwrap_or(HOLD),
+            conditioning_limit: conditioning_limit?.unwrap_or(CONDITIONING_LIMIT),
             clearance: clearance?,
             tilt_limit: tilt_limit?.filter(|limit| *limit != 0.0),
             pyramids: pyramids?,
@@ -588,68 +364,6 @@ impl Values {
     }
 }
 
-fn leg_geometry(ini: &Ini, n: usize, kind: Kind, errors: &mut Errors) -> Option<LegGeometry> {
-    let section = leg_section(n);
-    errors.of(ini.check_keys(&section, keys::of_leg(kind)));
-    let base = errors.of(ini.require_values(&section, &of_leg::BASE));
-    let platform = errors.of(ini.require_values(&section, &of_leg::PLATFORM));
-    match kind {
-        Kind::Strut => {
-            let strut = strut(ini, &section, errors);
-            Some(LegGeometry::strut(base?, platform?, strut?))
-        }
-        Kind::Slider => {
-            let kind = LegKind::Slider(slider(ini, &section, errors)?);
-            Some(LegGeometry { base: base?, platform: platform?, kind })
-        }
-        Kind::Crank => {
-            let kind = LegKind::Crank(crank(ini, &section, errors)?);
-            Some(LegGeometry { base: base?, platform: platform?, kind })
-        }
-    }
-}
-
-fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
-    let lead = match errors.of(ini.value(section, &of_leg::LEAD))? {
-        Some(own) => own,
-        // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
-        None => errors.of(ini.require_value("PKM", &of_machine::SCREW_LEAD))?,
-    };
-    let axis = |key: &Key| match ini.values(section, key)? {
-        None if lead != 0.0 || is_needed_by_another(ini, section, key) => {
-            ini.require_values(section, key)
-        }
-        axis => Ok(axis.unwrap_or_default()),
-    };
-    let base_axis = errors.of(axis(&of_leg::BASE_N));
-    Some(StrutGeometry {
-        platform_axis: errors.of(axis(&of_leg::PLATFORM_N))?,
-        base_axis: base_axis?,
-        lead,
-    })
-}
-
-/// Whether the section of a leg gives a key that wants this one with it.
-fn is_needed_by_another(ini: &Ini, section: &str, key: &Key) -> bool {
-    let wants = |other: &&Key| other.need == Need::With(key.name);
-    of_leg::ALL.iter().copied().filter(wants).any(|other| ini.first(section, other.name).is_some())
-}
-
-fn slider(ini: &Ini, section: &str, errors: &mut Errors) -> Option<SliderGeometry> {
-    let guide = errors.of(ini.require_values(section, &of_leg::GUIDE));
-    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
-    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
-    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? as i32 })
-}
-
-fn crank(ini: &Ini, section: &str, errors: &mut Errors) -> Option<CrankGeometry> {
-    let axis = errors.of(ini.require_values(section, &of_leg::AXIS));
-    let arm = errors.of(ini.require_values(section, &of_leg::ARM));
-    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
-    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
-    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? as i32 })
-}
-
 fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
     let solver = Solver::default();
     let value = |key, errors: &mut Errors| errors.of(ini.value("PKM", key));
@@ -663,88 +377,6 @@ fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
         residual_limit: residual_limit?.unwrap_or(0.0),
         ..solver
     })
-}
-
-fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
-    let section = format!("JOINT_{n}");
-    let value = |key, errors: &mut Errors| errors.of(ini.require_value(&section, key));
-    let min = value(&of_joint::MIN_LIMIT, errors);
-    let max = value(&of_joint::MAX_LIMIT, errors);
-    let (kind, name) = kind_and_name(n, load);
-    if let (Some(min), Some(max)) = (min, max) {
-        errors.of(check_range(ini, &section, min, max));
-        if kind == JointKind::Arm {
-            errors.of(check_turn(ini, n, &section));
-        }
-    }
-    let max_velocity = value(&of_joint::MAX_VELOCITY, errors);
-    let max_acceleration = value(&of_joint::MAX_ACCELERATION, errors);
-    let home = errors.of(ini.number_or(&section, "HOME", 0.0));
-    let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
-    Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
-}
-
-fn check_range(ini: &Ini, section: &str, min: f64, max: f64) -> Result<(), IniError> {
-    if min < max {
-        return Ok(());
-    }
-    let expected = format!("expected less than MAX_LIMIT = {max}");
-    Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, &expected)?, &expected))
-}
-
-/// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
-fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
-    let offset = ini.value(&leg_section(n), &of_leg::OFFSET)?.unwrap_or(0.0);
-    for key in [&of_joint::MIN_LIMIT, &of_joint::MAX_LIMIT] {
-        let limit = ini.require_value(section, key)?;
-        if (limit + offset).abs() < 180.0 {
-            continue;
-        }
-        let expected = format!(
-            "expected more than {} and less than {} degrees, where the arm of LEG_{n} points \
-             opposite to ARM",
-            -180.0 - offset,
-            180.0 - offset
-        );
-        return Err(ini.refuse(ini.require(section, key.name, &expected)?, &expected));
-    }
-    Ok(())
-}
-
-fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
-    match load.kinds().get(n) {
-        Some(kind) => {
-            let kind = JointKind::of_leg(*kind);
-            (kind, format!("{} {n}", kind.name()))
-        }
-        None => {
-            let letter = load.layout.table().as_slice()[n - load.layout.legs()];
-            let kind = JointKind::Table;
-            (kind, format!("{} {}", kind.name(), letter.name()))
-        }
-    }
-}
-
-fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
-    let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
-    let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
-    let velocity = errors.of(positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY)));
-    let acceleration =
-        errors.of(positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION)));
-    Some(Axis { min: min?, max: max?, max_velocity: velocity?, max_acceleration: acceleration? })
-}
-
-/// A number above 0; without a default the key is needed.
-fn positive(ini: &Ini, section: &str, key: &str, default: Option<f64>) -> Result<f64, IniError> {
-    let value = match (ini.numbers::<1>(section, key)?, default) {
-        (None, Some(default)) => default,
-        _ => ini.require_numbers::<1>(section, key)?[0],
-    };
-    if value > 0.0 {
-        return Ok(value);
-    }
-    let expected = "expected more than 0";
-    Err(ini.refuse(ini.require(section, key, expected)?, expected))
 }
 
 fn units_per_mm(ini: &Ini) -> Result<f64, IniError> {

@@ -3,6 +3,9 @@
 
 pub mod boxes;
 pub mod diagnostic;
+pub mod error;
 pub mod ini;
+pub mod joints;
+pub mod legs;
 pub mod machine;
 pub mod tools;

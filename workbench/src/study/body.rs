@@ -190,7 +190,8 @@ pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effo
     let middle = |k: usize, n: usize| low[k] + (n as f64 + 0.5) * cell;
     let inside = |[i, j]: &[usize; 2]| {
         let at = |n: usize| Vector3::new(middle(0, *i), middle(1, *j), middle(2, n));
-        (0..count.z).filter(|n| workspace.check(&at(*n)).is_ok()).count()
+        let mut probe = workspace.probe();
+        (0..count.z).filter(|n| probe.check(&at(*n)).is_ok()).count()
     };
     let cells: usize = effort.each(&columns, (0.5, 1.0), inside).into_iter().sum();
     Counted { volume: cells as f64 * cell.powi(3), points: columns.len() * count.z }

@@ -305,7 +305,11 @@ impl Ray {
 
     /// Conditioning; `None` where there are no joint values.
     fn hold(&self, config: &MachineConfig, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
-        config.machine.conditioning(&Pose::from_degrees(self.at(reach)), tool).ok()
+        config
+            .machine
+            .at(&Pose::from_degrees(self.at(reach)), tool)
+            .map(|at| at.smallest_singular_value())
+            .ok()
     }
 }
 

@@ -8,10 +8,11 @@
 //! once more, independently, a count on a grid.
 
 use crate::limits;
-use crate::read::machine::{JointKind, MachineConfig};
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
 use crate::study::file;
 use kinematics::{
-    Cause, Fault, LegKind, Letter, Limit, Limits, Margin, Matrix3, Part, Pose, Vector3,
+    At, Cause, Fault, LegKind, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
 };
 use std::f64::consts::PI;
 use std::fmt;
@@ -45,7 +46,7 @@ impl Border {
 
     fn of_margin(margin: &Margin) -> Self {
         let Margin { limit, part, value, range } = *margin;
-        Self { limit, part, is_low: value < range[0] }
+        Self { limit, part, is_low: value < range[0] && !limits::is_either_way(limit) }
     }
 
     /// Name of its kind.
@@ -109,34 +110,18 @@ pub enum NoWorkspace {
 /// The limits of a machine, and the orientations in which a position has to keep them.
 pub struct Workspace<'a> {
     config: &'a MachineConfig,
+    /// With the joints' axes that the study names.
+    machine: Machine,
     limits: Limits,
     tool: Vector3<f64>,
-    /// A B C in degrees.
-    orientations: Vec<[f64; 3]>,
-    /// Of the study, which may name axes that the machine's file does not.
-    pyramids: [Vec<Pyramid>; 2],
+    /// A B C in radians.
+    orientations: Vec<Vector3<f64>>,
 }
 
-/// A cardan joint: how far a leg may turn about its fixed axis and across it, both seen from what
-/// the axis is fixed in.
-struct Pyramid {
-    axis: Vector3<f64>,
-    home: Vector3<f64>,
-    /// Degrees.
-    most: [f64; 2],
-}
-
-impl Pyramid {
-    /// Turns of the leg about the fixed axis and about the moving one, degrees.
-    fn turns(&self, leg: &Vector3<f64>) -> [f64; 2] {
-        let about = self.axis.dot(&self.home.cross(leg)).atan2(leg.dot(&self.home));
-        let across = leg.dot(&self.axis).clamp(-1.0, 1.0).asin();
-        [about.to_degrees(), across.to_degrees()]
-    }
-
-    fn holds(&self, leg: &Vector3<f64>) -> bool {
-        self.turns(leg).iter().zip(self.most).all(|(turn, most)| turn.abs() <= most)
-    }
+/// A machine that is moved from place to place in the same memory.
+pub struct Probe<'a> {
+    workspace: &'a Workspace<'a>,
+    at: At<'a>,
 }
 
 /// What is seen along a ray.
@@ -185,22 +170,20 @@ impl<'a> Workspace<'a> {
         if let Some(held) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {
             return Err(NoWorkspace::Held(held.name()));
         }
-        let at = config.machine.at(&config.home_pose(), &tool)?;
-        let legs = &at.segments()[..config.legs()];
-        let home: Vec<_> = legs.iter().map(|leg| leg.span().normalize()).collect();
+        config.machine.inverse(&config.home_pose(), &tool)?;
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
         let mut limits = limits::beyond_axes(config);
         limits.clearance = limits.clearance.max(diameter);
         limits.conditioning = study.limits.conditioning.map_or(limits.conditioning, |c| c.0);
+        let base = pyramid(config, &study.limits, End::Base, &mut limits.base_pyramid)?;
+        let platform = pyramid(config, &study.limits, End::Platform, &mut limits.platform_pyramid)?;
+        let radians = |[a, b, c]: [f64; 3]| Pose::from_degrees([0.0, 0.0, 0.0, a, b, c]).angles;
         Ok(Self {
             config,
+            machine: config.machine.clone().with_joint_axes([base, platform]),
             limits,
             tool,
-            orientations,
-            pyramids: [
-                pyramids(config, &study.limits, End::Base, &home)?,
-                pyramids(config, &study.limits, End::Platform, &home)?,
-            ],
+            orientations: orientations.into_iter().map(radians).collect(),
         })
     }
 
@@ -209,32 +192,12 @@ impl<'a> Workspace<'a> {
     /// # Errors
     /// The first limit that it breaks.
     pub fn check(&self, position: &Vector3<f64>) -> Result<(), Border> {
-        self.orientations.iter().try_for_each(|angles| self.check_one(position, angles))
+        self.probe().check(position)
     }
 
-    fn check_one(&self, position: &Vector3<f64>, angles: &[f64; 3]) -> Result<(), Border> {
-        let [a, b, c] = *angles;
-        let pose = Pose::from_degrees([position.x, position.y, position.z, a, b, c]);
-        let machine = &self.config.machine;
-        // Most positions are beyond the range of a joint, which takes the least time to see.
-        let joints = machine.inverse(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
-        limits::check_joints(self.config, &joints, &self.limits)
-            .map_err(|margin| Border::of_margin(&margin))?;
-        let at = machine.at(&pose, &self.tool).map_err(|f| Border::of_fault(&f))?;
-        limits::check(&at, &self.limits).map_err(|margin| Border::of_margin(&margin))?;
-        let ends = [Limit::BasePyramid, Limit::PlatformPyramid];
-        for (limit, (pyramids, turn)) in
-            ends.into_iter().zip(self.pyramids.iter().zip([Matrix3::identity(), at.rotation()]))
-        {
-            let outside = pyramids
-                .iter()
-                .zip(at.segments())
-                .position(|(pyramid, leg)| !pyramid.holds(&turn.tr_mul(&leg.span().normalize())));
-            if let Some(i) = outside {
-                return Err(Border { limit, part: Part::Leg(i), is_low: false });
-            }
-        }
-        Ok(())
+    /// To check many positions.
+    pub fn probe(&self) -> Probe<'_> {
+        Probe { workspace: self, at: self.machine.nowhere() }
     }
 
     /// No position within the limits is farther than this from another one, by the machine's size.
@@ -246,7 +209,8 @@ impl<'a> Workspace<'a> {
 
     /// A ray from a place inside, followed in steps of a length to the end of the extent.
     pub fn ray(&self, from: &Vector3<f64>, direction: &Vector3<f64>, step: f64) -> Ray {
-        let at = |distance: f64| self.check(&(from + direction * distance));
+        let mut probe = self.probe();
+        let mut at = |distance: f64| probe.check(&(from + direction * distance));
         let steps = (self.extent() / step).ceil() as usize;
         let mut looked = 0;
         let mut crossings = vec![];
@@ -257,7 +221,7 @@ impl<'a> Workspace<'a> {
             if now.is_ok() != before.is_ok() {
                 looked += HALVINGS;
                 let ends = (step * (k - 1) as f64, step * k as f64);
-                crossings.push(crossing(&at, ends, before.is_ok(), now.or(before).err()));
+                crossings.push(crossing(&mut at, ends, before.is_ok(), now.or(before).err()));
             }
             before = now;
         }
@@ -275,9 +239,24 @@ impl<'a> Workspace<'a> {
     }
 }
 
+impl Probe<'_> {
+    /// As [`Workspace::check`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check(&mut self, position: &Vector3<f64>) -> Result<(), Border> {
+        let Self { workspace, at } = self;
+        workspace.orientations.iter().try_for_each(|angles| {
+            let pose = Pose { position: *position, angles: *angles };
+            at.move_to(&pose, &workspace.tool).map_err(|fault| Border::of_fault(&fault))?;
+            at.check(&workspace.limits).map_err(|margin| Border::of_margin(&margin))
+        })
+    }
+}
+
 /// Where the limits are crossed between two places, and what is broken on the outer side.
 fn crossing(
-    at: &impl Fn(f64) -> Result<(), Border>,
+    at: &mut impl FnMut(f64) -> Result<(), Border>,
     (mut low, mut high): (f64, f64),
     leaves: bool,
     outside: Option<Border>,
@@ -304,39 +283,42 @@ enum End {
     Platform,
 }
 
-fn pyramids(
+/// Sets what a study allows the joints at one end of the legs, beside what the machine's file
+/// does; the axes that the study names for them. They go before those of the file, and legs that
+/// have none in their geometry get them.
+///
+/// Paper 004 gives turns for an axis square to the leg at home: there they are those of the core
+/// ([`At::turns`]), which hold for any axis.
+fn pyramid<'s>(
     config: &MachineConfig,
-    limits: &file::Limits,
+    study: &'s file::Limits,
     end: End,
-    home: &[Vector3<f64>],
-) -> Result<Vec<Pyramid>, NoWorkspace> {
+    limits: &mut [[f64; 2]],
+) -> Result<&'s [[f64; 3]], NoWorkspace> {
     let (name, most, axes) = match end {
-        End::Base => ("base", limits.base_pyramid_deg, &limits.base_axes),
-        End::Platform => ("platform", limits.platform_pyramid_deg, &limits.platform_axes),
+        End::Base => ("base", study.base_pyramid_deg, &study.base_axes),
+        End::Platform => ("platform", study.platform_pyramid_deg, &study.platform_axes),
     };
-    let given = axes.as_deref().unwrap_or(&[]);
-    if !given.is_empty() && given.len() != home.len() {
-        let (expected, found) = (home.len(), given.len());
+    let (given, expected) = (axes.as_deref().unwrap_or(&[]), config.legs());
+    if !given.is_empty() && given.len() != expected {
+        let found = given.len();
         return Err(NoWorkspace::Axes { key: format!("{name}_axes"), expected, found });
     }
-    let Some(most) = most else { return Ok(vec![]) };
-    let axis = |i: usize| -> Result<Vector3<f64>, NoWorkspace> {
-        let strut = match (config.geometry.legs()[i].kind, end) {
-            (LegKind::Strut(strut), End::Base) => Some(strut.base_axis),
-            (LegKind::Strut(strut), End::Platform) => Some(strut.platform_axis),
-            _ => None,
+    let Some(most) = most else { return Ok(&[]) };
+    for (leg, (limits, geometry)) in limits.iter_mut().zip(config.geometry.legs()).enumerate() {
+        let own = match (geometry.kind, end) {
+            (LegKind::Strut(strut), End::Base) => strut.base_axis,
+            (LegKind::Strut(strut), End::Platform) => strut.platform_axis,
+            _ => [0.0; 3],
         };
-        let axis = Vector3::from(given.get(i).copied().or(strut).unwrap_or_default());
-        match axis.norm() > 0.0 {
-            true => Ok(axis.normalize()),
-            false => Err(NoWorkspace::NoAxis { end: name, leg: i }),
+        if given.get(leg).unwrap_or(&own) == &[0.0; 3] {
+            return Err(NoWorkspace::NoAxis { end: name, leg });
         }
-    };
-    // The platform is level at home: there both ends see the leg alike.
-    let pyramid = |(i, home): (usize, &Vector3<f64>)| {
-        axis(i).map(|axis| Pyramid { axis, home: *home, most: most.map(|m| m.0) })
-    };
-    home.iter().enumerate().map(pyramid).collect()
+        for (limit, most) in limits.iter_mut().zip(most) {
+            *limit = if *limit == 0.0 { most.0 } else { limit.min(most.0) };
+        }
+    }
+    Ok(given)
 }
 
 /// Level, and tilted by an angle in `directions` directions about Z, without a turn about the

@@ -70,7 +70,11 @@ pub fn draw(rng: &mut Pcg64, recipe: &Recipe) -> Case {
         let given = given(rng, recipe);
         let Ok(machine) = Machine::freeze(&given, &super::NO_OFFSET) else { continue };
         let home = Pose::from_degrees(given.home.expect("drawn with one"));
-        let rows = machine.inverse_jacobian(&home, &NO_TOOL).expect("home is reached");
+        let rows = machine
+            .at(&home, &NO_TOOL)
+            .expect("home is reached")
+            .inverse_jacobian()
+            .expect("home is reached");
         if least_singular_value(&machine, &rows) > CONDITION {
             return case(recipe.name, given, machine, home);
         }

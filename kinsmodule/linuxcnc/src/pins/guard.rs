@@ -4,15 +4,10 @@
 use super::Pins;
 use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
-use kinematics::{Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
+use kinematics::{CONDITIONING_LIMIT, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
 
 /// Floor of the feed where the value of the pin is no share.
 const FLOOR: f64 = 0.02;
-
-/// Smallest singular value at which the machine has to stop, unless the pin says otherwise: some
-/// motion then moves no anchor along its leg by more than a twentieth of its own way. The shipped
-/// machines stay above four times that.
-const CONDITIONING_LIMIT: f64 = 0.05;
 
 /// The distance shown where no two legs can come near to each other; no limit, where it is given.
 const FAR: f64 = 1e99;

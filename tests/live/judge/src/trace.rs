@@ -9,7 +9,8 @@ use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose
 use pkm::check::mobility::Structure;
 use pkm::draw::sample::Sample;
 use pkm::limits;
-use pkm::read::machine::{Group, JointKind, MachineConfig};
+use pkm::read::joints::{Group, JointKind};
+use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;

@@ -5,7 +5,8 @@
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
 use pkm::draw::sample::Sample;
-use pkm::read::machine::{JointKind, MachineConfig};
+use pkm::read::joints::JointKind;
+use pkm::read::machine::MachineConfig;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -65,7 +66,7 @@ fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
         joints,
         motors: joints,
         forward: pose,
-        corrections: config.machine.corrections(&asked, &tool).unwrap(),
+        corrections: config.machine.at(&asked, &tool).unwrap().corrections(),
         tool: tool.into(),
         iterations: 2.0,
         residual: 1e-12,

@@ -6,7 +6,7 @@ use abi_tests::geometry::distance;
 use abi_tests::machines::{PAPER_004_HOME, paper_004};
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::tolerances::WRONG_REL;
-use kinematics::Cause;
+use kinematics::{Cause, MAX_ITERATIONS};
 
 const NOT_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const SEED: Pose = [10.0, -20.0, 260.0, 3.0, -4.0, 2.0, 0.25, 0.5, 0.75];
@@ -342,14 +342,15 @@ fn infinite_seeds_are_no_seeds() {
 fn limit_iterations_outside_its_range_is_refused() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    for limit in [0.0, 289.0, f64::from(u32::MAX)] {
+    let most = f64::from(MAX_ITERATIONS);
+    for limit in [0.0, most + 1.0, f64::from(u32::MAX)] {
         module.set("limit-iterations", limit);
         let mut world = SEED;
         let code = module.forward_into(&joints, &mut world);
         assert_eq!(code, Cause::LimitIterationsInvalid.code(), "{limit}");
         assert_marked_unusable(&world, &SEED);
     }
-    for limit in [1.0, 2.0, 288.0] {
+    for limit in [1.0, 2.0, most] {
         module.set("limit-iterations", limit);
         let result = module.forward(&joints, &SEED);
         assert!(result.is_ok() || result == Err(Cause::TooManyIterations.code()), "{result:?}");

@@ -2,8 +2,8 @@
 //! The one way of an error to the terminal.
 
 use pkm::read::diagnostic::{Severity, rendered};
+use pkm::read::error::MachineError;
 use pkm::read::ini::IniError;
-use pkm::read::machine::MachineError;
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};

@@ -417,7 +417,7 @@ mod tests {
         let row = row();
         let solving = solving(&row.iter().collect::<Vec<_>>());
         assert_eq!((solving.most, solving.each, solving.rest), (6, 14, 110 + 60));
-        assert_eq!(solving.bound(), 170 + 288 * 14);
+        assert_eq!(solving.bound(), 170 + u64::from(MAX_ITERATIONS) * 14);
     }
 
     fn of(cases: &[(Case, u64)]) -> Table {
@@ -440,13 +440,16 @@ mod tests {
     #[test]
     fn what_exceeds_its_bound_is_told() {
         let mut cases = row();
-        cases.push((case(Aim::Typical, 288, 0), 90));
+        cases.push((case(Aim::Typical, MAX_ITERATIONS, 0), 90));
         let table = of(&cases);
         let complaints = |bounds: &[Bound]| complaints(&["m"], &table, bounds);
-        assert_eq!(complaints(&bound(90, 4202)), Vec::<String>::new());
-        for (bounds, word) in
-            [(bound(89, 4202), "typically"), (bound(90, 4201), "at worst"), (vec![], "no bound")]
-        {
+        let most = 170 + u64::from(MAX_ITERATIONS) * 14;
+        assert_eq!(complaints(&bound(90, most)), Vec::<String>::new());
+        for (bounds, word) in [
+            (bound(89, most), "typically"),
+            (bound(90, most - 1), "at worst"),
+            (vec![], "no bound"),
+        ] {
             let told = complaints(&bounds);
             assert!(told.len() == 1 && told[0].contains(word), "{told:?}");
         }
@@ -455,7 +458,7 @@ mod tests {
     #[test]
     fn a_call_that_its_solves_do_not_explain_is_told() {
         let mut cases = row();
-        cases.push((case(Aim::Worst, 288, 2), 170 + 2 * 14 + 1));
+        cases.push((case(Aim::Worst, MAX_ITERATIONS, 2), 170 + 2 * 14 + 1));
         let told = complaints(&["m"], &of(&cases), &bound(0, 10_000));
         assert!(told.len() == 1 && told[0].contains("solves explain"), "{told:?}");
     }

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How far a leg of a cell is from one that moves straight: bounds of second derivatives, see
+//! [`crate::proof::cell`] for V and A.
+//!
+//! Rods: with u the unit vector along the rod (length L), c(q) its moving end, g = |u · ∂c/∂q|
+//!
+//! ```text
+//! |q'| ≤ V/g = Q,  |s'| ≤ V + |∂c| Q = S,  |q''| ≤ (S²/L + A + |∂²c| Q²)/g,
+//! ```
+//!
+//! from the derivatives of |p − c(q)|² = L². Nut correction: the bound of the core's
+//! certificate, with V/l for n' and Ω for 1/r.
+
+use crate::proof::reach::{Middle, RADIANS, Reach, Spread};
+use kinematics::{LEAST_DRIVE, LEAST_SINE_TO_AXIS, LegKind, Vector3};
+use std::f64::consts::PI;
+
+/// Least cosine of the angle between a strut and the plane square to a cardan axis, 80 degrees. It
+/// is a choice of this proof: the correction is defined beyond it, up to the core's
+/// [`LEAST_SINE_TO_AXIS`], but changes so fast there that no cell of use is proved.
+const LEAST_COSINE: f64 = 0.17;
+
+// The cosine of the angle to the plane is the sine of that to the axis.
+const _: () = assert!(LEAST_COSINE > LEAST_SINE_TO_AXIS);
+
+/// One leg over a cell.
+pub(super) struct Bend {
+    /// Bound of the second derivative of the joint value, joint units.
+    pub(super) joint: f64,
+    /// The same of the leg's direction, and of its first derivative.
+    pub(super) direction: [f64; 2],
+    /// Smallest length.
+    pub(super) length: f64,
+    /// Bounds of the second derivatives of the ends, at the base and at the platform.
+    pub(super) ends: [f64; 2],
+    /// No end moves farther than this.
+    pub(super) farthest: f64,
+}
+
+impl Reach<'_> {
+    fn arm(&self, i: usize) -> f64 {
+        self.arms[i].iter().map(|arm| arm.norm()).sum()
+    }
+
+    /// Bounds of one leg; `None` where the cell is too large for any.
+    pub(super) fn bend(&self, i: usize, middle: &Middle, spread: &Spread) -> Option<Bend> {
+        let segment = &middle.legs[i].segment;
+        let (travel, second) = spread.of_anchor(self.arm(i));
+        let span = segment.platform - segment.base;
+        let leg = &self.config.geometry.legs()[i];
+        match leg.kind {
+            LegKind::Strut(strut) => {
+                let length = span.norm() - travel;
+                (length > 0.0).then_some(())?;
+                let direction = [travel / length, second_of_direction(travel, second, length)];
+                let nut = self.nut_bend(i, middle, spread, &direction, strut.lead)?;
+                let joint = travel * travel / length + second + nut;
+                Some(Bend { joint, direction, length, ends: [0.0, second], farthest: travel })
+            }
+            LegKind::Slider(slider) => {
+                let guide = Vector3::from(slider.guide).normalize();
+                let from_base = segment.platform - Vector3::from(leg.base);
+                let farthest = from_base.cross(&guide).norm() + travel;
+                let gain =
+                    (slider.rod * slider.rod - farthest * farthest).max(0.0).sqrt() / slider.rod;
+                rod_bend(gain, 1.0, 0.0, travel, second, slider.rod, 1.0)
+            }
+            LegKind::Crank(crank) => {
+                let axis = Vector3::from(crank.axis).normalize();
+                let arm = Vector3::from(crank.arm);
+                let (along, across) = (axis.dot(&arm), axis.cross(&arm).norm());
+                let from_base = segment.platform - Vector3::from(leg.base);
+                let apart = (from_base - axis * along).norm();
+                let squares = |d: f64| (d * d + across * across - crank.rod * crank.rod) / 2.0;
+                let (least, most) = (squares((apart - travel).max(0.0)), squares(apart + travel));
+                let reach = across * (from_base.cross(&axis).norm() - travel).max(0.0);
+                let t = least.abs().max(most.abs());
+                let drive = (reach * reach - t * t).max(0.0).sqrt() / (across * crank.rod);
+                rod_bend(drive, across, across, travel, second, crank.rod, RADIANS)
+            }
+        }
+    }
+
+    /// Bound of the second derivative of the nut correction of leg `i`.
+    fn nut_bend(
+        &self,
+        i: usize,
+        middle: &Middle,
+        spread: &Spread,
+        direction: &[f64; 2],
+        lead: f64,
+    ) -> Option<f64> {
+        if lead == 0.0 {
+            return Some(0.0);
+        }
+        let [turn_a, turn_b] = [direction[0], direction[0] + spread.turn];
+        let [cos_a, cos_b] = self.cardan(i, middle, [turn_a, turn_b])?;
+        let per_radian = lead.abs() / (2.0 * PI);
+        let tangents = (1.0 / (cos_a * cos_a) - 1.0).sqrt() + (1.0 / (cos_b * cos_b) - 1.0).sqrt();
+        // The correction jumps where the screw has turned by half a turn.
+        let turned = tangents * direction[0] + spread.turn / cos_b;
+        let room = PI - middle.at.corrections()[i].abs() / per_radian;
+        (turned < room).then_some(())?;
+        let bend = 3.0 * turn_a * turn_a / (cos_a * cos_a)
+            + 3.0 * turn_b * turn_b / (cos_b * cos_b)
+            + tangents * direction[1]
+            + spread.turn * spread.turn / cos_b;
+        Some(per_radian * bend)
+    }
+
+    /// Least cosines of the angles between a strut and the planes square to its cardan axes,
+    /// when it turns by these angles.
+    pub(super) fn cardan(&self, i: usize, middle: &Middle, turns: [f64; 2]) -> Option<[f64; 2]> {
+        let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else { return None };
+        let n = middle.legs[i].n;
+        let axes = [
+            Vector3::from(strut.base_axis).normalize(),
+            middle.rotation * Vector3::from(strut.platform_axis).normalize(),
+        ];
+        let mut cosines = [0.0; 2];
+        for ((cosine, axis), turn) in cosines.iter_mut().zip(axes).zip(turns) {
+            *cosine = (n.dot(&axis).abs().min(1.0).asin() + turn).min(PI / 2.0).cos();
+        }
+        cosines.iter().all(|cosine| *cosine > LEAST_COSINE).then_some(cosines)
+    }
+}
+
+/// A rod whose lower end runs with speed `pace` and acceleration `curve` per unit of its joint
+/// and the least share `drive` of that along the rod.
+fn rod_bend(
+    drive: f64,
+    pace: f64,
+    curve: f64,
+    travel: f64,
+    second: f64,
+    rod: f64,
+    unit: f64,
+) -> Option<Bend> {
+    (drive >= LEAST_DRIVE).then_some(())?;
+    let gain = drive * pace;
+    let rate = travel / gain;
+    let first = travel + pace * rate;
+    let joint = (first * first / rod + second + curve * rate * rate) / gain;
+    let bent = second + curve * rate * rate + pace * joint;
+    let direction = [first / rod, second_of_direction(first, bent, rod)];
+    Some(Bend {
+        joint: joint / unit,
+        direction,
+        length: rod,
+        ends: [bent - second, second],
+        farthest: travel.max(pace * rate),
+    })
+}
+
+/// Bound of the second derivative of a unit vector along a vector with these bounds.
+fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
+    let turn = first / length;
+    second / length + 3.0 * turn * turn
+}

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A machine with one tool: what it can take at a pose, and how its legs change from there.
+
+use crate::limits::beyond_axes;
+use crate::read::machine::MachineConfig;
+use kinematics::{
+    At, Fault, Jacobian, Joints, LegGeometry, LegKind, Letter, Limits, Margin, Matrix3, Pose,
+    Segment, Vector3,
+};
+use std::f64::consts::PI;
+
+pub(super) const RADIANS: f64 = PI / 180.0;
+
+/// Rounding of what is computed in the middle, as a share of the size: far above f64's 1e-16
+/// times the numbers of operations, far below what anybody can set up.
+pub(super) const ROUNDING: f64 = 1e-9;
+
+/// What stops the machine at a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// The pose has no joint values.
+    Fault(Fault),
+    /// A limit that is not kept.
+    Limit(Margin),
+}
+
+/// A machine with one tool, as its cells see it.
+pub struct Reach<'a> {
+    pub(super) config: &'a MachineConfig,
+    /// Tool vector, spindle offset included.
+    pub(super) tool: Vector3<f64>,
+    /// Those of the pose, without axes.
+    pub(super) limits: Limits,
+    /// Coordinates that the legs move.
+    pub(super) active: [bool; 6],
+    /// Platform anchors in parts that turn about the control point and that a held or table
+    /// coordinate takes away from the legs, or not.
+    pub(super) arms: Vec<[Vector3<f64>; 2]>,
+    /// Directions of the legs at home.
+    pub(super) home: Vec<Vector3<f64>>,
+    /// Pairs of legs, lower number first, that share no anchor.
+    pub(super) pairs: Vec<[usize; 2]>,
+    /// Point of the platform that the conditioning is about.
+    pub(super) about: Vector3<f64>,
+    /// Whether any strut has a lead.
+    pub(super) is_geared: bool,
+}
+
+/// How far anything moves within a cell: its poses are the middle plus a sum of `steps`, each
+/// times a number from -1 to 1. Machine units and radians.
+pub(super) struct Spread {
+    pub(super) steps: Vec<[f64; 6]>,
+    pub(super) shift: f64,
+    pub(super) turn: f64,
+}
+
+impl Spread {
+    /// How far the steps together change a value with this gradient, to first order.
+    pub(super) fn slope(&self, gradient: &[f64; 6]) -> f64 {
+        let change = |step: &[f64; 6]| (0..6).map(|k| gradient[k] * step[k]).sum::<f64>();
+        self.steps.iter().map(|step| change(step).abs()).sum()
+    }
+
+    /// Bounds of the first and second derivative of an anchor's place.
+    pub(super) fn of_anchor(&self, arm: f64) -> (f64, f64) {
+        (self.shift + arm * self.turn, arm * self.turn * self.turn)
+    }
+}
+
+/// The middle of a cell.
+pub(super) struct Middle<'a> {
+    pub(super) at: At<'a>,
+    pub(super) gradient: Jacobian,
+    pub(super) rotation: Matrix3<f64>,
+    /// Axes that A, B and C turn about, in base.
+    pub(super) axes: [Vector3<f64>; 3],
+    pub(super) legs: Vec<LegMiddle>,
+}
+
+/// A leg there.
+pub(super) struct LegMiddle {
+    pub(super) segment: Segment,
+    /// Unit vector along it.
+    pub(super) n: Vector3<f64>,
+    pub(super) length: f64,
+    /// Changes of the platform anchor with every coordinate, per machine unit or radian.
+    pub(super) motions: [Vector3<f64>; 6],
+    /// The same of the vector along the leg.
+    pub(super) changes: [Vector3<f64>; 6],
+}
+
+impl<'a> Reach<'a> {
+    /// Of this machine without a tool.
+    ///
+    /// # Errors
+    /// Home cannot be taken.
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        Self::with_tool(config, config.spindle)
+    }
+
+    /// Of this machine with a tool vector, spindle offset included.
+    ///
+    /// # Errors
+    /// Home cannot be taken.
+    pub fn with_tool(config: &'a MachineConfig, tool: Vector3<f64>) -> Result<Self, Fault> {
+        let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
+        let home = config.machine.at(&config.home_pose(), &config.spindle)?;
+        let centre = Vector3::from(config.geometry.centre);
+        let arms = |leg: &LegGeometry| {
+            let anchor = Vector3::from(leg.platform);
+            match active[..3] {
+                [true, true, true] => [tool + anchor, Vector3::zeros()],
+                _ => [tool + centre, anchor - centre],
+            }
+        };
+        let legs = config.geometry.legs();
+        let anchors = legs.iter().map(|leg| Vector3::from(leg.platform));
+        Ok(Self {
+            config,
+            tool,
+            limits: beyond_axes(config),
+            active,
+            arms: legs.iter().map(arms).collect(),
+            home: home.segments()[..legs.len()].iter().map(|leg| leg.span().normalize()).collect(),
+            pairs: pairs(config),
+            about: match active[..3] {
+                [true, true, true] => anchors.sum::<Vector3<f64>>() / legs.len() as f64,
+                _ => centre,
+            },
+            is_geared: legs.iter().any(|leg| lead(leg) != 0.0),
+        })
+    }
+
+    /// Coordinates that a program can move.
+    pub fn moved(&self) -> [bool; 6] {
+        Letter::ALL.map(|letter| !self.config.machine.layout().is_held(letter))
+    }
+
+    /// Joint values of a pose, within limits or not.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub fn joints(&self, pose: &[f64; 6]) -> Result<Joints, Fault> {
+        self.config.machine.inverse(&Pose::from_degrees(*pose), &self.tool)
+    }
+
+    /// How well the legs hold the platform; 0 where the pose has no joint values.
+    pub fn conditioning(&self, pose: &[f64; 6]) -> f64 {
+        self.at(pose).map_or(0.0, |at| at.smallest_singular_value())
+    }
+
+    /// The machine at a pose.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::at`].
+    pub fn at(&self, pose: &[f64; 6]) -> Result<At<'a>, Fault> {
+        self.config.machine.at(&Pose::from_degrees(*pose), &self.tool)
+    }
+
+    /// Whether the machine can take one pose.
+    ///
+    /// # Errors
+    /// What stops it.
+    pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
+        let at = self.at(pose).map_err(Stop::Fault)?;
+        at.check(&self.limits).map_err(Stop::Limit)
+    }
+
+    pub(super) fn middle(&self, pose: &[f64; 6]) -> Result<Middle<'a>, Fault> {
+        let at = self.at(pose)?;
+        let ((sb, cb), (sc, cc)) = (at.pose().angles.y.sin_cos(), at.pose().angles.z.sin_cos());
+        let mut middle = Middle {
+            gradient: at.pose_jacobian()?,
+            rotation: at.rotation(),
+            axes: [
+                Vector3::new(cc * cb, sc * cb, -sb),
+                Vector3::new(-sc, cc, 0.0),
+                Vector3::new(0.0, 0.0, 1.0),
+            ],
+            at,
+            legs: vec![],
+        };
+        middle.legs = (0..self.config.legs()).map(|i| self.leg(i, &middle)).collect();
+        Ok(middle)
+    }
+
+    fn leg(&self, i: usize, middle: &Middle) -> LegMiddle {
+        let segment = middle.at.segments()[i];
+        let motions = self.motions(i, middle);
+        let length = segment.span().norm();
+        let changes = self.span_changes(i, &segment, &motions, middle);
+        LegMiddle { segment, n: segment.span() / length, length, motions, changes }
+    }
+
+    /// Changes of the platform anchor of leg `i` with every coordinate, per machine unit or radian.
+    fn motions(&self, i: usize, middle: &Middle) -> [Vector3<f64>; 6] {
+        let [shared, own] = self.arms[i].map(|arm| middle.rotation * arm);
+        std::array::from_fn(|k| {
+            if k < 3 {
+                let mut along = Vector3::zeros();
+                along[k] = if self.active[k] { 1.0 } else { 0.0 };
+                return along;
+            }
+            let axis = middle.axes[k - 3];
+            axis.cross(&own) + self.of_legs(axis.cross(&shared))
+        })
+    }
+
+    /// Changes of the vector along leg `i` with every coordinate, per machine unit or radian.
+    fn span_changes(
+        &self,
+        i: usize,
+        segment: &Segment,
+        motions: &[Vector3<f64>; 6],
+        middle: &Middle,
+    ) -> [Vector3<f64>; 6] {
+        let leg = &self.config.geometry.legs()[i];
+        let per_joint = match leg.kind {
+            LegKind::Strut(_) => return *motions,
+            LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
+            LegKind::Crank(crank) => {
+                let arm = segment.base - Vector3::from(leg.base);
+                Vector3::from(crank.axis).normalize().cross(&arm) * RADIANS
+            }
+        };
+        std::array::from_fn(|k| {
+            let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
+            motions[k] - per_joint * (middle.gradient[(i, k)] * unit)
+        })
+    }
+
+    /// The part of a platform's motion that the legs take.
+    fn of_legs(&self, v: Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|k, _| if self.active[k] { v[k] } else { 0.0 })
+    }
+
+    /// Of steps in machine units and degrees.
+    pub(super) fn spread(&self, steps: impl IntoIterator<Item = [f64; 6]>) -> Spread {
+        let radians =
+            |s: [f64; 6]| std::array::from_fn(|k| if k < 3 { s[k] } else { s[k] * RADIANS });
+        let steps: Vec<[f64; 6]> = steps.into_iter().map(radians).collect();
+        let half = |k: usize| steps.iter().map(|step| step[k].abs()).sum::<f64>();
+        let squares = (0..3).filter(|k| self.active[*k]).map(|k| half(k) * half(k));
+        let shift = squares.sum::<f64>().sqrt();
+        Spread { shift, turn: (3..6).map(half).sum(), steps }
+    }
+
+    /// How far every step moves the ends of the legs, more or less: to compare.
+    pub(super) fn extents(&self, spread: &Spread) -> Vec<f64> {
+        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
+        let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
+        spread.steps.iter().map(extent).collect()
+    }
+}
+
+/// Lead of a strut's screw; 0 where there is none.
+pub(super) fn lead(leg: &LegGeometry) -> f64 {
+    match leg.kind {
+        LegKind::Strut(strut) => strut.lead,
+        _ => 0.0,
+    }
+}
+
+/// Pairs of legs, lower number first, that share no anchor.
+pub fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
+    let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
+    pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()
+}

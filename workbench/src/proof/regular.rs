@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How well the legs hold the platform all over a cell.
+//!
+//! **Conditioning**: with G the rows [u (ρ × u)/r] of the legs and M their pseudo-inverse in the
+//! middle, M G(X) = I + E, where E is bounded entry by entry by a matrix B: the slopes along every step
+//! in amount, and |M| times the bounds of the second derivatives. Where the spectral radius of B is
+//! less than 1, (I + E)⁻¹ is bounded by I + B + B² + … = (I − B)⁻¹, and as v = (I + E)⁻¹ M G(X) v, the
+//! least singular value is at least σ(C) / ‖(I − B)⁻¹‖.
+//!
+//! **Regular**: the same of the rows of the joints J, nut corrections included: M J(X) = I + E, where
+//! B has |M (J(C) − G(C))| more. Where its spectral radius is less than 1, the joints hold the
+//! platform at every pose of the cell.
+
+use crate::proof::bounds::Bend;
+use crate::proof::reach::{Middle, ROUNDING, Reach, Spread, lead};
+use kinematics::{At, MAX_LEGS, Vector3};
+use nalgebra::{Matrix6, SMatrix, Vector6};
+use std::f64::consts::PI;
+
+/// Legs by coordinates.
+type Rows = SMatrix<f64, MAX_LEGS, 6>;
+
+/// Coordinates by legs.
+type Inverse = SMatrix<f64, 6, MAX_LEGS>;
+
+/// Coordinates by coordinates.
+type Square = Matrix6<f64>;
+
+/// Steps towards the positive vector that bounds the spectral radius of a matrix best.
+const STEPS: usize = 4;
+
+/// How well the legs hold the platform over a cell.
+pub(super) struct Hold {
+    /// The smallest singular value is its value in the middle times this at least.
+    pub(super) share: f64,
+    /// Whether the joints hold the platform everywhere.
+    pub(super) is_regular: bool,
+    /// Bound of the largest singular value of the pseudo-inverse in the middle.
+    pub(super) inverse: f64,
+    /// What every step of the cell contributes to what is not known.
+    pub(super) shares: Vec<f64>,
+}
+
+impl Reach<'_> {
+    /// How well the legs hold the platform over a cell.
+    pub(super) fn hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Hold {
+        let extents = self.extents(spread);
+        let unknown = |shares| Hold { share: 0.0, is_regular: false, inverse: 1.0, shares };
+        let rows = constraint_rows(&middle.at);
+        let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
+        let rest = self.row_rest(spread, bends);
+        let change = |step| (inverse * self.row_slopes(middle, step)).abs();
+        let changes: Vec<Square> = spread.steps.iter().map(change).collect();
+        let bound = changes.iter().fold(inverse.abs() * rest, |sum, change| sum + change);
+        let whole: f64 = extents.iter().sum();
+        let beside = (inverse.abs() * rest).norm() / whole;
+        let share = |(change, extent): (&Square, &f64)| change.norm() + beside * extent;
+        let shares = changes.iter().zip(&extents).map(share).collect();
+        let is_bounded = spectral_radius(&bound) < 1.0 - ROUNDING;
+        let is_regular = match self.is_geared {
+            true => self.is_regular_with_nuts(middle, spread, bends, (&rows, &inverse, &bound)),
+            false => is_bounded,
+        };
+        let series = (Square::identity() - bound).try_inverse().filter(|_| is_bounded);
+        let norm = series.map(|sum| spectral_radius(&sum.tr_mul(&sum)).sqrt());
+        let share = norm.map_or(0.0, |norm| (1.0 - ROUNDING) / norm);
+        // The largest eigenvalue is at most the fourth root of the trace of the fourth power.
+        let inverse = (square * square).norm().powf(0.25);
+        Hold { share, is_regular, inverse, shares }
+    }
+
+    /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell,
+    /// from the bound of [`Self::hold`] and its pseudo-inverse.
+    fn is_regular_with_nuts(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        bends: &[Bend],
+        (rows, inverse, bound): (&Rows, &Inverse, &Square),
+    ) -> bool {
+        let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, bends));
+        nuts.is_some_and(|(with_nuts, rest)| {
+            let of_nuts = (inverse * (with_nuts - rows)).abs() + inverse.abs() * rest;
+            spectral_radius(&(bound + of_nuts)) < 1.0 - ROUNDING
+        })
+    }
+
+    /// Pseudo-inverse of rows, and its product with its transpose; coordinates that the legs do not
+    /// move have zeros.
+    fn pseudo_inverse(&self, rows: &Rows) -> Option<(Inverse, Square)> {
+        let mut normal = rows.tr_mul(rows);
+        for k in (0..6).filter(|k| !self.active[*k]) {
+            normal[(k, k)] = 1.0;
+        }
+        let mut square = normal.cholesky()?.inverse();
+        for k in (0..6).filter(|k| !self.active[*k]) {
+            square[(k, k)] = 0.0;
+        }
+        Some((square * rows.transpose(), square))
+    }
+
+    /// Whether the angular columns are about the axes of base, or about those of one or two angles,
+    /// which turn as well.
+    fn is_about_base(&self) -> bool {
+        self.active[3..] == [true; 3]
+    }
+
+    /// Axis of an angular column.
+    fn axis(&self, k: usize, middle: &Middle) -> Vector3<f64> {
+        match self.is_about_base() {
+            true => Vector3::ith(k, 1.0),
+            false => middle.axes[k],
+        }
+    }
+
+    /// From the point that the conditioning is about to the platform anchor of leg `i`, in base.
+    fn lever(&self, i: usize, middle: &Middle) -> Vector3<f64> {
+        let anchor = Vector3::from(self.config.geometry.legs()[i].platform);
+        middle.rotation * (anchor - self.about)
+    }
+
+    /// Change of the constraint rows along a step, machine units and radians.
+    fn row_slopes(&self, middle: &Middle, step: &[f64; 6]) -> Rows {
+        let mut slopes = Rows::zeros();
+        let per_radius = 1.0 / self.config.machine.radius();
+        let turn: Vector3<f64> = (0..3).map(|k| middle.axes[k] * step[k + 3]).sum();
+        let moved = || (0..6).filter(|k| step[*k] != 0.0);
+        for (i, leg) in middle.legs.iter().enumerate() {
+            let change: Vector3<f64> = moved().map(|k| leg.changes[k] * step[k]).sum();
+            let turned = (change - leg.n * leg.n.dot(&change)) / leg.length;
+            let lever = self.lever(i, middle);
+            let moment = lever.cross(&leg.n);
+            let slope = turn.cross(&lever).cross(&leg.n) + lever.cross(&turned);
+            for k in (0..3).filter(|k| self.active[*k]) {
+                slopes[(i, k)] = turned[k];
+            }
+            for k in (0..3).filter(|k| self.active[k + 3]) {
+                let mut entry = self.axis(k, middle).dot(&slope);
+                if !self.is_about_base() {
+                    // R = Rz Ry Rx: every axis turns with those further left in the product.
+                    let outer = (k + 1..3).map(|m| middle.axes[m] * step[m + 3]);
+                    entry += outer.sum::<Vector3<f64>>().cross(&middle.axes[k]).dot(&moment);
+                }
+                slopes[(i, k + 3)] = entry * per_radius;
+            }
+        }
+        slopes
+    }
+
+    /// Bound of what the constraint rows change by in the cell beside [`Self::row_slopes`].
+    fn row_rest(&self, spread: &Spread, bends: &[Bend]) -> Rows {
+        let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
+        let mut rest = Rows::zeros();
+        for (i, bend) in bends.iter().enumerate() {
+            let [turned, bent] = bend.direction;
+            let lever = self.arm_about(i) / self.config.machine.radius();
+            let angular = lever * (bent + 2.0 * turned * turns + turns * turns) / 2.0;
+            for k in (0..6).filter(|k| self.active[*k]) {
+                rest[(i, k)] = if k < 3 { bent / 2.0 } else { angular };
+            }
+        }
+        rest
+    }
+
+    fn arm_about(&self, i: usize) -> f64 {
+        (Vector3::from(self.config.geometry.legs()[i].platform) - self.about).norm()
+    }
+
+    /// The constraint rows with those of the joints in place of the struts'.
+    fn rows_of_nuts(&self, middle: &Middle) -> Option<Rows> {
+        let of_twist = middle.at.inverse_jacobian().ok()?;
+        let mut rows = constraint_rows(&middle.at);
+        let per_radius = 1.0 / self.config.machine.radius();
+        // From the control point to the one that the rows are about.
+        let lever = middle.rotation * (self.tool + self.about);
+        let legs = self.config.geometry.legs().iter().enumerate();
+        for (i, _) in legs.filter(|(_, leg)| lead(leg) != 0.0) {
+            let part = |k: usize| Vector3::from_fn(|m, _| of_twist[(i, k + m)]);
+            let (force, moment) = (part(0), part(3) - lever.cross(&part(0)));
+            for k in (0..3).filter(|k| self.active[*k]) {
+                rows[(i, k)] = force[k];
+            }
+            for k in (0..3).filter(|k| self.active[k + 3]) {
+                rows[(i, k + 3)] = self.axis(k, middle).dot(&moment) * per_radius;
+            }
+        }
+        Some(rows)
+    }
+
+    /// Bound of what the nut corrections add to the change of the rows in the cell.
+    fn rest_of_nuts(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Option<Rows> {
+        let mut rest = Rows::zeros();
+        for (i, bend) in bends.iter().enumerate() {
+            let lead = lead(&self.config.geometry.legs()[i]);
+            if lead == 0.0 {
+                continue;
+            }
+            let [turned, _] = bend.direction;
+            let turns = [turned, turned + spread.turn];
+            let [a, b] = self.cardan(i, middle, turns)?.map(|cosine| 1.0 / (cosine * cosine));
+            let tangents = (a - 1.0).sqrt() + (b - 1.0).sqrt();
+            for k in (0..6).filter(|k| self.active[*k]) {
+                let (speed, turn) = if k < 3 { (1.0, 0.0) } else { (self.arm_about(i), 1.0) };
+                let unit = if k < 3 { 1.0 } else { 1.0 / self.config.machine.radius() };
+                // The bilinear form of `nut_bend`.
+                let around = turn * spread.turn;
+                let own = speed / bend.length;
+                let second = speed * around / bend.length + 3.0 * own * turned;
+                let nut = 3.0 * own * turned * a
+                    + 3.0 * (own + turn) * (turned + spread.turn) * b
+                    + tangents * second
+                    + around * b.sqrt();
+                rest[(i, k)] = lead.abs() / (2.0 * PI) * nut * unit;
+            }
+        }
+        Some(rest)
+    }
+}
+
+/// Bound of the spectral radius of a matrix without negative entries, by Collatz and Wielandt: for
+/// any vector x of positive numbers it is at most the largest (B x)ᵢ/xᵢ.
+fn spectral_radius(matrix: &Square) -> f64 {
+    let mut x = Vector6::repeat(1.0);
+    let mut least = f64::INFINITY;
+    for _ in 0..STEPS {
+        let y = matrix * x;
+        let bound = y.component_div(&x).max();
+        // What is not a number bounds nothing.
+        if bound.is_nan() {
+            return f64::INFINITY;
+        }
+        least = least.min(bound);
+        x = y / y.max().max(f64::MIN_POSITIVE) + Vector6::repeat(1e-3);
+    }
+    least
+}
+
+fn constraint_rows(at: &At) -> Rows {
+    let rows = at.constraint_rows();
+    Rows::from_fn(|i, k| rows[i][k])
+}

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Why no machine could be made of an INI file: everything that was found, at once.
+
+use crate::read::ini::{Ini, IniError};
+use kinematics::{Fault, MachinePart};
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why no machine could be made of an INI file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MachineError {
+    /// The text of the file is wrong: everything that was found, never empty.
+    Ini(Vec<IniError>),
+    /// The text is in order, but describes no machine; the section of the leg that the fault
+    /// names.
+    Geometry(PathBuf, Fault, Option<IniError>),
+}
+
+impl MachineError {
+    /// The refusal of the geometry of a file.
+    pub fn of_geometry(ini: &Ini, fault: Fault) -> Self {
+        let section = match fault.part {
+            Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
+                Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))
+            }
+            _ => None,
+        };
+        Self::Geometry(ini.file().into(), fault, section)
+    }
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MachineError::Ini(errors) => {
+                let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+                f.write_str(&texts.join("\n"))
+            }
+            MachineError::Geometry(file, fault, _) => write!(f, "{}: {fault}", file.display()),
+        }
+    }
+}
+
+impl std::error::Error for MachineError {}
+
+impl From<IniError> for MachineError {
+    fn from(error: IniError) -> Self {
+        MachineError::Ini(vec![error])
+    }
+}
+
+/// What is wrong with values that do not depend on each other.
+#[derive(Default)]
+pub(super) struct Errors(Vec<IniError>);
+
+impl Errors {
+    /// The value; what is wrong with it is kept, once.
+    pub(super) fn of<T>(&mut self, value: Result<T, IniError>) -> Option<T> {
+        match value {
+            Ok(value) => Some(value),
+            Err(error) => {
+                if !self.0.contains(&error) {
+                    self.0.push(error);
+                }
+                None
+            }
+        }
+    }
+
+    /// All of them.
+    pub(super) fn each<T>(
+        &mut self,
+        count: usize,
+        value: impl Fn(usize, &mut Self) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let values: Vec<Option<T>> = (0..count).map(|n| value(n, self)).collect();
+        values.into_iter().collect()
+    }
+
+    pub(super) fn checked(self) -> Result<(), MachineError> {
+        self.value(Some(()))
+    }
+
+    /// No value is missing where nothing was wrong.
+    pub(super) fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
+        value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
+    }
+}
+
+pub(super) fn leg_section(n: usize) -> String {
+    format!("LEG_{n}")
+}

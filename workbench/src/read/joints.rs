@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Joints and axes: what moves, how far and how fast, `[JOINT_N]` and `[AXIS_L]`.
+
+use crate::read::error::{Errors, leg_section};
+use crate::read::ini::{Ini, IniError};
+use keys::{joint as of_joint, leg as of_leg};
+use kinematics::Load;
+use kinematics::leg::Kind;
+
+pub(super) const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
+
+/// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
+/// of emccfg.h), machine units or degrees per second.
+const AXIS_VELOCITY: f64 = 1.0;
+
+/// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
+const AXIS_ACCELERATION: f64 = 1.0;
+
+/// What a joint moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// The length of a strut.
+    Strut,
+    /// A carriage along its guide.
+    Carriage,
+    /// An arm about its axis, in degrees.
+    Arm,
+    /// The table under the workpiece.
+    Table,
+}
+
+impl JointKind {
+    pub(super) const ALL: [Self; 4] = [Self::Strut, Self::Carriage, Self::Arm, Self::Table];
+
+    const fn of_leg(kind: Kind) -> Self {
+        match kind {
+            Kind::Strut => Self::Strut,
+            Kind::Slider => Self::Carriage,
+            Kind::Crank => Self::Arm,
+        }
+    }
+
+    /// Name of one such joint.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Strut => "strut",
+            Self::Carriage => "carriage",
+            Self::Arm => "arm",
+            Self::Table => "table",
+        }
+    }
+
+    /// Name of several.
+    pub const fn plural(self) -> &'static str {
+        match self {
+            Self::Strut => "struts",
+            Self::Carriage => "carriages",
+            Self::Arm => "arms",
+            Self::Table => "table axes",
+        }
+    }
+
+    /// What is measured of it.
+    pub const fn quantity(self) -> &'static str {
+        match self {
+            Self::Strut => "length",
+            Self::Carriage | Self::Table => "position",
+            Self::Arm => "angle",
+        }
+    }
+}
+
+/// Joints of one kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Their kind.
+    pub kind: JointKind,
+    /// Their unit.
+    pub unit: &'static str,
+    /// Their numbers.
+    pub joints: Vec<usize>,
+}
+
+/// Kind, limits and home of one joint, `[JOINT_N]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Kind.
+    pub kind: JointKind,
+    /// Name for people, such as `strut 3` or `table X`.
+    pub name: String,
+    /// Lowest value, in joint units.
+    pub min: f64,
+    /// Highest value, in joint units.
+    pub max: f64,
+    /// Joint units per second.
+    pub max_velocity: f64,
+    /// Joint units per second squared.
+    pub max_acceleration: f64,
+    /// Value at the end of homing; LinuxCNC takes 0 where it is missing.
+    pub home: f64,
+}
+
+/// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Lowest value, machine units or degrees.
+    pub min: f64,
+    /// Highest value, machine units or degrees.
+    pub max: f64,
+    /// Machine units or degrees per second.
+    pub max_velocity: f64,
+    /// Machine units or degrees per second squared.
+    pub max_acceleration: f64,
+}
+
+pub(super) fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
+    let section = format!("JOINT_{n}");
+    let value = |key, errors: &mut Errors| errors.of(ini.require_value(&section, key));
+    let min = value(&of_joint::MIN_LIMIT, errors);
+    let max = value(&of_joint::MAX_LIMIT, errors);
+    let (kind, name) = kind_and_name(n, load);
+    if let (Some(min), Some(max)) = (min, max) {
+        let expected = format!("expected less than MAX_LIMIT = {max}");
+        errors.of(check_least(ini, &section, min < max, &expected));
+        if kind == JointKind::Arm {
+            errors.of(check_turn(ini, n, &section));
+        }
+    }
+    let max_velocity = value(&of_joint::MAX_VELOCITY, errors);
+    let max_acceleration = value(&of_joint::MAX_ACCELERATION, errors);
+    let home = errors.of(ini.number_or(&section, "HOME", 0.0));
+    let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
+    Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
+}
+
+/// Refuses the lower end of a range that is none.
+fn check_least(ini: &Ini, section: &str, is_range: bool, expected: &str) -> Result<(), IniError> {
+    if is_range {
+        return Ok(());
+    }
+    Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, expected)?, expected))
+}
+
+/// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
+fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
+    let offset = ini.value(&leg_section(n), &of_leg::OFFSET)?.unwrap_or(0.0);
+    for key in [&of_joint::MIN_LIMIT, &of_joint::MAX_LIMIT] {
+        let limit = ini.require_value(section, key)?;
+        if (limit + offset).abs() < 180.0 {
+            continue;
+        }
+        let expected = format!(
+            "expected more than {} and less than {} degrees, where the arm of LEG_{n} points \
+             opposite to ARM",
+            -180.0 - offset,
+            180.0 - offset
+        );
+        return Err(ini.refuse(ini.require(section, key.name, &expected)?, &expected));
+    }
+    Ok(())
+}
+
+fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
+    match load.kinds().get(n) {
+        Some(kind) => {
+            let kind = JointKind::of_leg(*kind);
+            (kind, format!("{} {n}", kind.name()))
+        }
+        None => {
+            let letter = load.layout.table().as_slice()[n - load.layout.legs()];
+            let kind = JointKind::Table;
+            (kind, format!("{} {}", kind.name(), letter.name()))
+        }
+    }
+}
+
+pub(super) fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
+    let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
+    let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
+    if let (Some(min), Some(max)) = (min, max) {
+        let expected = format!("expected at most MAX_LIMIT = {max}");
+        errors.of(check_least(ini, section, min <= max, &expected));
+    }
+    let velocity = errors.of(positive(ini, section, "MAX_VELOCITY", Some(AXIS_VELOCITY)));
+    let acceleration =
+        errors.of(positive(ini, section, "MAX_ACCELERATION", Some(AXIS_ACCELERATION)));
+    Some(Axis { min: min?, max: max?, max_velocity: velocity?, max_acceleration: acceleration? })
+}
+
+/// A number above 0; without a default the key is needed.
+pub(super) fn positive(
+    ini: &Ini,
+    section: &str,
+    key: &str,
+    default: Option<f64>,
+) -> Result<f64, IniError> {
+    let value = match (ini.numbers::<1>(section, key)?, default) {
+        (None, Some(default)) => default,
+        _ => ini.require_numbers::<1>(section, key)?[0],
+    };
+    if value > 0.0 {
+        return Ok(value);
+    }
+    let expected = "expected more than 0";
+    Err(ini.refuse(ini.require(section, key, expected)?, expected))
+}

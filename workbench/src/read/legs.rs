@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Geometry of the legs, `[LEG_N]`.
+
+use crate::read::error::{Errors, leg_section};
+use crate::read::ini::{Ini, IniError};
+use keys::{Key, Need, leg as of_leg, machine as of_machine};
+use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use kinematics::{LegGeometry, LegKind, Segment, Vector3};
+
+/// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
+pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
+    match leg.kind {
+        LegKind::Strut(_) => None,
+        LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
+        LegKind::Crank(crank) => {
+            let arm = segment.base - Vector3::from(leg.base);
+            let axis = Vector3::from(crank.axis).normalize();
+            Some(axis.cross(&arm) * (std::f64::consts::PI / 180.0))
+        }
+    }
+}
+
+/// Exactly the sections LEG_0 to that of the last leg.
+pub(super) fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
+    for n in 0..legs {
+        if !ini.sections().any(|name| name == leg_section(n)) {
+            let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
+            return Err(ini.refuse_section(&leg_section(n), &text));
+        }
+    }
+    for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
+        if !(0..legs).any(|n| name == leg_section(n)) {
+            let expected =
+                format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
+            return Err(ini.refuse_section(name, &expected));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn leg_geometry(
+    ini: &Ini,
+    n: usize,
+    kind: Kind,
+    errors: &mut Errors,
+) -> Option<LegGeometry> {
+    let section = leg_section(n);
+    errors.of(ini.check_keys(&section, keys::of_leg(kind)));
+    let base = errors.of(ini.require_values(&section, &of_leg::BASE));
+    let platform = errors.of(ini.require_values(&section, &of_leg::PLATFORM));
+    match kind {
+        Kind::Strut => {
+            let strut = strut(ini, &section, errors);
+            Some(LegGeometry::strut(base?, platform?, strut?))
+        }
+        Kind::Slider => {
+            let kind = LegKind::Slider(slider(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+        Kind::Crank => {
+            let kind = LegKind::Crank(crank(ini, &section, errors)?);
+            Some(LegGeometry { base: base?, platform: platform?, kind })
+        }
+    }
+}
+
+pub(super) fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
+    let lead = match errors.of(ini.value(section, &of_leg::LEAD))? {
+        Some(own) => own,
+        // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
+        None => errors.of(ini.require_value("PKM", &of_machine::SCREW_LEAD))?,
+    };
+    let axis = |key: &Key| match ini.values(section, key)? {
+        None if lead != 0.0 || is_needed_by_another(ini, section, key) => {
+            ini.require_values(section, key)
+        }
+        axis => Ok(axis.unwrap_or_default()),
+    };
+    let base_axis = errors.of(axis(&of_leg::BASE_N));
+    Some(StrutGeometry {
+        platform_axis: errors.of(axis(&of_leg::PLATFORM_N))?,
+        base_axis: base_axis?,
+        lead,
+    })
+}
+
+/// Whether the section of a leg gives a key that wants this one with it.
+fn is_needed_by_another(ini: &Ini, section: &str, key: &Key) -> bool {
+    let wants = |other: &&Key| other.need == Need::With(key.name);
+    of_leg::ALL.iter().copied().filter(wants).any(|other| ini.first(section, other.name).is_some())
+}
+
+fn slider(ini: &Ini, section: &str, errors: &mut Errors) -> Option<SliderGeometry> {
+    let guide = errors.of(ini.require_values(section, &of_leg::GUIDE));
+    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
+    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
+    Some(SliderGeometry { guide: guide?, rod: rod?, side: side? as i32 })
+}
+
+fn crank(ini: &Ini, section: &str, errors: &mut Errors) -> Option<CrankGeometry> {
+    let axis = errors.of(ini.require_values(section, &of_leg::AXIS));
+    let arm = errors.of(ini.require_values(section, &of_leg::ARM));
+    let rod = errors.of(ini.require_value(section, &of_leg::ROD));
+    let side = errors.of(ini.require_value(section, &of_leg::SIDE));
+    Some(CrankGeometry { axis: axis?, arm: arm?, rod: rod?, side: side? as i32 })
+}
