@@ -137,7 +137,7 @@ pub(crate) fn is_either_way(limit: Limit) -> bool {
 }
 
 /// A limit that is not kept, as a sentence.
-pub fn sentence(config: &MachineConfig, margin: &Margin) -> String {
+pub(crate) fn sentence(config: &MachineConfig, margin: &Margin) -> String {
     let Margin { limit, part: of, value, .. } = *margin;
     let (name, unit, bound) =
         (part(config, limit, of), unit(config, limit, of), bound(config, margin));

@@ -57,7 +57,7 @@ pub fn length_rows(config: &MachineConfig, at: &At, tool: &Vector3<f64>) -> Rows
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
-pub fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+pub(crate) fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
     let mut rows = at.inverse_jacobian()?;
     let angular = rows.fixed_columns::<3>(3) * rate_map(at.pose());
     rows.fixed_columns_mut::<3>(3).copy_from(&angular);
@@ -79,7 +79,7 @@ pub fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
 }
 
 /// The rows with zeros for coordinates that no joint moves.
-pub fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
+pub(crate) fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
     for letter in Letter::ALL.into_iter().filter(|l| config.machine.layout().is_held(*l)) {
         rows.column_mut(letter.index()).fill(0.0);
     }

@@ -111,7 +111,7 @@ pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u6
 }
 
 /// Whether the machine can take a pose.
-pub fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+pub(crate) fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
     let at = config.machine.at(pose, tool);
     at.is_ok_and(|at| at.check(&limits::beyond_axes(config)).is_ok())
 }

@@ -288,7 +288,7 @@ fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize
 }
 
 /// What the largest of `count` normal numbers exceeds once in a thousand times, in deviations.
-pub fn largest_by_chance(count: usize) -> f64 {
+pub(crate) fn largest_by_chance(count: usize) -> f64 {
     Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / (2.0 * count.max(1) as f64))
 }
 

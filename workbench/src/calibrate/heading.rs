@@ -8,7 +8,7 @@ use kinematics::Vector3;
 const MARKS: [char; 2] = ['#', ';'];
 
 /// Whether a line says nothing beyond a comment.
-pub fn is_comment(line: &str) -> bool {
+pub(crate) fn is_comment(line: &str) -> bool {
     line.trim().is_empty() || line.trim().starts_with(MARKS)
 }
 
@@ -44,7 +44,7 @@ pub fn numbers<const N: usize>(text: &str, key: &str, expected: &str) -> Result<
 }
 
 /// Words that are all numbers.
-pub fn finite(text: &str) -> Option<Vec<f64>> {
+pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
     text.split_ascii_whitespace()
         .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
         .collect()
@@ -54,7 +54,7 @@ pub fn finite(text: &str) -> Option<Vec<f64>> {
 ///
 /// # Errors
 /// As [`value`], and the hash of another geometry than the machine's.
-pub fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
     let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
     let (line, word) = value(text, "geometry", expected)?;
     // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.

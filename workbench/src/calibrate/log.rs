@@ -321,7 +321,7 @@ fn disagreement(
 }
 
 /// About where each hole is: the mean of the tips that touched its walls.
-pub fn centres(plate: &Plate, readings: &[Reading]) -> Vec<(u32, Vector3<f64>)> {
+pub(crate) fn centres(plate: &Plate, readings: &[Reading]) -> Vec<(u32, Vector3<f64>)> {
     let of = |number: u32, place: [f64; 2]| {
         let tips: Vec<Vector3<f64>> = readings
             .iter()

@@ -212,7 +212,7 @@ impl Model {
 
     /// Axis about which a frame turns, in base, when its parameter `axis` (0 to 2 of the rotation)
     /// grows: rotation vectors add up as turns only where they are small.
-    pub fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
+    pub(crate) fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
         let part = |i: usize| self.number(Place::Frame(k, i)).map_or(0.0, |n| changes[n]);
         let turn = Vector3::new(part(3), part(4), part(5));
         let d = unit(axis);

@@ -166,7 +166,7 @@ impl Plate {
     /// # Errors
     /// They are fewer than three, or not where the plate has them; another order that would fit is
     /// told.
-    pub fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
+    pub(crate) fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
         if centres.len() < 3 {
             return Err(Astray::TooFew(centres.len()));
         }

@@ -160,7 +160,12 @@ impl<'a> Changed<'a> {
     ///
     /// # Errors
     /// As [`Machine::forward`].
-    pub fn posed(&self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
+    pub(crate) fn posed(
+        &self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Posed, Fault> {
         let solver = Solver { residual_limit: self.model.size(), ..Solver::default() };
         let pose = self.machine.forward(joints, seed, tool, &solver)?.pose;
         self.at(pose, tool)

@@ -93,7 +93,7 @@ fn text(ini: &Ini, entry: &Entry) -> Option<String> {
 }
 
 /// The error at a key, or that it is missing.
-pub fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
+pub(crate) fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
     match ini.first(section, key) {
         Some(entry) => ini.refuse(entry, text),
         None => ini.error(section, key, None, text),

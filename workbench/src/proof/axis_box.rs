@@ -124,7 +124,7 @@ fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
 }
 
 /// Whether a box is proved with a tool offset.
-pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+pub(crate) fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
 }
 

@@ -8,7 +8,7 @@ use crate::read::machine::MachineConfig;
 use kinematics::MAX_BOXES;
 
 /// Most cells of one proof.
-pub const MOST_CELLS: usize = 2_000_000;
+pub(crate) const MOST_CELLS: usize = 2_000_000;
 
 /// Poses on an axis limit must not stand on a face of their box: its share of the range.
 const WIDENED: f64 = 1e-3;

@@ -41,7 +41,7 @@ impl Cell {
     }
 
     /// Both halves along one coordinate.
-    pub fn halves(&self, k: usize) -> [Self; 2] {
+    pub(crate) fn halves(&self, k: usize) -> [Self; 2] {
         let mut halves = [*self; 2];
         for (part, sign) in halves.iter_mut().zip([-1.0, 1.0]) {
             part.half[k] /= 2.0;

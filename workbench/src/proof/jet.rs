@@ -34,7 +34,7 @@ impl Interval {
     const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
 
     /// Largest magnitude; infinite where it is not known.
-    pub fn magnitude(self) -> f64 {
+    pub(crate) fn magnitude(self) -> f64 {
         let magnitude = self.low.abs().max(self.high.abs());
         if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
     }
@@ -125,7 +125,7 @@ pub struct Jet(pub [[Interval; 2]; 3]);
 
 impl Jet {
     /// A constant.
-    pub const fn constant(x: f64) -> Self {
+    pub(crate) const fn constant(x: f64) -> Self {
         Self::of(Interval::point(x))
     }
 
@@ -135,7 +135,7 @@ impl Jet {
     }
 
     /// A coordinate in `x`; whether it is the one that s moves, and that t moves.
-    pub fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
+    pub(crate) fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
         let mut jet = Self::of(x);
         let one = Interval::point(1.0);
         if along_s {
@@ -206,7 +206,7 @@ impl Jet {
     }
 
     /// Sine and cosine of an angle in radians.
-    pub fn sincos(self) -> (Self, Self) {
+    pub(crate) fn sincos(self) -> (Self, Self) {
         let x = self.0[0][0];
         let s = x.sin();
         let c = (x + Interval::point(std::f64::consts::FRAC_PI_2)).sin();

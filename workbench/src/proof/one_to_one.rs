@@ -428,7 +428,7 @@ const TOO_SLOW: Doubt = Doubt::Malformed("CONTRACTION and WEIGHT need more than 
 
 /// Steps that bring the iteration near enough to its end from anywhere in the box; `None`
 /// where they are too many, or one step says too little about the end.
-pub fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
+pub(crate) fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
     let width = |k: &usize| claim.region.high[*k] - claim.region.low[*k];
     let across = active.iter().map(|k| (claim.weight[*k] * width(k)).powi(2)).sum::<f64>().sqrt();
     let least = active.iter().map(|k| claim.weight[*k] * width(k)).reduce(f64::min).unwrap_or(0.0);

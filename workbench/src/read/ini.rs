@@ -371,7 +371,12 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, and `expected` says what it should hold, or repeated.
-    pub fn require(&self, section: &str, key: &str, expected: &str) -> Result<&Entry, IniError> {
+    pub(crate) fn require(
+        &self,
+        section: &str,
+        key: &str,
+        expected: &str,
+    ) -> Result<&Entry, IniError> {
         self.only(section, key)?.ok_or_else(|| self.error(section, key, None, expected))
     }
 
@@ -406,7 +411,7 @@ impl Ini {
     ///
     /// # Errors
     /// The first entry that does not belong into the section.
-    pub fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
+    pub(crate) fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
             if !keys.contains(&entry.key.as_str()) {
@@ -422,7 +427,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::check_section`].
-    pub fn check_keys<'a>(
+    pub(crate) fn check_keys<'a>(
         &self,
         section: &str,
         keys: impl Iterator<Item = &'a Key>,
@@ -450,7 +455,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::values`].
-    pub fn require_values<const N: usize>(
+    pub(crate) fn require_values<const N: usize>(
         &self,
         section: &str,
         key: &Key,
@@ -475,7 +480,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::require_values`].
-    pub fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
+    pub(crate) fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
         self.require_values::<1>(section, key).map(|[value]| value)
     }
 
@@ -495,7 +500,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::numbers`].
-    pub fn require_numbers<const N: usize>(
+    pub(crate) fn require_numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
@@ -507,7 +512,12 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::numbers`].
-    pub fn number_or(&self, section: &str, key: &str, default: f64) -> Result<f64, IniError> {
+    pub(crate) fn number_or(
+        &self,
+        section: &str,
+        key: &str,
+        default: f64,
+    ) -> Result<f64, IniError> {
         Ok(self.numbers::<1>(section, key)?.map_or(default, |[value]| value))
     }
 
@@ -524,7 +534,7 @@ impl Ini {
     }
 
     /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
-    pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
+    pub(crate) fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
         entry.words().map(decimal).collect()
     }
 
@@ -548,7 +558,7 @@ impl Ini {
     }
 
     /// The error that refuses a section (the last of this name), or says that it is missing.
-    pub fn refuse_section(&self, section: &str, expected: &str) -> IniError {
+    pub(crate) fn refuse_section(&self, section: &str, expected: &str) -> IniError {
         match self.headings.iter().rfind(|(name, _)| name == section) {
             Some((_, line)) => {
                 self.error(section, "", Some(""), expected).at(line, line.text.trim())
@@ -574,11 +584,6 @@ impl Ini {
 impl Entry {
     fn words(&self) -> impl Iterator<Item = &str> {
         self.value.split([' ', '\t']).filter(|word| !word.is_empty())
-    }
-
-    /// Whether an earlier section of this name hides the entry from LinuxCNC's programs.
-    pub fn is_hidden(&self) -> bool {
-        self.hidden
     }
 }
 

@@ -61,7 +61,7 @@ impl JointKind {
     }
 
     /// What is measured of it.
-    pub const fn quantity(self) -> &'static str {
+    pub(crate) const fn quantity(self) -> &'static str {
         match self {
             Self::Strut => "length",
             Self::Carriage | Self::Table => "position",

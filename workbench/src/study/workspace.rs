@@ -146,7 +146,7 @@ impl Ray {
     }
 
     /// Distance and limit of every crossing.
-    pub fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
+    pub(crate) fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
         let first = (self.exit(), self.limit);
         let others = self.inside[1..].iter().zip(&self.others);
         let others = others.flat_map(|(ends, limits)| ends.iter().copied().zip(*limits));
