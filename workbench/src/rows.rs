@@ -68,7 +68,7 @@ pub(crate) fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault>
 }
 
 /// By how much a leg gets longer, or a table axis moves, per joint unit.
-pub fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
+pub(crate) fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
     let of_leg = legs.map(|(leg, segment)| {
         let along = segment.span().normalize();
@@ -87,13 +87,13 @@ pub(crate) fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
 }
 
 /// Coordinates that a joint moves.
-pub fn moved(config: &MachineConfig) -> Vec<Letter> {
+pub(crate) fn moved(config: &MachineConfig) -> Vec<Letter> {
     let layout = config.machine.layout();
     Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter)).collect()
 }
 
 /// Singular values of the rows over `moved` coordinates, largest first.
-pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
+pub(crate) fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
     let mut values: Vec<f64> = rows.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
     values.truncate(moved);
@@ -101,7 +101,7 @@ pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
 }
 
 /// The pseudo-inverse of rows that hold `moved` coordinates; `None` at a singular pose.
-pub fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
+pub(crate) fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
     let values = singular_values(rows, moved);
     let (most, least) = (*values.first()?, *values.last()?);
     if !(least > RANK_TOLERANCE * most) {

@@ -46,7 +46,7 @@ pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn ellipsoid(
+pub(crate) fn ellipsoid(
     changed: &Changed,
     model: &Model,
     covariance: &DMatrix<f64>,
@@ -68,7 +68,7 @@ pub fn ellipsoid(
 ///
 /// # Errors
 /// As [`ellipsoid`].
-pub fn largest(
+pub(crate) fn largest(
     changed: &Changed,
     model: &Model,
     covariance: &DMatrix<f64>,

@@ -16,7 +16,11 @@ pub(crate) fn is_comment(line: &str) -> bool {
 ///
 /// # Errors
 /// It is missing, told with `expected`, or there twice.
-pub fn value<'a>(text: &'a str, key: &str, expected: &str) -> Result<(usize, &'a str), BadLog> {
+pub(crate) fn value<'a>(
+    text: &'a str,
+    key: &str,
+    expected: &str,
+) -> Result<(usize, &'a str), BadLog> {
     let behind = |line: &'a str| {
         let words = line.trim().strip_prefix(MARKS)?.trim_start().strip_prefix(key)?;
         words.starts_with(char::is_whitespace).then(|| words.trim())
@@ -36,7 +40,11 @@ pub fn value<'a>(text: &'a str, key: &str, expected: &str) -> Result<(usize, &'a
 ///
 /// # Errors
 /// As [`value`], or others than these.
-pub fn numbers<const N: usize>(text: &str, key: &str, expected: &str) -> Result<[f64; N], BadLog> {
+pub(crate) fn numbers<const N: usize>(
+    text: &str,
+    key: &str,
+    expected: &str,
+) -> Result<[f64; N], BadLog> {
     let (line, words) = value(text, key, expected)?;
     finite(words)
         .and_then(|numbers| numbers.try_into().ok())
@@ -78,6 +86,6 @@ pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadL
 ///
 /// # Errors
 /// As [`numbers`].
-pub fn tool(text: &str) -> Result<Vector3<f64>, BadLog> {
+pub(crate) fn tool(text: &str) -> Result<Vector3<f64>, BadLog> {
     numbers(text, "tool", "a line \"# tool X Y Z\", with the spindle offset").map(Vector3::from)
 }

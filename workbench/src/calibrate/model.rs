@@ -146,13 +146,13 @@ impl Model {
     }
 
     /// Largest length of the machine.
-    pub fn size(&self) -> f64 {
+    pub(crate) fn size(&self) -> f64 {
         self.size
     }
 
     /// Radius of the platform as drawn: what weighs angles against lengths must not follow the
     /// parameters.
-    pub fn radius(&self) -> f64 {
+    pub(crate) fn radius(&self) -> f64 {
         self.radius
     }
 
@@ -162,7 +162,7 @@ impl Model {
     }
 
     /// The geometry and joint offsets with these changes.
-    pub fn changed(&self, changes: &[f64]) -> (Geometry, PerLeg) {
+    pub(crate) fn changed(&self, changes: &[f64]) -> (Geometry, PerLeg) {
         let mut legs = [None; MAX_LEGS];
         for (leg, given) in legs.iter_mut().zip(self.geometry.legs()) {
             *leg = Some(*given);
@@ -225,7 +225,7 @@ impl Model {
     }
 
     /// How late the probe trips.
-    pub fn trigger(&self, changes: &[f64]) -> f64 {
+    pub(crate) fn trigger(&self, changes: &[f64]) -> f64 {
         self.number(Place::Trigger).map_or(0.0, |k| changes[k])
     }
 }

@@ -17,7 +17,7 @@ const OWN: &str = "pkmkins.tcl";
 ///
 /// # Errors
 /// A value that is no number.
-pub fn check(ini: &Ini) -> Result<Vec<IniError>, IniError> {
+pub(crate) fn check(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     let mut found = vec![];
     if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
         let text =

@@ -17,7 +17,7 @@ const WIDENED: f64 = 1e-3;
 ///
 /// # Errors
 /// A limit is missing.
-pub fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> {
+pub(crate) fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> {
     let (mut low, mut high) = ([0.0; 6], [0.0; 6]);
     for letter in config.machine.layout().coordinates().as_slice() {
         let (k, axis) = (letter.index(), &config.axes[letter.index()]);

@@ -21,12 +21,12 @@ pub struct Interval {
 
 impl Interval {
     /// One number.
-    pub const fn point(x: f64) -> Self {
+    pub(crate) const fn point(x: f64) -> Self {
         Self { low: x, high: x }
     }
 
     /// Of two numbers in order.
-    pub const fn new(low: f64, high: f64) -> Self {
+    pub(crate) const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
     }
 
@@ -148,13 +148,13 @@ impl Jet {
     }
 
     /// ½ ∂_k ∂_k ∂_j f.
-    pub fn third(&self) -> Interval {
+    pub(crate) fn third(&self) -> Interval {
         self.0[2][1]
     }
 
     /// ∂_j f, for comparison with the core's Jacobian.
     #[cfg(test)]
-    pub fn slope(&self) -> Interval {
+    pub(crate) fn slope(&self) -> Interval {
         self.0[0][1]
     }
 
@@ -177,7 +177,7 @@ impl Jet {
     }
 
     /// Square root; unbounded where the value may be 0 or less.
-    pub fn sqrt(self) -> Self {
+    pub(crate) fn sqrt(self) -> Self {
         let x = self.0[0][0];
         if !(x.low > 0.0) {
             return self.composed([Interval::ALL; 4]);
@@ -190,7 +190,7 @@ impl Jet {
     }
 
     /// 1 / self; unbounded where the value may be 0.
-    pub fn inverse(self) -> Self {
+    pub(crate) fn inverse(self) -> Self {
         let over = self.0[0][0].inverse();
         let square = over.squared();
         let second = square * over * Interval::point(2.0);
@@ -199,7 +199,7 @@ impl Jet {
     }
 
     /// Its square.
-    pub fn squared(self) -> Self {
+    pub(crate) fn squared(self) -> Self {
         let mut out = self * self;
         out.0[0][0] = self.0[0][0].squared();
         out
@@ -215,7 +215,7 @@ impl Jet {
 
     /// Angle of the direction (x, y), up to a constant; unbounded where the directions
     /// fill more than a half plane.
-    pub fn angle(y: Self, x: Self) -> Self {
+    pub(crate) fn angle(y: Self, x: Self) -> Self {
         // Tangent of the angle from the middle direction: the constant left out is its angle.
         let (a, b) = (x.0[0][0].middle(), y.0[0][0].middle());
         let (a, b) = (Self::constant(a), Self::constant(b));

@@ -107,7 +107,7 @@ impl<'a> Prover<'a> {
     }
 
     /// Coordinates that the legs move, by number.
-    pub fn active(&self) -> &[usize] {
+    pub(crate) fn active(&self) -> &[usize] {
         &self.active
     }
 
@@ -115,7 +115,7 @@ impl<'a> Prover<'a> {
     ///
     /// # Errors
     /// The pose is out of reach.
-    pub fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
+    pub(crate) fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
         let jacobian = self
             .machine
             .at(&Pose::from_degrees(*pose), &Vector3::zeros())
