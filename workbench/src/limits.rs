@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 const MEETING: f64 = 1e-3;
 
 /// The limits that a machine's file sets.
-pub fn of(config: &MachineConfig) -> Limits {
+pub(crate) fn of(config: &MachineConfig) -> Limits {
     let mut limits = Limits {
         tilt: config.tilt_limit.unwrap_or(0.0),
         conditioning: config.conditioning_limit,
@@ -137,7 +137,7 @@ pub(crate) fn is_either_way(limit: Limit) -> bool {
 }
 
 /// A limit that is not kept, as a sentence.
-pub fn sentence(config: &MachineConfig, margin: &Margin) -> String {
+pub(crate) fn sentence(config: &MachineConfig, margin: &Margin) -> String {
     let Margin { limit, part: of, value, .. } = *margin;
     let (name, unit, bound) =
         (part(config, limit, of), unit(config, limit, of), bound(config, margin));
@@ -161,7 +161,7 @@ pub fn is_of_feed(limit: Limit) -> bool {
 }
 
 /// The word of a limit in reports for machines.
-pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(match limit {
         Limit::Axis => "axis",
         Limit::Reach => "reach",
@@ -180,7 +180,7 @@ pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
 }
 
 /// A value with as many digits as its size needs.
-pub fn shown(value: f64) -> String {
+pub(crate) fn shown(value: f64) -> String {
     match value.abs() >= 1e-3 || value == 0.0 {
         true => format!("{value:.3}"),
         false => format!("{value:.1e}"),

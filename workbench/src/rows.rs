@@ -57,7 +57,7 @@ pub fn length_rows(config: &MachineConfig, at: &At, tool: &Vector3<f64>) -> Rows
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
-pub fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+pub(crate) fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
     let mut rows = at.inverse_jacobian()?;
     let angular = rows.fixed_columns::<3>(3) * rate_map(at.pose());
     rows.fixed_columns_mut::<3>(3).copy_from(&angular);
@@ -68,7 +68,7 @@ pub fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
 }
 
 /// By how much a leg gets longer, or a table axis moves, per joint unit.
-pub fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
+pub(crate) fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
     let of_leg = legs.map(|(leg, segment)| {
         let along = segment.span().normalize();
@@ -79,7 +79,7 @@ pub fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
 }
 
 /// The rows with zeros for coordinates that no joint moves.
-pub fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
+pub(crate) fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
     for letter in Letter::ALL.into_iter().filter(|l| config.machine.layout().is_held(*l)) {
         rows.column_mut(letter.index()).fill(0.0);
     }
@@ -87,13 +87,13 @@ pub fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
 }
 
 /// Coordinates that a joint moves.
-pub fn moved(config: &MachineConfig) -> Vec<Letter> {
+pub(crate) fn moved(config: &MachineConfig) -> Vec<Letter> {
     let layout = config.machine.layout();
     Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter)).collect()
 }
 
 /// Singular values of the rows over `moved` coordinates, largest first.
-pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
+pub(crate) fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
     let mut values: Vec<f64> = rows.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
     values.truncate(moved);
@@ -101,7 +101,7 @@ pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
 }
 
 /// The pseudo-inverse of rows that hold `moved` coordinates; `None` at a singular pose.
-pub fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
+pub(crate) fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
     let values = singular_values(rows, moved);
     let (most, least) = (*values.first()?, *values.last()?);
     if !(least > RANK_TOLERANCE * most) {

@@ -46,7 +46,7 @@ pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn ellipsoid(
+pub(crate) fn ellipsoid(
     changed: &Changed,
     model: &Model,
     covariance: &DMatrix<f64>,
@@ -68,7 +68,7 @@ pub fn ellipsoid(
 ///
 /// # Errors
 /// As [`ellipsoid`].
-pub fn largest(
+pub(crate) fn largest(
     changed: &Changed,
     model: &Model,
     covariance: &DMatrix<f64>,
@@ -111,7 +111,7 @@ pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u6
 }
 
 /// Whether the machine can take a pose.
-pub fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+pub(crate) fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
     let at = config.machine.at(pose, tool);
     at.is_ok_and(|at| at.check(&limits::beyond_axes(config)).is_ok())
 }

@@ -8,7 +8,7 @@
 use super::least_squares::{Linear, NotConverged, minimum};
 use super::model::Model;
 use super::reading::{Changed, Reading};
-use kinematics::{Fault, Pose};
+use kinematics::Fault;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -102,7 +102,7 @@ impl Fit {
 }
 
 /// Root mean square.
-pub fn rms(values: &DVector<f64>) -> f64 {
+pub(crate) fn rms(values: &DVector<f64>) -> f64 {
     (values.norm_squared() / values.len().max(1) as f64).sqrt()
 }
 
@@ -176,7 +176,7 @@ fn with_prior(
 }
 
 /// Covariance of the changes, for readings with these derivatives.
-pub fn covariance(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> DMatrix<f64> {
+pub(crate) fn covariance(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> DMatrix<f64> {
     let n = model.parameters.len();
     let deviation = DVector::from_iterator(n, model.parameters.iter().map(|p| p.deviation));
     let scaled =
@@ -288,7 +288,7 @@ fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize
 }
 
 /// What the largest of `count` normal numbers exceeds once in a thousand times, in deviations.
-pub fn largest_by_chance(count: usize) -> f64 {
+pub(crate) fn largest_by_chance(count: usize) -> f64 {
     Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / (2.0 * count.max(1) as f64))
 }
 
@@ -316,20 +316,4 @@ pub fn held_out(
         told((fold + 1) as f64 / FOLDS as f64);
     }
     Ok(rms(&DVector::from_vec(left)))
-}
-
-/// Poses that a machine with these changes takes the readings' joints to be.
-///
-/// # Errors
-/// As [`residuals`].
-pub fn poses(model: &Model, readings: &[Reading], changes: &[f64]) -> Result<Vec<Pose>, Misfit> {
-    let changed = Changed::new(model, changes)
-        .map_err(|fault| Misfit::Unreachable("this geometry is no machine".into(), fault))?;
-    let pose = |reading: &Reading| {
-        let posed = changed.posed(&reading.joints, &reading.pose, &reading.tool);
-        posed
-            .map(|posed| posed.pose)
-            .map_err(|fault| Misfit::Unreachable(reading.name.clone(), fault))
-    };
-    readings.iter().map(pose).collect()
 }

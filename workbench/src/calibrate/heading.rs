@@ -8,7 +8,7 @@ use kinematics::Vector3;
 const MARKS: [char; 2] = ['#', ';'];
 
 /// Whether a line says nothing beyond a comment.
-pub fn is_comment(line: &str) -> bool {
+pub(crate) fn is_comment(line: &str) -> bool {
     line.trim().is_empty() || line.trim().starts_with(MARKS)
 }
 
@@ -16,7 +16,11 @@ pub fn is_comment(line: &str) -> bool {
 ///
 /// # Errors
 /// It is missing, told with `expected`, or there twice.
-pub fn value<'a>(text: &'a str, key: &str, expected: &str) -> Result<(usize, &'a str), BadLog> {
+pub(crate) fn value<'a>(
+    text: &'a str,
+    key: &str,
+    expected: &str,
+) -> Result<(usize, &'a str), BadLog> {
     let behind = |line: &'a str| {
         let words = line.trim().strip_prefix(MARKS)?.trim_start().strip_prefix(key)?;
         words.starts_with(char::is_whitespace).then(|| words.trim())
@@ -36,7 +40,11 @@ pub fn value<'a>(text: &'a str, key: &str, expected: &str) -> Result<(usize, &'a
 ///
 /// # Errors
 /// As [`value`], or others than these.
-pub fn numbers<const N: usize>(text: &str, key: &str, expected: &str) -> Result<[f64; N], BadLog> {
+pub(crate) fn numbers<const N: usize>(
+    text: &str,
+    key: &str,
+    expected: &str,
+) -> Result<[f64; N], BadLog> {
     let (line, words) = value(text, key, expected)?;
     finite(words)
         .and_then(|numbers| numbers.try_into().ok())
@@ -44,7 +52,7 @@ pub fn numbers<const N: usize>(text: &str, key: &str, expected: &str) -> Result<
 }
 
 /// Words that are all numbers.
-pub fn finite(text: &str) -> Option<Vec<f64>> {
+pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
     text.split_ascii_whitespace()
         .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
         .collect()
@@ -54,7 +62,7 @@ pub fn finite(text: &str) -> Option<Vec<f64>> {
 ///
 /// # Errors
 /// As [`value`], and the hash of another geometry than the machine's.
-pub fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
     let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
     let (line, word) = value(text, "geometry", expected)?;
     // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.
@@ -78,6 +86,6 @@ pub fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
 ///
 /// # Errors
 /// As [`numbers`].
-pub fn tool(text: &str) -> Result<Vector3<f64>, BadLog> {
+pub(crate) fn tool(text: &str) -> Result<Vector3<f64>, BadLog> {
     numbers(text, "tool", "a line \"# tool X Y Z\", with the spindle offset").map(Vector3::from)
 }

@@ -50,7 +50,7 @@ pub struct NotConverged(String);
 
 /// The place of least squares near `start`, or why none was found. `evaluate` gives nothing where
 /// there are no residuals.
-pub fn minimum(
+pub(crate) fn minimum(
     start: &[f64],
     evaluate: impl FnMut(&[f64]) -> Option<Linear>,
 ) -> Result<Vec<f64>, NotConverged> {

@@ -86,7 +86,7 @@ fn whole(value: f64) -> Option<i64> {
 ///
 /// # Errors
 /// A line that is missing, doubled, or none of the calibration program.
-pub fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
+pub(crate) fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
     let bad = |line: usize, text: String| BadLog { line, text };
     let lines: Vec<(usize, &str)> =
         (1..).zip(text.lines().map(str::trim)).filter(|(_, l)| !l.is_empty()).collect();
@@ -184,7 +184,7 @@ fn second_half(text: &str, number: i64) -> Option<(Vec<f64>, [f64; 3], u32)> {
 ///
 /// # Errors
 /// See [`BadLog`].
-pub fn readings(
+pub(crate) fn readings(
     config: &MachineConfig,
     plate: &Plate,
     text: &str,
@@ -321,7 +321,7 @@ fn disagreement(
 }
 
 /// About where each hole is: the mean of the tips that touched its walls.
-pub fn centres(plate: &Plate, readings: &[Reading]) -> Vec<(u32, Vector3<f64>)> {
+pub(crate) fn centres(plate: &Plate, readings: &[Reading]) -> Vec<(u32, Vector3<f64>)> {
     let of = |number: u32, place: [f64; 2]| {
         let tips: Vec<Vector3<f64>> = readings
             .iter()

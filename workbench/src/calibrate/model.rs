@@ -146,13 +146,13 @@ impl Model {
     }
 
     /// Largest length of the machine.
-    pub fn size(&self) -> f64 {
+    pub(crate) fn size(&self) -> f64 {
         self.size
     }
 
     /// Radius of the platform as drawn: what weighs angles against lengths must not follow the
     /// parameters.
-    pub fn radius(&self) -> f64 {
+    pub(crate) fn radius(&self) -> f64 {
         self.radius
     }
 
@@ -162,7 +162,7 @@ impl Model {
     }
 
     /// The geometry and joint offsets with these changes.
-    pub fn changed(&self, changes: &[f64]) -> (Geometry, PerLeg) {
+    pub(crate) fn changed(&self, changes: &[f64]) -> (Geometry, PerLeg) {
         let mut legs = [None; MAX_LEGS];
         for (leg, given) in legs.iter_mut().zip(self.geometry.legs()) {
             *leg = Some(*given);
@@ -212,7 +212,7 @@ impl Model {
 
     /// Axis about which a frame turns, in base, when its parameter `axis` (0 to 2 of the rotation)
     /// grows: rotation vectors add up as turns only where they are small.
-    pub fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
+    pub(crate) fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
         let part = |i: usize| self.number(Place::Frame(k, i)).map_or(0.0, |n| changes[n]);
         let turn = Vector3::new(part(3), part(4), part(5));
         let d = unit(axis);
@@ -225,7 +225,7 @@ impl Model {
     }
 
     /// How late the probe trips.
-    pub fn trigger(&self, changes: &[f64]) -> f64 {
+    pub(crate) fn trigger(&self, changes: &[f64]) -> f64 {
         self.number(Place::Trigger).map_or(0.0, |k| changes[k])
     }
 }

@@ -52,7 +52,7 @@ fn null_space(matrix: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Number of independent changes that the readings know better than the drawing does.
-pub fn improved(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> usize {
+pub(crate) fn improved(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> usize {
     let values = scaled(model, jacobian).singular_values();
     values.iter().filter(|value| **value > noise).count()
 }

@@ -148,7 +148,7 @@ impl Plate {
     }
 
     /// A hole by its number.
-    pub fn hole(&self, number: u32) -> Option<&Hole> {
+    pub(crate) fn hole(&self, number: u32) -> Option<&Hole> {
         self.hole.iter().find(|hole| hole.number == number)
     }
 
@@ -166,7 +166,7 @@ impl Plate {
     /// # Errors
     /// They are fewer than three, or not where the plate has them; another order that would fit is
     /// told.
-    pub fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
+    pub(crate) fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
         if centres.len() < 3 {
             return Err(Astray::TooFew(centres.len()));
         }
@@ -224,7 +224,7 @@ impl Plate {
 
 /// The frame in which points seen in base are next to those of the frame (least squares, Kabsch
 /// 1976).
-pub fn fitted(of_frame: &[Vector3<f64>], seen: &[Vector3<f64>]) -> Frame {
+pub(crate) fn fitted(of_frame: &[Vector3<f64>], seen: &[Vector3<f64>]) -> Frame {
     let mean =
         |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
     let (own, there) = (mean(of_frame), mean(seen));

@@ -42,7 +42,7 @@ const COLUMNS: usize = 9;
 ///
 /// # Errors
 /// See [`BadLog`].
-pub fn readings(
+pub(crate) fn readings(
     config: &MachineConfig,
     plate: &Plate,
     text: &str,

@@ -29,7 +29,7 @@ pub enum Measured {
 
 impl Measured {
     /// How many numbers it is.
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         match self {
             Measured::Bore { .. } | Measured::Face(_) | Measured::Distance(_) => 1,
             Measured::Position(_) => 3,
@@ -160,13 +160,18 @@ impl<'a> Changed<'a> {
     ///
     /// # Errors
     /// As [`Machine::forward`].
-    pub fn posed(&self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
+    pub(crate) fn posed(
+        &self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Posed, Fault> {
         let solver = Solver { residual_limit: self.model.size(), ..Solver::default() };
         let pose = self.machine.forward(joints, seed, tool, &solver)?.pose;
         self.at(pose, tool)
     }
 
-    /// As [`Changed::posed`], at a pose.
+    /// This machine at a pose.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
@@ -213,7 +218,7 @@ impl<'a> Changed<'a> {
     }
 
     /// As [`Changed::residual`], of a reading whose pose is known.
-    pub fn seen(&self, reading: &Reading, posed: &Posed) -> (DVector<f64>, DMatrix<f64>) {
+    pub(crate) fn seen(&self, reading: &Reading, posed: &Posed) -> (DVector<f64>, DMatrix<f64>) {
         let frame = self.model.frame(reading.frame, self.changes);
         let away = posed.tip - frame.origin;
         let (residual, by_tip) = self.by_tip(reading, posed, &frame);

@@ -72,7 +72,7 @@ pub fn calibrated(
 ///
 /// # Errors
 /// It is none.
-pub fn read_back(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
+pub(crate) fn read_back(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
     MachineConfig::from_ini(&Ini::parse(file, text)?)
 }
 

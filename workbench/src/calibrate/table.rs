@@ -29,7 +29,7 @@ const ANGLES: [&str; 3] = ["tip_a", "tip_b", "tip_c"];
 ///
 /// # Errors
 /// See [`BadLog`].
-pub fn readings(
+pub(crate) fn readings(
     config: &MachineConfig,
     text: &str,
     frame: usize,
@@ -95,7 +95,7 @@ pub fn readings(
 }
 
 /// Where the instrument stands, about.
-pub fn frame(readings: &[Reading]) -> Frame {
+pub(crate) fn frame(readings: &[Reading]) -> Frame {
     let tip = |reading: &Reading| reading.pose.position - reading.tool;
     let (mut own, mut seen) = (vec![], vec![]);
     let mut bars = vec![];

@@ -38,7 +38,7 @@ pub enum Trouble {
 ///
 /// # Errors
 /// A value that is no number.
-pub fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
+pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
     let joints: Vec<Homing> =
         (0..config.joints.len()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
     let mut troubles: Vec<Trouble> = joints

@@ -473,7 +473,7 @@ impl AxisBox {
     }
 
     /// Ends with few digits, inside this box.
-    pub fn rounded(&self) -> Self {
+    pub(crate) fn rounded(&self) -> Self {
         let mut rounded = *self;
         for k in 0..6 {
             let width = self.high[k] - self.low[k];

@@ -17,7 +17,7 @@ const OWN: &str = "pkmkins.tcl";
 ///
 /// # Errors
 /// A value that is no number.
-pub fn check(ini: &Ini) -> Result<Vec<IniError>, IniError> {
+pub(crate) fn check(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     let mut found = vec![];
     if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
         let text =
@@ -93,7 +93,7 @@ fn text(ini: &Ini, entry: &Entry) -> Option<String> {
 }
 
 /// The error at a key, or that it is missing.
-pub fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
+pub(crate) fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
     match ini.first(section, key) {
         Some(entry) => ini.refuse(entry, text),
         None => ini.error(section, key, None, text),

@@ -198,26 +198,8 @@ impl<'a> Pilot<'a> {
         let checks = std::mem::take(&mut self.checks);
         let mut done = true;
         for check in &checks {
-            let kind = check.limit.index();
-            let first = &mut firsts[kind];
-            if check.limit == Limit::JointSpeed {
-                *load = load.max(1.0 - check.seen / check.range);
-                done &= is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
-                continue;
-            }
-            if check.seen < 0.0 {
-                earlier(first, check.found(middle));
-            }
-            if first.is_some_and(|found| found.share <= from) {
-                continue;
-            }
-            let fails = check.proved < 0.0;
-            // Where nothing is known, reach is what fails.
-            if fails && is_short && check.proved.is_finite() {
-                earlier(first, check.found(from));
-            }
-            let least = self.least[kind].min(check.seen);
-            done &= is_short || !(fails || check.is_coarse(least, 1.0));
+            let first = &mut firsts[check.limit.index()];
+            done &= self.is_settled(check, [from, middle], is_short, first, load);
         }
         if done {
             for check in &checks {
@@ -230,6 +212,34 @@ impl<'a> Pilot<'a> {
         }
         self.checks = checks;
         done
+    }
+
+    /// Whether a limit needs no halving of a piece, which begins and has its middle at these shares.
+    fn is_settled(
+        &self,
+        check: &Check,
+        [from, middle]: [f64; 2],
+        is_short: bool,
+        first: &mut Option<Found>,
+        load: &mut f64,
+    ) -> bool {
+        if check.limit == Limit::JointSpeed {
+            *load = load.max(1.0 - check.seen / check.range);
+            return is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
+        }
+        if check.seen < 0.0 {
+            earlier(first, check.found(middle));
+        }
+        if first.is_some_and(|found| found.share <= from) {
+            return true;
+        }
+        let fails = check.proved < 0.0;
+        // Where nothing is known, reach is what fails.
+        if fails && is_short && check.proved.is_finite() {
+            earlier(first, check.found(from));
+        }
+        let least = self.least[check.limit.index()].min(check.seen);
+        is_short || !(fails || check.is_coarse(least, 1.0))
     }
 
     /// What a piece contributes that stays as it is.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether a program fits a machine: every move followed over its whole length.
 //!
-//! One move after the other is followed ([`crate::program::follow`]), and every change of a tool.
+//! One move after the other is followed (`follow`), and every change of a tool.
 //! Joint speeds and accelerations are those of LinuxCNC's planner and of its interpolation of joints,
 //! cycle by cycle ([`crate::program::loads`]). How much faster a line may be programmed is told for the feed
 //! as the axes allow it ([`duration`]), taken as reached on every move.

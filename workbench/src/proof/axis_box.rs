@@ -49,11 +49,6 @@ pub struct AxisBox {
 }
 
 impl AxisBox {
-    /// Whether a pose is in it.
-    pub fn contains(&self, pose: &[f64; 6]) -> bool {
-        (0..6).all(|k| (self.low[k]..=self.high[k]).contains(&pose[k]))
-    }
-
     fn shrunk(&self, to: &[f64; 6], share: f64) -> Self {
         let part = |end: &[f64; 6]| std::array::from_fn(|k| to[k] + share * (end[k] - to[k]));
         Self { low: part(&self.low), high: part(&self.high) }
@@ -81,7 +76,7 @@ pub fn range(config: &MachineConfig) -> AxisBox {
 ///
 /// # Errors
 /// Home itself is outside.
-pub fn find(
+pub(crate) fn find(
     config: &MachineConfig,
     within: &AxisBox,
     tilted: Option<&AxisBox>,
@@ -124,7 +119,7 @@ fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
 }
 
 /// Whether a box is proved with a tool offset.
-pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+pub(crate) fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
 }
 

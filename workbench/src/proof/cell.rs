@@ -14,8 +14,8 @@
 //! Taylor's formula their range over the cell: value in the middle, plus or minus
 //! Σ |gradient_k| h_k + bound/2. Gradients and values in the middle are the core's own.
 //!
-//! The bounds of one leg are in [`crate::proof::bounds`], those of the limits in [`crate::proof::spans`],
-//! and that of how the legs hold the platform in [`crate::proof::regular`].
+//! The bounds of one leg are in `bounds`, those of the limits in `spans`,
+//! and that of how the legs hold the platform in `regular`.
 
 use crate::proof::reach::{Middle, Reach, Stop};
 use crate::proof::spans::{Course, Span};
@@ -33,7 +33,7 @@ pub struct Cell {
 
 impl Cell {
     /// From one corner to the opposite one.
-    pub fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
+    pub(crate) fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
         Self {
             middle: std::array::from_fn(|k| (low[k] + high[k]) / 2.0),
             half: std::array::from_fn(|k| (high[k] - low[k]) / 2.0),
@@ -41,7 +41,7 @@ impl Cell {
     }
 
     /// Both halves along one coordinate.
-    pub fn halves(&self, k: usize) -> [Self; 2] {
+    pub(crate) fn halves(&self, k: usize) -> [Self; 2] {
         let mut halves = [*self; 2];
         for (part, sign) in halves.iter_mut().zip([-1.0, 1.0]) {
             part.half[k] /= 2.0;
@@ -132,7 +132,7 @@ impl Reach<'_> {
     ///
     /// # Errors
     /// The pose in the middle has no joint values.
-    pub fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
+    pub(crate) fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
         let middle = self.middle(middle)?;
         let spread = self.spread([*step]);
         let bends: Option<Vec<_>> =

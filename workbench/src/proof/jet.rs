@@ -21,12 +21,12 @@ pub struct Interval {
 
 impl Interval {
     /// One number.
-    pub const fn point(x: f64) -> Self {
+    pub(crate) const fn point(x: f64) -> Self {
         Self { low: x, high: x }
     }
 
     /// Of two numbers in order.
-    pub const fn new(low: f64, high: f64) -> Self {
+    pub(crate) const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
     }
 
@@ -34,7 +34,7 @@ impl Interval {
     const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
 
     /// Largest magnitude; infinite where it is not known.
-    pub fn magnitude(self) -> f64 {
+    pub(crate) fn magnitude(self) -> f64 {
         let magnitude = self.low.abs().max(self.high.abs());
         if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
     }
@@ -125,7 +125,7 @@ pub struct Jet(pub [[Interval; 2]; 3]);
 
 impl Jet {
     /// A constant.
-    pub const fn constant(x: f64) -> Self {
+    pub(crate) const fn constant(x: f64) -> Self {
         Self::of(Interval::point(x))
     }
 
@@ -135,7 +135,7 @@ impl Jet {
     }
 
     /// A coordinate in `x`; whether it is the one that s moves, and that t moves.
-    pub fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
+    pub(crate) fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
         let mut jet = Self::of(x);
         let one = Interval::point(1.0);
         if along_s {
@@ -148,13 +148,13 @@ impl Jet {
     }
 
     /// ½ ∂_k ∂_k ∂_j f.
-    pub fn third(&self) -> Interval {
+    pub(crate) fn third(&self) -> Interval {
         self.0[2][1]
     }
 
     /// ∂_j f, for comparison with the core's Jacobian.
     #[cfg(test)]
-    pub fn slope(&self) -> Interval {
+    pub(crate) fn slope(&self) -> Interval {
         self.0[0][1]
     }
 
@@ -177,7 +177,7 @@ impl Jet {
     }
 
     /// Square root; unbounded where the value may be 0 or less.
-    pub fn sqrt(self) -> Self {
+    pub(crate) fn sqrt(self) -> Self {
         let x = self.0[0][0];
         if !(x.low > 0.0) {
             return self.composed([Interval::ALL; 4]);
@@ -190,7 +190,7 @@ impl Jet {
     }
 
     /// 1 / self; unbounded where the value may be 0.
-    pub fn inverse(self) -> Self {
+    pub(crate) fn inverse(self) -> Self {
         let over = self.0[0][0].inverse();
         let square = over.squared();
         let second = square * over * Interval::point(2.0);
@@ -199,14 +199,14 @@ impl Jet {
     }
 
     /// Its square.
-    pub fn squared(self) -> Self {
+    pub(crate) fn squared(self) -> Self {
         let mut out = self * self;
         out.0[0][0] = self.0[0][0].squared();
         out
     }
 
     /// Sine and cosine of an angle in radians.
-    pub fn sincos(self) -> (Self, Self) {
+    pub(crate) fn sincos(self) -> (Self, Self) {
         let x = self.0[0][0];
         let s = x.sin();
         let c = (x + Interval::point(std::f64::consts::FRAC_PI_2)).sin();
@@ -215,7 +215,7 @@ impl Jet {
 
     /// Angle of the direction (x, y), up to a constant; unbounded where the directions
     /// fill more than a half plane.
-    pub fn angle(y: Self, x: Self) -> Self {
+    pub(crate) fn angle(y: Self, x: Self) -> Self {
         // Tangent of the angle from the middle direction: the constant left out is its angle.
         let (a, b) = (x.0[0][0].middle(), y.0[0][0].middle());
         let (a, b) = (Self::constant(a), Self::constant(b));

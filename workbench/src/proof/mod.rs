@@ -11,4 +11,4 @@ mod jet;
 pub mod one_to_one;
 pub mod reach;
 mod regular;
-pub mod spans;
+pub(crate) mod spans;

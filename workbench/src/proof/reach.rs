@@ -131,11 +131,6 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// Coordinates that a program can move.
-    pub fn moved(&self) -> [bool; 6] {
-        Letter::ALL.map(|letter| !self.config.machine.layout().is_held(letter))
-    }
-
     /// Joint values of a pose, within limits or not.
     ///
     /// # Errors
@@ -262,7 +257,7 @@ pub(super) fn lead(leg: &LegGeometry) -> f64 {
 }
 
 /// Pairs of legs, lower number first, that share no anchor.
-pub fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
+pub(crate) fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()
 }

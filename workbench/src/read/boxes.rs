@@ -47,7 +47,7 @@ pub fn read(ini: &Ini, load: &Load) -> Result<Vec<BoxSection>, IniError> {
 ///
 /// # Errors
 /// A box holds no numbers to compute with, or belongs to another geometry.
-pub fn check(sections: &[BoxSection], geometry: &Geometry) -> Result<(), Fault> {
+pub(crate) fn check(sections: &[BoxSection], geometry: &Geometry) -> Result<(), Fault> {
     for (k, section) in sections.iter().enumerate() {
         if !section.claim.region.is_valid() {
             return Err(Fault::with_value(Cause::BoxInvalid, k as f64));

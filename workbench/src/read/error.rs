@@ -18,7 +18,7 @@ pub enum MachineError {
 
 impl MachineError {
     /// The refusal of the geometry of a file.
-    pub fn of_geometry(ini: &Ini, fault: Fault) -> Self {
+    pub(crate) fn of_geometry(ini: &Ini, fault: Fault) -> Self {
         let section = match fault.part {
             Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
                 Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))

@@ -4,7 +4,7 @@
 //! Lines are `[SECTION]`, `KEY = value`, empty, or comments starting with `#` or `;`;
 //! a line that is none of these is skipped, as LinuxCNC does.
 //! Everything after `=` is the value: LinuxCNC knows no comments behind values.
-//! Sections that describe the machine are strict (see [`Ini::check_section`]); in all
+//! Sections that describe the machine are strict (see `check_section`); in all
 //! others the first of repeated keys counts, as LinuxCNC's own readers have it, unless the
 //! machine depends on the value: then a repetition is refused.
 //!
@@ -338,7 +338,7 @@ impl Ini {
 
     /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
     /// it includes none.
-    pub fn expanded(&self) -> Option<&str> {
+    pub(crate) fn expanded(&self) -> Option<&str> {
         self.expanded.as_deref()
     }
 
@@ -348,22 +348,22 @@ impl Ini {
     }
 
     /// The file as it was named by the caller.
-    pub fn file(&self) -> &Path {
+    pub(crate) fn file(&self) -> &Path {
         &self.file
     }
 
     /// Names of all sections, in the order of the file.
-    pub fn sections(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn sections(&self) -> impl Iterator<Item = &str> {
         self.headings.iter().map(|(name, _)| name.as_str())
     }
 
     /// First entry of this key that LinuxCNC's programs see.
-    pub fn first(&self, section: &str, key: &str) -> Option<&Entry> {
+    pub(crate) fn first(&self, section: &str, key: &str) -> Option<&Entry> {
         self.all(section, key).into_iter().find(|entry| !entry.hidden)
     }
 
     /// All entries of this key.
-    pub fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
+    pub(crate) fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
         self.entries.iter().filter(|e| e.section == section && e.key == key).collect()
     }
 
@@ -371,7 +371,12 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, and `expected` says what it should hold, or repeated.
-    pub fn require(&self, section: &str, key: &str, expected: &str) -> Result<&Entry, IniError> {
+    pub(crate) fn require(
+        &self,
+        section: &str,
+        key: &str,
+        expected: &str,
+    ) -> Result<&Entry, IniError> {
         self.only(section, key)?.ok_or_else(|| self.error(section, key, None, expected))
     }
 
@@ -406,7 +411,7 @@ impl Ini {
     ///
     /// # Errors
     /// The first entry that does not belong into the section.
-    pub fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
+    pub(crate) fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
             if !keys.contains(&entry.key.as_str()) {
@@ -422,7 +427,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::check_section`].
-    pub fn check_keys<'a>(
+    pub(crate) fn check_keys<'a>(
         &self,
         section: &str,
         keys: impl Iterator<Item = &'a Key>,
@@ -434,7 +439,7 @@ impl Ini {
     ///
     /// # Errors
     /// It is missing and always needed, as [`Ini::numbers`], or a number is out of its range.
-    pub fn values<const N: usize>(
+    pub(crate) fn values<const N: usize>(
         &self,
         section: &str,
         key: &Key,
@@ -450,7 +455,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::values`].
-    pub fn require_values<const N: usize>(
+    pub(crate) fn require_values<const N: usize>(
         &self,
         section: &str,
         key: &Key,
@@ -467,7 +472,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::values`].
-    pub fn value(&self, section: &str, key: &Key) -> Result<Option<f64>, IniError> {
+    pub(crate) fn value(&self, section: &str, key: &Key) -> Result<Option<f64>, IniError> {
         Ok(self.values::<1>(section, key)?.map(|[value]| value))
     }
 
@@ -475,7 +480,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::require_values`].
-    pub fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
+    pub(crate) fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
         self.require_values::<1>(section, key).map(|[value]| value)
     }
 
@@ -483,7 +488,7 @@ impl Ini {
     ///
     /// # Errors
     /// Not exactly `N` plain decimal numbers separated by blanks, or a repeated key.
-    pub fn numbers<const N: usize>(
+    pub(crate) fn numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
@@ -495,7 +500,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::numbers`].
-    pub fn require_numbers<const N: usize>(
+    pub(crate) fn require_numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
@@ -507,7 +512,12 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::numbers`].
-    pub fn number_or(&self, section: &str, key: &str, default: f64) -> Result<f64, IniError> {
+    pub(crate) fn number_or(
+        &self,
+        section: &str,
+        key: &str,
+        default: f64,
+    ) -> Result<f64, IniError> {
         Ok(self.numbers::<1>(section, key)?.map_or(default, |[value]| value))
     }
 
@@ -524,12 +534,12 @@ impl Ini {
     }
 
     /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
-    pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
+    pub(crate) fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
         entry.words().map(decimal).collect()
     }
 
     /// The error that refuses this entry.
-    pub fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
+    pub(crate) fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
         let found = match entry.continued {
             true => entry.line.text.split_once('=').map_or("", |(_, value)| value.trim()),
             false => entry.value.as_str(),
@@ -548,7 +558,7 @@ impl Ini {
     }
 
     /// The error that refuses a section (the last of this name), or says that it is missing.
-    pub fn refuse_section(&self, section: &str, expected: &str) -> IniError {
+    pub(crate) fn refuse_section(&self, section: &str, expected: &str) -> IniError {
         match self.headings.iter().rfind(|(name, _)| name == section) {
             Some((_, line)) => {
                 self.error(section, "", Some(""), expected).at(line, line.text.trim())
@@ -558,7 +568,13 @@ impl Ini {
     }
 
     /// An error without a line.
-    pub fn error(&self, section: &str, key: &str, found: Option<&str>, expected: &str) -> IniError {
+    pub(crate) fn error(
+        &self,
+        section: &str,
+        key: &str,
+        found: Option<&str>,
+        expected: &str,
+    ) -> IniError {
         IniError(Box::new(Problem {
             file: self.file.clone(),
             line: None,
@@ -574,11 +590,6 @@ impl Ini {
 impl Entry {
     fn words(&self) -> impl Iterator<Item = &str> {
         self.value.split([' ', '\t']).filter(|word| !word.is_empty())
-    }
-
-    /// Whether an earlier section of this name hides the entry from LinuxCNC's programs.
-    pub fn is_hidden(&self) -> bool {
-        self.hidden
     }
 }
 
@@ -626,7 +637,7 @@ fn expected_numbers(count: usize) -> String {
 
 /// A plain decimal number: digits, a fraction, an exponent. No hex, nan or inf, no
 /// "5." or ".5": text that means the same to every reader of the file.
-pub fn decimal(word: &str) -> Option<f64> {
+pub(crate) fn decimal(word: &str) -> Option<f64> {
     let unsigned = word.strip_prefix(['+', '-']).unwrap_or(word);
     let (mantissa, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
     let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, "0"));

@@ -41,7 +41,7 @@ impl JointKind {
     }
 
     /// Name of one such joint.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Strut => "strut",
             Self::Carriage => "carriage",
@@ -61,7 +61,7 @@ impl JointKind {
     }
 
     /// What is measured of it.
-    pub const fn quantity(self) -> &'static str {
+    pub(crate) const fn quantity(self) -> &'static str {
         match self {
             Self::Strut => "length",
             Self::Carriage | Self::Table => "position",

@@ -8,7 +8,7 @@ use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
 use kinematics::{LegGeometry, LegKind, Segment, Vector3};
 
 /// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
-pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
+pub(crate) fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
     match leg.kind {
         LegKind::Strut(_) => None,
         LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),

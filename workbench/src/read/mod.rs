@@ -6,6 +6,6 @@ pub mod diagnostic;
 pub mod error;
 pub mod ini;
 pub mod joints;
-pub mod legs;
+pub(crate) mod legs;
 pub mod machine;
 pub mod tools;

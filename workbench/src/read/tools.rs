@@ -19,7 +19,7 @@ pub struct Tool {
 
 impl Tool {
     /// Number and offset for people.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let words = ["X", "Y", "Z"].into_iter().zip(self.offset.iter());
         let words: Vec<String> =
             words.filter(|(_, x)| **x != 0.0).map(|(letter, x)| format!(" {letter}{x}")).collect();
@@ -60,7 +60,7 @@ pub enum BadTool {
 ///
 /// # Errors
 /// See [`TableError`].
-pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
+pub(crate) fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
     let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
     let bytes = fs::read(file).at(file)?;
     let text = String::from_utf8_lossy(&bytes);

@@ -179,7 +179,7 @@ impl Each {
     ///
     /// # Errors
     /// A list of another length.
-    pub fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
+    pub(crate) fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
         match self {
             Self::Same(value) => Ok(vec![*value; count]),
             Self::Own(values) if values.len() == count => Ok(values.clone()),

@@ -52,7 +52,7 @@ pub struct Sensitivity {
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn jacobian(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+pub(crate) fn jacobian(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
     Ok(rows::moved_columns(config, at.pose_jacobian()?))
 }
 
@@ -93,7 +93,7 @@ impl Sensitivity {
     }
 
     /// Covariance of the pose for independent errors of these standard deviations.
-    pub fn covariance(&self, sigma: &[f64]) -> SMatrix<f64, 6, 6> {
+    pub(crate) fn covariance(&self, sigma: &[f64]) -> SMatrix<f64, 6, 6> {
         let mut scaled = self.gain;
         for j in 0..MAX_JOINTS {
             scaled.column_mut(j).scale_mut(sigma.get(j).copied().unwrap_or(0.0));

@@ -50,7 +50,7 @@ impl Border {
     }
 
     /// Name of its kind.
-    pub const fn kind(&self) -> &'static str {
+    pub(crate) const fn kind(&self) -> &'static str {
         match (self.limit, self.is_low) {
             (Limit::Reach, _) => "out of reach",
             (Limit::JointRange, true) => "joint at its lowest",
@@ -60,7 +60,7 @@ impl Border {
     }
 
     /// Kinds of borders in one order.
-    pub fn rank(&self) -> (usize, bool) {
+    pub(crate) fn rank(&self) -> (usize, bool) {
         (self.limit.index(), self.limit == Limit::JointRange && !self.is_low)
     }
 }
@@ -146,7 +146,7 @@ impl Ray {
     }
 
     /// Distance and limit of every crossing.
-    pub fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
+    pub(crate) fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
         let first = (self.exit(), self.limit);
         let others = self.inside[1..].iter().zip(&self.others);
         let others = others.flat_map(|(ends, limits)| ends.iter().copied().zip(*limits));
@@ -196,7 +196,7 @@ impl<'a> Workspace<'a> {
     }
 
     /// To check many positions.
-    pub fn probe(&self) -> Probe<'_> {
+    pub(crate) fn probe(&self) -> Probe<'_> {
         Probe { workspace: self, at: self.machine.nowhere() }
     }
 
@@ -244,7 +244,7 @@ impl Probe<'_> {
     ///
     /// # Errors
     /// As there.
-    pub fn check(&mut self, position: &Vector3<f64>) -> Result<(), Border> {
+    pub(crate) fn check(&mut self, position: &Vector3<f64>) -> Result<(), Border> {
         let Self { workspace, at } = self;
         workspace.orientations.iter().try_for_each(|angles| {
             let pose = Pose { position: *position, angles: *angles };
