@@ -5,7 +5,7 @@ use crate::common::machines::{declared, hexapod, on_circle};
 use crate::common::tolerances::{ROUND_TRIP, SERVO_REACH, SUB_STEPS_FROM_HOME, WRONG};
 use crate::common::{Case, NO_TOOL, cases, rng, within};
 use kinematics::leg::StrutGeometry;
-use kinematics::{Certificate, Method, Pose, Solution, Solver, Vector3};
+use kinematics::{Cause, Certificate, MAX_ITERATIONS, Method, Pose, Solution, Solver, Vector3};
 
 /// What was seen of one machine.
 #[derive(Default)]
@@ -120,4 +120,13 @@ fn plain_newton_from_home_needs_at_most_six_iterations() {
         println!("{}: {most}", case.name);
         assert!(most <= 6, "{}: {most}", case.name);
     }
+}
+
+#[test]
+fn refusals_name_the_largest_number_of_solves_that_may_be_asked_for() {
+    let most = MAX_ITERATIONS.to_string();
+    for cause in [Cause::TooManyIterations, Cause::LimitIterationsInvalid] {
+        assert!(cause.remedy().contains(&most), "{cause:?}");
+    }
+    assert!(Cause::LimitIterationsInvalid.text().ends_with(&most));
 }

@@ -4,10 +4,10 @@
 //!
 //! `counts measure FILE` is what runs under valgrind.
 //!
-//! Forward is cut off after `limit-iterations` solves, at most 288. Its calls are counted cut
-//! off after 1, 2, 3 … solves: that gives what one more solve costs at most (with the sub-step
-//! around it), and the most that all the rest costs. 288 times the one and once the other is
-//! more than any call can take.
+//! Forward is cut off after `limit-iterations` solves, at most [`MAX_ITERATIONS`]. Its calls are
+//! counted cut off after 1, 2, 3 … solves: that gives what one more solve costs at most (with the
+//! sub-step around it), and the most that all the rest costs. So often the one and once the other
+//! is more than any call can take.
 
 use abi_tests::module::Module;
 use abi_tests::subjects::Subject;
@@ -29,12 +29,17 @@ const MARGIN: f64 = 1.25;
 const PLACES_PER_CYCLE: u64 = 4;
 const SOLVES_PER_PLACE: u32 = 24;
 
-const HEAD: &str = "\
+/// Head of counts.toml.
+fn head() -> String {
+    format!(
+        "\
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
-# Written by `make counts-write`: the instructions that were counted, times 1.25. `make counts`
-# fails above them. `worst` of forward is 288 solves at their dearest.
-";
+# Written by `make counts-write`: the instructions that were counted, times {MARGIN}. `make counts`
+# fails above them. `worst` of forward is {MAX_ITERATIONS} solves at their dearest.
+"
+    )
+}
 
 /// A row of counts.toml.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -336,7 +341,7 @@ fn write((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> 
         })
         .collect();
     let text = toml::to_string(&Bounds { bound }).map_err(|e| e.to_string())?;
-    std::fs::write(path(), format!("{HEAD}\n{text}")).map_err(|e| e.to_string())?;
+    std::fs::write(path(), format!("{}\n{text}", head())).map_err(|e| e.to_string())?;
     show(machines, table);
     Ok(ExitCode::SUCCESS)
 }
