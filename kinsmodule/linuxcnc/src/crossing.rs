@@ -26,7 +26,7 @@ pub struct Comparison<'a> {
 
 /// What is known of the commanded motion.
 pub struct Crossing {
-    /// Side of a commanded pose that was forward's.
+    /// Side of a commanded pose that was forward's; none where the motion has passed a singular pose.
     side: Option<Side>,
     /// Whether the commanded motion has passed a singular pose and not come back.
     passed: bool,
@@ -41,17 +41,15 @@ impl Crossing {
         self.passed
     }
 
-    /// Takes the next commanded pose. Most are near one that was compared before.
+    /// Whether a commanded pose has passed no singular pose, as one compared before is so near. Most
+    /// are.
     #[inline]
-    pub fn update(&mut self, comparison: &Comparison<'_>) {
-        let Comparison { tool, commanded, .. } = *comparison;
-        if !self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool)) {
-            self.compare(comparison);
-        }
+    pub fn is_known_before(&self, commanded: &Pose, tool: &Vector3<f64>) -> bool {
+        self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool))
     }
 
-    #[inline(never)]
-    fn compare(&mut self, comparison: &Comparison<'_>) {
+    /// Compares a commanded pose.
+    pub fn update(&mut self, comparison: &Comparison<'_>) {
         let Comparison { machine, tool, found, commanded, .. } = *comparison;
         self.side = None;
         let (Ok(there), Ok(here)) = (machine.side(commanded, tool), machine.side(found, tool))

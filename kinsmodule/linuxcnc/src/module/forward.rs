@@ -102,6 +102,20 @@ impl Module {
             }
             return Err(Cause::SingularPassed.into());
         };
+        if self.crossing.is_known_before(commanded, &self.tool.offset()) {
+            return Ok(());
+        }
+        self.compare_with_commanded(joints, found, &{ *commanded })
+    }
+
+    // Seldom called: a frame and copies of its own.
+    #[inline(never)]
+    fn compare_with_commanded(
+        &mut self,
+        joints: &Joints,
+        found: &Pose,
+        commanded: &Pose,
+    ) -> Result<(), Fault> {
         let Some(Frozen { machine, .. }) = &self.frozen else { return Ok(()) };
         let (tool, solver) = (&self.tool.offset(), &self.pins.solver());
         let comparison = Comparison { machine, tool, solver, joints, found, commanded };
