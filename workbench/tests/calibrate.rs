@@ -6,7 +6,7 @@ use kinematics::{Machine, Pose, Solver, Vector3};
 use nalgebra::DMatrix;
 use pkm::calibrate::at_tool;
 use pkm::calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
-use pkm::calibrate::model::{Frame, Model, Place, Tolerance};
+use pkm::calibrate::model::{Frame, Model, Quantity, Tolerance};
 use pkm::calibrate::observe::{rank, unseen};
 use pkm::calibrate::plan::{next_best, tip_deviation};
 use pkm::calibrate::reading::{Changed, Measured, Reading};
@@ -48,8 +48,8 @@ fn drawn(config: &MachineConfig, tolerance: &Tolerance) -> Model {
 /// What was built: every parameter of the machine off by its tolerance, frames where they are
 /// taken to be.
 fn built(model: &Model, dice: &mut Dice) -> Vec<f64> {
-    let draw = |parameter: &pkm::calibrate::model::Parameter| match parameter.place {
-        Place::Frame(..) => 0.0,
+    let draw = |parameter: &pkm::calibrate::model::Parameter| match parameter.quantity {
+        Quantity::Frame(..) => 0.0,
         _ => parameter.deviation * dice.normal(),
     };
     model.parameters.iter().map(draw).collect()
@@ -324,10 +324,10 @@ fn what_one_orientation_does_not_tell_is_not_moved() {
         for axis in 0..3 {
             // The sum of base and platform anchor is what one orientation does not show; of what it
             // shows, their difference, both take the same part.
-            let sum = change(Place::Base(leg, axis)) + change(Place::Platform(leg, axis));
+            let sum = change(Quantity::Base(leg, axis)) + change(Quantity::Platform(leg, axis));
             // The true tilt of the platform differs from level by 1e-3, which shows that much.
             assert!(sum.abs() < 1e-2 * TOLERANCE, "leg {leg} axis {axis}: {sum}");
-            let k = model.number(Place::Base(leg, axis)).unwrap();
+            let k = model.number(Quantity::Base(leg, axis)).unwrap();
             assert!(found.deviation(k) > 0.6 * TOLERANCE, "{}", found.deviation(k));
         }
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How sure the tip is: what the covariance of the parameters makes of its place.
 
-use super::model::{Model, Place, unit};
+use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
 use crate::limits;
 use crate::read::machine::MachineConfig;
@@ -34,7 +34,7 @@ pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
     let mut rates = posed.rates.rows(0, 3).into_owned();
     let away = posed.tip - model.frames.first().map_or(Vector3::zeros(), |frame| frame.origin);
     for (k, parameter) in model.parameters.iter().enumerate() {
-        if let Place::Frame(0, axis) = parameter.place {
+        if let Quantity::Frame(0, axis) = parameter.quantity {
             let d = unit(axis % 3);
             rates.set_column(k, &if axis < 3 { -d } else { -d.cross(&away) });
         }

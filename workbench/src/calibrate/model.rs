@@ -6,9 +6,9 @@ use kinematics::leg::StrutGeometry;
 use kinematics::{Fault, Geometry, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// Where a parameter stands.
+/// What a parameter is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Quantity {
     /// A coordinate of a leg's base anchor.
     Base(usize, usize),
     /// A coordinate of a leg's platform anchor.
@@ -23,10 +23,10 @@ pub enum Place {
     Frame(usize, usize),
 }
 
-impl Place {
+impl Quantity {
     /// Whether the machine's INI file holds it.
     pub fn is_of_machine(self) -> bool {
-        !matches!(self, Place::Trigger | Place::Frame(..))
+        !matches!(self, Quantity::Trigger | Quantity::Frame(..))
     }
 }
 
@@ -34,7 +34,7 @@ impl Place {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Where it stands.
-    pub place: Place,
+    pub quantity: Quantity,
     /// Standard deviation of what was built from what was drawn, in the parameter's unit.
     pub deviation: f64,
 }
@@ -107,11 +107,11 @@ impl Model {
         let drawn = Machine::freeze(&geometry, &offsets)?;
         let (size, radius) = (drawn.size(), drawn.radius());
         let mut parameters = vec![];
-        let mut add = |place, deviation| parameters.push(Parameter { place, deviation });
+        let mut add = |quantity, deviation| parameters.push(Parameter { quantity, deviation });
         for leg in 0..geometry.legs().len() {
-            (0..3).for_each(|axis| add(Place::Base(leg, axis), tolerance.anchor));
-            (0..3).for_each(|axis| add(Place::Platform(leg, axis), tolerance.anchor));
-            add(Place::Length(leg), tolerance.length);
+            (0..3).for_each(|axis| add(Quantity::Base(leg, axis), tolerance.anchor));
+            (0..3).for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
+            add(Quantity::Length(leg), tolerance.length);
         }
         let lead = geometry
             .legs()
@@ -119,10 +119,10 @@ impl Model {
             .filter_map(lead_of)
             .fold(0.0, |most: f64, lead| most.max(lead.abs()));
         if tolerance.lead * lead > 0.0 {
-            add(Place::Lead, tolerance.lead * lead);
+            add(Quantity::Lead, tolerance.lead * lead);
         }
         if tolerance.trigger > 0.0 {
-            add(Place::Trigger, tolerance.trigger);
+            add(Quantity::Trigger, tolerance.trigger);
         }
         Ok(Self { geometry, offsets, frames: vec![], parameters, size, radius })
     }
@@ -140,7 +140,7 @@ impl Model {
         self.frames.push(frame);
         for axis in 0..6 {
             let deviation = if axis < 3 { 0.1 * self.size } else { 0.1 };
-            self.parameters.push(Parameter { place: Place::Frame(k, axis), deviation });
+            self.parameters.push(Parameter { quantity: Quantity::Frame(k, axis), deviation });
         }
         self
     }
@@ -157,8 +157,8 @@ impl Model {
     }
 
     /// Number of a parameter, if it may change.
-    pub fn number(&self, place: Place) -> Option<usize> {
-        self.parameters.iter().position(|parameter| parameter.place == place)
+    pub fn number(&self, quantity: Quantity) -> Option<usize> {
+        self.parameters.iter().position(|parameter| parameter.quantity == quantity)
     }
 
     /// The geometry and joint offsets with these changes.
@@ -169,12 +169,12 @@ impl Model {
         }
         let mut offsets = self.offsets;
         for (parameter, change) in self.parameters.iter().zip(changes) {
-            match parameter.place {
-                Place::Base(i, axis) => of(&mut legs[i]).base[axis] += change,
-                Place::Platform(i, axis) => of(&mut legs[i]).platform[axis] += change,
-                Place::Length(i) => lengthen(of(&mut legs[i]), &mut offsets[i], *change),
-                Place::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
-                Place::Trigger | Place::Frame(..) => {}
+            match parameter.quantity {
+                Quantity::Base(i, axis) => of(&mut legs[i]).base[axis] += change,
+                Quantity::Platform(i, axis) => of(&mut legs[i]).platform[axis] += change,
+                Quantity::Length(i) => lengthen(of(&mut legs[i]), &mut offsets[i], *change),
+                Quantity::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
+                Quantity::Trigger | Quantity::Frame(..) => {}
             }
         }
         let layout = *self.geometry.layout();
@@ -197,7 +197,7 @@ impl Model {
     pub fn frame(&self, k: usize, changes: &[f64]) -> Frame {
         let mut change = [0.0; 6];
         for (parameter, value) in self.parameters.iter().zip(changes) {
-            if let Place::Frame(frame, axis) = parameter.place
+            if let Quantity::Frame(frame, axis) = parameter.quantity
                 && frame == k
             {
                 change[axis] = *value;
@@ -213,7 +213,7 @@ impl Model {
     /// Axis about which a frame turns, in base, when its parameter `axis` (0 to 2 of the rotation)
     /// grows: rotation vectors add up as turns only where they are small.
     pub(crate) fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
-        let part = |i: usize| self.number(Place::Frame(k, i)).map_or(0.0, |n| changes[n]);
+        let part = |i: usize| self.number(Quantity::Frame(k, i)).map_or(0.0, |n| changes[n]);
         let turn = Vector3::new(part(3), part(4), part(5));
         let d = unit(axis);
         // The left Jacobian of the rotation group, its (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series,
@@ -226,7 +226,7 @@ impl Model {
 
     /// How late the probe trips.
     pub(crate) fn trigger(&self, changes: &[f64]) -> f64 {
-        self.number(Place::Trigger).map_or(0.0, |k| changes[k])
+        self.number(Quantity::Trigger).map_or(0.0, |k| changes[k])
     }
 }
 

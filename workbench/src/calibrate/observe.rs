@@ -7,7 +7,7 @@
 //! for nobody sees where base and frame stand together. At constant orientation base and platform
 //! anchors of a leg show as their difference only: 24 at most.
 
-use super::model::{Frame, Model, Place, unit};
+use super::model::{Frame, Model, Quantity, unit};
 use super::reading::{Measured, Reading};
 use kinematics::Vector3;
 use nalgebra::{DMatrix, DVector};
@@ -111,8 +111,8 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         let text = "turn of the platform's own axes about the tip: only where the tip is was measured, \
                     not how the platform is turned";
         let tip = readings.first().map_or(Vector3::zeros(), |reading| -reading.tool);
-        let change = filled(model, |place| match place {
-            Place::Platform(leg, k) => {
+        let change = filled(model, |quantity| match quantity {
+            Quantity::Platform(leg, k) => {
                 axis.cross(&(Vector3::from(model.geometry.legs()[leg].platform) - tip))[k]
             }
             _ => 0.0,
@@ -122,17 +122,19 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let text = "where base and measuring frame stand together: the frame's own place is measured by \
                 the same readings";
     for axis in axes() {
-        let change = filled(model, |place| match place {
-            Place::Base(_, k) | Place::Frame(_, k @ 0..3) => axis[k],
+        let change = filled(model, |quantity| match quantity {
+            Quantity::Base(_, k) | Quantity::Frame(_, k @ 0..3) => axis[k],
             _ => 0.0,
         });
         all.push(Unseen { text, change });
     }
     for axis in axes() {
-        let change = filled(model, |place| match place {
-            Place::Base(leg, k) => axis.cross(&Vector3::from(model.geometry.legs()[leg].base))[k],
-            Place::Frame(number, k @ 0..3) => axis.cross(&frames[number].origin)[k],
-            Place::Frame(_, k) => axis[k - 3],
+        let change = filled(model, |quantity| match quantity {
+            Quantity::Base(leg, k) => {
+                axis.cross(&Vector3::from(model.geometry.legs()[leg].base))[k]
+            }
+            Quantity::Frame(number, k @ 0..3) => axis.cross(&frames[number].origin)[k],
+            Quantity::Frame(_, k) => axis[k - 3],
             _ => 0.0,
         });
         all.push(Unseen { text, change });
@@ -151,7 +153,7 @@ fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let text = "how the frame of a ball-bar is turned";
     let frames = (0..model.frames.len()).filter(|frame| only_distances(*frame));
     let turn = |frame: usize, axis: usize| {
-        filled(model, |place| f64::from(u8::from(place == Place::Frame(frame, axis))))
+        filled(model, |quantity| f64::from(u8::from(quantity == Quantity::Frame(frame, axis))))
     };
     frames
         .flat_map(|frame| (3..6).map(move |axis| (frame, axis)))
@@ -166,9 +168,9 @@ fn at_one_orientation(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let text = "base and platform anchor of one leg moved alike: at one orientation only their \
                 difference shows; measure at several tilts";
     let alike = |leg: usize, axis: usize| {
-        filled(model, |place| match place {
-            Place::Base(own, k) if own == leg => rotation[(k, axis)],
-            Place::Platform(own, k) if own == leg => f64::from(u8::from(k == axis)),
+        filled(model, |quantity| match quantity {
+            Quantity::Base(own, k) if own == leg => rotation[(k, axis)],
+            Quantity::Platform(own, k) if own == leg => f64::from(u8::from(k == axis)),
             _ => 0.0,
         })
     };
@@ -178,9 +180,9 @@ fn at_one_orientation(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         .collect()
 }
 
-fn filled(model: &Model, value: impl Fn(Place) -> f64) -> DVector<f64> {
+fn filled(model: &Model, value: impl Fn(Quantity) -> f64) -> DVector<f64> {
     DVector::from_iterator(
         model.parameters.len(),
-        model.parameters.iter().map(|parameter| value(parameter.place)),
+        model.parameters.iter().map(|parameter| value(parameter.quantity)),
     )
 }

@@ -2,7 +2,7 @@
 //! What was measured: a reading of the tip at known joints, its residual and how that follows
 //! the tip and the frame it was measured in.
 
-use super::model::{Frame, Model, Place, unit};
+use super::model::{Frame, Model, Quantity, unit};
 use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion};
 
@@ -79,12 +79,12 @@ impl Beside {
         let mut kinds: Vec<(usize, usize)> = vec![];
         let mut entries = vec![];
         for (k, parameter) in model.parameters.iter().enumerate() {
-            let (kind, leg) = match parameter.place {
-                Place::Base(leg, axis) => (axis, Some(leg)),
-                Place::Platform(leg, axis) => (3 + axis, Some(leg)),
-                Place::Length(leg) => (6, Some(leg)),
-                Place::Lead => (7, None),
-                Place::Trigger | Place::Frame(..) => continue,
+            let (kind, leg) = match parameter.quantity {
+                Quantity::Base(leg, axis) => (axis, Some(leg)),
+                Quantity::Platform(leg, axis) => (3 + axis, Some(leg)),
+                Quantity::Length(leg) => (6, Some(leg)),
+                Quantity::Lead => (7, None),
+                Quantity::Trigger | Quantity::Frame(..) => continue,
             };
             let pair = kinds.iter().position(|(other, _)| *other == kind).unwrap_or_else(|| {
                 kinds.push((kind, entries.len()));
@@ -196,7 +196,7 @@ impl<'a> Changed<'a> {
     /// joint's error counts by the square of how fast its leg's length follows it.
     fn weighted(&self, rows: &DMatrix<f64>, by: &DMatrix<f64>) -> DMatrix<f64> {
         let joint_by_length = |leg: usize| {
-            self.model.number(Place::Length(leg)).map_or(1.0, |number| by[(leg, number)])
+            self.model.number(Quantity::Length(leg)).map_or(1.0, |number| by[(leg, number)])
         };
         DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, k| {
             rows[(i, k)] / joint_by_length(i).powi(2)
@@ -225,8 +225,8 @@ impl<'a> Changed<'a> {
         let mut jacobian = by_tip.columns(0, 3) * posed.rates.rows(0, 3)
             + by_tip.columns(3, 3) * posed.rates.rows(3, 3);
         for (k, parameter) in self.model.parameters.iter().enumerate() {
-            match parameter.place {
-                Place::Frame(number, axis) if number == reading.frame => {
+            match parameter.quantity {
+                Quantity::Frame(number, axis) if number == reading.frame => {
                     // The frame moved is the tip moved the other way.
                     let (shift, turn) = match axis {
                         0..3 => (unit(axis), Vector3::zeros()),
@@ -238,7 +238,7 @@ impl<'a> Changed<'a> {
                     let column = by_tip.columns(0, 3) * shift + by_tip.columns(3, 3) * turn;
                     jacobian.set_column(k, &-column);
                 }
-                Place::Trigger => jacobian.set_column(k, &by_trigger(&reading.measured)),
+                Quantity::Trigger => jacobian.set_column(k, &by_trigger(&reading.measured)),
                 _ => {}
             }
         }

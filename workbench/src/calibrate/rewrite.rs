@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI file with another geometry: every other line, comments and layout stay.
 
-use super::model::{Model, Place};
+use super::model::{Model, Quantity};
 use crate::files::{AtFile, Locate};
 use crate::proof::boxes::found;
 use crate::proof::one_to_one::Doubt;
@@ -148,7 +148,7 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
 
 /// HOME of the joints: the same pose, by the new geometry.
 fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, Fault> {
-    if model.number(Place::Length(0)).is_none() {
+    if model.number(Quantity::Length(0)).is_none() {
         return Ok(vec![]);
     }
     let joints = model.machine(changes)?.inverse(&config.home_pose(), &config.spindle)?;

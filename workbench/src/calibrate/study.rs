@@ -218,7 +218,7 @@ fn as_drawn(
     found: &Fit,
 ) -> Result<(f64, Vec<HoleError>), Misfit> {
     let mut frames = model.clone();
-    frames.parameters.retain(|parameter| !parameter.place.is_of_machine());
+    frames.parameters.retain(|parameter| !parameter.quantity.is_of_machine());
     let believed = believed(readings, found);
     let all: Vec<&Reading> = believed.iter().collect();
     let changes =
@@ -282,7 +282,7 @@ fn at_tool(
         model
             .parameters
             .iter()
-            .map(|p| if p.place.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
+            .map(|p| if p.quantity.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
     ));
     let mut home = config.home_pose();
     home.position += tool - config.spindle;

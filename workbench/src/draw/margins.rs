@@ -4,7 +4,7 @@
 use crate::draw::lines::{Line, MOST_POINTS, apart, drawn_lines, first_up, lines, thin_low};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, TIME, drawn, legend, path_axes, project};
-use crate::program::findings::Place;
+use crate::program::findings::Sample;
 use crate::read::machine::MachineConfig;
 use plotters::prelude::*;
 
@@ -12,7 +12,7 @@ use plotters::prelude::*;
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_places(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot>, DrawError> {
+pub fn of_places(config: &MachineConfig, places: &[Sample]) -> Result<Vec<Plot>, DrawError> {
     if places.is_empty() {
         return Ok(vec![]);
     }
@@ -61,7 +61,7 @@ pub fn of_places(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot>, 
     Ok(plots)
 }
 
-fn margins(places: &[Place]) -> Result<String, DrawError> {
+fn margins(places: &[Sample]) -> Result<String, DrawError> {
     let frame = Frame {
         title: "Least margin",
         x: TIME,
@@ -72,14 +72,14 @@ fn margins(places: &[Place]) -> Result<String, DrawError> {
     drawn_lines(&frame, &[Line { name: "margin".into(), points }])
 }
 
-fn path_by_margin(places: &[Place], unit: &str) -> Result<String, DrawError> {
+fn path_by_margin(places: &[Sample], unit: &str) -> Result<String, DrawError> {
     // Dark where it is near; grey prints apart.
     let shades = [
         ("beyond or below 2 %", 0.02, RGBColor(180, 0, 0)),
         ("below 10 %", 0.1, RGBColor(230, 120, 0)),
         ("more", f64::INFINITY, RGBColor(120, 160, 200)),
     ];
-    let point = |place: &Place| project([place.pose[0], place.pose[1], place.pose[2]]);
+    let point = |place: &Sample| project([place.pose[0], place.pose[1], place.pose[2]]);
     let stride = places.len().div_ceil(20 * MOST_POINTS).max(1);
     drawn(|root| {
         let points: Vec<(f64, f64)> = places.iter().map(point).collect();
@@ -94,7 +94,7 @@ fn path_by_margin(places: &[Place], unit: &str) -> Result<String, DrawError> {
         chart.draw_series(line)?;
         let mut from = f64::NEG_INFINITY;
         for (name, to, colour) in shades {
-            let inside = |place: &&Place| (from..to).contains(&place.margin);
+            let inside = |place: &&Sample| (from..to).contains(&place.margin);
             let near = places.iter().step_by(stride).filter(inside).map(point);
             chart
                 .draw_series(near.map(|at| Circle::new(at, 2, colour.filled())))?

@@ -53,9 +53,9 @@ pub struct LineLoad {
     pub factor: f64,
 }
 
-/// A place that was looked at, for plots.
+/// A sample of the motion, for plots.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Sample {
     /// Seconds from the start at the programmed feed, without acceleration.
     pub time: f64,
     /// Line of the program.
@@ -99,7 +99,7 @@ pub struct Preflight {
     pub tilted_tool_changes: Vec<(usize, u32)>,
     /// Places, where they were asked for.
     #[serde(skip)]
-    pub places: Vec<Place>,
+    pub places: Vec<Sample>,
 }
 
 impl Preflight {

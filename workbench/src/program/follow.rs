@@ -9,7 +9,7 @@
 //! breaks, and a move without one is proved to keep all of them everywhere.
 
 use crate::limits;
-use crate::program::findings::{Break, LineLoad, Place, Preflight};
+use crate::program::findings::{Break, LineLoad, Preflight, Sample};
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
 use crate::proof::spans::Course;
@@ -342,7 +342,7 @@ impl<'a> Pilot<'a> {
                 speeds[i] = 1.0 - check.seen / check.range;
             }
         }
-        self.result.places.push(Place {
+        self.result.places.push(Sample {
             time: self.result.time + share * leg.duration,
             line: leg.line,
             pose: *pose,

@@ -101,7 +101,7 @@ pub fn turn(config: &MachineConfig, moves: &[Move]) -> Result<Option<Offset>, Fa
 }
 
 /// Shift x y z and turn, about the middle of the program.
-type Place = [f64; 4];
+type Shift = [f64; 4];
 
 struct Search<'a> {
     config: &'a MachineConfig,
@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
                 break;
             }
             let near = (0..2 * steps).map(|n| {
-                let mut near: Place = at;
+                let mut near: Shift = at;
                 let long = if n / 2 < 3 { step * size } else { step * TURN_DEG };
                 near[n / 2] += if n % 2 == 0 { long } else { -long };
                 (self.lack(&near), near)
@@ -197,7 +197,7 @@ impl<'a> Search<'a> {
     }
 
     /// With digits that anybody can type, and that change nothing within the margin.
-    fn rounded(&self, at: &Place) -> Offset {
+    fn rounded(&self, at: &Shift) -> Offset {
         let away_from_0 =
             |x: f64, per_unit: f64| (x * per_unit).abs().ceil().copysign(x) / per_unit;
         let turn = away_from_0(at[3], 10.0_f64.powi(TURN_DIGITS));
@@ -210,7 +210,7 @@ impl<'a> Search<'a> {
     }
 
     /// A place in X and Y, turned about the middle and shifted.
-    fn turned(&self, [x, y]: [f64; 2], at: &Place) -> [f64; 2] {
+    fn turned(&self, [x, y]: [f64; 2], at: &Shift) -> [f64; 2] {
         if at[3] == 0.0 {
             return [x + at[0], y + at[1]];
         }
@@ -222,14 +222,14 @@ impl<'a> Search<'a> {
         ]
     }
 
-    fn moved(&self, pose: &[f64; 6], tool: usize, at: &Place) -> [f64; 6] {
+    fn moved(&self, pose: &[f64; 6], tool: usize, at: &Shift) -> [f64; 6] {
         let [tool_x, tool_y] = self.tools[tool];
         let [x, y] = self.turned([pose[0] - tool_x, pose[1] - tool_y], at);
         [x + tool_x, y + tool_y, pose[2] + at[2], pose[3], pose[4], pose[5]]
     }
 
     /// How much margin the poses lack together.
-    fn lack(&self, at: &Place) -> f64 {
+    fn lack(&self, at: &Shift) -> f64 {
         let lack_of =
             |(pose, tool): &([f64; 6], usize)| self.lack_of(&self.moved(pose, *tool, at), *tool);
         self.poses.iter().map(lack_of).sum()

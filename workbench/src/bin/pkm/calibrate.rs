@@ -5,7 +5,7 @@ use super::failure::{Failure, refused};
 use super::{MachineFile, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
-use pkm::calibrate::model::{Place, Tolerance};
+use pkm::calibrate::model::{Quantity, Tolerance};
 use pkm::calibrate::rewrite;
 use pkm::calibrate::study::{self, Study, Wishes};
 use pkm::files::write_whole;
@@ -237,30 +237,30 @@ fn ellipsoid(before: &Ellipsoid, after: &Ellipsoid, unit: &str) -> String {
     )
 }
 
-fn name(place: Place) -> String {
+fn name(quantity: Quantity) -> String {
     let axis = |k: usize| ["X", "Y", "Z"][k % 3];
-    match place {
-        Place::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
-        Place::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
-        Place::Length(leg) => format!("LEG_{leg} length"),
-        Place::Lead => "lead".into(),
-        Place::Trigger => "probe late by".into(),
-        Place::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
+    match quantity {
+        Quantity::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
+        Quantity::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
+        Quantity::Length(leg) => format!("LEG_{leg} length"),
+        Quantity::Lead => "lead".into(),
+        Quantity::Trigger => "probe late by".into(),
+        Quantity::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
     }
 }
 
 fn values(study: &Study) -> String {
     let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
     let mut text = "\n  value                    change       +-   of the drawing's\n".to_string();
-    let is_frame = |place| matches!(place, Place::Frame(..));
+    let is_frame = |quantity| matches!(quantity, Quantity::Frame(..));
     let parameters = study.model.parameters.iter().enumerate();
-    for (k, parameter) in parameters.filter(|(_, p)| !is_frame(p.place)) {
+    for (k, parameter) in parameters.filter(|(_, p)| !is_frame(p.quantity)) {
         let half = reach * study.found.deviation(k);
         let share = study.found.deviation(k) / parameter.deviation;
         let _ = writeln!(
             text,
             "  {:<22} {:>10.5} {half:>9.5}   {:>3.0} %",
-            name(parameter.place),
+            name(parameter.quantity),
             study.found.changes[k],
             100.0 * share
         );
@@ -283,10 +283,11 @@ fn concerns(config: &MachineConfig, study: &Study) -> Vec<String> {
         all.push("readings that were not used are met much worse than those that were: measure at more places".into());
     }
     for (k, parameter) in study.model.parameters.iter().enumerate() {
-        if parameter.place.is_of_machine() && found.changes[k].abs() > FAR * parameter.deviation {
+        if parameter.quantity.is_of_machine() && found.changes[k].abs() > FAR * parameter.deviation
+        {
             all.push(format!(
                 "{} changes by {:.4}, more than {FAR} times the tolerance: a larger --tolerance, or not this machine",
-                name(parameter.place),
+                name(parameter.quantity),
                 found.changes[k]
             ));
         }
