@@ -170,7 +170,7 @@ impl Tool {
         }
     }
 
-    /// The first step towards a request, if there is one.
+    /// The first step towards a request, if there is one: to wait until the machine stands still.
     fn started(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
         if self.is_settled(cycle, pose) {
             return Ok(Change::None);

@@ -188,6 +188,32 @@ fn every_leg_has_the_pins_of_its_kind_and_every_joint_its_limits() {
 
 const ALL_KINDS: [OfKind; 8] = [STRUT, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, CRANK];
 
+/// A pin's name as the manual has it: no prefix, N for numbers, without a coordinate's letter.
+fn in_manual(pin: &str) -> String {
+    let words =
+        pin.split('.').skip(1).take_while(|word| word.len() > 1 || word.parse::<u8>().is_ok());
+    words
+        .map(|word| if word.parse::<u8>().is_ok() { ".N".into() } else { format!(".{word}") })
+        .collect()
+}
+
+#[test]
+fn the_manual_names_every_pin() {
+    let manual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/pkmkins.9");
+    let manual = std::fs::read_to_string(manual).expect("the manual page");
+    let names: Vec<&str> = manual.lines().filter(|line| line.starts_with(".B ")).collect();
+    let is_named = |name: &str| {
+        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '-');
+        names
+            .iter()
+            .any(|line| line.match_indices(name).any(|(at, _)| ends(&line[at + name.len()..])))
+    };
+    let all = [("legs", "strut:3,slider:3,crank:2"), ("coordinates", "ABC"), ("table", "XYZ")];
+    let pins = Module::pkmkins(&all).pins().into_iter().map(|pin| pin.name);
+    let lacking: Vec<String> = pins.filter(|pin| !is_named(&in_manual(pin))).collect();
+    assert!(lacking.is_empty(), "not in docs/pkmkins.9: {lacking:?}");
+}
+
 /// HAL_NAME_LEN of LinuxCNC 2.9; the stub takes whatever its own headers say.
 #[test]
 fn no_name_is_longer_than_the_oldest_hal_takes() {
