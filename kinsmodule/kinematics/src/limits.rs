@@ -88,6 +88,15 @@ impl Limit {
     }
 }
 
+// Arrays of one value a limit are indexed by it.
+const _: () = {
+    let mut i = 0;
+    while i < Limit::ALL.len() {
+        assert!(Limit::ALL[i].index() == i);
+        i += 1;
+    }
+};
+
 /// What a limit is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {

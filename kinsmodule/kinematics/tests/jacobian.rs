@@ -202,7 +202,7 @@ fn random_screws(rng: &mut Pcg64) -> ([StrutGeometry; 6], Case) {
 }
 
 /// Whether differences of this step say anything: no strut near one of its joint axes,
-/// no twist near the quarter turn where the arcsin folds.
+/// no torsion near the quarter turn where the arcsin folds.
 fn is_smooth(struts: &[StrutGeometry; 6], machine: &Machine, pose: &Pose) -> bool {
     let Ok(segments) = machine.at(pose, &Vector3::zeros()).map(|at| *at.segments()) else {
         return false;

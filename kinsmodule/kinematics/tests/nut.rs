@@ -106,7 +106,7 @@ fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
         largest = largest.max((at(&folded, d) - at(&folded, c)).abs());
         folds |= (at(&literal, d) - at(&literal, c)) * (at(&folded, d) - at(&folded, c)) < 0.0;
     }
-    // A screw of 10 mm lead gains about 10/360 mm per degree of twist; the twist of a
+    // A screw of 10 mm lead gains about 10/360 mm per degree of torsion; the torsion of a
     // strut is at most a few times the turn of the platform.
     assert!(largest < 10.0 * 10.0 / 360.0 * step, "{largest}");
     assert!(folds, "the arcsin does fold in this range");

@@ -319,7 +319,7 @@ impl<'a> Prover<'a> {
                 let over = length.inverse();
                 let n = anchor.map(|w| w * over);
                 let axes = [strut.base_axis, strut.platform_axis].map(unit);
-                let turn = twist(&n, &axes[0], &times(rotation, axes[1]));
+                let turn = torsion(&n, &axes[0], &times(rotation, axes[1]));
                 length + turn * Jet::constant(lead / std::f64::consts::TAU)
             }
             LegKind::Slider(slider) => {
@@ -367,7 +367,7 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
 }
 
 /// Angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
-fn twist(n: &[Jet; 3], base_axis: &[f64; 3], platform_axis: &[Jet; 3]) -> Jet {
+fn torsion(n: &[Jet; 3], base_axis: &[f64; 3], platform_axis: &[Jet; 3]) -> Jet {
     let base = base_axis.map(Jet::constant);
     let cross: [Jet; 3] = std::array::from_fn(|k| {
         let (p, q) = ((k + 1) % 3, (k + 2) % 3);

@@ -69,7 +69,7 @@ impl<'a> Tracker<'a> {
         let mut tracker = Self { geometry, machine, hands: [1.0; 8] };
         let state = tracker.home();
         for (i, leg) in geometry.legs().iter().enumerate() {
-            if let Some((_, cosine)) = twist(leg, &state.rotation, &tracker.span(leg, &state)) {
+            if let Some((_, cosine)) = torsion(leg, &state.rotation, &tracker.span(leg, &state)) {
                 tracker.hands[i] = cosine.signum();
             }
         }
@@ -121,7 +121,9 @@ impl<'a> Tracker<'a> {
 
     fn correction(&self, i: usize, leg: &LegGeometry, state: &State) -> f64 {
         let LegKind::Strut(strut) = leg.kind else { return 0.0 };
-        let Some((s, c)) = twist(leg, &state.rotation, &self.span(leg, state)) else { return 0.0 };
+        let Some((s, c)) = torsion(leg, &state.rotation, &self.span(leg, state)) else {
+            return 0.0;
+        };
         let h = self.hands[i];
         h * strut.lead / std::f64::consts::TAU * (h * s).atan2(h * c)
     }
@@ -399,8 +401,8 @@ pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
     }
 }
 
-/// Sine and cosine of a screw's twist; `None` for a leg without a lead.
-fn twist(leg: &LegGeometry, rotation: &Matrix3<f64>, span: &Vector3<f64>) -> Option<(f64, f64)> {
+/// Sine and cosine of a screw's torsion; `None` for a leg without a lead.
+fn torsion(leg: &LegGeometry, rotation: &Matrix3<f64>, span: &Vector3<f64>) -> Option<(f64, f64)> {
     let LegKind::Strut(strut) = leg.kind else { return None };
     if strut.lead == 0.0 {
         return None;

@@ -37,14 +37,14 @@ const PLACE: f64 = 16.0 + 21.0;
 const LEG: f64 = 27.0;
 
 /// α and β (10), A·B − αβ (7), n·(A×B) (14), travel and sum (2).
-const TWIST: f64 = 33.0;
+const TORSION: f64 = 33.0;
 
 /// Inverse of a hexapod of struts.
 pub fn inverse(lead: bool) -> Work {
     let mut work = Work { flops: SINES + PLACE + LEGS * LEG, roots: LEGS, ..Work::default() };
     if lead {
         // R times the platform axis (15), powers of the length (3).
-        work.flops += LEGS * (18.0 + TWIST);
+        work.flops += LEGS * (18.0 + TORSION);
         work.arcs += LEGS;
     }
     work
@@ -80,8 +80,8 @@ pub fn forward(lead: bool, solves: f64) -> Work {
         work.flops += LEGS * (45.0 + 40.0);
         work.divisions += LEGS * 4.0;
         work.roots += LEGS * 2.0;
-        // Each twist anew: n and axis (21), the arc of a difference by its series (20).
-        work.flops += solves * LEGS * (21.0 + TWIST + 20.0);
+        // Each torsion anew: n and axis (21), the arc of a difference by its series (20).
+        work.flops += solves * LEGS * (21.0 + TORSION + 20.0);
         work.divisions += solves * LEGS * 2.0;
     }
     work

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Where genhexkins' nut-rotation correction can serve as a reference.
 //!
-//! genhexkins takes the arcsin of the twist's sine: it folds at ±90° and knows
+//! genhexkins takes the arcsin of the torsion's sine: it folds at ±90° and knows
 //! no limit where a strut lies along a joint axis. Its correction and the
 //! continuous one agree on one side of the fold only.
 
@@ -9,10 +9,10 @@ use crate::geometry::{cross, dot, minus, plus, rotation, turned, unit};
 use crate::machines::Hexapod;
 use crate::module::Pose;
 
-/// A strut's twist φ about its own axis, as sine and cosine, and how far the
+/// A strut's torsion φ about its own axis, as sine and cosine, and how far the
 /// strut is from lying along one of the joint axes (smaller of the two sin²).
 #[derive(Clone, Copy, Debug)]
-pub struct Twist {
+pub struct Torsion {
     /// sin φ, what genhexkins takes the arcsin of.
     pub sine: f64,
     /// cos φ: its sign tells the side of the fold.
@@ -21,8 +21,8 @@ pub struct Twist {
     pub clearance: f64,
 }
 
-/// The twist of strut `leg` at a pose.
-pub fn twist(machine: &Hexapod, pose: &Pose, leg: usize) -> Twist {
+/// The torsion of strut `leg` at a pose.
+pub fn torsion(machine: &Hexapod, pose: &Pose, leg: usize) -> Torsion {
     let r = rotation(pose);
     let o = [0.0, 0.0, machine.spindle_offset + machine.tool_offset];
     // P = t − o + R o: the platform's origin, as the tool offsets move it.
@@ -34,7 +34,7 @@ pub fn twist(machine: &Hexapod, pose: &Pose, leg: usize) -> Twist {
     let (alpha, beta) = (dot(a1, n), dot(b, n));
     let (s, c) = (dot(n, cross(a1, b)), dot(a1, b) - alpha * beta);
     let length = s.hypot(c);
-    Twist {
+    Torsion {
         sine: s / length,
         cosine: c / length,
         clearance: (1.0 - alpha * alpha).min(1.0 - beta * beta),

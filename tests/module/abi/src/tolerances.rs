@@ -5,11 +5,11 @@
 /// number: both round a few hundred times in double precision, 2⁻⁵² each.
 pub const INVERSE_REL: f64 = 1e-12;
 
-/// sin² of a twist beyond which genhexkins' arcsin is no reference: its slope
+/// sin² of a torsion beyond which genhexkins' arcsin is no reference: its slope
 /// there is above 1/√(1 − 0.9999) = 100 and turns one rounding into hundreds.
 pub const ARCSIN_MAX_SINE_SQUARED: f64 = 0.9999;
 
-/// sin² between strut and joint axis below which the twist loses digits in both
+/// sin² between strut and joint axis below which the torsion loses digits in both
 /// modules: normalising by it amplifies roundings by its root, here ten times.
 pub const AXIS_MIN_CLEARANCE: f64 = 0.01;
 

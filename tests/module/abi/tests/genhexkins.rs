@@ -7,7 +7,7 @@ use abi_tests::machines::{
     random_hexapod, random_pose,
 };
 use abi_tests::module::{Joints, Module, Pose};
-use abi_tests::nut::{Twist, twist};
+use abi_tests::nut::{Torsion, torsion};
 use abi_tests::random::{Random, cases};
 use abi_tests::tolerances::{
     ARCSIN_MAX_SINE_SQUARED, AXIS_MIN_CLEARANCE, CERTIFIABLE_CLEARANCE, FOLD_MIN_COSINE,
@@ -57,18 +57,18 @@ impl Pair {
     }
 }
 
-fn twists(machine: &Hexapod, pose: &Pose) -> [Twist; 6] {
-    std::array::from_fn(|leg| twist(machine, pose, leg))
+fn torsions(machine: &Hexapod, pose: &Pose) -> [Torsion; 6] {
+    std::array::from_fn(|leg| torsion(machine, pose, leg))
 }
 
 /// Whether the strut is clear of its joint axes and of the arcsin's steep ends.
-fn is_usable(twist: &Twist) -> bool {
-    twist.clearance > AXIS_MIN_CLEARANCE && twist.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
+fn is_usable(torsion: &Torsion) -> bool {
+    torsion.clearance > AXIS_MIN_CLEARANCE && torsion.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
 }
 
 /// Whether the strut is clear of the half turn from its fold, at which the module refuses it.
-fn is_clear_of_half_a_turn(twist: &Twist, home: &Twist) -> bool {
-    twist.cosine * home.cosine.signum() > HALF_TURN_COSINE
+fn is_clear_of_half_a_turn(torsion: &Torsion, home: &Torsion) -> bool {
+    torsion.cosine * home.cosine.signum() > HALF_TURN_COSINE
 }
 
 /// Sizes from a machine in metres to one in tenths of millimetres.
@@ -87,7 +87,7 @@ fn inverse_agrees_on_random_machines_with_the_literal_arcsin() {
         assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
-            if !twists(&pair.machine, &pose).iter().all(is_usable) {
+            if !torsions(&pair.machine, &pose).iter().all(is_usable) {
                 skipped += 1;
                 continue;
             }
@@ -127,8 +127,8 @@ fn with_home(random: &mut Random, size: f64) -> Hexapod {
         home[2] = 1.2 * size;
         machine.home = Some(home);
         let decided =
-            |t: &Twist| t.clearance > CERTIFIABLE_CLEARANCE && t.cosine.abs() > FOLD_MIN_COSINE;
-        if twists(&machine, &home).iter().all(decided) {
+            |t: &Torsion| t.clearance > CERTIFIABLE_CLEARANCE && t.cosine.abs() > FOLD_MIN_COSINE;
+        if torsions(&machine, &home).iter().all(decided) {
             return machine;
         }
     }
@@ -152,10 +152,10 @@ fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyo
         let size = random_size(&mut random);
         let machine = with_home(&mut random, size);
         assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
-        let home = twists(&pair.machine, &pair.machine.home.expect("just given"));
+        let home = torsions(&pair.machine, &pair.machine.home.expect("just given"));
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
-            let here = twists(&pair.machine, &pose);
+            let here = torsions(&pair.machine, &pose);
             let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
             if !(clear && here.iter().all(is_usable)) {
                 continue;
@@ -178,8 +178,8 @@ fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyo
 
 /// The sum of both joints beyond the fold: twice the length, and half a lead
 /// of the sine's sign.
-fn half_lead(machine: &Hexapod, twist: &Twist, pose: &Pose, leg: usize) -> f64 {
-    2.0 * strut_length(machine, pose, leg) + 0.5 * machine.lead * twist.sine.signum()
+fn half_lead(machine: &Hexapod, torsion: &Torsion, pose: &Pose, leg: usize) -> f64 {
+    2.0 * strut_length(machine, pose, leg) + 0.5 * machine.lead * torsion.sine.signum()
 }
 
 #[test]
@@ -191,10 +191,10 @@ fn forward_returns_to_the_pose_on_random_machines() {
         let size = random_size(&mut random);
         let machine = with_home(&mut random, size);
         assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
-        let home = twists(&pair.machine, &pair.machine.home.expect("just given"));
+        let home = torsions(&pair.machine, &pair.machine.home.expect("just given"));
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
-            let here = twists(&pair.machine, &pose);
+            let here = torsions(&pair.machine, &pose);
             let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
             if !clear || here.iter().any(|t| t.clearance <= CERTIFIABLE_CLEARANCE) {
                 continue;
@@ -276,7 +276,7 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
         // Leg 1 stands near a quarter turn there: said, and not refused.
         let told = pair.ours.messages();
         assert!(told.len() == 1 && told[0].text.contains(Cause::FoldUndefined.text()), "{told:?}");
-        let folds = twists(&pair.machine, &home);
+        let folds = torsions(&pair.machine, &home);
         let mut random = Random::new(6);
         let (mut right, mut beyond, mut refused) = (0_u32, 0_u32, 0_u32);
         let mut failed = 0_u32;
@@ -287,7 +287,7 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
             }
             let pose = scaled(&pose);
             let seed = one_servo_step_from(&pose, pair.size, &mut random);
-            let here = twists(&pair.machine, &pose);
+            let here = torsions(&pair.machine, &pose);
             let is_right = here.iter().zip(&folds).all(|(t, fold)| t.cosine * fold.cosine > 0.0);
             let answered = pair.ours.inverse(&pose).and_then(|own| pair.ours.forward(&own, &seed));
             match answered {
