@@ -218,6 +218,15 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let turned = Study::parse(&format!("{text}platform_axes = {}\n", "[[1, 0, 0]]")).unwrap();
     let told = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
     assert_eq!(told.to_string(), "platform_axes: expected 6 axes; found 1");
+    // A pyramid of the file is about the file's axis, which no study moves.
+    let mut limited = config.clone();
+    limited.platform_pyramid[4] = Some([30.0, 30.0]);
+    assert!(Workspace::new(&limited, config.spindle, vec![tilt], &named).is_ok());
+    let text = format!("{text}platform_axes = [{}]\n", ["[1, 0, 0]"; 6].join(", "));
+    let other = Study::parse(&text).unwrap();
+    assert!(Workspace::new(&config, config.spindle, vec![tilt], &other).is_ok());
+    let told = Workspace::new(&limited, config.spindle, vec![tilt], &other).err().unwrap();
+    assert!(told.to_string().starts_with("platform_axes: leg 4 has a pyramid"), "{told}");
     let rods = crate::shipped::config("linear-delta");
     let told = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
     assert_eq!(told.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");

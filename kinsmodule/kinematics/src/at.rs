@@ -228,7 +228,7 @@ impl<'a> At<'a> {
         once(&self.nearest, || self.watch.nearest(&self.segments))
     }
 
-    /// The same of those that are no farther apart than `most`; all that are nearer are among them.
+    /// The same where they are nearer than `most`; else any two, or none.
     pub(crate) fn nearest_within(&self, most: f64) -> Option<Nearest> {
         self.watch.nearest_within(&self.segments, most)
     }

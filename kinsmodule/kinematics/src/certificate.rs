@@ -421,7 +421,8 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn bow_and_drift_are_those_of_travel_and_bends_at_numbers_by_hand() {
+    fn chord_deviation_and_row_change_are_those_of_travel_and_second_derivatives_at_numbers_by_hand()
+     {
         let (machine, placed, inverse) = by_hand([12.0, 9.0, 1e9, 1e9, 1e9, 1e9]);
         let motion = motion([4.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
         // (4²/(12 − 4) + 0.4)/8 and (3²/(9 − 3) + 0.4)/8; the others bend by 0.4/8.

@@ -278,8 +278,8 @@ impl<const N: usize> Mechanism<N> {
         let torsion = self.torsion(&placed.directions(), &place.rotation)?;
         let columns = self.charted_rows(&placed, torsion.as_ref(), place);
         let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
-        let flat = lipschitz_constant(self, &placed, torsion.as_ref(), &inverse, 0.0, None)?;
-        if !(flat * self.size * CERTAIN_AT_ALL < 1.0) {
+        let lipschitz = lipschitz_constant(self, &placed, torsion.as_ref(), &inverse, 0.0, None)?;
+        if !(lipschitz * self.size * CERTAIN_AT_ALL < 1.0) {
             return Err(Cause::SingularAtHome.into());
         }
         Ok(())

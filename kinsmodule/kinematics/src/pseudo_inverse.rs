@@ -406,7 +406,7 @@ mod tests {
             };
             assert!(is_regular(1.1e-10) && !is_regular(0.9e-10), "{scale}");
         }
-        // Wherever the largest and the smallest placement.
+        // Wherever the largest and the smallest are.
         for (largest, smallest) in (0..36).map(|k| (k / 6, k % 6)).filter(|(a, b)| a != b) {
             let is_regular = |share: f64| {
                 let mut squares = [1e-4; 6];

@@ -140,7 +140,7 @@ impl Watch {
         self.nearest_within(legs, f64::INFINITY)
     }
 
-    /// The same of those that are no farther apart than `most`; all that are nearer are among them.
+    /// The same where they are nearer than `most`; else any two, or none.
     pub(crate) fn nearest_within(&self, legs: &[Segment; MAX_LEGS], most: f64) -> Option<Nearest> {
         let (mut middle, mut span) = (Lanes3::<MAX_LEGS>::ZERO, Lanes3::<MAX_LEGS>::ZERO);
         for (i, leg) in legs.iter().enumerate() {

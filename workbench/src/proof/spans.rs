@@ -200,6 +200,10 @@ impl Reach<'_> {
             false => {
                 let corners = [(x.0, y.0), (x.0, y.1), (x.1, y.0), (x.1, y.1)];
                 let angles = corners.map(|(x, y)| y.atan2(x) / RADIANS);
+                // The folds below leave out what is not a number.
+                if angles.iter().any(|angle| angle.is_nan()) {
+                    return None;
+                }
                 [
                     angles.into_iter().fold(180.0, f64::min),
                     angles.into_iter().fold(-180.0, f64::max),
@@ -296,6 +300,9 @@ impl Reach<'_> {
             one.0[e] - other.0[f] - spread.slope(&gradient) - (one.2[e] + other.2[f]) / 2.0
         };
         let least = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(e, f)| apart(e, f));
+        if least.iter().any(|gap| gap.is_nan()) {
+            return f64::NEG_INFINITY;
+        }
         least.into_iter().fold(f64::INFINITY, f64::min) - ROUNDING * self.config.machine.size()
     }
 }

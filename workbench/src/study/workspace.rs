@@ -105,6 +105,17 @@ pub enum NoWorkspace {
         /// The leg.
         leg: usize,
     },
+    /// A leg whose turns the machine's file limits about one axis, and the study about another.
+    #[error(
+        "{end}_axes: leg {leg} has a pyramid in the machine's file, about another axis; name that axis, \
+         or leave {end}_axes out"
+    )]
+    OtherAxis {
+        /// Base or platform.
+        end: &'static str,
+        /// The leg.
+        leg: usize,
+    },
 }
 
 /// The limits of a machine, and the orientations in which a position has to keep them.
@@ -311,14 +322,24 @@ fn pyramid<'s>(
             (LegKind::Strut(strut), End::Platform) => strut.platform_axis,
             _ => [0.0; 3],
         };
-        if given.get(leg).unwrap_or(&own) == &[0.0; 3] {
+        let axis = given.get(leg).unwrap_or(&own);
+        if axis == &[0.0; 3] {
             return Err(NoWorkspace::NoAxis { end: name, leg });
+        }
+        if *limits != [0.0; 2] && !is_along(axis, &own) {
+            return Err(NoWorkspace::OtherAxis { end: name, leg });
         }
         for (limit, most) in limits.iter_mut().zip(most) {
             *limit = if *limit == 0.0 { most.0 } else { limit.min(most.0) };
         }
     }
     Ok(given)
+}
+
+/// Whether two directions are the same to what people write of them, a millionth.
+fn is_along(one: &[f64; 3], other: &[f64; 3]) -> bool {
+    let [one, other] = [one, other].map(|axis| Vector3::from(*axis).normalize());
+    (one - other).norm() < 1e-6
 }
 
 /// Level, and tilted by an angle in `directions` directions about Z, without a turn about the

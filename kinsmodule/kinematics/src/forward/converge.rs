@@ -71,7 +71,7 @@ pub(super) struct Step {
     pub(super) length: f64,
     /// L of the ball of twice its length; infinite where nothing can be said.
     pub(super) lipschitz: f64,
-    /// L η.
+    /// L times how far the ball has to reach, and the change of the rows over the step.
     pub(super) h: f64,
 }
 
@@ -82,8 +82,8 @@ pub(super) struct Ball<'a, const N: usize> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Newton's step from a measured place towards `target`, and how lipschitz the ball is that
-    /// it needs; the ball reaches at least twice `leftover` far.
+    /// Newton's step from a measured place towards `target`, and the Lipschitz constant of
+    /// the ball that it needs, which reaches at least twice `leftover` far.
     #[inline]
     pub(super) fn first_step(
         &self,
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_step_is_certified_by_lipschitz_constant_chord_deviation_and_drift_of_the_ball_that_it_needs()
+    fn a_first_step_is_certified_by_lipschitz_constant_chord_deviation_and_row_change_of_the_ball_that_it_needs()
      {
         let mut rng = Pcg64::seed_from_u64(18);
         let mut checked = 0;
