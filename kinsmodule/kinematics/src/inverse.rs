@@ -93,8 +93,8 @@ impl<const N: usize> Mechanism<N> {
         sound &= between(&length, self.least_length(), HUGE);
         // A loop of its own: long chains that do not depend on each other overlap.
         for i in (0..N).step_by(2) {
-            let (correction, told) = nut.correction(i, &turns);
-            sound &= told;
+            let (correction, known) = nut.correction(i, &turns);
+            sound &= known;
             let corrected = pair(&length, i) + correction;
             put(&mut length, i, corrected);
         }
@@ -350,7 +350,7 @@ mod tests {
             let machine = struts::<N>(rng, (N, screws), [b"XYZABC", b""]);
             let mut value = |size: f64| random(rng, -size, size);
             let tool = Vector3::from_fn(|_, _| value(50.0));
-            // Within 45 degrees and far beyond; and so far away that lengths are not told.
+            // Within 45 degrees and far beyond; and so far away that lengths are not known.
             let far = if round % 10 == 0 { 1e75 } else { 900.0 };
             let most = if round % 5 == 0 { 3.0 } else { 0.9 };
             let pose = Pose {
@@ -358,17 +358,17 @@ mod tests {
                 angles: Vector3::from_fn(|_, _| value(most)),
             };
             let mut quick = [f64::NAN; N];
-            let told = machine.inverse(&pose, &tool, &mut quick);
+            let result = machine.inverse(&pose, &tool, &mut quick);
             let placement = machine.placement(&pose, &pose.trigonometry(), &tool);
             let expected = machine.joints_at(&placement.place);
-            assert_eq!(told.err(), expected.err());
-            sound += usize::from(told.is_ok());
+            assert_eq!(result.err(), expected.err());
+            sound += usize::from(result.is_ok());
             for (quick, expected) in quick.into_iter().zip(expected.unwrap_or(quick)) {
                 // Roundings of lengths of some 1000 (1e-13 each), and of arcs that a strut next
                 // to its joint axis (1e-3) makes 1000 times as large.
                 let same = (quick - expected).abs() <= 1e-9 + 1e-15 * expected.abs();
                 // What is refused is left alone.
-                assert!(if told.is_ok() { same } else { quick.is_nan() }, "{quick} {expected}");
+                assert!(if result.is_ok() { same } else { quick.is_nan() }, "{quick} {expected}");
             }
         }
         sound

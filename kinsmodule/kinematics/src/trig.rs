@@ -33,8 +33,8 @@ const BROAD: f64 = 7.0 / 16.0;
 /// atan2 of two directions that mostly are within 47° of (0, 1).
 #[inline(always)]
 pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
-    let (arcs, told) = arcs_by_half(sine, cosine);
-    if told.all() { arcs } else { sine.atan2(cosine) }
+    let (arcs, known) = arcs_by_half(sine, cosine);
+    if known.all() { arcs } else { sine.atan2(cosine) }
 }
 
 /// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
@@ -60,7 +60,7 @@ pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     let square = sine * sine + cosine * cosine;
     let base = cosine + square.sqrt();
     // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
-    let told = square.simd_ge(both(1e-280))
+    let known = square.simd_ge(both(1e-280))
         & square.simd_le(both(1e300))
         & sine.abs().simd_lt(both(BROAD) * base);
     let t = sine / base;
@@ -72,7 +72,7 @@ pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     let high = (i + j * z) + second * k;
     let fourth = second * second;
     let twice = t + t;
-    (twice - twice * z * (low + fourth * (middle + fourth * high)), told)
+    (twice - twice * z * (low + fourth * (middle + fourth * high)), known)
 }
 
 #[inline(always)]

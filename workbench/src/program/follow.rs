@@ -27,7 +27,7 @@ const MOST_HALVINGS: i32 = 40;
 const ACCURACY: f64 = 0.01;
 
 /// The same of the conditioning, whose bound is one of first order.
-const HOLD_ACCURACY: f64 = 0.05;
+const CONDITIONING_ACCURACY: f64 = 0.05;
 
 /// Speeds below this share of their limit are told as a bound, without [`ACCURACY`].
 const SLOW: f64 = 0.5;
@@ -58,7 +58,8 @@ impl Check {
     /// How far the pieces of a move have to be cut for the figures that are told, to a share of `scale`
     /// times the range.
     fn is_coarse(&self, least: f64, scale: f64) -> bool {
-        let accuracy = if self.limit == Limit::Conditioning { HOLD_ACCURACY } else { ACCURACY };
+        let accuracy =
+            if self.limit == Limit::Conditioning { CONDITIONING_ACCURACY } else { ACCURACY };
         self.proved < least - accuracy * self.range * scale
             && match self.limit {
                 Limit::JointSpeed => self.proved < (1.0 - SLOW) * self.range,
@@ -268,7 +269,7 @@ impl<'a> Pilot<'a> {
             range: limits::scale(&span.margin),
         }));
         for (i, course) in way.joints.iter().enumerate() {
-            let (part, known) = (Part::Joint(i), course.bend.is_finite());
+            let (part, known) = (Part::Joint(i), course.second_derivative.is_finite());
             let (limit, proved) = (Limit::Reach, if known { 1.0 } else { -1.0 });
             let ends = [0.0, f64::INFINITY];
             self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
@@ -280,7 +281,7 @@ impl<'a> Pilot<'a> {
         for (i, (course, joint)) in way.joints.iter().zip(joints).enumerate() {
             let (limit, part, range) = (Limit::JointSpeed, Part::Joint(i), joint.max_velocity);
             let seen = range - course.slope * per_second;
-            let proved = seen - course.bend * per_second;
+            let proved = seen - course.second_derivative * per_second;
             // What is not a number proves nothing.
             let proved = if proved.is_nan() { f64::NEG_INFINITY } else { proved };
             self.checks.push(Check { limit, part, ends: [-range, range], seen, proved, range });

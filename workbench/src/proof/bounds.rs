@@ -24,7 +24,7 @@ const LEAST_COSINE: f64 = 0.17;
 const _: () = assert!(LEAST_COSINE > LEAST_SINE_TO_AXIS);
 
 /// One leg over a cell.
-pub(super) struct Bend {
+pub(super) struct SecondDerivatives {
     /// Bound of the second derivative of the joint value, joint units.
     pub(super) joint: f64,
     /// The same of the leg's direction, and of its first derivative.
@@ -43,7 +43,12 @@ impl Reach<'_> {
     }
 
     /// Bounds of one leg; `None` where the cell is too large for any.
-    pub(super) fn bend(&self, i: usize, middle: &Middle, spread: &Spread) -> Option<Bend> {
+    pub(super) fn second_derivatives(
+        &self,
+        i: usize,
+        middle: &Middle,
+        spread: &Spread,
+    ) -> Option<SecondDerivatives> {
         let segment = &middle.legs[i].segment;
         let (travel, second) = spread.of_anchor(self.arm(i));
         let span = segment.platform - segment.base;
@@ -53,9 +58,15 @@ impl Reach<'_> {
                 let length = span.norm() - travel;
                 (length > 0.0).then_some(())?;
                 let direction = [travel / length, second_of_direction(travel, second, length)];
-                let nut = self.nut_bend(i, middle, spread, &direction, strut.lead)?;
+                let nut = self.nut_second_derivative(i, middle, spread, &direction, strut.lead)?;
                 let joint = travel * travel / length + second + nut;
-                Some(Bend { joint, direction, length, ends: [0.0, second], farthest: travel })
+                Some(SecondDerivatives {
+                    joint,
+                    direction,
+                    length,
+                    ends: [0.0, second],
+                    farthest: travel,
+                })
             }
             LegKind::Slider(slider) => {
                 let guide = Vector3::from(slider.guide).normalize();
@@ -82,7 +93,7 @@ impl Reach<'_> {
     }
 
     /// Bound of the second derivative of the nut correction of leg `i`.
-    fn nut_bend(
+    fn nut_second_derivative(
         &self,
         i: usize,
         middle: &Middle,
@@ -101,11 +112,11 @@ impl Reach<'_> {
         let turned = tangents * direction[0] + spread.turn / cos_b;
         let room = PI - middle.at.corrections()[i].abs() / per_radian;
         (turned < room).then_some(())?;
-        let bend = 3.0 * turn_a * turn_a / (cos_a * cos_a)
+        let second_derivative = 3.0 * turn_a * turn_a / (cos_a * cos_a)
             + 3.0 * turn_b * turn_b / (cos_b * cos_b)
             + tangents * direction[1]
             + spread.turn * spread.turn / cos_b;
-        Some(per_radian * bend)
+        Some(per_radian * second_derivative)
     }
 
     /// Least cosines of the angles between a strut and the planes square to its cardan axes,
@@ -135,7 +146,7 @@ fn rod_bend(
     second: f64,
     rod: f64,
     unit: f64,
-) -> Option<Bend> {
+) -> Option<SecondDerivatives> {
     (drive >= LEAST_DRIVE).then_some(())?;
     let gain = drive * pace;
     let rate = travel / gain;
@@ -143,7 +154,7 @@ fn rod_bend(
     let joint = (first * first / rod + second + curve * rate * rate) / gain;
     let bent = second + curve * rate * rate + pace * joint;
     let direction = [first / rod, second_of_direction(first, bent, rod)];
-    Some(Bend {
+    Some(SecondDerivatives {
         joint: joint / unit,
         direction,
         length: rod,

@@ -65,7 +65,7 @@ pub enum Verdict {
 /// What is proved of a straight way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
-    /// Joint values. Where all bends are finite, every pose has joint values.
+    /// Joint values. Where all second derivatives are finite, every pose has joint values.
     pub joints: Vec<Course>,
     /// All limits that are set, of the pose alone and without its axes.
     pub spans: Vec<Span>,
@@ -109,22 +109,22 @@ impl Reach<'_> {
         let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
         let along = || greatest(&self.extents(&spread));
         let unproved = || Unproved { along: along(), but_conditioning: false };
-        let bends: Option<Vec<_>> =
-            (0..self.config.legs()).map(|i| self.bend(i, middle, &spread)).collect();
-        let bends = bends.ok_or_else(unproved)?;
+        let seconds: Option<Vec<_>> =
+            (0..self.config.legs()).map(|i| self.second_derivatives(i, middle, &spread)).collect();
+        let seconds = seconds.ok_or_else(unproved)?;
         let kept = |span: Span| match span.room() >= 0.0 {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
         };
-        if self.spans(middle, &spread, Some(&bends), self.limits.clearance, kept).is_break() {
+        if self.spans(middle, &spread, Some(&seconds), self.limits.clearance, kept).is_break() {
             return Err(unproved());
         }
-        let hold = self.hold(middle, &spread, &bends);
+        let regularity = self.regularity(middle, &spread, &seconds);
         let least = self.limits.conditioning;
-        let is_kept = hold.is_regular
-            && (hold.share / hold.inverse >= least
-                || hold.share * middle.at.smallest_singular_value() >= least);
-        let along = greatest(&hold.shares);
+        let is_kept = regularity.is_regular
+            && (regularity.share / regularity.inverse >= least
+                || regularity.share * middle.at.smallest_singular_value() >= least);
+        let along = greatest(&regularity.shares);
         is_kept.then_some(()).ok_or(Unproved { along, but_conditioning: true })
     }
 
@@ -135,18 +135,20 @@ impl Reach<'_> {
     pub(crate) fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
         let middle = self.middle(middle)?;
         let spread = self.spread([*step]);
-        let bends: Option<Vec<_>> =
-            (0..self.config.legs()).map(|i| self.bend(i, &middle, &spread)).collect();
+        let seconds: Option<Vec<_>> =
+            (0..self.config.legs()).map(|i| self.second_derivatives(i, &middle, &spread)).collect();
         let mut spans = vec![];
-        let _ = self.spans(&middle, &spread, bends.as_deref(), f64::INFINITY, |span| {
+        let _ = self.spans(&middle, &spread, seconds.as_deref(), f64::INFINITY, |span| {
             spans.push(span);
             ControlFlow::<()>::Continue(())
         });
-        let hold = bends.as_ref().map(|bends| self.hold(&middle, &spread, bends));
-        let holds = hold.as_ref().is_some_and(|hold| hold.is_regular);
+        let regularity = seconds.as_ref().map(|seconds| self.regularity(&middle, &spread, seconds));
+        let holds = regularity.as_ref().is_some_and(|regularity| regularity.is_regular);
         let value = middle.at.smallest_singular_value();
-        let least = match hold {
-            Some(hold) if hold.is_regular && hold.share > 0.0 => hold.share * value,
+        let least = match regularity {
+            Some(regularity) if regularity.is_regular && regularity.share > 0.0 => {
+                regularity.share * value
+            }
             // Of rows of which nothing is known but that they are there.
             Some(_) => 0.0,
             None => f64::NEG_INFINITY,
@@ -154,7 +156,7 @@ impl Reach<'_> {
         let range = [self.limits.conditioning, f64::INFINITY];
         let ends = [least, f64::INFINITY];
         spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
-        let joint = |i| self.joint_course(i, &middle, &spread, bends.as_deref());
+        let joint = |i| self.joint_course(i, &middle, &spread, seconds.as_deref());
         Ok(Way { joints: (0..self.config.joints.len()).map(joint).collect(), spans, holds })
     }
 }

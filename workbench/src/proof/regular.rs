@@ -11,7 +11,7 @@
 //! B has |M (J(C) − G(C))| more. Where its spectral radius is less than 1, the joints hold the
 //! platform at every pose of the cell.
 
-use crate::proof::bounds::Bend;
+use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{Middle, ROUNDING, Reach, Spread, lead};
 use kinematics::{At, MAX_LEGS, Vector3};
 use nalgebra::{Matrix6, SMatrix, Vector6};
@@ -30,7 +30,7 @@ type Square = Matrix6<f64>;
 const STEPS: usize = 4;
 
 /// How well the legs hold the platform over a cell.
-pub(super) struct Hold {
+pub(super) struct Regularity {
     /// The smallest singular value is its value in the middle times this at least.
     pub(super) share: f64,
     /// Whether the joints hold the platform everywhere.
@@ -43,12 +43,17 @@ pub(super) struct Hold {
 
 impl Reach<'_> {
     /// How well the legs hold the platform over a cell.
-    pub(super) fn hold(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Hold {
+    pub(super) fn regularity(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        seconds: &[SecondDerivatives],
+    ) -> Regularity {
         let extents = self.extents(spread);
-        let unknown = |shares| Hold { share: 0.0, is_regular: false, inverse: 1.0, shares };
+        let unknown = |shares| Regularity { share: 0.0, is_regular: false, inverse: 1.0, shares };
         let rows = constraint_rows(&middle.at);
         let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
-        let rest = self.row_rest(spread, bends);
+        let rest = self.row_rest(spread, seconds);
         let change = |step| (inverse * self.row_slopes(middle, step)).abs();
         let changes: Vec<Square> = spread.steps.iter().map(change).collect();
         let bound = changes.iter().fold(inverse.abs() * rest, |sum, change| sum + change);
@@ -58,7 +63,7 @@ impl Reach<'_> {
         let shares = changes.iter().zip(&extents).map(share).collect();
         let is_bounded = spectral_radius(&bound) < 1.0 - ROUNDING;
         let is_regular = match self.is_geared {
-            true => self.is_regular_with_nuts(middle, spread, bends, (&rows, &inverse, &bound)),
+            true => self.is_regular_with_nuts(middle, spread, seconds, (&rows, &inverse, &bound)),
             false => is_bounded,
         };
         let series = (Square::identity() - bound).try_inverse().filter(|_| is_bounded);
@@ -66,7 +71,7 @@ impl Reach<'_> {
         let share = norm.map_or(0.0, |norm| (1.0 - ROUNDING) / norm);
         // The largest eigenvalue is at most the fourth root of the trace of the fourth power.
         let inverse = (square * square).norm().powf(0.25);
-        Hold { share, is_regular, inverse, shares }
+        Regularity { share, is_regular, inverse, shares }
     }
 
     /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell,
@@ -75,10 +80,10 @@ impl Reach<'_> {
         &self,
         middle: &Middle,
         spread: &Spread,
-        bends: &[Bend],
+        seconds: &[SecondDerivatives],
         (rows, inverse, bound): (&Rows, &Inverse, &Square),
     ) -> bool {
-        let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, bends));
+        let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, seconds));
         nuts.is_some_and(|(with_nuts, rest)| {
             let of_nuts = (inverse * (with_nuts - rows)).abs() + inverse.abs() * rest;
             spectral_radius(&(bound + of_nuts)) < 1.0 - ROUNDING
@@ -148,11 +153,11 @@ impl Reach<'_> {
     }
 
     /// Bound of what the constraint rows change by in the cell beside [`Self::row_slopes`].
-    fn row_rest(&self, spread: &Spread, bends: &[Bend]) -> Rows {
+    fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> Rows {
         let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
         let mut rest = Rows::zeros();
-        for (i, bend) in bends.iter().enumerate() {
-            let [turned, bent] = bend.direction;
+        for (i, second_derivative) in seconds.iter().enumerate() {
+            let [turned, bent] = second_derivative.direction;
             let lever = self.arm_about(i) / self.config.machine.radius();
             let angular = lever * (bent + 2.0 * turned * turns + turns * turns) / 2.0;
             for k in (0..6).filter(|k| self.active[*k]) {
@@ -188,24 +193,29 @@ impl Reach<'_> {
     }
 
     /// Bound of what the nut corrections add to the change of the rows in the cell.
-    fn rest_of_nuts(&self, middle: &Middle, spread: &Spread, bends: &[Bend]) -> Option<Rows> {
+    fn rest_of_nuts(
+        &self,
+        middle: &Middle,
+        spread: &Spread,
+        seconds: &[SecondDerivatives],
+    ) -> Option<Rows> {
         let mut rest = Rows::zeros();
-        for (i, bend) in bends.iter().enumerate() {
+        for (i, second_derivative) in seconds.iter().enumerate() {
             let lead = lead(&self.config.geometry.legs()[i]);
             if lead == 0.0 {
                 continue;
             }
-            let [turned, _] = bend.direction;
+            let [turned, _] = second_derivative.direction;
             let turns = [turned, turned + spread.turn];
             let [a, b] = self.cardan(i, middle, turns)?.map(|cosine| 1.0 / (cosine * cosine));
             let tangents = (a - 1.0).sqrt() + (b - 1.0).sqrt();
             for k in (0..6).filter(|k| self.active[*k]) {
                 let (speed, turn) = if k < 3 { (1.0, 0.0) } else { (self.arm_about(i), 1.0) };
                 let unit = if k < 3 { 1.0 } else { 1.0 / self.config.machine.radius() };
-                // The bilinear form of `nut_bend`.
+                // The bilinear form of `nut_second_derivative`.
                 let around = turn * spread.turn;
-                let own = speed / bend.length;
-                let second = speed * around / bend.length + 3.0 * own * turned;
+                let own = speed / second_derivative.length;
+                let second = speed * around / second_derivative.length + 3.0 * own * turned;
                 let nut = 3.0 * own * turned * a
                     + 3.0 * (own + turn) * (turned + spread.turn) * b
                     + tangents * second

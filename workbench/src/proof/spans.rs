@@ -9,7 +9,7 @@
 //! **Tilt, pyramids**: cosines of angles between a leg, or the tool axis, and vectors that stand
 //! still in base or platform, as those of the cones.
 
-use crate::proof::bounds::Bend;
+use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{LegMiddle, Middle, RADIANS, ROUNDING, Reach, Spread};
 use kinematics::{LegKind, Limit, Margin, Part, Vector3};
 use std::ops::ControlFlow;
@@ -23,7 +23,7 @@ pub struct Course {
     pub slope: f64,
     /// Bound of its second derivative on every straight way from the middle to an end, run
     /// through in one unit of time; infinite where none is known.
-    pub bend: f64,
+    pub second_derivative: f64,
     /// Rounding.
     pub rounding: f64,
 }
@@ -31,7 +31,7 @@ pub struct Course {
 impl Course {
     /// All its values lie between these.
     pub(crate) fn range(&self) -> (f64, f64) {
-        let room = self.slope + self.bend / 2.0 + self.rounding;
+        let room = self.slope + self.second_derivative / 2.0 + self.rounding;
         (self.middle - room, self.middle + room)
     }
 }
@@ -72,7 +72,7 @@ struct Lean<'a> {
     i: usize,
     middle: &'a Middle<'a>,
     spread: &'a Spread,
-    bend: Option<&'a Bend>,
+    second_derivative: Option<&'a SecondDerivatives>,
 }
 
 impl Lean<'_> {
@@ -91,14 +91,14 @@ impl Lean<'_> {
         });
         // cos = n · d; in the platform d turns, too.
         let turn = if is_platform { self.spread.turn } else { 0.0 };
-        let bound = |bend: &Bend| {
-            let [first, second] = bend.direction;
+        let bound = |second_derivative: &SecondDerivatives| {
+            let [first, second] = second_derivative.direction;
             second + 2.0 * first * turn + turn * turn
         };
         Course {
             middle: cosine,
             slope: self.spread.slope(&gradient),
-            bend: self.bend.map_or(f64::INFINITY, bound),
+            second_derivative: self.second_derivative.map_or(f64::INFINITY, bound),
             rounding: ROUNDING,
         }
     }
@@ -111,19 +111,20 @@ impl Reach<'_> {
         &self,
         middle: &Middle,
         spread: &Spread,
-        bends: Option<&[Bend]>,
+        seconds: Option<&[SecondDerivatives]>,
         enough: f64,
         mut visit: impl FnMut(Span) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         for (i, joint) in self.config.joints.iter().enumerate() {
-            let course = self.joint_course(i, middle, spread, bends);
+            let course = self.joint_course(i, middle, spread, seconds);
             let (low, high) = course.range();
             let range = [joint.min, joint.max];
             let part = Part::Joint(i);
             visit(Span::of(Limit::JointRange, part, course.middle, [low, high], range))?;
         }
         for i in 0..self.config.legs() {
-            let lean = Lean { i, middle, spread, bend: bends.map(|bends| &bends[i]) };
+            let lean =
+                Lean { i, middle, spread, second_derivative: seconds.map(|seconds| &seconds[i]) };
             self.cones(&lean, &mut visit)?;
             self.pyramids(&lean, &mut visit)?;
         }
@@ -134,7 +135,7 @@ impl Reach<'_> {
             let range = [f64::NEG_INFINITY, self.limits.tilt];
             visit(Span::of(Limit::Tilt, Part::Whole, value, ends, range))?;
         }
-        self.gaps(middle, spread, bends, enough, &mut visit)
+        self.gaps(middle, spread, seconds, enough, &mut visit)
     }
 
     fn cones<B>(
@@ -213,25 +214,30 @@ impl Reach<'_> {
         Some([about, across])
     }
 
-    /// Joint `i` over a cell; without bends nothing is known of a leg's.
+    /// Joint `i` over a cell; without second derivatives nothing is known of a leg's.
     pub(super) fn joint_course(
         &self,
         i: usize,
         middle: &Middle,
         spread: &Spread,
-        bends: Option<&[Bend]>,
+        seconds: Option<&[SecondDerivatives]>,
     ) -> Course {
         // A table axis moves by P − R (o + centre).
         let arm = self.tool + Vector3::from(self.config.geometry.centre);
-        let bend = match bends {
+        let second_derivative = match seconds {
             _ if i >= self.config.legs() => arm.norm() * spread.turn * spread.turn,
-            Some(bends) => bends[i].joint,
+            Some(seconds) => seconds[i].joint,
             None => f64::INFINITY,
         };
         let unit = |k: usize| if k < 3 { 1.0 } else { 1.0 / RADIANS };
         let gradient = std::array::from_fn(|k| middle.gradient[(i, k)] * unit(k));
         let rounding = ROUNDING * self.config.machine.size();
-        Course { middle: middle.at.joints()[i], slope: spread.slope(&gradient), bend, rounding }
+        Course {
+            middle: middle.at.joints()[i],
+            slope: spread.slope(&gradient),
+            second_derivative,
+            rounding,
+        }
     }
 
     /// Distances of the legs; bounds that are `enough`, or those of pairs that are not the nearest
@@ -240,7 +246,7 @@ impl Reach<'_> {
         &self,
         middle: &Middle,
         spread: &Spread,
-        bends: Option<&[Bend]>,
+        seconds: Option<&[SecondDerivatives]>,
         enough: f64,
         visit: &mut impl FnMut(Span) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
@@ -248,8 +254,8 @@ impl Reach<'_> {
             return ControlFlow::Continue(());
         };
         // No two legs come nearer by more than the two that move farthest.
-        let farthest = bends.map_or(f64::INFINITY, |bends| {
-            bends.iter().map(|bend| bend.farthest).fold(0.0, f64::max)
+        let farthest = seconds.map_or(f64::INFINITY, |seconds| {
+            seconds.iter().map(|second_derivative| second_derivative.farthest).fold(0.0, f64::max)
         });
         if nearest - 2.0 * farthest - ROUNDING * self.config.machine.size() >= enough {
             return ControlFlow::Continue(());
@@ -258,15 +264,15 @@ impl Reach<'_> {
         for pair @ [i, j] in &self.pairs {
             let gap = middle.legs[*i].segment.gap(&middle.legs[*j].segment);
             let distance = gap.norm();
-            let least = bends.map_or(f64::NEG_INFINITY, |bends| {
+            let least = seconds.map_or(f64::NEG_INFINITY, |seconds| {
                 // No point of a leg moves farther than its ends.
                 let least = distance
-                    - bends[*i].farthest
-                    - bends[*j].farthest
+                    - seconds[*i].farthest
+                    - seconds[*j].farthest
                     - ROUNDING * self.config.machine.size();
                 match least >= nearest || distance == 0.0 {
                     true => least,
-                    false => self.least_gap(*pair, &(gap / distance), middle, spread, bends),
+                    false => self.least_gap(*pair, &(gap / distance), middle, spread, seconds),
                 }
             });
             let range = [self.limits.clearance, f64::INFINITY];
@@ -283,7 +289,7 @@ impl Reach<'_> {
         w: &Vector3<f64>,
         middle: &Middle,
         spread: &Spread,
-        bends: &[Bend],
+        seconds: &[SecondDerivatives],
     ) -> f64 {
         let [one, other] = pair.map(|i| {
             let leg = &middle.legs[i];
@@ -293,7 +299,7 @@ impl Reach<'_> {
                 gradients[0][k] = w.dot(&(leg.motions[k] - leg.changes[k]));
                 gradients[1][k] = w.dot(&leg.motions[k]);
             }
-            (ends, gradients, bends[i].ends)
+            (ends, gradients, seconds[i].ends)
         });
         let apart = |e: usize, f: usize| {
             let gradient = std::array::from_fn(|k| one.1[e][k] - other.1[f][k]);
@@ -317,7 +323,7 @@ fn tilt(middle: &Middle, spread: &Spread) -> Course {
     Course {
         middle: z.z,
         slope: spread.slope(&gradient),
-        bend: spread.turn * spread.turn,
+        second_derivative: spread.turn * spread.turn,
         rounding: ROUNDING,
     }
 }
