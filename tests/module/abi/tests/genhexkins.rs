@@ -41,6 +41,14 @@ impl Pair {
         taken
     }
 
+    /// Takes a random machine with a reference pose: its size, and its torsions there.
+    fn draw_with_home(&mut self, random: &mut Random) -> (f64, [Torsion; 6]) {
+        let size = random_size(random);
+        let machine = with_home(random, size);
+        assert!(self.wire(machine), "{:?} of {:?}", self.ours.messages(), self.machine);
+        (size, torsions(&self.machine, &self.machine.home.expect("just given")))
+    }
+
     fn joints(&self, pose: &Pose) -> (Joints, Joints) {
         let ours = self.ours.inverse(pose);
         let ours = ours.unwrap_or_else(|e| panic!("code {e} at {pose:?} of {:?}", self.machine));
@@ -66,9 +74,12 @@ fn is_usable(torsion: &Torsion) -> bool {
     torsion.clearance > AXIS_MIN_CLEARANCE && torsion.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
 }
 
-/// Whether the strut is clear of the half turn from its fold, at which the module refuses it.
-fn is_clear_of_half_a_turn(torsion: &Torsion, home: &Torsion) -> bool {
-    torsion.cosine * home.cosine.signum() > HALF_TURN_COSINE
+/// Whether the struts are clear of the half turn from their folds, at which the module refuses them.
+fn are_clear_of_half_a_turn(torsions: &[Torsion; 6], home: &[Torsion; 6]) -> bool {
+    torsions
+        .iter()
+        .zip(home)
+        .all(|(here, home)| here.cosine * home.cosine.signum() > HALF_TURN_COSINE)
 }
 
 /// Sizes from a machine in metres to one in tenths of millimetres.
@@ -149,15 +160,11 @@ fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyo
     let mut pair = Pair::new(&paper_004());
     let (mut inside, mut beyond) = (0, 0);
     while inside < 6 * cases(100_000) {
-        let size = random_size(&mut random);
-        let machine = with_home(&mut random, size);
-        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
-        let home = torsions(&pair.machine, &pair.machine.home.expect("just given"));
+        let (size, home) = pair.draw_with_home(&mut random);
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
             let here = torsions(&pair.machine, &pose);
-            let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
-            if !(clear && here.iter().all(is_usable)) {
+            if !(are_clear_of_half_a_turn(&here, &home) && here.iter().all(is_usable)) {
                 continue;
             }
             let (ours, theirs) = pair.joints(&pose);
@@ -188,15 +195,12 @@ fn forward_returns_to_the_pose_on_random_machines() {
     let mut pair = Pair::new(&paper_004());
     let (mut solved, mut refused) = (0_u32, 0_u32);
     for _ in 0..cases(400) {
-        let size = random_size(&mut random);
-        let machine = with_home(&mut random, size);
-        assert!(pair.wire(machine), "{:?} of {:?}", pair.ours.messages(), pair.machine);
-        let home = torsions(&pair.machine, &pair.machine.home.expect("just given"));
+        let (size, home) = pair.draw_with_home(&mut random);
         for _ in 0..POSES {
             let pose = random_pose(&mut random, size);
             let here = torsions(&pair.machine, &pose);
-            let clear = here.iter().zip(&home).all(|(here, at)| is_clear_of_half_a_turn(here, at));
-            if !clear || here.iter().any(|t| t.clearance <= CERTIFIABLE_CLEARANCE) {
+            let is_certifiable = here.iter().all(|t| t.clearance > CERTIFIABLE_CLEARANCE);
+            if !(are_clear_of_half_a_turn(&here, &home) && is_certifiable) {
                 continue;
             }
             let (joints, _) = pair.joints(&pose);
