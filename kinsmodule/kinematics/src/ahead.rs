@@ -620,6 +620,23 @@ mod tests {
     }
 
     #[test]
+    fn what_was_seen_is_forgotten_where_the_direction_changes_by_a_fiftieth_angles_by_the_radius() {
+        let along = [10.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let view = View { joints: (3.0, None), refused: None, is_reached: true };
+        let kept = |turn: f64, faster: f64| {
+            let mut sight = Sight { there: Some(view), rate: along, ..Sight::NONE };
+            let rate = [10.0, 0.0, 0.0, turn, 0.0, 0.0].map(|rate| rate * faster);
+            sight.turn_to(&straight(rate), RADIUS);
+            sight.there.map(|view| view.joints.0)
+        };
+        // At a radius of 50 a fiftieth of 10 is 0.2292 degrees.
+        assert!(kept(0.229, 1.0).is_some() && kept(0.2295, 1.0).is_none());
+        // Twice as fast, half as many times the present speed are allowed.
+        assert_eq!(kept(0.0, 2.0), Some(1.5));
+        assert_eq!(kept(0.0, -1.0), None);
+    }
+
+    #[test]
     fn the_singular_value_allows_its_part_of_the_speed_between_the_limit_and_twice_that() {
         let singular_value =
             SingularValue { now: 0.375, change: -0.25, limit: 0.125, requested: 4.0 };

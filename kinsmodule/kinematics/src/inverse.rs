@@ -36,7 +36,7 @@ impl<const N: usize> Mechanism<N> {
         joints: &mut [f64],
     ) -> Result<(), Fault> {
         if self.plain && (pose.within(FLAT) & self.within_reach(tool)).all() {
-            // All of it is done within registers, one pair of struts after the other.
+            // Registers: one pair of struts after the other is computed without memory.
             let rotation = pose.flat_trigonometry().rotation();
             let centre = self.point(&pose.position, &rotation, tool);
             let place = Place { rotation, centre, angles: pose.angles };
@@ -46,12 +46,12 @@ impl<const N: usize> Mechanism<N> {
                 return Ok(());
             }
         }
-        // Copies: what a call has the address of stands in memory even where it is not made.
+        // Copies: registers, see `lanes`.
         let (pose, tool) = (*pose, *tool);
         if self.plain {
             return self.inverse_of_unchecked(pose, tool, joints);
         }
-        // Other machines are always here: checked while pose and tool still stand in registers.
+        // Other machines are always here: checked while pose and tool are in registers.
         pose.check()?;
         self.check_tool(&tool)?;
         self.inverse_of_any(pose, tool, joints)
@@ -91,7 +91,7 @@ impl<const N: usize> Mechanism<N> {
             put(&mut length, i, lengths);
         }
         sound &= between(&length, self.least_length(), HUGE);
-        // A loop of its own: long chains that do not depend on each other overlap.
+        // A loop of its own: overlap, see `lanes`.
         for i in (0..N).step_by(2) {
             let (correction, known) = nut.correction(i, &turns);
             sound &= known;
@@ -157,7 +157,7 @@ impl<const N: usize> Mechanism<N> {
             return Err(self.not_finite(*legs, *point));
         }
         match joints.first_chunk_mut::<N>() {
-            // A copy of known length is no call.
+            // Known length, see `lanes`.
             Some(all) if self.count() == N => *all = *legs,
             _ => self.of_first_legs(*legs, joints),
         }

@@ -1,5 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One vector per leg, stored as three arrays: loops over legs then use vector units.
+//!
+//! Comments refer to these reasons of the processor by name:
+//!
+//! - **Registers.** A value whose address is passed to a function has to be in memory, also where the
+//!   call is not made. A copy passed instead leaves the value in registers.
+//! - **Pairs.** A load that spans two earlier stores waits for both. What is written in pairs is read in
+//!   the same pairs.
+//! - **Overlap.** Long chains of operations that do not depend on each other run at the same time. They
+//!   do in a loop of their own, where nothing stands between them.
+//! - **Known length.** A copy whose length is known is some moves; any other is a call.
 
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;

@@ -156,7 +156,7 @@ impl<const N: usize> Mechanism<N> {
         placed
     }
 
-    /// The same in a place that exists. One loop over all of it keeps values in registers.
+    /// The same in a place that exists. One loop over all of it: registers, see `lanes`.
     #[inline(always)]
     pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
         for i in (0..N).step_by(2) {

@@ -357,8 +357,7 @@ impl<const N: usize> Torsion<N> {
         from_fold: [0.0; N],
     };
 
-    /// Fills the arcs in. A loop of its own: long chains that do not depend on each other
-    /// overlap.
+    /// Fills the arcs in. A loop of its own: overlap, see `lanes`.
     #[inline(always)]
     fn unfold(&mut self) {
         for i in (0..N).step_by(2) {

@@ -5,8 +5,8 @@ use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times, wide
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// Where the platform is: its reference point and orientation, in base. In the order in which
-/// vector units write and read it: what is read across two stores has to wait for both.
+/// Where the platform is: its reference point and orientation, in base. The order of
+/// the fields is that of pairs, see `lanes`.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct Place {

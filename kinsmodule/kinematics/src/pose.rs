@@ -34,7 +34,7 @@ pub struct Pose {
 impl Pose {
     /// From (x, y, z, a, b, c), machine units and degrees.
     pub fn from_degrees(v: [f64; 6]) -> Self {
-        // In pairs as they stand in memory: who reads them two by two need not wait for both.
+        // Pairs, see `lanes`.
         let [z, alpha] = (pair(&v, 2) * f64x2::new([1.0, RADIANS])).to_array();
         let [beta, gamma] = (pair(&v, 4) * both(RADIANS)).to_array();
         Self { position: Vector3::new(v[0], v[1], z), angles: Vector3::new(alpha, beta, gamma) }
@@ -73,7 +73,7 @@ impl Pose {
         if self.within(MAX_ANGLE_DEG * RADIANS).all() {
             return Ok(());
         }
-        // A copy: what a call has the address of stands in memory even where it is not made.
+        // A copy: registers, see `lanes`.
         { *self }.refused()
     }
 

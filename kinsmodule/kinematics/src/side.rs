@@ -147,3 +147,43 @@ impl<const N: usize> Mechanism<N> {
         Some(inverse.inverse_norm() * sqrt(sum))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::freeze::Frozen;
+    use crate::geometry::{Geometry, LegGeometry};
+    use crate::layout::MAX_LEGS;
+    use crate::leg::{LegKind, SliderGeometry};
+    use crate::letters::Letters;
+
+    /// Three carriages on upright guides, rods of 5 that reach 3 inwards and 4 up.
+    fn delta() -> Mechanism<4> {
+        let legs = [[3.0, 0.0], [-3.0, 0.0], [0.0, 3.0]].map(|[x, y]| {
+            let kind =
+                LegKind::Slider(SliderGeometry { guide: [0.0, 0.0, 1.0], rod: 5.0, side: -1 });
+            LegGeometry { base: [x, y, 0.0], platform: [0.0; 3], kind }
+        });
+        let [xyz, none] = ["XYZ", ""].map(|text| Letters::parse(text.as_bytes()).unwrap());
+        let geometry = Geometry::new(&legs, xyz, none).unwrap();
+        Frozen { geometry: &geometry, offset: &[0.0; MAX_LEGS] }.mechanism().unwrap()
+    }
+
+    #[test]
+    fn rods_add_what_their_lower_ends_turn_them_by_until_one_comes_half_way_to_its_dead_point() {
+        let machine = delta();
+        let mut legs = machine.nowhere();
+        let pose = Pose { position: Vector3::new(0.0, 0.0, 10.0), angles: Vector3::zeros() };
+        legs.move_to(&pose, &Vector3::zeros()).unwrap();
+        let columns = machine.charted_rows(&legs.placed, None, &legs.placement.place);
+        let inverse = PseudoInverse::new(&columns, &machine.active).unwrap();
+        let add = |rho| machine.of_joints(&legs.placed, &legs.joints, &inverse, rho);
+        // A margin of 4/5 and s1 = 1: a lower end goes at 2/0.8, its rod turns at 1 + 2/0.8 over 5,
+        // up to 0.4; each adds 2/(0.8 · 5). Some roundings.
+        let most = 0.4 * 5.0 / 3.5;
+        assert!(add(most * 0.999_999).is_some() && add(most * 1.000_001).is_none());
+        let expected = inverse.inverse_norm() * sqrt(3.0) * 0.5;
+        let found = add(0.1).unwrap();
+        assert!((found - expected).abs() < 1e-14 * expected, "{found} {expected}");
+    }
+}

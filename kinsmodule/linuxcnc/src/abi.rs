@@ -214,7 +214,7 @@ pub unsafe extern "C" fn kinematicsInverse(
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.layout().joints()) };
     let pose = world.degrees();
     code(match module.kind() {
-        // A copy, so that the other kind needs no pose in memory.
+        // A copy: registers, see the core's `lanes`.
         Kind::Identity => module.identity_inverse(&{ pose }, joints),
         Kind::Machine => module.inverse(&pose, joints),
     })

@@ -123,7 +123,7 @@ impl<const N: usize> Mechanism<N> {
         if self.converge(target, about, &mut walk, effort, &mut by, &mut end.at)? {
             end.place = self.moved_by(&about.place, &walk.x, &by);
         } else {
-            // By value: what is lent stands in memory even where it is not.
+            // By value: registers, see `lanes`.
             walk = self.converge_anew(target, &about.place, walk, effort, end)?;
         }
         self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)

@@ -361,8 +361,7 @@ pub(super) fn newton_step<const N: usize>(
     along(&[0.0; 6], -1.0, &inverse.solve(residual))
 }
 
-/// The translation of a point of the chart, and its turn times the radius. Taken apart in the
-/// pairs that it is written in: what is read across two stores has to wait for both.
+/// The translation of a point of the chart, and its turn times the radius. Pairs, see `lanes`.
 #[inline(always)]
 fn parts(x: &[f64; 6]) -> [Vector3<f64>; 2] {
     let [a, b] = pair(x, 0).to_array();
