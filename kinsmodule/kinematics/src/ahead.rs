@@ -675,6 +675,23 @@ mod tests {
     }
 
     #[test]
+    fn a_singular_value_that_falls_below_twice_its_limit_on_the_way_is_reported_soon() {
+        let machine = machine();
+        // Upwards, where the three struts become parallel.
+        let motion = straight([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]);
+        let (pose, _) = motion.after(0.0);
+        let now = machine.at(&pose, &Vector3::zeros()).expect("a pose").smallest_singular_value();
+        let look = |share: f64| {
+            let limits = Limits { conditioning: share * now, ..Limits::NONE };
+            let planner = Planner { requested: 1.0, ..PLANNER };
+            machine.nowhere().ahead((&Vector3::zeros(), &limits), &motion, &planner)
+        };
+        // It falls by a fifth.
+        assert_eq!(look(0.49).soon.map(|fault| fault.cause), Some(Cause::ConditioningAhead));
+        assert_eq!(look(0.3).soon, None);
+    }
+
+    #[test]
     fn what_slows_on_the_way_is_reported_soon_and_nothing_brakes_before_the_latency_is_over() {
         let machine = machine();
         let motion = straight([-10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
