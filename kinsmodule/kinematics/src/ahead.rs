@@ -267,7 +267,8 @@ struct Look<'a, 'b> {
 }
 
 impl At<'_> {
-    /// Looks along a motion, at all of nine places. This and what is below move it there.
+    /// Looks along a motion, at all of nine places. It moves the machine to one after the other, as
+    /// [`At::ahead_in_turn`] and [`At::here`] do to theirs.
     pub fn ahead(
         &mut self,
         (tool, limits): (&Vector3<f64>, &Limits),

@@ -259,7 +259,7 @@ fn a_speed_ratio_is_the_largest_rate_that_a_unit_velocity_gives_a_joint() {
         let at = case.machine.at(&(case.sample)(&mut rng), &Vector3::zeros()).unwrap();
         let (ratios, jacobian) = (at.speed_ratios().unwrap(), at.inverse_jacobian().unwrap());
         for (i, ratio) in ratios.iter().enumerate() {
-            // 1e-13: a few roundings of numbers below 10.
+            // 1e-13: a few roundings of numbers below 200.
             let expected = jacobian.fixed_view::<1, 3>(i, 0).norm();
             assert!((ratio - expected).abs() < 1e-13, "{}: {ratio} {expected}", case.name);
         }

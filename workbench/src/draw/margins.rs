@@ -8,12 +8,12 @@ use crate::program::findings::Sample;
 use crate::read::machine::MachineConfig;
 use plotters::prelude::*;
 
-/// Plots of the places that a check of a program has looked at.
+/// Plots of the samples that a check of a program has looked at.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_places(config: &MachineConfig, places: &[Sample]) -> Result<Vec<Plot>, DrawError> {
-    if places.is_empty() {
+pub fn of_samples(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, DrawError> {
+    if samples.is_empty() {
         return Ok(vec![]);
     }
     let mut plots = vec![
@@ -22,18 +22,18 @@ pub fn of_places(config: &MachineConfig, places: &[Sample]) -> Result<Vec<Plot>,
             caption: "Path of the control point (isometric), by its margin to the limits of joint \
                       ranges, cones, conditioning and rod distance"
                 .into(),
-            svg: path_by_margin(places, config.length_unit())?,
+            svg: path_by_margin(samples, config.length_unit())?,
         },
         Plot {
             file: "margin.svg".into(),
             caption: "Least margin to joint ranges, cones, conditioning and rod distance".into(),
-            svg: margins(places)?,
+            svg: margins(samples)?,
         },
     ];
     for group in config.groups() {
         let name = group.kind.plural();
         let stem = name.replace(' ', "-");
-        let values = places.iter().map(|place| (place.time, &place.joints));
+        let values = samples.iter().map(|sample| (sample.time, &sample.joints));
         let frame = Frame {
             title: &first_up(name),
             x: TIME,
@@ -45,7 +45,7 @@ pub fn of_places(config: &MachineConfig, places: &[Sample]) -> Result<Vec<Plot>,
             caption: format!("{} during the program", first_up(name)),
             svg: drawn_lines(&frame, &lines(config, &group, values))?,
         });
-        let speeds = places.iter().map(|place| (place.time, &place.speeds));
+        let speeds = samples.iter().map(|sample| (sample.time, &sample.speeds));
         let frame = Frame {
             title: &format!("Speeds of {name}"),
             x: TIME,
@@ -61,28 +61,28 @@ pub fn of_places(config: &MachineConfig, places: &[Sample]) -> Result<Vec<Plot>,
     Ok(plots)
 }
 
-fn margins(places: &[Sample]) -> Result<String, DrawError> {
+fn margins(samples: &[Sample]) -> Result<String, DrawError> {
     let frame = Frame {
         title: "Least margin",
         x: TIME,
         y: "share of the limit's range",
         limits: vec![("limit".into(), 0.0)],
     };
-    let points = thin_low(places.iter().map(|place| (place.time, place.margin)));
+    let points = thin_low(samples.iter().map(|sample| (sample.time, sample.margin)));
     drawn_lines(&frame, &[Line { name: "margin".into(), points }])
 }
 
-fn path_by_margin(places: &[Sample], unit: &str) -> Result<String, DrawError> {
+fn path_by_margin(samples: &[Sample], unit: &str) -> Result<String, DrawError> {
     // Dark where it is near; grey prints apart.
     let shades = [
         ("beyond or below 2 %", 0.02, RGBColor(180, 0, 0)),
         ("below 10 %", 0.1, RGBColor(230, 120, 0)),
         ("more", f64::INFINITY, RGBColor(120, 160, 200)),
     ];
-    let point = |place: &Sample| project([place.pose[0], place.pose[1], place.pose[2]]);
-    let stride = places.len().div_ceil(20 * MOST_POINTS).max(1);
+    let point = |sample: &Sample| project([sample.pose[0], sample.pose[1], sample.pose[2]]);
+    let stride = samples.len().div_ceil(20 * MOST_POINTS).max(1);
     drawn(|root| {
-        let points: Vec<(f64, f64)> = places.iter().map(point).collect();
+        let points: Vec<(f64, f64)> = samples.iter().map(point).collect();
         let frame = Frame {
             title: "Margins along the path: X right and down, Y right and up, Z up",
             x: &format!("(X + Y) cos 30° in {unit}"),
@@ -94,8 +94,8 @@ fn path_by_margin(places: &[Sample], unit: &str) -> Result<String, DrawError> {
         chart.draw_series(line)?;
         let mut from = f64::NEG_INFINITY;
         for (name, to, colour) in shades {
-            let inside = |place: &&Sample| (from..to).contains(&place.margin);
-            let near = places.iter().step_by(stride).filter(inside).map(point);
+            let inside = |sample: &&Sample| (from..to).contains(&sample.margin);
+            let near = samples.iter().step_by(stride).filter(inside).map(point);
             chart
                 .draw_series(near.map(|at| Circle::new(at, 2, colour.filled())))?
                 .label(name)

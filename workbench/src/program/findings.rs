@@ -97,9 +97,9 @@ pub struct Preflight {
     pub accelerations: Vec<Peak>,
     /// Files and lines before which the tool offset changes while the platform is tilted.
     pub tilted_tool_changes: Vec<(usize, u32)>,
-    /// Places, where they were asked for.
+    /// Samples, where they were asked for.
     #[serde(skip)]
-    pub places: Vec<Sample>,
+    pub samples: Vec<Sample>,
 }
 
 impl Preflight {

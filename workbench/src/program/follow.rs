@@ -138,7 +138,7 @@ impl<'a> Pilot<'a> {
                 speeds: vec![],
                 accelerations: vec![],
                 tilted_tool_changes: vec![],
-                places: vec![],
+                samples: vec![],
             },
         })
     }
@@ -209,7 +209,7 @@ impl<'a> Pilot<'a> {
                     self.close(check, leg, load);
                 }
             }
-            self.keep_place(leg, middle, &pose, &way, &checks);
+            self.keep_sample(leg, middle, &pose, &way, &checks);
         }
         self.checks = checks;
         done
@@ -326,7 +326,7 @@ impl<'a> Pilot<'a> {
         worst
     }
 
-    fn keep_place(&mut self, leg: &Leg, share: f64, pose: &[f64; 6], way: &Way, checks: &[Check]) {
+    fn keep_sample(&mut self, leg: &Leg, share: f64, pose: &[f64; 6], way: &Way, checks: &[Check]) {
         if !self.keep {
             return;
         }
@@ -343,7 +343,7 @@ impl<'a> Pilot<'a> {
                 speeds[i] = 1.0 - check.seen / check.range;
             }
         }
-        self.result.places.push(Sample {
+        self.result.samples.push(Sample {
             time: self.result.time + share * leg.duration,
             line: leg.line,
             pose: *pose,

@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// Follows the moves of a program from `[TRAJ]HOME` on.
 ///
-/// `progress` is told the share that is done; `keep` makes it keep [`Preflight::places`].
+/// `progress` is told the share that is done; `keep` makes it keep [`Preflight::samples`].
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.

@@ -280,7 +280,7 @@ fn write_report(
     answer: &Answer,
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
-    let plots = margins::of_places(config, &answer.found.places)?;
+    let plots = margins::of_samples(config, &answer.found.samples)?;
     let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
     Ok(write_whole(file, &text)?)
 }
