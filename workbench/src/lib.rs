@@ -4,6 +4,7 @@
 
 pub mod calibrate;
 pub mod check;
+pub mod control;
 pub mod draw;
 pub mod files;
 pub mod limits;

@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 10] = [
+const ROOMS: [(&str, &[&str]); 11] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
     ("rows", &["read"]),
     ("proof", &["limits", "read"]),
     ("check", &["limits", "proof", "read", "rows"]),
-    ("program", &["files", "limits", "proof", "read"]),
+    ("control", &["files", "read"]),
+    ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "study"]),

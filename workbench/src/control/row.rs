@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a run of the control tells: a row in every servo cycle, messages, and its end.
+
+use kinematics::Joints;
+use serde::Serialize;
+
+/// States of a servo cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Flags {
+    /// `motion.motion-enabled`: the drives are on.
+    pub on: bool,
+    /// `pkmkins.tool-busy`: the module moves the joints for another tool offset.
+    pub tool_busy: bool,
+    /// `pkmkins.feed-inhibit`: the module holds the program.
+    pub held: bool,
+}
+
+/// One servo cycle of a program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Servo cycles since the program was started.
+    pub cycle: u64,
+    /// `motion.program-line`, counted from 1; 0 before the first move.
+    pub line: u32,
+    /// States.
+    pub flags: Flags,
+    /// Commanded pose, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees.
+    pub pose: [f64; 6],
+    /// Commanded joint values, `joint.N.pos-cmd`.
+    pub joints: Joints,
+    /// Following errors, `joint.N.f-error`, of drives that keep the joint's speed and acceleration.
+    pub errors: Joints,
+    /// What LinuxCNC allows them, `joint.N.f-error-lim`.
+    pub allowed: Joints,
+    /// Tool offset in effect, `pkmkins.tool-offset-eff-x` to `-z`, machine units.
+    pub tool: [f64; 3],
+    /// Share of the feed that the guard allows, `pkmkins.feed-scale`.
+    pub feed: f64,
+}
+
+/// Channel of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MessageKind {
+    /// An error, which stops the program.
+    Error,
+    /// A text for the operator.
+    Text,
+    /// `(MSG,...)` and the like in the program.
+    Display,
+}
+
+/// What LinuxCNC shows to the operator.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Message {
+    /// Channel.
+    pub kind: MessageKind,
+    /// Its words.
+    pub text: String,
+    /// Line of the program that moves, as in [`Row::line`].
+    pub line: u32,
+    /// Seconds since the program was started.
+    pub seconds: f64,
+}
+
+/// How a program ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ending {
+    /// It ran to its end.
+    Finished,
+    /// The control stopped it; the messages say why.
+    Stopped,
+}
+
+/// What is known after a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outcome {
+    /// How it ended.
+    pub ending: Ending,
+    /// Servo cycles from the start of the program to its end.
+    pub cycles: u64,
+    /// The same in seconds of the machine's time.
+    pub seconds: f64,
+    /// Everything the operator would have seen.
+    pub messages: Vec<Message>,
+}
