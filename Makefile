@@ -3,12 +3,12 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ python3 procps valgrind
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.
@@ -23,6 +23,12 @@ MODULES := /usr/lib/linuxcnc/modules
 HALLIB := /usr/share/linuxcnc/hallib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
+
+# LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
+VIRTUAL := target/virtual/libpkmkins-virtual.so
+VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc)
+LINUXCNC_VERSION = $(shell linuxcnc_var LINUXCNCVERSION)
+CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers
 
 # Where the command pkm goes, with its manual pages and completions.
 PREFIX := /usr/local
@@ -183,11 +189,21 @@ rust:
 module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
+# Every function of HAL and RTAPI that LinuxCNC's library has gets a substitute: those without one of
+# their own end the run by their name, so that nothing reaches the HAL of this computer.
+virtual: setup
+	@mkdir -p $(dir $(VIRTUAL))
+	@nm -D --defined-only /usr/lib/liblinuxcnchal.so.0 | \
+	    sed -nE 's/^[0-9a-f]+ T ((hal|halpr|rtapi)_[a-z0-9_]+)$$/UNCOVERED(\1)/p' > $(dir $(VIRTUAL))uncovered.inc
+	g++ $(CXXFLAGS) -shared -fPIC -fvisibility=hidden -DULAPI -DBUILT_FOR='"$(LINUXCNC_VERSION)"' \
+	    -I/usr/include/linuxcnc -I$(dir $(VIRTUAL)) -o $(VIRTUAL).new $(VIRTUAL_SOURCES)
+	@mv $(VIRTUAL).new $(VIRTUAL)
+
 header:
 	$(CARGO) run --profile host $(LOCKED) --quiet -p header -- .
 
 # A new file that is renamed: a module that is being mapped is never half-written.
-install: setup module
+install: setup module virtual
 	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES) and $(DESTDIR)$(HALLIB)"
@@ -195,13 +211,14 @@ install: setup module
 	put() { $$root install -m 644 "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
 	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" && \
 	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
+	put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" && \
 	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done
 
 uninstall:
 	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before uninstalling"; exit 1; fi
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
-	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" \
+	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
 	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))")
 
 # Apart from `install`: the computer that plans need not be the one that cuts.

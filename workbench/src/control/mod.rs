@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC itself, run without hardware in virtual time.
+//! LinuxCNC itself, run without hardware in virtual time: what it makes of a program, servo cycle by
+//! servo cycle, many times faster than the machine.
+//!
+//! The unmodified `milltask` and the modules of the configuration run in one process. The library of
+//! `workbench/virtual`, installed beside the module, stands in for HAL, RTAPI, the clock and the tool
+//! changer; the drives and the spindle are those of hal/pkmkins_sim.tcl. Nothing of the machine that may
+//! run on this computer is touched, and no file of the user's is written.
+//!
+//! [`scratch`] makes the folder of a run; [`process`] starts and ends it; [`stream`] reads what it tells.
 
+pub mod process;
+pub mod refusal;
 pub mod row;
+pub mod scratch;
+pub mod stream;

@@ -63,6 +63,13 @@ pub struct Message {
     pub seconds: f64,
 }
 
+impl Message {
+    /// Whether it tells what went wrong.
+    pub fn is_error(&self) -> bool {
+        self.kind == MessageKind::Error
+    }
+}
+
 /// How a program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -18,6 +18,7 @@ mod random;
 mod replay;
 mod rods;
 mod rows;
+mod run;
 mod sensitivity;
 mod stiffness;
 mod workspace;
@@ -74,6 +75,7 @@ commands! {
     Preflight => preflight,
     Joints => joints,
     Pose => pose,
+    Run => run,
     Replay => replay,
     Rods => rods,
     Sensitivity => sensitivity,

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm run`.
+
+use super::failure::Failure;
+use super::joints::{coordinates, joint_names};
+use super::{MachineFile, Verdict};
+use indicatif::{ProgressBar, ProgressStyle};
+use pkm::control::process::{self, Patience};
+use pkm::control::row::{Ending, MessageKind, Outcome, Row};
+use pkm::files::Locate;
+use pkm::read::machine::MachineConfig;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Runs a program by LinuxCNC itself, without hardware and faster than the machine
+///
+/// LinuxCNC's interpreter, planner and motion controller run in virtual time, with pkmkins, with drives
+/// that keep the joints' speeds and accelerations, and with a spindle that takes its time. Standard
+/// output gets what LinuxCNC says to the operator and how long the program takes. With --trace a file
+/// gets a row for every servo cycle: time, line, pose, commanded joint values, following errors, tool
+/// offset in effect and the feed that the guard allows, in machine units and degrees.
+///
+/// The machine's own files are not written, and a machine that runs on this computer is not touched.
+///
+/// Exit status: 0 where the program runs to its end, 1 where LinuxCNC stops it, 2 where it could not be
+/// run.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The program
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    program: PathBuf,
+    /// Writes every servo cycle into this file, as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    trace: Option<PathBuf>,
+    #[command(flatten)]
+    limits: Limits,
+}
+
+/// How long a program may be watched.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub struct Limits {
+    /// Gives up after this time of the machine
+    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().most_seconds)]
+    most_time: f64,
+    /// Gives up when nothing moves for this time of the machine
+    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().most_standstill)]
+    most_standstill: f64,
+}
+
+impl Limits {
+    /// The same for a run.
+    pub fn patience(self) -> Patience {
+        Patience { most_seconds: self.most_time, most_standstill: self.most_standstill }
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    File::open(&arguments.program).at(&arguments.program)?;
+    let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
+    let mut unwritten = None;
+    let progress = Progress::new(&config);
+    let outcome = process::run(&config, &arguments.program, arguments.limits.patience(), |row| {
+        progress.see(row);
+        if let Some(trace) = trace.as_mut().filter(|_| unwritten.is_none()) {
+            unwritten = trace.write(row).err();
+        }
+    });
+    drop(progress);
+    let outcome = outcome?;
+    if let Some(error) = unwritten {
+        return Err(error);
+    }
+    if let Some(trace) = trace {
+        trace.finish()?;
+    }
+    tell(&arguments.program, &outcome)?;
+    Ok(match outcome.ending {
+        Ending::Finished => Verdict::Fits,
+        Ending::Stopped => Verdict::Misfit,
+    })
+}
+
+fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    let mut out = anstream::stdout().lock();
+    for message in &outcome.messages {
+        let word = match message.kind {
+            MessageKind::Error => "error: ",
+            MessageKind::Text | MessageKind::Display => "",
+        };
+        writeln!(
+            out,
+            "{}: line {}, {:.3} s: {word}{}",
+            program.display(),
+            message.line,
+            message.seconds,
+            message.text
+        )?;
+    }
+    let ending = match outcome.ending {
+        Ending::Finished => "runs to its end in",
+        Ending::Stopped => "is stopped by LinuxCNC after",
+    };
+    writeln!(out, "{}: {ending} {:.3} s", program.display(), outcome.seconds)?;
+    Ok(())
+}
+
+/// Line and time of the machine, while the program runs.
+pub struct Progress {
+    bar: ProgressBar,
+    period: f64,
+}
+
+/// Cycles between two looks at the clock.
+const LOOK: u64 = 1000;
+
+impl Progress {
+    /// Hidden where standard error is no terminal.
+    pub fn new(config: &MachineConfig) -> Self {
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) = ProgressStyle::with_template("{spinner} running: {msg}") {
+            bar.set_style(style);
+        }
+        Self { bar, period: config.period }
+    }
+
+    /// A servo cycle.
+    pub fn see(&self, row: &Row) {
+        if row.cycle.is_multiple_of(LOOK) {
+            self.bar.set_message(format!(
+                "line {}, {:.0} s",
+                row.line,
+                row.cycle as f64 * self.period
+            ));
+            self.bar.tick();
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A file with a row for every servo cycle; it takes its name when it is whole.
+struct Trace<'a> {
+    config: &'a MachineConfig,
+    out: csv::Writer<BufWriter<tempfile::NamedTempFile>>,
+    file: &'a Path,
+}
+
+impl<'a> Trace<'a> {
+    fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new("."));
+        let part = tempfile::Builder::new().prefix(".pkm-").tempfile_in(folder).at(file)?;
+        let mut out = csv::Writer::from_writer(BufWriter::new(part));
+        let joints = joint_names(config);
+        let errors = joints.iter().map(|name| format!("{name}_error"));
+        let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
+        let tail = ["tool_x", "tool_y", "tool_z", "feed"].map(String::from);
+        out.write_record(head.chain(joints.clone()).chain(errors).chain(tail))?;
+        Ok(Self { config, out, file })
+    }
+
+    fn write(&mut self, row: &Row) -> Result<(), Failure> {
+        let joints = self.config.joints.len();
+        let time = row.cycle as f64 * self.config.period;
+        let values = row.pose.iter().chain(&row.joints[..joints]).chain(&row.errors[..joints]);
+        let values = values.chain(&row.tool).chain([&row.feed]).map(f64::to_string);
+        self.out
+            .write_record([time.to_string(), row.line.to_string()].into_iter().chain(values))?;
+        Ok(())
+    }
+
+    fn finish(self) -> Result<(), Failure> {
+        let part = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
+        let part = part.into_inner().map_err(|error| error.into_error()).at(self.file)?;
+        part.persist(self.file).map_err(|error| error.error).at(self.file)?;
+        Ok(())
+    }
+}

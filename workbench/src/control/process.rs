@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A run from its start to its end.
+
+use crate::control::refusal::{LIBRARY, NotJudged};
+use crate::control::row::{Ending, Message, Outcome, Row};
+use crate::control::scratch::Scratch;
+use crate::control::stream::{Cause, Record, Records, VERSION};
+use crate::files::Locate;
+use crate::read::machine::MachineConfig;
+use command_fds::{CommandFdExt, FdMapping};
+use std::fs::{self, File};
+use std::io::{self, BufReader, PipeReader, pipe};
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+/// Folder of LinuxCNC's modules.
+pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
+const MILLTASK: &str = "/usr/bin/milltask";
+const TCL: &str = "/usr/bin/tclsh";
+/// Prints what LinuxCNC was built as.
+const VERSIONS: &str = "/usr/bin/linuxcnc_var";
+
+/// Number of the file that the library writes its records to.
+const STREAM: i32 = 3;
+
+/// Lines of a log that are told where a run fails.
+const TAIL: usize = 4;
+
+/// Seconds of a standstill after LinuxCNC or the module has said why: nothing more is to come.
+const AFTER_ERROR: f64 = 5.0;
+
+/// How often, and after which pause, a file that is busy is tried again.
+const BUSY_TRIES: usize = 100;
+const BUSY_PAUSE: Duration = Duration::from_millis(10);
+
+/// How long a program may be watched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patience {
+    /// Seconds of the machine's time.
+    pub most_seconds: f64,
+    /// Seconds in which nothing moves.
+    pub most_standstill: f64,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { most_seconds: 86_400.0, most_standstill: 600.0 }
+    }
+}
+
+/// Runs a program and shows every servo cycle of it.
+///
+/// # Errors
+/// Why nothing is known of its motion.
+pub fn run(
+    config: &MachineConfig,
+    program: &Path,
+    patience: Patience,
+    see: impl FnMut(&Row),
+) -> Result<Outcome, NotJudged> {
+    let library = Path::new(MODULES).join(LIBRARY);
+    for file in [Path::new(MILLTASK), &library] {
+        fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
+    }
+    let scratch = Scratch::new(config)?;
+    let program = program.canonicalize().at(program)?;
+    let run = Run::start(config, &scratch, &library, &program)?;
+    run.watched(config, patience, see)
+}
+
+/// Two processes that are gone with their owner: milltask, and the HAL files' interpreter.
+struct Run<'a> {
+    scratch: &'a Scratch,
+    milltask: Child,
+    wiring: Child,
+    records: Option<PipeReader>,
+}
+
+impl<'a> Run<'a> {
+    fn start(
+        config: &MachineConfig,
+        scratch: &'a Scratch,
+        library: &Path,
+        program: &Path,
+    ) -> Result<Self, NotJudged> {
+        let (asked, ask) = pipe()?;
+        let (answered, answer) = pipe()?;
+        let (records, write) = pipe()?;
+        let log = |name: &str| {
+            let file = scratch.path().join(name);
+            File::create(&file).at(&file)
+        };
+        let wiring = Command::new(TCL)
+            .arg(scratch.wiring())
+            .arg(scratch.ini())
+            .arg(MODULES)
+            .current_dir(scratch.path())
+            .stdin(answered)
+            .stdout(ask)
+            .stderr(log("wiring.log")?)
+            .spawn()
+            .map_err(|error| NotJudged::Missing { file: TCL.into(), error })?;
+        let mut milltask = Command::new(scratch.milltask(Path::new(MILLTASK))?);
+        milltask
+            .arg("-ini")
+            .arg(scratch.ini())
+            .current_dir(scratch.path())
+            .env_clear()
+            .env("PATH", "/usr/bin:/bin")
+            .env("HOME", scratch.path())
+            .env("INI_FILE_NAME", scratch.ini())
+            .env("LD_PRELOAD", library)
+            .env("PKMKINS_VIRTUAL_FOLDER", scratch.path())
+            .env("PKMKINS_VIRTUAL_PROGRAM", program)
+            .env("PKMKINS_VIRTUAL_TOOLS", &scratch.tool_table)
+            .env(
+                "PKMKINS_VIRTUAL_RANDOM_TOOLS",
+                if config.program.random_tools { "1" } else { "0" },
+            )
+            .env("PKMKINS_VIRTUAL_STREAM", STREAM.to_string())
+            .stdin(asked)
+            .stdout(answer)
+            .stderr(log("milltask.log")?);
+        let parent_fd = OwnedFd::from(write);
+        milltask
+            .fd_mappings(vec![FdMapping { parent_fd, child_fd: STREAM }])
+            .map_err(io::Error::other)?;
+        let milltask = spawned(&mut milltask)?;
+        Ok(Self { scratch, milltask, wiring, records: Some(records) })
+    }
+
+    fn watched(
+        mut self,
+        config: &MachineConfig,
+        patience: Patience,
+        mut see: impl FnMut(&Row),
+    ) -> Result<Outcome, NotJudged> {
+        let from = self.records.take().expect("a run is watched once");
+        let mut records =
+            Records::new(BufReader::with_capacity(1 << 16, from), config.joints.len());
+        let mut watch = Watch::new(config.period, patience);
+        while let Some(record) = records.read()? {
+            match record {
+                Record::Head { version, linuxcnc } => check_version(version, &linuxcnc)?,
+                Record::Row(row) => {
+                    see(&row);
+                    if let Some(ending) = watch.row(&row)? {
+                        return Ok(watch.outcome(ending, row.cycle));
+                    }
+                }
+                Record::Message(cycle, message) => watch.message(cycle, message),
+                Record::End(cycle, _, Cause::Finished, _) => {
+                    return Ok(watch.outcome(Ending::Finished, cycle));
+                }
+                Record::End(cycle, _, Cause::Stopped, _) => {
+                    return Ok(watch.outcome(Ending::Stopped, cycle));
+                }
+                Record::End(_, _, Cause::NotJudged, text) => {
+                    return Err(NotJudged::Refused(text + &self.log("wiring.log")));
+                }
+            }
+        }
+        Err(NotJudged::Crashed(self.log("milltask.log")))
+    }
+
+    /// The last lines of a log, behind a colon.
+    fn log(&mut self, name: &str) -> String {
+        end(&mut self.wiring);
+        let text = fs::read(self.scratch.path().join(name)).unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        let tail = lines[lines.len().saturating_sub(TAIL)..].join("; ");
+        if tail.is_empty() { tail } else { format!(": {tail}") }
+    }
+}
+
+impl Drop for Run<'_> {
+    fn drop(&mut self) {
+        end(&mut self.milltask);
+        end(&mut self.wiring);
+    }
+}
+
+/// Starts a file that was just written: while any thread of this process starts another program, that one
+/// has the file open for writing for a moment.
+fn spawned(command: &mut Command) -> io::Result<Child> {
+    for _ in 0..BUSY_TRIES {
+        match command.spawn() {
+            Err(error) if error.kind() == io::ErrorKind::ExecutableFileBusy => sleep(BUSY_PAUSE),
+            result => return result,
+        }
+    }
+    command.spawn()
+}
+
+fn end(child: &mut Child) {
+    // It may have ended by itself.
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+fn check_version(version: u32, built: &str) -> Result<(), NotJudged> {
+    if version != VERSION {
+        return Err(NotJudged::OtherRecords);
+    }
+    let output = Command::new(VERSIONS).arg("LINUXCNCVERSION").stdin(Stdio::null()).output();
+    let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
+    let installed = String::from_utf8_lossy(&output.stdout).trim().to_string();
+    match installed == built {
+        true => Ok(()),
+        false => Err(NotJudged::OtherVersion { built: built.into(), installed }),
+    }
+}
+
+/// What is known so far.
+struct Watch {
+    period: f64,
+    patience: Patience,
+    messages: Vec<Message>,
+    pose: [f64; 6],
+    /// Cycle of the last motion, and its line.
+    moved: u64,
+    line: u32,
+}
+
+impl Watch {
+    fn new(period: f64, patience: Patience) -> Self {
+        Self { period, patience, messages: vec![], pose: [f64::NAN; 6], moved: 0, line: 0 }
+    }
+
+    fn seconds(&self, cycles: u64) -> f64 {
+        cycles as f64 * self.period
+    }
+
+    /// How the program ended, where it stands and will not go on.
+    fn row(&mut self, row: &Row) -> Result<Option<Ending>, NotJudged> {
+        if row.pose != self.pose {
+            (self.pose, self.moved) = (row.pose, row.cycle);
+        }
+        if row.line > 0 {
+            self.line = row.line;
+        }
+        let stands = self.seconds(row.cycle - self.moved);
+        if stands > AFTER_ERROR && row.flags.held && self.messages.iter().any(Message::is_error) {
+            return Ok(Some(Ending::Stopped));
+        }
+        if stands > self.patience.most_standstill {
+            return Err(NotJudged::Stands(self.patience.most_standstill, self.line));
+        }
+        if self.seconds(row.cycle) > self.patience.most_seconds {
+            return Err(NotJudged::TooLong(self.patience.most_seconds, self.line));
+        }
+        Ok(None)
+    }
+
+    fn message(&mut self, cycle: u64, message: Message) {
+        let seconds = self.seconds(cycle);
+        self.messages.push(Message { seconds, ..message });
+    }
+
+    fn outcome(self, ending: Ending, cycles: u64) -> Outcome {
+        Outcome { ending, cycles, seconds: self.seconds(cycles), messages: self.messages }
+    }
+}

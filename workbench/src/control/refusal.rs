@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Why LinuxCNC could not be run.
+
+use crate::files::AtFile;
+use std::io;
+use std::path::PathBuf;
+
+/// What stands in for HAL, RTAPI and the clock; beside the module.
+pub(super) const LIBRARY: &str = "libpkmkins-virtual.so";
+
+/// Why nothing is known of a program's motion.
+#[derive(Debug, thiserror::Error)]
+pub enum NotJudged {
+    /// LinuxCNC, or its part that pkmkins installs, is not there.
+    #[error("{}: {error}; `make install` installs LinuxCNC and pkmkins", .file.display())]
+    Missing {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The library was built for another LinuxCNC.
+    #[error(
+        "pkmkins was built for LinuxCNC {built}, and {installed} is installed: install pkmkins again"
+    )]
+    OtherVersion {
+        /// Version that it was built for.
+        built: String,
+        /// Version that is installed.
+        installed: String,
+    },
+    /// The library writes other records.
+    #[error("the installed {LIBRARY} is of another version of pkmkins: install both together")]
+    OtherRecords,
+    /// The INI file asks for what is not run.
+    #[error("{0}: {1}, which is not looked at here")]
+    Asked(String, &'static str),
+    /// A file of the run cannot be read or written.
+    #[error(transparent)]
+    File(#[from] AtFile<io::Error>),
+    /// The system refuses something else.
+    #[error("LinuxCNC cannot be run: {0}")]
+    System(#[from] io::Error),
+    /// LinuxCNC cannot be brought to run the program.
+    #[error("{0}")]
+    Refused(String),
+    /// It ended without a word.
+    #[error("LinuxCNC ended without an end of the program{0}")]
+    Crashed(String),
+    /// Longer than the program may be watched.
+    #[error(
+        "the program runs longer than {0} s of the machine's time (line {1}): --most-time allows more"
+    )]
+    TooLong(f64, u32),
+    /// Longer at rest than it may be.
+    #[error("nothing moves for {0} s in line {1}: --most-standstill allows more")]
+    Stands(f64, u32),
+}

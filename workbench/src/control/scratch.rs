@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
+
+use crate::control::refusal::NotJudged;
+use crate::files::{AtFile, Locate};
+use crate::read::machine::MachineConfig;
+use std::fs;
+use std::io;
+use std::path::{self, Path, PathBuf};
+use tempfile::TempDir;
+
+const DRIVER: &str = include_str!("../../virtual/driver.py");
+const WIRING: &str = include_str!("../../virtual/wiring.tcl");
+
+/// Buffers in which milltask, the tool changer and the driver meet: their names, sizes, numbers, and what
+/// LinuxCNC's own file says of them beside.
+const BUFFERS: [(&str, u32, u32, &str); 5] = [
+    ("emcCommand", 8192, 1, "queue confirm_write serial"),
+    ("emcStatus", 20480, 2, ""),
+    ("emcError", 8192, 3, "queue"),
+    ("toolCmd", 1024, 4, ""),
+    ("toolSts", 1024, 5, ""),
+];
+
+/// Who opens them: the library, which makes them, milltask, the driver.
+const OPENERS: [(&str, u32); 3] = [("pkmkins", 1), ("emc", 0), ("xemc", 0)];
+
+/// Folders of the INI file, by section and key; several are separated by colons.
+const FOLDERS: [(&str, &str); 4] = [
+    ("DISPLAY", "PROGRAM_PREFIX"),
+    ("RS274NGC", "SUBROUTINE_PATH"),
+    ("RS274NGC", "USER_M_PATH"),
+    ("WIZARD", "WIZARD_ROOT"),
+];
+
+/// What decides how a joint homes; it starts where it is at home instead.
+const HOMING: [&str; 9] = [
+    "HOME_OFFSET",
+    "HOME_SEARCH_VEL",
+    "HOME_LATCH_VEL",
+    "HOME_FINAL_VEL",
+    "HOME_ABSOLUTE_ENCODER",
+    "HOME_USE_INDEX",
+    "HOME_IS_SHARED",
+    "HOME_SEQUENCE",
+    "SIM_START",
+];
+
+/// The folder; it is gone with its owner.
+pub struct Scratch {
+    folder: TempDir,
+    /// The tool table's copy; empty where there is none.
+    pub tool_table: PathBuf,
+}
+
+impl Scratch {
+    /// Makes it.
+    ///
+    /// # Errors
+    /// A file cannot be read or written, or the INI file asks for what is not run.
+    pub fn new(config: &MachineConfig) -> Result<Self, NotJudged> {
+        refuse_others(config)?;
+        Ok(Self::made(config)?)
+    }
+
+    fn made(config: &MachineConfig) -> Result<Self, AtFile<io::Error>> {
+        let folder = TempDir::with_prefix("pkm-").at(&std::env::temp_dir())?;
+        let tool_table = match &config.program.tool_table {
+            Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
+            None => PathBuf::new(),
+        };
+        let scratch = Self { folder, tool_table };
+        match &config.program.parameter_file {
+            Some(stored) if stored.exists() => drop(copied(stored, &scratch.parameters())?),
+            _ => write(&scratch.parameters(), "")?,
+        }
+        write(&scratch.ini(), &scratch.ini_text(config)?)?;
+        write(&scratch.path().join("driver.py"), DRIVER)?;
+        write(&scratch.wiring(), WIRING)?;
+        write(&scratch.path().join("buffers.nml"), &buffers())?;
+        Ok(scratch)
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// The INI file that LinuxCNC reads.
+    pub fn ini(&self) -> PathBuf {
+        self.path().join("machine.ini")
+    }
+
+    /// A copy of milltask by another name: LinuxCNC ends every process of its own name when it stops.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn milltask(&self, original: &Path) -> Result<PathBuf, AtFile<io::Error>> {
+        copied(original, &self.path().join("pkm-control"))
+    }
+
+    /// The script that carries out the HAL files.
+    pub fn wiring(&self) -> PathBuf {
+        self.path().join("wiring.tcl")
+    }
+
+    fn parameters(&self) -> PathBuf {
+        self.path().join("parameters.var")
+    }
+
+    /// The machine's INI file with the files and folders of the run; every joint homes at once, where it is.
+    fn ini_text(&self, config: &MachineConfig) -> Result<String, AtFile<io::Error>> {
+        let home = path::absolute(&config.file).at(&config.file)?;
+        let home = home.parent().unwrap_or(Path::new("/"));
+        let mut text = String::new();
+        let mut section = String::new();
+        for line in config.program.expanded.as_deref().unwrap_or(config.ini.text()).lines() {
+            let trimmed = line.trim();
+            let heading = trimmed.strip_prefix('[').and_then(|rest| rest.split_once(']'));
+            if let Some((name, _)) = heading {
+                section = name.into();
+                text += &format!("{line}\n{}", self.added(config, &section));
+                continue;
+            }
+            let key = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim()));
+            let replaced = key.map(|(key, value)| self.replaced(&section, key, value, home));
+            text +=
+                &replaced.unwrap_or_else(|| Some(line.into())).map_or(String::new(), |l| l + "\n");
+        }
+        Ok(text)
+    }
+
+    /// What stands at the head of a section.
+    fn added(&self, config: &MachineConfig, section: &str) -> String {
+        let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
+        match (section, joint.and_then(|n| config.joints.get(n))) {
+            ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
+            (_, Some(joint)) => format!(
+                "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",
+                joint.home
+            ),
+            _ => String::new(),
+        }
+    }
+
+    /// A line of the INI file as the run needs it; `None` for one that it must not see.
+    fn replaced(&self, section: &str, key: &str, value: &str, home: &Path) -> Option<String> {
+        let said = |value: String| Some(format!("{key} = {value}"));
+        match (section, key) {
+            ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
+            ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
+            ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
+            _ if FOLDERS.contains(&(section, key)) => {
+                let folders = value.split(':').map(|name| home.join(name).display().to_string());
+                said(folders.collect::<Vec<_>>().join(":"))
+            }
+            _ if section.starts_with("JOINT_") && HOMING.contains(&key) => None,
+            _ => said(value.into()),
+        }
+    }
+}
+
+fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
+    fs::write(file, text).at(file)
+}
+
+fn copied(from: &Path, to: &Path) -> Result<PathBuf, AtFile<io::Error>> {
+    fs::copy(from, to).at(from)?;
+    Ok(to.into())
+}
+
+fn buffers() -> String {
+    let buffer = |(name, size, number, words): (&str, u32, u32, &str)| {
+        format!("B {name} LOCMEM localhost {size} 0 0 {number} 16 {words}\n")
+    };
+    let opener = |(name, master): (&str, u32)| -> String {
+        let line =
+            |buffer: &str| format!("P {name} {buffer} LOCAL localhost RW 0 1.0 {master} 0\n");
+        BUFFERS.iter().map(|(buffer, ..)| line(buffer)).collect()
+    };
+    BUFFERS.into_iter().map(buffer).chain(OPENERS.into_iter().map(opener)).collect()
+}
+
+/// Refuses what would run other programs of the user's, whose part in the motion is not known.
+fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
+    let given = |section: &str, key: &str| {
+        config.ini.as_inivar(section, key).map(|value| format!("[{section}]{key} = {value}"))
+    };
+    let python = config.ini.as_inivar("PYTHON", "TOPLEVEL").is_some();
+    let found = [
+        given("EMCIO", "DB_PROGRAM").map(|key| (key, "a program of its own keeps the tools")),
+        given("RS274NGC", "REMAP").map(|key| (key, "remapped codes are not run")),
+        given("HAL", "HALUI")
+            .map(|key| (key, "what HALUI does to a program hangs on other HAL files")),
+        python.then(|| given("PYTHON", "TOPLEVEL")).flatten().map(|key| (key, "it would be run")),
+    ];
+    match found.into_iter().flatten().next() {
+        Some((key, why)) => Err(NotJudged::Asked(key, why)),
+        None => Ok(()),
+    }
+}

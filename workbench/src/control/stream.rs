@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The records that a run writes (workbench/virtual/record.cc describes them).
+
+use crate::control::row::{Flags, Message, MessageKind, Row};
+use kinematics::MAX_JOINTS;
+use std::io::{self, Read};
+
+/// Version of the records that is read here.
+pub const VERSION: u32 = 1;
+
+const HEAD: u32 = 1;
+const ROW: u32 = 2;
+const MESSAGE: u32 = 3;
+const END: u32 = 4;
+
+/// No record is longer: a row of as many joints as LinuxCNC has, or a message.
+const LONGEST: usize = 1 << 16;
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The program came to its end.
+    Finished,
+    /// LinuxCNC stopped it.
+    Stopped,
+    /// It could not be run; the text says why.
+    NotJudged,
+}
+
+/// One record.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "nearly all are rows, and none is kept")]
+pub enum Record {
+    /// The first one.
+    Head {
+        /// Version of the records.
+        version: u32,
+        /// LinuxCNC that the library was built for.
+        linuxcnc: String,
+    },
+    /// A servo cycle.
+    Row(Row),
+    /// What LinuxCNC tells the operator; its time is still in cycles.
+    Message(u64, Message),
+    /// The last one: cycles, line, cause, text.
+    End(u64, u32, Cause, String),
+}
+
+/// Reads records of a machine with so many joints.
+pub struct Records<R> {
+    from: R,
+    joints: usize,
+    bytes: Vec<u8>,
+}
+
+impl<R: Read> Records<R> {
+    /// Records from a buffered reader.
+    pub fn new(from: R, joints: usize) -> Self {
+        Self { from, joints, bytes: vec![] }
+    }
+
+    /// The next record; `None` where there are no more.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none.
+    pub fn read(&mut self) -> io::Result<Option<Record>> {
+        let mut head = [0; 8];
+        if self.from.read(&mut head[..1])? == 0 {
+            return Ok(None);
+        }
+        self.from.read_exact(&mut head[1..])?;
+        let [kind, bytes] =
+            [0, 4].map(|at| u32::from_ne_bytes(std::array::from_fn(|n| head[at + n])));
+        if bytes as usize > LONGEST {
+            return Err(malformed());
+        }
+        self.bytes.resize(bytes as usize, 0);
+        self.from.read_exact(&mut self.bytes)?;
+        let mut fields = Fields(&self.bytes);
+        let record = match kind {
+            HEAD => head_of(&fields.text()),
+            ROW => fields.row(self.joints).map(Record::Row),
+            MESSAGE => fields.message(),
+            END => fields.end(),
+            _ => None,
+        };
+        record.map(Some).ok_or_else(malformed)
+    }
+}
+
+fn malformed() -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, "a record is malformed")
+}
+
+fn head_of(text: &str) -> Option<Record> {
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+    Some(Record::Head {
+        version: value("version")?.parse().ok()?,
+        linuxcnc: value("linuxcnc")?.into(),
+    })
+}
+
+/// The fields of a record, one after another.
+struct Fields<'a>(&'a [u8]);
+
+impl Fields<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (first, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*first)
+    }
+
+    fn cycle(&mut self) -> Option<u64> {
+        self.take().map(u64::from_ne_bytes)
+    }
+
+    /// LinuxCNC has lines below 0 for what is in no program.
+    fn line(&mut self) -> Option<u32> {
+        self.take().map(|bytes| i32::from_ne_bytes(bytes).max(0) as u32)
+    }
+
+    fn number(&mut self) -> Option<u32> {
+        self.take().map(u32::from_ne_bytes)
+    }
+
+    fn value(&mut self) -> Option<f64> {
+        self.take().map(f64::from_ne_bytes)
+    }
+
+    fn values<const N: usize>(&mut self, count: usize) -> Option<[f64; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values[..count] {
+            *value = self.value()?;
+        }
+        Some(values)
+    }
+
+    fn text(&self) -> String {
+        String::from_utf8_lossy(self.0).into_owned()
+    }
+
+    fn row(&mut self, joints: usize) -> Option<Row> {
+        let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
+        Some(Row {
+            cycle,
+            line,
+            flags: Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 },
+            feed: self.value()?,
+            pose: self.values(6)?,
+            tool: self.values(3)?,
+            joints: self.values::<MAX_JOINTS>(joints)?,
+            errors: self.values::<MAX_JOINTS>(joints)?,
+            allowed: self.values::<MAX_JOINTS>(joints)?,
+        })
+    }
+
+    fn message(&mut self) -> Option<Record> {
+        let (cycle, line, kind) = (self.cycle()?, self.line()?, self.number()?);
+        let kind =
+            *[MessageKind::Error, MessageKind::Text, MessageKind::Display].get(kind as usize)?;
+        let text = self.text().trim_end().into();
+        Some(Record::Message(cycle, Message { kind, text, line, seconds: 0.0 }))
+    }
+
+    fn end(&mut self) -> Option<Record> {
+        let (cycle, line, cause) = (self.cycle()?, self.line()?, self.number()?);
+        let cause = *[Cause::Finished, Cause::Stopped, Cause::NotJudged].get(cause as usize)?;
+        Some(Record::End(cycle, line, cause, self.text()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(kind: u32, payload: &[&[u8]]) -> Vec<u8> {
+        let payload = payload.concat();
+        [&kind.to_ne_bytes()[..], &(payload.len() as u32).to_ne_bytes(), &payload].concat()
+    }
+
+    #[test]
+    fn records_come_back_as_they_were_written() {
+        let values: Vec<u8> = (1..=16).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let bytes = [
+            record(HEAD, &[b"version=1\nlinuxcnc=2.9\n"]),
+            record(
+                ROW,
+                &[&7_u64.to_ne_bytes(), &(-1_i32).to_ne_bytes(), &5_u32.to_ne_bytes(), &values],
+            ),
+            record(END, &[&9_u64.to_ne_bytes(), &4_i32.to_ne_bytes(), &1_u32.to_ne_bytes(), b"so"]),
+        ]
+        .concat();
+        let mut records = Records::new(bytes.as_slice(), 2);
+        let head = Record::Head { version: 1, linuxcnc: "2.9".into() };
+        assert_eq!(records.read().unwrap(), Some(head));
+        let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
+        assert_eq!(
+            (row.cycle, row.line, row.feed, row.pose[5], row.tool[2]),
+            (7, 0, 1.0, 7.0, 10.0)
+        );
+        assert_eq!((row.flags.on, row.flags.tool_busy, row.flags.held), (true, false, true));
+        assert_eq!((row.joints[1], row.errors[0], row.allowed[1]), (12.0, 13.0, 16.0));
+        assert_eq!(records.read().unwrap(), Some(Record::End(9, 4, Cause::Stopped, "so".into())));
+        assert_eq!(records.read().unwrap(), None);
+    }
+
+    #[test]
+    fn what_is_cut_off_or_is_no_record_is_an_error() {
+        let whole = record(ROW, &[&[0; 16 + 16 * 8]]);
+        assert!(Records::new(whole.as_slice(), 2).read().is_ok());
+        assert!(Records::new(whole.as_slice(), 3).read().is_err());
+        assert!(Records::new(&whole[..whole.len() - 1], 2).read().is_err());
+        assert!(Records::new(record(9, &[]).as_slice(), 2).read().is_err());
+        assert!(Records::new([0xff; 8].as_slice(), 2).read().is_err());
+    }
+}

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The operator: switches the machine on, homes it, opens the program and runs it.
+
+Runs in the Python that milltask has for itself, called by start.cc: `step()` now and then between two
+cycles of milltask, and at once when there is a message for the operator. To wait is to return.
+"""
+
+import ctypes
+import os
+
+import linuxcnc
+
+linuxcnc.nmlfile = os.environ["PKMKINS_VIRTUAL_FOLDER"] + "/buffers.nml"
+PROGRAM = os.environ["PKMKINS_VIRTUAL_PROGRAM"]
+LIBRARY = ctypes.CDLL(None)
+COMMAND, STATUS, MESSAGES = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
+FINISHED, STOPPED, NOT_JUDGED = range(3)
+# LinuxCNC's numbers of its messages to the operator: NML_ERROR and OPERATOR_ERROR, the texts, displays.
+ERRORS = (linuxcnc.NML_ERROR, linuxcnc.OPERATOR_ERROR)
+KINDS = {linuxcnc.NML_ERROR: 0, linuxcnc.OPERATOR_ERROR: 0, linuxcnc.NML_TEXT: 1, linuxcnc.OPERATOR_TEXT: 1,
+         linuxcnc.NML_DISPLAY: 2, linuxcnc.OPERATOR_DISPLAY: 2}
+# Looks until something that takes no motion has to be done: far more than any of them takes.
+PATIENCE = 2000
+
+
+class Operator:
+    """What is done, as a generator that goes on with every look at the machine."""
+
+    def __init__(self):
+        self.errors = []
+        self.running = False
+
+    def reached(self, condition, what):
+        for _ in range(PATIENCE):
+            if condition():
+                return
+            yield
+        end(NOT_JUDGED, f"LinuxCNC does not get to {what}: {'; '.join(self.errors)}")
+
+    def made_ready(self):
+        yield
+        COMMAND.state(linuxcnc.STATE_ESTOP_RESET)
+        yield from self.reached(lambda: STATUS.task_state != linuxcnc.STATE_ESTOP, "the end of the estop")
+        COMMAND.state(linuxcnc.STATE_ON)
+        yield from self.reached(lambda: STATUS.task_state == linuxcnc.STATE_ON, "machine on")
+        COMMAND.mode(linuxcnc.MODE_MANUAL)
+        yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_MANUAL, "manual mode")
+        COMMAND.home(-1)
+        yield from self.reached(lambda: all(STATUS.homed[:STATUS.joints]) and STATUS.inpos, "home")
+        COMMAND.teleop_enable(1)
+        yield from self.reached(lambda: STATUS.motion_mode == linuxcnc.TRAJ_MODE_TELEOP, "world mode")
+        COMMAND.mode(linuxcnc.MODE_AUTO)
+        yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_AUTO, "automatic mode")
+
+    def script(self):
+        yield from self.made_ready()
+        if self.errors:
+            end(NOT_JUDGED, f"LinuxCNC refuses the machine: {'; '.join(self.errors)}")
+        LIBRARY.virtual_record()
+        self.running = True
+        COMMAND.program_open(PROGRAM)
+        yield
+        COMMAND.auto(linuxcnc.AUTO_RUN, 0)
+        yield
+        while not self.is_over():
+            if STATUS.interp_state == linuxcnc.INTERP_PAUSED:
+                # M0, M1, M60: the operator presses the button at once.
+                COMMAND.auto(linuxcnc.AUTO_RESUME)
+            yield
+        end(STOPPED if self.errors else FINISHED, "")
+
+    @staticmethod
+    def is_over():
+        is_idle = STATUS.interp_state == linuxcnc.INTERP_IDLE and STATUS.state != linuxcnc.RCS_EXEC
+        return STATUS.task_state != linuxcnc.STATE_ON or (is_idle and STATUS.inpos)
+
+    def listen(self):
+        while message := MESSAGES.poll():
+            kind, text = message
+            if kind in ERRORS:
+                self.errors.append(text)
+            LIBRARY.virtual_message(KINDS[kind], text.encode())
+
+
+def end(cause, text):
+    LIBRARY.virtual_end(cause, text.encode())
+
+
+OPERATOR = Operator()
+SCRIPT = OPERATOR.script()
+
+
+def step():
+    STATUS.poll()
+    OPERATOR.listen()
+    next(SCRIPT)

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// RTAPI for one process: shared memory that only it sees, messages, the virtual clock.
+
+#include "virtual.h"
+
+#include <errno.h>
+#include <stdarg.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+namespace {
+std::map<int, void *> &shared() {
+    static std::map<int, void *> memory;
+    return memory;
+}
+
+rtapi_msg_handler_t handler = nullptr;
+int level = RTAPI_MSG_ERR;
+
+// Standard error is kept by whoever started the run, to be told where it fails.
+void print(msg_level_t of, const char *format, va_list arguments) {
+    if (of <= level) {
+        std::vfprintf(stderr, format, arguments);
+    }
+}
+}
+
+REPLACES int rtapi_init(const char *) {
+    static int last = 0;
+    return ++last;
+}
+REPLACES int rtapi_exit(int) { return 0; }
+REPLACES int rtapi_shmem_new(int key, int, unsigned long size) {
+    void *&memory = shared()[key];
+    if (!memory) {
+        memory = std::calloc(1, size);
+    }
+    return memory ? key : -ENOMEM;
+}
+REPLACES int rtapi_shmem_getptr(int handle, void **memory) {
+    const auto found = shared().find(handle);
+    if (found == shared().end()) {
+        return -EINVAL;
+    }
+    *memory = found->second;
+    return 0;
+}
+REPLACES int rtapi_shmem_delete(int, int) { return 0; }
+
+REPLACES long long rtapi_get_time(void) { return clock_::now(); }
+REPLACES long long rtapi_get_clocks(void) { return clock_::now(); }
+REPLACES void rtapi_delay(long) {}
+REPLACES long rtapi_delay_max(void) { return 10'000; }
+
+REPLACES void rtapi_set_msg_handler(rtapi_msg_handler_t wanted) { handler = wanted; }
+REPLACES rtapi_msg_handler_t rtapi_get_msg_handler(void) { return handler ? handler : print; }
+REPLACES int rtapi_set_msg_level(int wanted) {
+    level = wanted;
+    return 0;
+}
+REPLACES int rtapi_get_msg_level(void) { return level; }
+REPLACES void rtapi_print_msg(msg_level_t of, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    (handler ? handler : print)(of, format, arguments);
+    va_end(arguments);
+}
+REPLACES void rtapi_print(const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    (handler ? handler : print)(RTAPI_MSG_ALL, format, arguments);
+    va_end(arguments);
+}
+REPLACES int rtapi_snprintf(char *text, unsigned long size, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = std::vsnprintf(text, size, format, arguments);
+    va_end(arguments);
+    return length;
+}
+REPLACES int rtapi_vsnprintf(char *text, unsigned long size, const char *format, va_list arguments) {
+    return std::vsnprintf(text, size, format, arguments);
+}

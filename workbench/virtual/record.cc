@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What happens, as a stream of records for whoever started the run:
+//
+//     u32 kind, u32 bytes that follow, then
+//     1 head      text, lines of KEY=VALUE; once, first
+//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), f64 feed, pose[6],
+//                 tool[3], then for every joint command, following error and what is allowed of it
+//     3 message   u64 cycle, i32 line, u32 kind (LinuxCNC's number), text
+//     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
+//
+// Numbers are as the computer has them; cycles count from the start of the program.
+
+#include "virtual.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <vector>
+
+namespace {
+constexpr int VERSION = 1;
+constexpr size_t BLOCK = 1 << 16;
+constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4;
+
+struct Joint {
+    const double *command, *error, *allowed;
+};
+
+int out = -1;
+std::vector<char> block;
+bool is_recording = false;
+long started = 0;
+int last_line = 0;
+
+const int *line_pin;
+const bool *on_pin, *busy_pin, *held_pin;
+const double *feed_pin;
+const double *pose_pins[6], *tool_pins[3];
+double last_pose[6];
+std::vector<Joint> joints;
+
+void flush() {
+    for (size_t done = 0; done < block.size();) {
+        const ssize_t count = write(out, block.data() + done, block.size() - done);
+        if (count < 0 && errno != EINTR) {
+            // Nobody reads any more.
+            _exit(1);
+        }
+        done += count > 0 ? static_cast<size_t>(count) : 0;
+    }
+    block.clear();
+}
+
+template <typename T> void put(const T &value) {
+    const char *bytes = reinterpret_cast<const char *>(&value);
+    block.insert(block.end(), bytes, bytes + sizeof value);
+}
+
+void put_head(unsigned kind, size_t bytes) {
+    put(static_cast<uint32_t>(kind));
+    put(static_cast<uint32_t>(bytes));
+}
+
+uint64_t cycle_of_program() { return is_recording ? static_cast<uint64_t>(clock_::cycles() - started) : 0; }
+
+void put_text(unsigned kind, unsigned number, const std::string &text) {
+    put_head(kind, sizeof(uint64_t) + 2 * sizeof(uint32_t) + text.size());
+    put(cycle_of_program());
+    put(static_cast<int32_t>(last_line));
+    put(static_cast<uint32_t>(number));
+    block.insert(block.end(), text.begin(), text.end());
+    flush();
+}
+
+template <typename T> const T *needed(const std::string &name) {
+    const T *pin = pins::find<T>(name);
+    if (!pin) {
+        give_up("there is no pin %s", name.c_str());
+    }
+    return pin;
+}
+
+// The line that moves, or moved last: LinuxCNC forgets it when it aborts.
+void follow_line() {
+    bool moves = false;
+    for (int n = 0; n < 6; n++) {
+        moves |= last_pose[n] != *pose_pins[n];
+        last_pose[n] = *pose_pins[n];
+    }
+    if (moves && *line_pin > 0) {
+        last_line = *line_pin;
+    }
+}
+}
+
+namespace record {
+void open(int descriptor) {
+    out = descriptor;
+    const std::string text = "version=" + std::to_string(VERSION) + "\nlinuxcnc=" BUILT_FOR "\n";
+    put_head(HEAD, text.size());
+    block.insert(block.end(), text.begin(), text.end());
+    flush();
+}
+
+void find_pins() {
+    line_pin = needed<int>("motion.program-line");
+    on_pin = needed<bool>("motion.motion-enabled");
+    busy_pin = needed<bool>("pkmkins.tool-busy");
+    held_pin = needed<bool>("pkmkins.feed-inhibit");
+    feed_pin = needed<double>("pkmkins.feed-scale");
+    for (int n = 0; n < 6; n++) {
+        pose_pins[n] = needed<double>(std::string("axis.") + "xyzabc"[n] + ".pos-cmd");
+    }
+    for (int n = 0; n < 3; n++) {
+        tool_pins[n] = needed<double>(std::string("pkmkins.tool-offset-eff-") + "xyz"[n]);
+    }
+    for (int n = 0;; n++) {
+        const std::string joint = "joint." + std::to_string(n);
+        if (!pins::find_any(joint + ".pos-cmd")) {
+            break;
+        }
+        joints.push_back({needed<double>(joint + ".pos-cmd"), needed<double>(joint + ".f-error"),
+                          needed<double>(joint + ".f-error-lim")});
+    }
+}
+
+void cycle() {
+    if (!is_recording) {
+        return;
+    }
+    follow_line();
+    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (10 + 3 * joints.size()));
+    put(cycle_of_program());
+    put(static_cast<int32_t>(*line_pin));
+    put(static_cast<uint32_t>(*on_pin | *busy_pin << 1 | *held_pin << 2));
+    put(*feed_pin);
+    for (const double *pin : pose_pins) {
+        put(*pin);
+    }
+    for (const double *pin : tool_pins) {
+        put(*pin);
+    }
+    for (const Joint &joint : joints) {
+        put(*joint.command);
+    }
+    for (const Joint &joint : joints) {
+        put(*joint.error);
+    }
+    for (const Joint &joint : joints) {
+        put(*joint.allowed);
+    }
+    if (block.size() > BLOCK) {
+        flush();
+    }
+}
+
+void end(End cause, const std::string &text) {
+    put_text(END, static_cast<unsigned>(cause), text);
+    _exit(0);
+}
+}
+
+void give_up(const char *format, ...) {
+    char text[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    std::vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    record::end(record::End::not_judged, text);
+}
+
+FOR_DRIVER void virtual_record() {
+    is_recording = true;
+    started = clock_::cycles();
+}
+FOR_DRIVER void virtual_message(unsigned kind, const char *text) { put_text(MESSAGE, kind, text); }
+FOR_DRIVER void virtual_end(unsigned cause, const char *text) {
+    record::end(static_cast<record::End>(cause), text);
+}

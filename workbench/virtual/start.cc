@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// LinuxCNC in virtual time: this library is preloaded into an unmodified milltask. Before milltask's own
+// code runs, it loads the modules of the configuration into the same process; HAL, RTAPI and the clock are
+// its own, so that nothing of a machine that runs on this computer is touched.
+
+#include "virtual.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <nml.hh>
+#include <nmlmsg.hh>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <cstring>
+
+namespace environment {
+const char *value(const char *name) {
+    const char *value = getenv(name);
+    return value ? value : "";
+}
+const char *folder() { return value("PKMKINS_VIRTUAL_FOLDER"); }
+}
+
+// ---- the driver: Python in the interpreter that milltask has for itself
+
+namespace {
+int (*run_python)(const char *) = nullptr;
+bool has_news = false;
+// Cycles of milltask between two looks of the driver, which cost as much as several cycles each.
+constexpr int LOOK = 10;
+int waited = LOOK;
+
+void python(const std::string &text) {
+    if (run_python(text.c_str()) != 0) {
+        give_up("the driver failed");
+    }
+}
+
+void start_driver() {
+    run_python = reinterpret_cast<int (*)(const char *)>(dlsym(RTLD_DEFAULT, "PyRun_SimpleString"));
+    if (!run_python) {
+        give_up("milltask has no Python");
+    }
+    python(std::string("exec(open('") + environment::folder() + "/driver.py').read())");
+}
+}
+
+namespace driver {
+void step() {
+    if (!run_python) {
+        start_driver();
+    }
+    if (++waited >= LOOK || has_news) {
+        waited = 0;
+        has_news = false;
+        python("step()");
+    }
+}
+}
+
+// NML::write(NMLmsg &): a message to the operator wakes the driver, so that it comes with its cycle.
+extern "C" __attribute__((visibility("default"))) int write_message(void *, NMLmsg *, int *) __asm__(
+    "_ZN3NML5writeEP6NMLmsgPi");
+extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
+    static const auto write =
+        reinterpret_cast<int (*)(void *, NMLmsg *, int *)>(dlsym(RTLD_NEXT, "_ZN3NML5writeEP6NMLmsgPi"));
+    // EMC_OPERATOR_ERROR, _TEXT and _DISPLAY.
+    has_news |= message->type >= 11 && message->type <= 13;
+    return write(channel, message, serial);
+}
+
+// ---- no other process, and no memory of another one
+
+// M100 to M199 are programs of the user's.
+REPLACES pid_t vfork(void) { give_up("the program starts another program (M100 to M199), which is not run"); }
+REPLACES pid_t fork(void) { give_up("the program starts another program (M100 to M199), which is not run"); }
+REPLACES int shmget(int, size_t, int) {
+    errno = EPERM;
+    return -1;
+}
+REPLACES int semget(int, int, int) {
+    errno = EPERM;
+    return -1;
+}
+
+namespace {
+struct Start {
+    Start() {
+        if (std::strcmp(program_invocation_short_name, "pkm-control") != 0) {
+            return;
+        }
+        unsetenv("LD_PRELOAD");
+        // Whoever reads the records may be killed.
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        record::open(std::atoi(environment::value("PKMKINS_VIRTUAL_STREAM")));
+        changer::export_pins();
+        changer::open_buffers();
+        changer::open_tool_data();
+        wiring::follow();
+        record::find_pins();
+    }
+} start;
+}

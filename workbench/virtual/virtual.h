@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What the files of the library know of each other.
+#pragma once
+
+#include <hal.h>
+#include <rtapi.h>
+
+#include <string>
+
+// What LinuxCNC finds in place of its own.
+#define REPLACES extern "C" __attribute__((visibility("default")))
+// What the driver calls.
+#define FOR_DRIVER extern "C" __attribute__((visibility("default")))
+
+namespace clock_ {
+// Nanoseconds of virtual time since the start.
+long long now();
+// Servo cycles since the start.
+long cycles();
+void set_period(unsigned long nanoseconds);
+// Lets virtual time pass; calls the servo thread whenever a cycle is due.
+void advance(double seconds);
+}
+
+namespace pins {
+// A pin or parameter; null if there is none.
+template <typename T> T *find(const std::string &name);
+void *find_any(const std::string &name);
+// Sets a pin or parameter from its text; false if there is none, or if the text means nothing to it.
+bool set(const std::string &name, const std::string &text);
+// Names of pins, separated by blanks, that match a shell pattern.
+std::string names_like(const std::string &pattern);
+// Puts a pin on a signal.
+bool net(const std::string &signal, const std::string &pin);
+template <typename T> T *find(const std::string &name) { return static_cast<T *>(find_any(name)); }
+int add(const std::string &name, hal_type_t type, bool is_output, void **where);
+}
+
+namespace thread {
+bool add(const std::string &function);
+void run(long period);
+}
+
+namespace wiring {
+// Loads modules, sets pins and makes nets as standard input says; ends the run where that fails.
+void follow();
+}
+
+namespace changer {
+void export_pins();
+// The buffers of all, in memory that the first who opens them makes.
+void open_buffers();
+// The tool data that milltask expects to find when it starts.
+void open_tool_data();
+void step();
+}
+
+namespace record {
+void open(int descriptor);
+// Names the pins of the rows, once everything is loaded.
+void find_pins();
+void cycle();
+enum class End : unsigned { finished = 0, stopped = 1, not_judged = 2 };
+// Writes the last record and ends the process.
+[[noreturn]] void end(End cause, const std::string &text);
+}
+
+namespace environment {
+// What the command has set in the environment.
+const char *folder();
+const char *value(const char *name);
+}
+
+[[noreturn]] void give_up(const char *format, ...) __attribute__((format(printf, 1, 2)));
