@@ -11,7 +11,7 @@ use command_fds::{CommandFdExt, FdMapping};
 use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
