@@ -29,7 +29,7 @@ const VERSIONS: &str = "/usr/bin/linuxcnc_var";
 const STREAM: i32 = 3;
 
 /// Lines of a log that are told where a run fails.
-const TAIL: usize = 4;
+const LINES: usize = 4;
 
 /// Seconds of a standstill after LinuxCNC or the module has said why: nothing more is to come.
 const AFTER_ERROR: f64 = 5.0;
@@ -171,21 +171,31 @@ impl<'a> Run<'a> {
                     return Ok(watch.outcome(Ending::Stopped, cycle));
                 }
                 Record::End(_, _, Cause::NotJudged, text) => {
-                    return Err(NotJudged::Refused(text + &self.log("wiring.log")));
+                    return Err(NotJudged::Refused(text + &self.complaint()));
                 }
             }
         }
-        Err(NotJudged::Crashed(self.log("milltask.log")))
+        Err(NotJudged::Crashed(self.last_words()))
     }
 
-    /// The last lines of a log, behind a colon.
-    fn log(&mut self, name: &str) -> String {
-        end(&mut self.wiring);
+    /// What the HAL files complain of: Tcl tells the reason first, and then where.
+    fn complaint(&mut self) -> String {
+        // It has seen the end of milltask, and tells what it has to.
+        let _ = self.wiring.wait();
+        let lines = self.log("wiring.log");
+        told(&lines[..lines.len().min(LINES)])
+    }
+
+    /// What LinuxCNC said last.
+    fn last_words(&self) -> String {
+        let lines = self.log("milltask.log");
+        told(&lines[lines.len().saturating_sub(LINES)..])
+    }
+
+    fn log(&self, name: &str) -> Vec<String> {
         let text = fs::read(self.scratch.path().join(name)).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
-        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
-        let tail = lines[lines.len().saturating_sub(TAIL)..].join("; ");
-        if tail.is_empty() { tail } else { format!(": {tail}") }
+        text.lines().filter(|line| !line.trim().is_empty()).map(String::from).collect()
     }
 }
 
@@ -194,6 +204,10 @@ impl Drop for Run<'_> {
         end(&mut self.milltask);
         end(&mut self.wiring);
     }
+}
+
+fn told(lines: &[String]) -> String {
+    if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ")) }
 }
 
 /// Starts a file that was just written: while any thread of this process starts another program, that one

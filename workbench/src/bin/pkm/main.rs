@@ -27,7 +27,7 @@ use clap::{Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{ProgressBar, ProgressStyle};
 use kinematics::{Letter, Pose};
-use pkm::files::Locate;
+use pkm::files::{Locate, leave_nothing};
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
@@ -41,7 +41,15 @@ const STEPS: u64 = 1000;
 /// Of what shows that something goes on.
 const TICK: Duration = Duration::from_millis(100);
 
+/// What a shell takes for "interrupted".
+const INTERRUPTED: i32 = 130;
+
 fn main() -> ExitCode {
+    // Where the system refuses a handler, an interruption still ends the command.
+    let _ = ctrlc::set_handler(|| {
+        leave_nothing();
+        std::process::exit(INTERRUPTED);
+    });
     Cli::parse().run()
 }
 
