@@ -2,7 +2,7 @@
 //! LinuxCNC in virtual time, as `make install` has installed it.
 
 use crate::shipped::{self, MACHINES};
-use pkm::control::process::{self, Patience};
+use pkm::control::process::{self, Options};
 use pkm::control::refusal::NotJudged;
 use pkm::control::row::{Ending, MessageKind, Outcome, Row};
 use std::fs;
@@ -22,14 +22,14 @@ fn programs(machine: &str) -> Vec<PathBuf> {
 fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let config = shipped::config(machine);
-    let outcome = process::run(&config, program, Patience::default(), |row| rows.push(*row));
+    let outcome = process::run(&config, program, &Options::default(), |row| rows.push(*row));
     (outcome.unwrap(), rows)
 }
 
-fn run_text(machine: &str, text: &str, patience: Patience) -> Result<Outcome, NotJudged> {
+fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    process::run(&shipped::config(machine), file.path(), patience, |_| ())
+    process::run(&shipped::config(machine), file.path(), options, |_| ())
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn the_same_program_gives_the_same_rows_also_in_several_runs_at_once() {
 #[test]
 fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
     let text = "G21 G90 G61\nG1 F3000 X10\nX0\nX500\nM2\n";
-    let outcome = run_text("hexapod", text, Patience::default()).unwrap();
+    let outcome = run_text("hexapod", text, &Options::default()).unwrap();
     assert_eq!(outcome.ending, Ending::Stopped);
     let message = &outcome.messages[0];
     assert!(message.text.contains("line 4") && message.text.contains("X's positive limit"));
@@ -71,11 +71,11 @@ fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
 
 #[test]
 fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
-    let short = Patience { most_seconds: 20.0, most_standstill: 2.0 };
+    let short = Options { most_seconds: 20.0, most_standstill: 2.0, ..Options::default() };
     let moving = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
-    assert!(matches!(run_text("hexapod", moving, short), Err(NotJudged::TooLong(..))));
+    assert!(matches!(run_text("hexapod", moving, &short), Err(NotJudged::TooLong(..))));
     let standing = "G21 G90\nG0 X1\nG4 P60\nM2\n";
-    let found = run_text("hexapod", standing, short);
+    let found = run_text("hexapod", standing, &short);
     assert!(matches!(found, Err(NotJudged::Stands(_, 2))), "{found:?}");
 }
 
@@ -179,6 +179,15 @@ fn a_program_writes_no_file_of_the_users() {
     let (out, error, code) = copy.run();
     assert_eq!(code, Some(0), "{out}{error}");
     assert!(!log.exists() && !copy.file("hexapod.var").exists());
+    let arguments = ["--written".into(), copy.file("kept").into_os_string()];
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("run")
+        .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(fs::read_to_string(copy.file("kept/log.txt")).unwrap().trim(), "here");
 }
 
 #[test]

@@ -75,6 +75,8 @@ impl Scratch {
         }
         write(&scratch.ini(), &scratch.ini_text(config)?)?;
         write(&scratch.path().join("driver.py"), DRIVER)?;
+        let written = scratch.path().join("written");
+        fs::create_dir(&written).at(&written)?;
         write(&scratch.wiring(), WIRING)?;
         write(&scratch.path().join("buffers.nml"), &buffers())?;
         Ok(scratch)
@@ -88,6 +90,20 @@ impl Scratch {
     /// The INI file that LinuxCNC reads.
     pub fn ini(&self) -> PathBuf {
         self.path().join("machine.ini")
+    }
+
+    /// Copies the files that the program wrote.
+    ///
+    /// # Errors
+    /// One of them cannot be written.
+    pub fn keep_written(&self, folder: &Path) -> Result<(), AtFile<io::Error>> {
+        let written = self.path().join("written");
+        fs::create_dir_all(folder).at(folder)?;
+        for entry in fs::read_dir(&written).at(&written)? {
+            let entry = entry.at(&written)?;
+            copied(&entry.path(), &folder.join(entry.file_name()))?;
+        }
+        Ok(())
     }
 
     /// A copy of milltask by another name: LinuxCNC ends every process of its own name when it stops.
