@@ -53,13 +53,15 @@ fn main() -> ExitCode {
     Cli::parse().run()
 }
 
-/// What a subcommand has found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a subcommand has found, the worst last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Everything fits.
     Fits,
     /// Something does not.
     Misfit,
+    /// Not all could be judged.
+    Unjudged,
 }
 
 /// The table of the subcommands.
@@ -128,11 +130,7 @@ impl MachineFile {
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     // Told before the interpreter, in the system's words.
     std::fs::File::open(program).at(program)?;
-    moving(config, program, interpreter::moves(config, program, None)?)
-}
-
-/// Refuses a program that leaves the machine where it is.
-fn moving(config: &MachineConfig, program: &Path, moves: Vec<Move>) -> Result<Vec<Move>, Failure> {
+    let moves = interpreter::moves(config, program, None)?;
     match moves.iter().all(|step| step.end == config.home) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),
@@ -158,6 +156,11 @@ impl Bar {
         let bar = ProgressBar::new_spinner().with_message(message);
         bar.enable_steady_tick(TICK);
         Self(bar)
+    }
+
+    /// How much is done of work whose length is not known.
+    fn count(&self, message: &str, done: usize) {
+        self.0.set_message(format!("{message}: {done}"));
     }
 
     /// The share that is done.
@@ -199,6 +202,7 @@ impl Cli {
         match self.command.run() {
             Ok(Verdict::Fits) => ExitCode::SUCCESS,
             Ok(Verdict::Misfit) => ExitCode::from(1),
+            Ok(Verdict::Unjudged) => ExitCode::from(2),
             Err(failure) if failure.is_unread() => ExitCode::SUCCESS,
             Err(failure) => {
                 failure.tell();
