@@ -9,6 +9,7 @@ mod cell;
 mod check;
 mod commands;
 mod configs;
+mod course;
 mod golden;
 mod ini_cases;
 mod inivar;

@@ -2,6 +2,7 @@
 //! Programs: what LinuxCNC makes of them, and whether they fit a machine.
 
 mod corner;
+pub mod course;
 pub mod findings;
 mod follow;
 pub mod interpreter;
