@@ -31,7 +31,7 @@ impl Bench {
     }
 
     /// Replaces a text in the machine's file, once.
-    fn spoilt(self, from: &str, to: &str) -> Self {
+    pub fn spoilt(self, from: &str, to: &str) -> Self {
         let file = self.0.path().join("linear-delta.ini");
         let text = fs::read_to_string(&file).unwrap();
         assert!(text.contains(from), "{from}");

@@ -17,6 +17,7 @@ mod interpreter;
 mod lathe_loops;
 mod mobility;
 mod offsets;
+mod page;
 mod path;
 mod planner;
 mod preflight;

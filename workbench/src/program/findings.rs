@@ -3,7 +3,7 @@
 
 use crate::limits;
 use crate::program::loads::Peak;
-use kinematics::{Joints, Limit};
+use kinematics::{Joints, Limit, Part};
 use serde::Serialize;
 
 /// First place where a program leaves a limit.
@@ -40,6 +40,9 @@ pub struct LeastMargin {
     pub unit: String,
     /// Joint, leg or axis.
     pub part: String,
+    /// The same as the core numbers it.
+    #[serde(skip)]
+    pub of: Part,
     /// Line of the program.
     pub line: u32,
 }

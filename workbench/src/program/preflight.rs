@@ -143,10 +143,10 @@ impl Pilot<'_> {
     fn finish(mut self, moves: &[Move]) -> Preflight {
         self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         for limit in Limit::ALL {
-            let Some((value, part, line)) = self.margins[limit.index()] else { continue };
-            let unit = limits::unit(self.config, limit, part);
-            let part = limits::part(self.config, limit, part);
-            self.result.margins.push(LeastMargin { limit, value, unit, part, line });
+            let Some((value, of, line)) = self.margins[limit.index()] else { continue };
+            let unit = limits::unit(self.config, limit, of);
+            let part = limits::part(self.config, limit, of);
+            self.result.margins.push(LeastMargin { limit, value, unit, part, of, line });
         }
         if let Some(first) = self.result.breaks.first() {
             let mut at = self.config.home;

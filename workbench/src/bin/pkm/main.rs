@@ -16,6 +16,7 @@ mod poses;
 mod preflight;
 mod random;
 mod replay;
+mod report;
 mod rods;
 mod rows;
 mod sensitivity;

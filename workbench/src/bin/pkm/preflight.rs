@@ -2,12 +2,14 @@
 //! `pkm preflight`.
 
 use super::failure::Failure;
-use super::{Bar, MachineFile, Verdict, moving};
+use super::{Bar, MachineFile, Verdict, moving, report};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
-use pkm::draw::{margins, page};
+use pkm::draw::margins::figures;
+use pkm::draw::page::{self, Report, page};
 use pkm::files::{Locate, write_whole};
 use pkm::limits::is_of_feed;
+use pkm::program::course::{Course, Thinned};
 use pkm::program::findings::{Break, LineLoad, Preflight};
 use pkm::program::interpreter::{self, Move, Reading};
 use pkm::program::offset::{self, Offset};
@@ -51,6 +53,9 @@ enum Format {
     Text,
     Json,
 }
+
+/// Most warnings that the page repeats above its plots; its copy of the answer has more.
+const MOST_NOTES: usize = 20;
 
 /// What is told.
 #[derive(Serialize)]
@@ -96,7 +101,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
-        write_report(file, &config, &answer, &blocks)?;
+        let course = Course::along(&config, &moves);
+        write_report(file, &config, &answer, &course, &blocks)?;
     }
     let verdict = if answer.fits { Verdict::Fits } else { Verdict::Misfit };
     // A reader that has gone away does not change the verdict.
@@ -257,14 +263,19 @@ fn feed(LineLoad { line, factor }: &LineLoad) -> String {
     format!("joint speeds allow {factor:.3} times the programmed one, in line {line}")
 }
 
+/// What is in the line of a break.
+fn block<'a>(told: &Break, blocks: &[Vec<&'a str>]) -> Option<&'a str> {
+    let number = (told.line as usize).checked_sub(1)?;
+    blocks[told.file].get(number).copied()
+}
+
 fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> String {
     let words: Vec<String> = Letter::ALL
         .iter()
         .zip(told.pose)
         .map(|(letter, value)| format!("{}{:.4}", letter.name(), value + 0.0))
         .collect();
-    let block = (told.line as usize).checked_sub(1).and_then(|n| blocks[told.file].get(n));
-    let block = block.map_or(String::new(), |block| format!("  {}\n", block.trim()));
+    let block = block(told, blocks).map_or(String::new(), |block| format!("  {}\n", block.trim()));
     format!(
         "{}: {}: {}\n{block}  at {}\n",
         place(files, told.file, told.line),
@@ -278,9 +289,33 @@ fn write_report(
     file: &std::path::Path,
     config: &MachineConfig,
     answer: &Answer,
+    course: &Thinned,
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
-    let plots = margins::of_samples(config, &answer.found.samples)?;
-    let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
+    let found = answer.found;
+    let place_of = |told: &Break| place(answer.files, told.file, told.line);
+    let block_of = |told: &Break| block(told, blocks).unwrap_or_default().trim().to_string();
+    let marks = report::marks(config, found, course, place_of, block_of);
+    let rows = report::rows(config, found, course);
+    let help = answer.offset.as_ref().map(|found| {
+        let words = "The program fits with another work offset. Clamp the workpiece there, and once \
+                     before the program run:";
+        (words.to_string(), found.block.clone())
+    });
+    let warnings = answer.warnings.iter().map(|Caution { line, file, text }| {
+        line.map_or(String::new(), |line| place(answer.files, *file, line) + ": ") + text
+    });
+    let text = page(&Report {
+        program: &answer.program,
+        machine: &answer.machine,
+        verdict: if answer.fits { page::Verdict::Fits } else { page::Verdict::Misfit },
+        why: report::why(found, &rows),
+        notes: warnings.take(MOST_NOTES).collect(),
+        help,
+        rows,
+        marks: &marks,
+        figures: &figures(config, course, &marks)?,
+        text: &in_words(config, answer, blocks),
+    });
     Ok(write_whole(file, &text)?)
 }
