@@ -37,7 +37,10 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
             // A step of a tenth of what the speed limit allows in a cycle.
             c if c == slow => row.joints[2] += 0.1 * config.joints[2].max_velocity * config.period,
             c if c == far => row.pose[1] = config.axes[1].max + 1.0,
-            c if c == late => row.errors[4] = 1.5,
+            c if c == late => {
+                row.errors[4] = 1.5;
+                row.feed = 0.25;
+            }
             _ => (),
         }
         course.see(&row);
@@ -65,7 +68,9 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
 
     let error = found.error.unwrap();
     assert_eq!((error.joint, error.share, error.line), (4, 1.5, (late / 1000) as u32 + 1));
-    assert!(found.samples.iter().any(|s| s.errors[4] == 1.5 && s.room() == -0.5));
+    let slowed: Vec<_> = found.samples.iter().filter(|sample| sample.feed < 1.0).collect();
+    assert!(slowed.len() == 1 && slowed[0].feed == 0.25 && near(slowed[0].at, late));
+    assert!(slowed[0].errors[4] == 1.5 && slowed[0].room() == -0.5);
 }
 
 #[test]

@@ -50,7 +50,7 @@ fn surface(config: &MachineConfig, lines: u32) -> Thinned {
             errors,
             allowed: [1.0; MAX_JOINTS],
             tool: config.spindle.into(),
-            feed: 1.0,
+            feed: if share > 0.5 { 0.7 } else { 1.0 },
         });
     }
     course.finish()
@@ -87,8 +87,8 @@ fn a_page_of_200_000_lines_is_below_a_megabyte_and_shows_limits_and_breaks() {
     };
     let marks = [mark];
     let figures = figures(&config, &course, &marks).unwrap();
-    // Path, two of rooms, axes, and four of the struts.
-    assert_eq!(figures.len(), 8);
+    // Path, two of rooms, feed, axes, and four of the struts.
+    assert_eq!(figures.len(), 9);
     let label = format!("1: line {}", worst.line);
     for (k, Figure { title, about, svg }) in figures.iter().enumerate() {
         assert!(svg.contains(&label), "{title}");

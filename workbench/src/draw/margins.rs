@@ -14,6 +14,9 @@ use kinematics::{Joints, Letter, Limit};
 /// Rooms are drawn between here and 1: how far beyond a limit a program is stands in the table.
 const LEAST_ROOM: f64 = -0.3;
 
+/// Shares of limits are drawn up to here: a single leap would hide all others.
+const MOST_SHARE: f64 = 2.0;
+
 /// A plot with its words.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -42,6 +45,7 @@ pub fn figures(
     let in_time = course.abscissa == Abscissa::Seconds;
     if in_time {
         figures.push(sheet.rooms_of_motion()?);
+        figures.extend(sheet.feed()?);
     }
     figures.extend(sheet.axes()?);
     for group in config.groups() {
@@ -134,6 +138,20 @@ impl Sheet<'_> {
         (!values.is_empty()).then(|| Line { name: name.into(), points: lowest(&values) })
     }
 
+    /// What the guard leaves of the feed; none where it leaves all of it.
+    fn feed(&self) -> Result<Option<Figure>, DrawError> {
+        let values: Vec<(f64, f64)> = self.course.samples.iter().map(|s| (s.at, s.feed)).collect();
+        if values.iter().all(|(_, feed)| *feed >= 1.0) {
+            return Ok(None);
+        }
+        let line = Line { name: "feed".into(), points: lowest(&values) };
+        let about = "How much of the programmed feed the guard of the machine lets through, so that no drive \
+                     becomes too fast. The thick black line at 1 is the feed of the program. Good: the line \
+                     stays there. Bad: it falls: the program takes longer, and at 0 the machine stands.";
+        let title = "Feed that the guard allows";
+        self.figure(title, "share of the programmed feed", &[1.0], &[line], about).map(Some)
+    }
+
     /// Coordinates as shares of their ranges; none where no axis has a range.
     fn axes(&self) -> Result<Option<Figure>, DrawError> {
         let axes = Letter::ALL.into_iter().zip(&self.config.axes).enumerate();
@@ -184,12 +202,13 @@ impl Sheet<'_> {
         let figure = |what: &str, meaning: &str, of: fn(&Sample) -> &Joints| {
             let line = |i: &usize| {
                 let values: Vec<_> =
-                    self.course.samples.iter().map(|s| (s.at, of(s)[*i])).collect();
+                    self.course.samples.iter().map(|s| (s.at, of(s)[*i].min(MOST_SHARE))).collect();
                 Line { name: self.config.joints[*i].name.clone(), points: highest(&values) }
             };
             let lines: Vec<Line> = group.joints.iter().map(line).collect();
             let about = format!(
-                "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it."
+                "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it. \
+                 What is above {MOST_SHARE} is drawn there."
             );
             self.figure(
                 &format!("{what} of the {name}"),

@@ -291,6 +291,16 @@ mod tests {
     }
 
     #[test]
+    fn what_is_not_judged_is_no_fit() {
+        let cause = "LinuxCNC is not installed";
+        let open =
+            Report { verdict: Verdict::NotJudged, why: cause.into(), ..report(&[], &[], "") };
+        let page = page(&open);
+        assert!(page.contains("class=\"verdict open\"") && page.contains(cause), "{page}");
+        assert!(page.contains("? </span>Not judged") && !page.contains("fits the machine"));
+    }
+
+    #[test]
     fn a_long_answer_is_cut_and_that_is_said() {
         let page = page(&report(&[], &[], &"word\n".repeat(10_000)));
         assert!(page.contains("9600 more lines") && page.len() < 10_000);

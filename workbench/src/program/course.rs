@@ -51,6 +51,8 @@ pub struct Sample {
     pub errors: Joints,
     /// Least room to each limit of the pose.
     pub rooms: Rooms,
+    /// Least share of the feed that the guard allows.
+    pub feed: f64,
 }
 
 impl Sample {
@@ -74,6 +76,7 @@ impl Sample {
         raise(&mut self.errors, &next.errors);
         let rooms = self.rooms.iter_mut().zip(&next.rooms);
         rooms.for_each(|(room, other)| *room = room.min(*other));
+        self.feed = self.feed.min(next.feed);
         self
     }
 
@@ -195,6 +198,7 @@ struct Moment {
     tool: Vector3<f64>,
     joints: Option<Joints>,
     shares: [Joints; 3],
+    feed: f64,
 }
 
 impl<'a> Course<'a> {
@@ -237,6 +241,7 @@ impl<'a> Course<'a> {
                     tool,
                     joints: at.ok().map(|at| *at.joints()),
                     shares: [[0.0; MAX_JOINTS]; 3],
+                    feed: 1.0,
                 });
             }
             before += length;
@@ -257,8 +262,8 @@ impl<'a> Course<'a> {
         ]
         .map(|(values, limits, worst)| shares(values, limits, count, (at, row.line), worst));
         let tool = Vector3::from(row.tool);
-        let joints = Some(row.joints);
-        self.take(&Moment { at, line: row.line, pose: row.pose, tool, joints, shares });
+        let (joints, feed) = (Some(row.joints), row.feed);
+        self.take(&Moment { at, line: row.line, pose: row.pose, tool, joints, shares, feed });
     }
 
     fn take(&mut self, moment: &Moment) {
@@ -278,6 +283,7 @@ impl<'a> Course<'a> {
             accelerations,
             errors,
             rooms,
+            feed: moment.feed,
         };
         match self.result.samples.last_mut() {
             Some(last) if !starts => {
@@ -365,7 +371,12 @@ fn shares(
     let mut shares = [0.0; MAX_JOINTS];
     for (joint, (value, limit)) in values.iter().zip(limits).enumerate().take(count) {
         let (value, limit) = (value.abs(), *limit);
-        let share = if value == 0.0 { 0.0 } else { value / limit };
+        // What is not a number is beyond any limit.
+        let share = match value / limit {
+            _ if value == 0.0 => 0.0,
+            share if share.is_nan() => f64::INFINITY,
+            share => share,
+        };
         shares[joint] = share;
         if worst.is_none_or(|worst| share > worst.share) {
             *worst = Some(Worst { joint, share, value, limit, line, at });
