@@ -137,7 +137,7 @@ fn followed(config: &MachineConfig, name: &str, program: &Path, offset: &Offset)
     let moves = interpreter::moves_after(config, program, &offset.block()).unwrap();
     let read = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let found = preflight(config, &moves, false, |_| ()).unwrap();
+    let found = preflight(config, &moves, |_| ()).unwrap();
     let time = start.elapsed().as_secs_f64();
     let lines = moves.last().map_or(0, |step| step.line);
     println!(

@@ -2,7 +2,7 @@
 //! The limits of a machine's configuration as the core lists them, and what people call them.
 
 use crate::read::machine::MachineConfig;
-use kinematics::{At, Joints, Limit, Limits, MAX_LEGS, Margin, Part};
+use kinematics::{At, Joints, LEAST_DRIVE, Limit, Limits, MAX_LEGS, Margin, Part};
 use serde::Serializer;
 use std::ops::ControlFlow;
 
@@ -76,6 +76,25 @@ pub fn scale(margin: &Margin) -> f64 {
     }
 }
 
+/// What a limit is there for, for those who know no kinematics.
+pub fn meaning(limit: Limit) -> &'static str {
+    match limit {
+        Limit::Axis => "how far the tool may go in each direction",
+        Limit::Reach => "whether the legs are long enough to get there",
+        Limit::JointRange => "how far each drive may travel",
+        Limit::DeadPoint => "where a drive can no longer push its leg",
+        Limit::BaseCone | Limit::BasePyramid => "how far the joints at the frame may swing",
+        Limit::PlatformCone | Limit::PlatformPyramid => {
+            "how far the joints at the moving platform may swing"
+        }
+        Limit::Tilt => "how far the tool may lean",
+        Limit::Clearance => "how near the legs may come to each other",
+        Limit::Conditioning => "how firmly the legs hold the platform",
+        Limit::JointSpeed => "how fast each drive may move",
+        Limit::JointAcceleration => "how hard each drive may speed up and brake",
+    }
+}
+
 /// What a limit is about, for people.
 pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
     let joint = |i: usize| config.joints[i].name.clone();
@@ -129,6 +148,40 @@ pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
         [low, high] => format!("{}", if low.is_finite() { low } else { high }),
     };
     format!("{value} {unit}").trim_end().into()
+}
+
+/// What a margin allows, in words that tell a largest from a smallest value.
+pub fn allowed(config: &MachineConfig, margin: &Margin) -> String {
+    let side = match margin.range {
+        _ if is_either_way(margin.limit) => "at most ",
+        [low, high] if low.is_finite() && high.is_finite() => "",
+        [low, _] if low.is_finite() => "at least ",
+        _ => "at most ",
+    };
+    format!("{side}{}", bound(config, margin))
+}
+
+/// Smallest and largest value that the machine's file allows a part; none where it has no such limit, or
+/// one for each of several directions.
+pub fn range(config: &MachineConfig, limit: Limit, part: Part) -> Option<[f64; 2]> {
+    let limits = of(config);
+    let most = |value: f64| (value != 0.0).then_some([f64::NEG_INFINITY, value]);
+    let least = |value: f64| (value != 0.0).then_some([value, f64::INFINITY]);
+    match (limit, part) {
+        (Limit::Axis, Part::Axis(letter)) => Some(limits.axis[letter.index()]),
+        (Limit::JointRange, Part::Joint(i)) => Some([limits.min[i], limits.max[i]]),
+        (Limit::JointSpeed, Part::Joint(i)) => Some([-limits.speed[i], limits.speed[i]]),
+        (Limit::JointAcceleration, Part::Joint(i)) => {
+            Some([-limits.acceleration[i], limits.acceleration[i]])
+        }
+        (Limit::BaseCone, Part::Leg(i)) => most(limits.base_cone[i]),
+        (Limit::PlatformCone, Part::Leg(i)) => most(limits.platform_cone[i]),
+        (Limit::Tilt, _) => most(limits.tilt),
+        (Limit::DeadPoint, _) => least(LEAST_DRIVE),
+        (Limit::Clearance, _) => least(limits.clearance),
+        (Limit::Conditioning, _) => least(limits.conditioning),
+        _ => None,
+    }
 }
 
 /// Whether a limit is one number for both directions.

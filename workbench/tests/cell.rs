@@ -222,7 +222,7 @@ fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
     std::fs::write(&program, text + "G49\nM2\n").unwrap();
     let moves = interpreter::moves(&config, &program, None).unwrap();
     assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
-    let found = preflight(&config, &moves, false, |_| ()).unwrap();
+    let found = preflight(&config, &moves, |_| ()).unwrap();
     assert!(found.fits(), "{machine}: {:?}", found.breaks);
 }
 

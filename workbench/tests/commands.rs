@@ -33,7 +33,7 @@ impl Bench {
     }
 
     /// Replaces a text in the machine's file, once.
-    fn spoilt(self, from: &str, to: &str) -> Self {
+    pub fn spoilt(self, from: &str, to: &str) -> Self {
         let file = self.0.path().join("linear-delta.ini");
         let text = fs::read_to_string(&file).unwrap();
         assert!(text.contains(from), "{from}");
@@ -281,8 +281,7 @@ warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
 }
 
 /// How the answer ends where nothing is found.
-const FITS: &str =
-    "The path of the program fits the machine; what depends on time is not judged.\nexit 2\n";
+const FITS: &str = "The program fits the machine.\nexit 0\n";
 
 /// A line that fits only along the diagonal.
 #[test]
@@ -720,6 +719,7 @@ Commands:
   preflight    Checks before cutting that a program fits a machine
   joints       Joint values of poses (inverse kinematics)
   pose         Poses of joint values (forward kinematics)
+  run          Runs a program by LinuxCNC itself, without hardware and faster than the machine
   replay       Writes the joint values that a program asks for
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
@@ -798,21 +798,24 @@ fn a_program_that_fits() {
         str![[r#"
 good.ngc on linear-delta.ini
   moves              3, 228.5 mm long
-  time               not judged: LinuxCNC is not run
+  time               3.9 s
   axis range         10.0000 mm to spare: axis Z, before the program
   joint range        49.6351 mm to spare: carriage 2, line 3
   base cone          16.3126 degrees to spare: the base joint of leg 2, line 4
   clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 3
   conditioning       0.5167 to spare: the conditioning, line 4
+  joint speed        149.2800 mm/s to spare: the speed of carriage 2, line 3
+  joint acceleration 3023.0556 mm/s² to spare: the acceleration of carriage 2, line 3
   axis X             -70.000 to 70.000 of -80 to 80 mm
   axis Y             0.000 to 45.000 of -80 to 80 mm
   axis Z             60.000 to 90.000 of 0 to 100 mm
   carriage 0         305.344 to 325.364 of 0 to 375 mm
   carriage 1         223.793 to 325.364 of 0 to 375 mm
   carriage 2         223.765 to 325.364 of 0 to 375 mm
+  feed               joint speeds allow 1.990 times the programmed one, in line 3
 
-The path of the program fits the machine; what depends on time is not judged.
-exit 2
+The program fits the machine.
+exit 0
 
 "#]]
     );
@@ -838,23 +841,30 @@ fn programs_that_do_not_fit() {
         str![[r#"
 middle.ngc on linear-delta.ini
   moves              3, 257.9 mm long
-  time               not judged: LinuxCNC is not run
+  time               2.0 s, then LinuxCNC stops it
   axis range         5.0000 mm to spare: axis X, line 2
   joint range        3.2551 mm beyond: carriage 0, line 4
   base cone          8.0193 degrees to spare: the base joint of leg 2, line 4
   clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 2
   conditioning       0.5094 to spare: the conditioning, line 4
+  joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2
+  joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2
   axis X             -75.000 to 75.000 of -80 to 80 mm
   axis Y             0.000 to 75.000 of -80 to 80 mm
   axis Z             70.000 to 90.000 of 0 to 100 mm
   carriage 0         321.680 to 333.307 of 0 to 330 mm
   carriage 1         198.895 to 325.364 of 0 to 375 mm
   carriage 2         198.895 to 325.364 of 0 to 375 mm
+  feed               joint speeds allow 1.658 times the programmed one, in line 2
   runs               54.9 % of the path before the first limit
 
 error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 3.2551 mm
   G1 X75 F3000
   at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
+
+error: line 4: LinuxCNC: LinuxCNC stops here: Exceeded POSITIVE soft limit (330.00000) on joint 0; Hint: switch to joint mode to jog off soft limit
+  G1 X75 F3000
+  at X-37.8500 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
 warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
 
@@ -872,12 +882,14 @@ exit 1
         str![[r#"
 far.ngc on linear-delta.ini
   moves              3, 212.2 mm long
-  time               not judged: LinuxCNC is not run
+  time               0.0 s, then LinuxCNC stops it
   axis range         120.0000 mm beyond: axis Y, line 1
   joint range        12.4713 mm beyond: carriage 0, line 1
   base cone          18.4491 degrees beyond: the base joint of leg 1, line 1
   clearance of legs  6.1423 mm to spare: the distance of legs 0 and 1, line 1
   conditioning       0.5307 to spare: the conditioning, line 1
+  joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program
+  joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program
   axis X             0.000 to 0.000 of -80 to 80 mm
   axis Y             0.000 to 200.000 of -80 to 80 mm
   axis Z             50.000 to 90.000 of 0 to 100 mm
@@ -905,6 +917,10 @@ error: line 1: base cone: the base joint of leg 2 leaves its limit of 40 degrees
 error: line 1: reach: carriage 0 comes too near to a dead point
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y178.7115 Z63.1933 A0.0000 B0.0000 C0.0000, the first of 2
+
+error: line 1: LinuxCNC: LinuxCNC stops here: Linear move on line 1 would exceed Y's positive limit
+  G1 X0 Y200 Z60 F3000
+  at X0.0000 Y0.0000 Z90.0000 A0.0000 B0.0000 C0.0000
 
 warning: line 2: M52 P0 switches adaptive feed off: the guard cannot slow down any more
 
@@ -978,7 +994,7 @@ fn several_programs_and_a_folder() {
     assert_data_eq!(
         lines[table..table + 3].join("\n"),
         str![[r#"
-all/a.ngc  not judged    time not judged: LinuxCNC is not run
+all/a.ngc  fits          1.1 s
 all/b.nc   does not fit  line 2: [..]
 all/c.ngc  not judged    FOLDER/all/c.ngc:2: Two g codes used from same modal group: G1 G2 X3
 "#]]
@@ -1122,7 +1138,7 @@ fn nobody_reads_on() {
     let bench = Bench::new().with("good.ngc", "G21 G1 X10 F600\nM2\n");
     for (words, code) in [
         ("check linear-delta.ini", 0),
-        ("preflight linear-delta.ini good.ngc", 2),
+        ("preflight linear-delta.ini good.ngc", 0),
         ("joints linear-delta.ini", 0),
         ("completions bash", 0),
     ] {

@@ -6,6 +6,7 @@ use pkm::control::process::{self, Options};
 use pkm::control::refusal::NotJudged;
 use pkm::control::row::{Ending, MessageKind, Outcome, Row};
 use std::fs;
+use std::ops::ControlFlow;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -22,14 +23,17 @@ fn programs(machine: &str) -> Vec<PathBuf> {
 fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let config = shipped::config(machine);
-    let outcome = process::run(&config, program, &Options::default(), |row| rows.push(*row));
+    let outcome = process::run(&config, program, &Options::default(), |row| {
+        rows.push(*row);
+        ControlFlow::Continue(())
+    });
     (outcome.unwrap(), rows)
 }
 
 fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    process::run(&shipped::config(machine), file.path(), options, |_| ())
+    process::run(&shipped::config(machine), file.path(), options, |_| ControlFlow::Continue(()))
 }
 
 #[test]

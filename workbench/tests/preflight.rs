@@ -19,7 +19,7 @@ use std::path::Path;
 use std::time::Instant;
 
 fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
-    preflight(config, moves, false, |_| ()).unwrap()
+    preflight(config, moves, |_| ()).unwrap()
 }
 
 fn rapid(line: u32, end: [f64; 6]) -> Move {

@@ -14,7 +14,7 @@ const ROOMS: [(&str, &[&str]); 11] = [
     ("proof", &["limits", "read"]),
     ("check", &["limits", "proof", "read", "rows"]),
     ("control", &["files", "read"]),
-    ("program", &["files", "limits", "proof", "read"]),
+    ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "study"]),

@@ -12,6 +12,8 @@ import linuxcnc
 
 linuxcnc.nmlfile = os.environ["PKMKINS_VIRTUAL_FOLDER"] + "/buffers.nml"
 PROGRAM = os.environ["PKMKINS_VIRTUAL_PROGRAM"]
+# A block that is run first.
+BLOCK = os.environ["PKMKINS_VIRTUAL_BLOCK"]
 LIBRARY = ctypes.CDLL(None)
 COMMAND, STATUS, MESSAGES = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
 FINISHED, STOPPED, NOT_JUDGED = range(3)
@@ -52,6 +54,11 @@ class Operator:
         yield from self.reached(lambda: all(STATUS.homed[:STATUS.joints]) and STATUS.inpos, "home")
         COMMAND.teleop_enable(1)
         yield from self.reached(lambda: STATUS.motion_mode == linuxcnc.TRAJ_MODE_TELEOP, "world mode")
+        if BLOCK:
+            COMMAND.mode(linuxcnc.MODE_MDI)
+            yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_MDI, "MDI")
+            COMMAND.mdi(BLOCK)
+            yield from self.reached(self.is_over, f"the end of {BLOCK}")
         COMMAND.mode(linuxcnc.MODE_AUTO)
         yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_AUTO, "automatic mode")
 

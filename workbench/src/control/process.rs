@@ -12,6 +12,7 @@ use command_fds::{CommandFdExt, FdMapping};
 use std::env;
 use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
+use std::ops::ControlFlow;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -48,13 +49,21 @@ pub struct Options {
     /// HAL files, of halcmd or of Tcl, that are carried out after those of the simulated machine: probes,
     /// other spindles, logic of one's own. Modules are looked for beside them first.
     pub hal: Vec<PathBuf>,
+    /// Block that is run before the program: a work offset.
+    pub block: Option<String>,
     /// Folder that gets what the program writes into files, by the files' names.
     pub written: Option<PathBuf>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { most_seconds: 86_400.0, most_standstill: 600.0, hal: vec![], written: None }
+        Self {
+            most_seconds: 86_400.0,
+            most_standstill: 600.0,
+            hal: vec![],
+            block: None,
+            written: None,
+        }
     }
 }
 
@@ -66,7 +75,7 @@ pub fn run(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    see: impl FnMut(&Row),
+    see: impl FnMut(&Row) -> ControlFlow<()>,
 ) -> Result<Outcome, NotJudged> {
     let library = library();
     for file in [Path::new(MILLTASK), &library] {
@@ -79,7 +88,7 @@ pub fn run(
     }
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
     let hal = hal.collect::<Result<Vec<_>, _>>()?;
-    let run = Run::start(config, &scratch, &library, &program, &hal)?;
+    let run = Run::start(config, &scratch, &library, &program, &hal, options.block.as_deref())?;
     let outcome = run.watched(config, options, see)?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
@@ -108,6 +117,7 @@ impl<'a> Run<'a> {
         library: &Path,
         program: &Path,
         hal: &[PathBuf],
+        block: Option<&str>,
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
         let (answered, answer) = pipe()?;
@@ -139,6 +149,7 @@ impl<'a> Run<'a> {
             .env("LD_PRELOAD", library)
             .env("PKMKINS_VIRTUAL_FOLDER", scratch.path())
             .env("PKMKINS_VIRTUAL_PROGRAM", program)
+            .env("PKMKINS_VIRTUAL_BLOCK", block.unwrap_or_default())
             .env("PKMKINS_VIRTUAL_TOOLS", &scratch.tool_table)
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
@@ -160,7 +171,7 @@ impl<'a> Run<'a> {
         mut self,
         config: &MachineConfig,
         options: &Options,
-        mut see: impl FnMut(&Row),
+        mut see: impl FnMut(&Row) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
         let pulse = Pulse::new(from, self.milltask.id());
@@ -171,7 +182,9 @@ impl<'a> Run<'a> {
             match record {
                 Record::Head { version, linuxcnc } => check_version(version, &linuxcnc)?,
                 Record::Row(row) => {
-                    see(&row);
+                    if see(&row).is_break() {
+                        return Err(NotJudged::Interrupted);
+                    }
                     if let Some(ending) = watch.row(&row)? {
                         return Ok(watch.outcome(ending, row.cycle));
                     }

@@ -47,6 +47,9 @@ pub enum NotJudged {
     /// It ended without a word.
     #[error("LinuxCNC ended without an end of the program{0}")]
     Crashed(String),
+    /// Nobody wants to know any more.
+    #[error("the run was ended")]
+    Interrupted,
     /// The interpreter works and works, and nothing comes of it.
     #[error(
         "LinuxCNC reads the program without coming to a move after line {0}: is there a loop without an end?"

@@ -66,6 +66,13 @@ pub struct Message {
 }
 
 impl Message {
+    /// The line that it is about: the one that it names, else the one that moves, else the one that is read.
+    pub fn place(&self) -> u32 {
+        let behind = self.text.split_once(" on line ").map_or("", |(_, rest)| rest);
+        let digits = behind.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
+        digits.parse().unwrap_or(if self.line > 0 { self.line } else { self.read })
+    }
+
     /// Whether it tells what went wrong.
     pub fn is_error(&self) -> bool {
         self.kind == MessageKind::Error

@@ -15,7 +15,7 @@ pub(super) struct Line {
 }
 
 /// Marks of a dashed line are placed by pixels; more points than pixels only cost size.
-pub(super) const MOST_POINTS: usize = 1500;
+const MOST_POINTS: usize = 1500;
 
 pub(super) fn drawn_lines(frame: &Frame, lines: &[Line]) -> Result<String, DrawError> {
     drawn(|root| {
@@ -86,16 +86,22 @@ pub(super) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f6
 
 /// The points that lie apart by about a pixel, and the last one.
 pub(super) fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    places_apart(points, 1.0).into_iter().map(|place| points[place]).collect()
+}
+
+/// Where in a list the points are that lie apart by about so many pixels, and the last one.
+pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
-    let pixel = (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
-    let mut kept: Vec<(f64, f64)> = vec![];
-    for point in points {
-        let far = |last: &(f64, f64)| (point.0 - last.0).hypot(point.1 - last.1) > pixel;
+    let least = pixels * (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
+    let mut kept: Vec<usize> = vec![];
+    for (place, point) in points.iter().enumerate() {
+        let far =
+            |last: &usize| (point.0 - points[*last].0).hypot(point.1 - points[*last].1) > least;
         if kept.last().is_none_or(far) {
-            kept.push(*point);
+            kept.push(place);
         }
     }
-    kept.extend(points.last());
+    kept.extend(points.len().checked_sub(1).filter(|last| kept.last() != Some(last)));
     kept
 }
 

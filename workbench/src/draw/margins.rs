@@ -1,107 +1,240 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Margins to the limits along a program, and its joints.
+//! What a program asks of a machine, in figures over one common axis.
 
-use crate::draw::lines::{Line, MOST_POINTS, apart, drawn_lines, first_up, lines, thin_low};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, TIME, drawn, legend, path_axes, project};
-use crate::program::findings::Sample;
+use crate::draw::lines::Line;
+use crate::draw::machine_path::in_its_room;
+use crate::draw::over::{Mark, Over, drawn_over, envelope, highest, lowest};
+use crate::draw::plot::DrawError;
+use crate::draw::sheet::TIME;
+use crate::program::course::{Abscissa, Sample, Thinned};
+use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
-use plotters::prelude::*;
+use kinematics::{Joints, Letter, Limit};
 
-/// Plots of the samples that a check of a program has looked at.
+/// Rooms are drawn between here and 1: how far beyond a limit a program is stands in the table.
+const LEAST_ROOM: f64 = -0.3;
+
+/// Shares of limits are drawn up to here: a single leap would hide all others.
+const MOST_SHARE: f64 = 2.0;
+
+/// A plot with its words.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// What it shows.
+    pub title: String,
+    /// What is good and what is bad in it, in plain words.
+    pub about: String,
+    /// The drawing.
+    pub svg: String,
+}
+
+/// Everything that a page draws of a program.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_samples(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, DrawError> {
-    if samples.is_empty() {
+pub fn figures(
+    config: &MachineConfig,
+    course: &Thinned,
+    marks: &[Mark],
+) -> Result<Vec<Figure>, DrawError> {
+    if course.samples.is_empty() {
         return Ok(vec![]);
     }
-    let mut plots = vec![
-        Plot {
-            file: "path-by-margin.svg".into(),
-            caption: "Path of the control point (isometric), by its margin to the limits of joint \
-                      ranges, cones, conditioning and rod distance"
-                .into(),
-            svg: path_by_margin(samples, config.length_unit())?,
-        },
-        Plot {
-            file: "margin.svg".into(),
-            caption: "Least margin to joint ranges, cones, conditioning and rod distance".into(),
-            svg: margins(samples)?,
-        },
-    ];
-    for group in config.groups() {
-        let name = group.kind.plural();
-        let stem = name.replace(' ', "-");
-        let values = samples.iter().map(|sample| (sample.time, &sample.joints));
-        let frame = Frame {
-            title: &first_up(name),
-            x: TIME,
-            y: &format!("{} in {}", group.kind.quantity(), group.unit),
-            limits: vec![],
-        };
-        plots.push(Plot {
-            file: format!("{stem}.svg"),
-            caption: format!("{} during the program", first_up(name)),
-            svg: drawn_lines(&frame, &lines(config, &group, values))?,
-        });
-        let speeds = samples.iter().map(|sample| (sample.time, &sample.speeds));
-        let frame = Frame {
-            title: &format!("Speeds of {name}"),
-            x: TIME,
-            y: "share of the limit",
-            limits: vec![("limit".into(), 1.0)],
-        };
-        plots.push(Plot {
-            file: format!("{stem}-speeds.svg"),
-            caption: format!("Speeds of {name} at the programmed feed, as shares of their limits"),
-            svg: drawn_lines(&frame, &lines(config, &group, speeds))?,
-        });
+    let sheet = Sheet { config, course, marks };
+    let mut figures = vec![sheet.path()?, sheet.rooms()?];
+    let in_time = course.abscissa == Abscissa::Seconds;
+    if in_time {
+        figures.push(sheet.rooms_of_motion()?);
+        figures.extend(sheet.feed()?);
     }
-    Ok(plots)
-}
-
-fn margins(samples: &[Sample]) -> Result<String, DrawError> {
-    let frame = Frame {
-        title: "Least margin",
-        x: TIME,
-        y: "share of the limit's range",
-        limits: vec![("limit".into(), 0.0)],
-    };
-    let points = thin_low(samples.iter().map(|sample| (sample.time, sample.margin)));
-    drawn_lines(&frame, &[Line { name: "margin".into(), points }])
-}
-
-fn path_by_margin(samples: &[Sample], unit: &str) -> Result<String, DrawError> {
-    // Dark where it is near; grey prints apart.
-    let shades = [
-        ("beyond or below 2 %", 0.02, RGBColor(180, 0, 0)),
-        ("below 10 %", 0.1, RGBColor(230, 120, 0)),
-        ("more", f64::INFINITY, RGBColor(120, 160, 200)),
-    ];
-    let point = |sample: &Sample| project([sample.pose[0], sample.pose[1], sample.pose[2]]);
-    let stride = samples.len().div_ceil(20 * MOST_POINTS).max(1);
-    drawn(|root| {
-        let points: Vec<(f64, f64)> = samples.iter().map(point).collect();
-        let frame = Frame {
-            title: "Margins along the path: X right and down, Y right and up, Z up",
-            x: &format!("(X + Y) cos 30° in {unit}"),
-            y: &format!("Z + (Y - X)/2 in {unit}"),
-            limits: vec![],
-        };
-        let mut chart = path_axes(root, &frame, &points)?;
-        let line = LineSeries::new(apart(&points), BLACK.mix(0.3).stroke_width(1));
-        chart.draw_series(line)?;
-        let mut from = f64::NEG_INFINITY;
-        for (name, to, colour) in shades {
-            let inside = |sample: &&Sample| (from..to).contains(&sample.margin);
-            let near = samples.iter().step_by(stride).filter(inside).map(point);
-            chart
-                .draw_series(near.map(|at| Circle::new(at, 2, colour.filled())))?
-                .label(name)
-                .legend(move |(x, y)| Circle::new((x + 17, y), 4, colour.filled()));
-            from = to;
+    figures.extend(sheet.axes()?);
+    for group in config.groups() {
+        figures.push(sheet.values(&group)?);
+        if in_time {
+            figures.extend(sheet.motion(&group)?);
         }
-        legend(&mut chart)
-    })
+    }
+    Ok(figures)
+}
+
+/// What all figures of a page have in common.
+struct Sheet<'a> {
+    config: &'a MachineConfig,
+    course: &'a Thinned,
+    marks: &'a [Mark],
+}
+
+impl Sheet<'_> {
+    fn figure(
+        &self,
+        title: &str,
+        y: &str,
+        limits: &[f64],
+        lines: &[Line],
+        about: &str,
+    ) -> Result<Figure, DrawError> {
+        let x = match self.course.abscissa {
+            Abscissa::Seconds => TIME,
+            Abscissa::Length => &format!("length along the path in {}", self.config.length_unit()),
+        };
+        let over = Over { x, end: self.course.end, y, limits, marks: self.marks };
+        let svg = drawn_over(&over, lines)?;
+        Ok(Figure { title: title.into(), about: about.into(), svg })
+    }
+
+    fn path(&self) -> Result<Figure, DrawError> {
+        let about = "The way of the tool, seen from the front at a slant. On the left it runs in the machine: \
+                     the thin black box is the space that the limits of the axes leave. On the right the \
+                     same way is drawn larger. Good: a thin blue line. Near a limit, with less than a \
+                     tenth of its range left, the line is orange and wider. Bad: red and widest, beyond \
+                     a limit. Red crosses are the breaks, numbered as in the table.";
+        Ok(Figure {
+            title: "Where the tool goes".into(),
+            about: about.into(),
+            svg: in_its_room(self.config, self.course, self.marks)?,
+        })
+    }
+
+    fn rooms(&self) -> Result<Figure, DrawError> {
+        let of = |limit: Limit| {
+            let room = |s: &Sample| s.rooms[limit.index()];
+            self.line(limit.name(), room)
+        };
+        let lines: Vec<Line> = Limit::ALL.into_iter().filter_map(of).collect();
+        let about = "How much of each limit is left while the program runs, as a share of its range; of \
+                     several parts the one with the least. Good: all lines stay above the thick black \
+                     line at 0. Bad: a line that reaches it or falls below: there the machine cannot go on.";
+        self.figure("Room left to limits of the place", "share that is left", &[0.0], &lines, about)
+    }
+
+    fn rooms_of_motion(&self) -> Result<Figure, DrawError> {
+        let least = |shares: &Joints| 1.0 - shares.iter().copied().fold(0.0, f64::max);
+        let lines = [
+            self.line("joint speed", |s| least(&s.speeds)),
+            self.line("acceleration", |s| least(&s.accelerations)),
+            self.line("following error", |s| least(&s.errors)),
+        ];
+        let lines: Vec<Line> = lines.into_iter().flatten().collect();
+        let about = "How much is left of what the drives can do: of their speed, of how hard they can speed \
+                     up and brake, and of how far they may lag behind their command (the following \
+                     error). 1 is all of it: the drives rest. Good: all lines stay above the thick black line at 0. \
+                     Bad: a line below it: the program asks more than a drive can do.";
+        self.figure(
+            "Room left to limits of the motion",
+            "share that is left",
+            &[0.0],
+            &lines,
+            about,
+        )
+    }
+
+    /// Lowest values; none where there is no such limit.
+    fn line(&self, name: &str, room: impl Fn(&Sample) -> f64) -> Option<Line> {
+        let values = self.course.samples.iter().map(|s| (s.at, room(s)));
+        let values: Vec<(f64, f64)> = values
+            .filter(|(_, room)| *room < f64::INFINITY)
+            .map(|(at, room)| (at, room.clamp(LEAST_ROOM, 1.0)))
+            .collect();
+        (!values.is_empty()).then(|| Line { name: name.into(), points: lowest(&values) })
+    }
+
+    /// What the guard leaves of the feed; none where it leaves all of it.
+    fn feed(&self) -> Result<Option<Figure>, DrawError> {
+        let values: Vec<(f64, f64)> = self.course.samples.iter().map(|s| (s.at, s.feed)).collect();
+        if values.iter().all(|(_, feed)| *feed >= 1.0) {
+            return Ok(None);
+        }
+        let line = Line { name: "feed".into(), points: lowest(&values) };
+        let about = "How much of the programmed feed the guard of the machine lets through, so that no drive \
+                     becomes too fast. The thick black line at 1 is the feed of the program. Good: the line \
+                     stays there. Bad: it falls: the program takes longer, and at 0 the machine stands.";
+        let title = "Feed that the guard allows";
+        self.figure(title, "share of the programmed feed", &[1.0], &[line], about).map(Some)
+    }
+
+    /// Coordinates as shares of their ranges; none where no axis has a range.
+    fn axes(&self) -> Result<Option<Figure>, DrawError> {
+        let axes = Letter::ALL.into_iter().zip(&self.config.axes).enumerate();
+        let ranged =
+            axes.filter(|(_, (_, axis))| (axis.max - axis.min).is_finite() && axis.min < axis.max);
+        let lines: Vec<Line> = ranged
+            .map(|(k, (letter, axis))| {
+                let share = |value: f64| (value - axis.min) / (axis.max - axis.min);
+                let values: Vec<_> =
+                    self.course.samples.iter().map(|s| (s.at, s.poses[k].map(share))).collect();
+                Line { name: letter.name().into(), points: envelope(&values) }
+            })
+            .collect();
+        if lines.is_empty() {
+            return Ok(None);
+        }
+        let about = "Where the tool is on each axis: 0 is the lowest place that the axis allows, 1 the highest. \
+                     Good: all lines stay between the two thick black lines. Bad: a line that leaves them.";
+        let y = "share of the axis range";
+        self.figure("Positions of the axes", y, &[0.0, 1.0], &lines, about).map(Some)
+    }
+
+    fn values(&self, group: &Group) -> Result<Figure, DrawError> {
+        let name = group.kind.plural();
+        let line = |i: &usize| {
+            let values: Vec<_> = self.course.samples.iter().map(|s| (s.at, s.joints[*i])).collect();
+            Line { name: self.config.joints[*i].name.clone(), points: envelope(&values) }
+        };
+        let lines: Vec<Line> = group.joints.iter().map(line).collect();
+        let ends = group.joints.iter().flat_map(|i| {
+            let joint = &self.config.joints[*i];
+            [joint.min, joint.max]
+        });
+        let mut limits: Vec<f64> = ends.filter(|end| end.is_finite()).collect();
+        limits.sort_by(f64::total_cmp);
+        limits.dedup();
+        let about = format!(
+            "Where the {name} are: each of them is moved by a drive of its own. Good: all lines stay \
+             between the thick black lines, the ends of their travel. Bad: a line that reaches or \
+             crosses one."
+        );
+        let y = format!("{} in {}", group.kind.quantity(), group.unit);
+        self.figure(&format!("Positions of the {name}"), &y, &limits, &lines, &about)
+    }
+
+    fn motion(&self, group: &Group) -> Result<[Figure; 3], DrawError> {
+        let name = group.kind.plural();
+        let figure = |what: &str, meaning: &str, of: fn(&Sample) -> &Joints| {
+            let line = |i: &usize| {
+                let values: Vec<_> =
+                    self.course.samples.iter().map(|s| (s.at, of(s)[*i].min(MOST_SHARE))).collect();
+                Line { name: self.config.joints[*i].name.clone(), points: highest(&values) }
+            };
+            let lines: Vec<Line> = group.joints.iter().map(line).collect();
+            let about = format!(
+                "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it. \
+                 What is above {MOST_SHARE} is drawn there."
+            );
+            self.figure(
+                &format!("{what} of the {name}"),
+                "share of the limit",
+                &[1.0],
+                &lines,
+                &about,
+            )
+        };
+        Ok([
+            figure(
+                "Speeds",
+                "How fast each drive moves, as a share of the fastest that it can.",
+                |s| &s.speeds,
+            )?,
+            figure(
+                "Accelerations",
+                "How hard each drive speeds up or brakes, as a share of the hardest that it can.",
+                |s| &s.accelerations,
+            )?,
+            figure(
+                "Following errors",
+                "How far each drive lags behind its command, as a share of what is allowed at its \
+                 speed; with more LinuxCNC stops the machine.",
+                |s| &s.errors,
+            )?,
+        ])
+    }
 }

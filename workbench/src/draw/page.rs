@@ -1,53 +1,308 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pages of a browser about one run or one program.
+//! The page of a browser about one program on one machine, readable without knowledge of kinematics.
+//!
+//! It stands alone: no other file, no script. Colour is never the only sign.
 
-use crate::draw::plot::Plot;
+use crate::draw::margins::Figure;
+use crate::draw::over::Mark;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-const STYLE: &str = "body { font-family: sans-serif; max-width: 62em; margin: 2em auto }
-td, th { text-align: left; padding: 0.2em 1em 0.2em 0; vertical-align: top }
-.bad { font-weight: bold }
-img { max-width: 100% }
+const STYLE: &str =
+    "body { font-family: sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em;
+  line-height: 1.4; color: #111; background: #fff }
+table { border-collapse: collapse; margin: 1em 0; width: 100%; font-size: 0.9em }
+td, th { text-align: left; padding: 0.3em 0.5em; vertical-align: top; border-bottom: 1px solid #ccc }
+th small { display: block; font-weight: normal; color: #444 }
+.number { text-align: right; white-space: nowrap }
+.verdict { border-left: 0.6em solid; padding: 0.6em 1em; margin: 1em 0 }
+.verdict h2 { margin: 0 }
+.fits { background: #e7f5e9; border-color: #1b6e2c }
+.misfit { background: #fde8e6; border-color: #b40000 }
+.open { background: #fff4d6; border-color: #9a6700 }
+.broken { background: #fde8e6 }
+.broken td:first-child { font-weight: bold }
+code, pre { background: #f4f4f4; white-space: pre-wrap }
+figure { margin: 2em 0 }
+svg { max-width: 100%; height: auto }
+svg text[font-weight] { paint-order: stroke; stroke: #fff; stroke-width: 4px }
 ";
 
-/// A page with its title as heading.
-pub fn page(title: &str, body: &Markup) -> String {
+/// Most lines of the command's answer that the page repeats.
+const MOST_LINES: usize = 400;
+
+/// Whether a program fits a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// All limits are kept.
+    Fits,
+    /// A limit is broken.
+    Misfit,
+    /// What was judged is kept, but not everything could be judged.
+    NotJudged,
+}
+
+impl Verdict {
+    /// A sign that needs no colour, what is said, and the class of the style.
+    const fn shown(self) -> [&'static str; 3] {
+        match self {
+            Self::Fits => ["\u{2713}", "The program fits the machine", "fits"],
+            Self::Misfit => ["\u{2717}", "The program does not fit the machine", "misfit"],
+            Self::NotJudged => ["?", "Not judged", "open"],
+        }
+    }
+}
+
+/// One limit, as the table shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LimitRow {
+    /// The limit.
+    pub name: String,
+    /// What it is there for.
+    pub meaning: String,
+    /// Joint, leg or axis that comes nearest to it.
+    pub part: String,
+    /// What the machine allows.
+    pub allowed: String,
+    /// What the program needs.
+    pub used: String,
+    /// What is left, negative beyond the limit.
+    pub margin: String,
+    /// Where.
+    pub line: String,
+    /// Numbers of its breaks, counted from 1; none where it is kept.
+    pub breaks: Vec<usize>,
+}
+
+/// What the page tells.
+pub struct Report<'a> {
+    /// Name of the program.
+    pub program: &'a str,
+    /// Name of the machine.
+    pub machine: &'a str,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why, in a sentence.
+    pub why: String,
+    /// What could not be judged, and what to look at: sentences.
+    pub notes: Vec<String>,
+    /// What helps: a sentence, and the block to run.
+    pub help: Option<(String, String)>,
+    /// All limits.
+    pub rows: Vec<LimitRow>,
+    /// All breaks, in the order of the program.
+    pub marks: &'a [Mark],
+    /// Plots.
+    pub figures: &'a [Figure],
+    /// The answer of the command.
+    pub text: &'a str,
+}
+
+/// The page.
+pub fn page(report: &Report) -> String {
+    let title = format!("{} on {}", report.program, report.machine);
     let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
             body {
                 h1 { (title) }
-                (body)
+                (verdict(report))
+                (breaks(report.marks))
+                (table(&report.rows))
+                (advice(report))
+                @for figure in report.figures { (drawing(figure)) }
+                (answer(report.text))
             }
         }
     };
     page.into_string()
 }
 
-/// One page without other files: a text, and plots under their captions.
-pub fn single_page(title: &str, text: &str, plots: &[Plot]) -> String {
-    let body = html! {
-        pre { (text) }
-        @for plot in plots {
-            h2 { (plot.caption) }
-            (PreEscaped(&plot.svg))
+fn verdict(report: &Report) -> Markup {
+    let [sign, words, class] = report.verdict.shown();
+    html! {
+        div class={ "verdict " (class) } role="status" {
+            h2 { span aria-hidden="true" { (sign) " " } (words) }
+            p { (report.why) }
         }
-    };
-    page(title, &body)
+    }
+}
+
+fn advice(report: &Report) -> Markup {
+    html! {
+        @if let Some((help, block)) = &report.help {
+            h2 { "What helps" }
+            p { (help) }
+            pre { (block) }
+        }
+        @if !report.notes.is_empty() {
+            h2 { "What to look at" }
+            ul { @for note in &report.notes { li { (note) } } }
+        }
+    }
+}
+
+fn breaks(marks: &[Mark]) -> Markup {
+    html! {
+        @if !marks.is_empty() {
+            h2 { "What breaks, and where" }
+            ol { @for mark in marks { li {
+                b { (mark.place) } " " code { (mark.block) } ": " (mark.text) "."
+                @if mark.at.is_none() { " The program stops before it." }
+            } } }
+        }
+    }
+}
+
+fn table(rows: &[LimitRow]) -> Markup {
+    // Sorting is stable: beside that the order stays.
+    let mut rows: Vec<&LimitRow> = rows.iter().collect();
+    rows.sort_by_key(|row| row.breaks.first().copied().unwrap_or(usize::MAX));
+    html! {
+        h2 { "All limits" }
+        table {
+            thead { tr {
+                @for head in ["", "limit", "part"] { th scope="col" { (head) } }
+                @for head in ["allowed", "used", "margin"] { th scope="col" class="number" { (head) } }
+                th scope="col" { "where" }
+            } }
+            tbody { @for row in rows { (limit(row)) } }
+        }
+    }
+}
+
+fn limit(row: &LimitRow) -> Markup {
+    let numbers: Vec<String> = row.breaks.iter().map(usize::to_string).collect();
+    html! {
+        tr class=[(!row.breaks.is_empty()).then_some("broken")] {
+            td {
+                @if numbers.is_empty() { "\u{2713} kept" }
+                @else { "\u{2717} broken (" (numbers.join(", ")) ")" }
+            }
+            th scope="row" { (row.name) small { (row.meaning) } }
+            td { (row.part) }
+            @for value in [&row.allowed, &row.used, &row.margin] { td class="number" { (value) } }
+            td { (row.line) }
+        }
+    }
+}
+
+fn drawing(figure: &Figure) -> Markup {
+    let name = html! { title { (figure.title) } desc { (figure.about) } }.into_string();
+    // The name of a drawing is its first child.
+    let svg =
+        figure.svg.replacen("<svg ", "<svg role=\"img\" ", 1).replacen('>', &format!(">{name}"), 1);
+    html! {
+        figure {
+            h2 { (figure.title) }
+            (PreEscaped(svg))
+            figcaption { (figure.about) }
+        }
+    }
+}
+
+fn answer(text: &str) -> Markup {
+    let lines: Vec<&str> = text.lines().collect();
+    let left_out = lines.len().saturating_sub(MOST_LINES);
+    html! {
+        details {
+            summary { "The answer of pkm preflight" }
+            pre { (lines[..lines.len() - left_out].join("\n")) }
+            @if left_out > 0 { p { (left_out) " more lines: the command shows them." } }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn row(name: &str, breaks: &[usize]) -> LimitRow {
+        let word = |text: &str| text.to_string();
+        LimitRow {
+            name: name.into(),
+            meaning: word("what it is there for"),
+            part: word("strut 1"),
+            allowed: word("1 to 2 mm"),
+            used: word("1 to 3 mm"),
+            margin: word("-1 mm"),
+            line: word("line 7"),
+            breaks: breaks.to_vec(),
+        }
+    }
+
+    fn report<'a>(marks: &'a [Mark], figures: &'a [Figure], text: &'a str) -> Report<'a> {
+        Report {
+            program: "<b>.ngc",
+            machine: "m.ini",
+            verdict: Verdict::Misfit,
+            why: "a < b & c > d".into(),
+            notes: vec!["times".into()],
+            help: Some(("run".into(), "G10".into())),
+            rows: vec![row("kept limit", &[]), row("second", &[2]), row("first", &[1, 3])],
+            marks,
+            figures,
+            text,
+        }
+    }
+
     #[test]
-    fn text_of_messages_cannot_become_markup() {
-        let page = single_page("<b>", "a < b & c > d", &[]);
+    fn texts_cannot_become_markup() {
+        let figure = Figure {
+            title: "x > y".into(),
+            about: "\"&".into(),
+            svg: "<svg width=\"1\">\n</svg>".into(),
+        };
+        let page = page(&report(&[], &[figure], "</pre>"));
         assert!(page.contains("a &lt; b &amp; c &gt; d") && !page.contains("<b>"), "{page}");
+        assert!(page.contains("<svg role=\"img\" width=\"1\"><title>x &gt; y</title>"), "{page}");
+        // The block that helps, and the answer.
+        assert_eq!(page.matches("</pre>").count(), 2);
+    }
+
+    #[test]
+    fn broken_limits_come_first() {
+        let page = page(&report(&[], &[], ""));
+        let place = |name: &str| page.find(&format!(">{name}<small>")).unwrap();
+        assert!(place("first") < place("second") && place("second") < place("kept limit"));
+        assert!(page.contains("broken (1, 3)") && page.contains("\u{2713} kept"));
+    }
+
+    #[test]
+    fn every_break_is_named_with_its_line() {
+        let mark = |line, at| Mark {
+            place: format!("line {line}"),
+            block: format!("G1 X{line}"),
+            text: format!("breaks at {line}"),
+            at,
+            pose: [0.0; 6],
+        };
+        let page = page(&report(&[mark(4, Some(1.0)), mark(99, None)], &[], ""));
+        for line in [4, 99] {
+            let told = format!("<b>line {line}</b> <code>G1 X{line}</code>: breaks at {line}.");
+            assert!(page.contains(&told), "{page}");
+        }
+        assert_eq!(page.matches("stops before it").count(), 1);
+    }
+
+    #[test]
+    fn what_is_not_judged_is_no_fit() {
+        let cause = "LinuxCNC is not installed";
+        let open =
+            Report { verdict: Verdict::NotJudged, why: cause.into(), ..report(&[], &[], "") };
+        let page = page(&open);
+        assert!(page.contains("class=\"verdict open\"") && page.contains(cause), "{page}");
+        assert!(page.contains("? </span>Not judged") && !page.contains("fits the machine"));
+    }
+
+    #[test]
+    fn a_long_answer_is_cut_and_that_is_said() {
+        let page = page(&report(&[], &[], &"word\n".repeat(10_000)));
+        assert!(page.contains("9600 more lines") && page.len() < 10_000);
     }
 }

@@ -120,13 +120,20 @@ pub(super) fn project([x, y, z]: [f64; 3]) -> (f64, f64) {
 }
 
 pub(super) fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), DrawError> {
+    legend_at(chart, SeriesLabelPosition::UpperRight)
+}
+
+pub(super) fn legend_at<'a, 'b: 'a>(
+    chart: &mut Chart<'a, 'b>,
+    position: SeriesLabelPosition,
+) -> Result<(), DrawError> {
     chart
         .configure_series_labels()
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK)
         .legend_area_size(44)
         .label_font((FONT, 14))
-        .position(SeriesLabelPosition::UpperRight)
+        .position(position)
         .draw()?;
     Ok(())
 }

@@ -5,7 +5,7 @@ use crate::control::row::{Ending, Message};
 use crate::limits;
 use crate::program::offset::Poses;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Limit, Part};
+use kinematics::{Limit, Part};
 use serde::{Serialize, Serializer};
 
 /// What a program has to keep.
@@ -104,6 +104,9 @@ pub struct LeastMargin {
     pub unit: String,
     /// Joint, leg or axis.
     pub part: String,
+    /// The same as the core numbers it.
+    #[serde(skip)]
+    pub of: Part,
     /// Line of the program.
     pub line: u32,
 }
@@ -210,23 +213,6 @@ pub enum Time {
     NotJudged(String),
 }
 
-/// A sample of the motion, for plots.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Seconds from the start at the programmed feed, without acceleration.
-    pub time: f64,
-    /// Line of the program.
-    pub line: u32,
-    /// X Y Z A B C.
-    pub pose: [f64; 6],
-    /// Joint values.
-    pub joints: Joints,
-    /// Joint speeds at the programmed feed as shares of their limits.
-    pub speeds: Joints,
-    /// Least margin of the geometric limits as a share of their range.
-    pub margin: f64,
-}
-
 /// What is known of a program on a machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Preflight {
@@ -254,9 +240,6 @@ pub struct Preflight {
     /// Poses for the search of another work offset.
     #[serde(skip)]
     pub poses: Poses,
-    /// Samples, where they were asked for.
-    #[serde(skip)]
-    pub samples: Vec<Sample>,
 }
 
 impl Preflight {

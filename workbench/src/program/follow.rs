@@ -9,7 +9,7 @@
 //! breaks, and a move without one is proved to keep all of them everywhere.
 
 use crate::limits;
-use crate::program::findings::{Break, Preflight, Range, Sample, Time};
+use crate::program::findings::{Break, Preflight, Range, Time};
 use crate::program::offset::Poses;
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
@@ -69,8 +69,6 @@ pub(super) struct Leg {
     pub(super) file: usize,
     pub(super) from: [f64; 6],
     pub(super) delta: [f64; 6],
-    /// Seconds at the programmed feed, for samples.
-    pub(super) duration: f64,
 }
 
 impl Leg {
@@ -129,32 +127,27 @@ pub(super) struct Pilot<'a> {
     pub(super) reach: Reach<'a>,
     pub(super) tool: Vector3<f64>,
     pub(super) at: [f64; 6],
-    keep: bool,
     checks: Vec<Check>,
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
     pub(super) margins: [Option<(f64, Part, u32)>; Limit::ALL.len()],
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
-    /// Seconds at the programmed feed so far.
-    pub(super) time: f64,
     pub(super) result: Preflight,
 }
 
 impl<'a> Pilot<'a> {
-    pub(super) fn new(config: &'a MachineConfig, keep: bool) -> Result<Self, Fault> {
+    pub(super) fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
         Ok(Self {
             config,
             reach: Reach::new(config)?,
             tool: config.spindle,
             at: config.home,
-            keep,
             checks: vec![],
             least: [f64::INFINITY; Limit::ALL.len()],
             margins: [None; Limit::ALL.len()],
             axes: config.home.map(|value| [value; 2]),
             joints: [[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS],
-            time: 0.0,
             result: Preflight {
                 moves: 0,
                 length: 0.0,
@@ -167,7 +160,6 @@ impl<'a> Pilot<'a> {
                 tilted_tool_changes: vec![],
                 is_still: true,
                 poses: Poses::default(),
-                samples: vec![],
             },
         })
     }
@@ -238,7 +230,6 @@ impl<'a> Pilot<'a> {
                 }
             }
             self.widen(&way);
-            self.keep_sample(leg, [middle, half], &pose, &way, &checks);
         }
         self.checks = checks;
         done
@@ -350,35 +341,6 @@ impl<'a> Pilot<'a> {
             }
         }
         worst
-    }
-
-    fn keep_sample(
-        &mut self,
-        leg: &Leg,
-        [share, half]: [f64; 2],
-        pose: &[f64; 6],
-        way: &Way,
-        checks: &[Check],
-    ) {
-        if !self.keep {
-            return;
-        }
-        let shares = checks.iter().filter(|check| check.limit != Limit::Reach);
-        let [mut joints, mut speeds] = [[0.0; MAX_JOINTS]; 2];
-        for (i, (course, joint)) in way.joints.iter().zip(&self.config.joints).enumerate() {
-            joints[i] = course.middle;
-            if leg.duration > 0.0 {
-                speeds[i] = course.slope / (leg.duration * half) / joint.max_velocity;
-            }
-        }
-        self.result.samples.push(Sample {
-            time: self.time + share * leg.duration,
-            line: leg.line,
-            pose: *pose,
-            joints,
-            speeds,
-            margin: shares.map(|check| check.seen / check.range).fold(f64::INFINITY, f64::min),
-        });
     }
 
     /// Tells a break; `worst` is the least margin of the move.

@@ -6,17 +6,18 @@
 //! the interpreter: what is kept does not grow with the program. Everything that depends on time
 //! comes from LinuxCNC's own servo cycles ([`crate::program::loads`]).
 
-use crate::control::row::{Ending, MessageKind, Outcome};
+use crate::control::process::{self, Options};
+use crate::control::row::{Ending, Outcome, Row};
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Peak, Place, Preflight, Rule, Time, Timing};
 use crate::program::follow::{Found, Leg, Pilot, length};
 use crate::program::interpreter::Move;
-use crate::program::loads::{Beyond, Demands, Load};
-use crate::program::replay::duration;
+use crate::program::loads::{Beyond, Demands, Load, Loads};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limit, Part, Pose, Vector3};
 use std::cmp::Ordering;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Rounding of the interpreter's positions, as a share of the machine's size.
@@ -30,12 +31,12 @@ pub struct Flight<'a> {
 }
 
 impl<'a> Flight<'a> {
-    /// Before the first move; `keep` makes it keep [`Preflight::samples`].
+    /// Before the first move.
     ///
     /// # Errors
     /// A spindle that the machine cannot take.
-    pub fn new(config: &'a MachineConfig, keep: bool) -> Result<Self, Fault> {
-        Ok(Self { pilot: Pilot::new(config, keep)?, number: 0, fault: None })
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        Ok(Self { pilot: Pilot::new(config)?, number: 0, fault: None })
     }
 
     /// Follows the next move.
@@ -66,10 +67,9 @@ impl<'a> Flight<'a> {
 pub fn preflight(
     config: &MachineConfig,
     moves: &[Move],
-    keep: bool,
     mut progress: impl FnMut(f64),
 ) -> Result<Preflight, Fault> {
-    let mut flight = Flight::new(config, keep)?;
+    let mut flight = Flight::new(config)?;
     for (n, step) in moves.iter().enumerate() {
         if n % 256 == 0 {
             progress(n as f64 / moves.len() as f64);
@@ -79,9 +79,23 @@ pub fn preflight(
     flight.finish()
 }
 
-/// What LinuxCNC makes of a program in time.
-pub fn timed(_config: &MachineConfig, _program: &Path) -> Time {
-    Time::NotJudged("LinuxCNC is not run".into())
+/// What LinuxCNC makes of a program in time; `see` is shown every servo cycle, and ends the run where
+/// it breaks.
+pub fn timed(
+    config: &MachineConfig,
+    program: &Path,
+    options: &Options,
+    mut see: impl FnMut(&Row) -> ControlFlow<()>,
+) -> Time {
+    let mut loads = Loads::new(config);
+    let outcome = process::run(config, program, options, |row| {
+        loads.see(row);
+        see(row)
+    });
+    match outcome {
+        Ok(outcome) => Time::Judged(Timing::of(config, loads.finish(), outcome)),
+        Err(cause) => Time::NotJudged(cause.to_string()),
+    }
 }
 
 impl Pilot<'_> {
@@ -101,7 +115,7 @@ impl Pilot<'_> {
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
                 let (from, line, file) = (self.at, step.line, step.file);
-                let leg = Leg { number, line, file, from, delta, duration: 0.0 };
+                let leg = Leg { number, line, file, from, delta };
                 self.follow(&leg);
             }
         }
@@ -113,14 +127,7 @@ impl Pilot<'_> {
     fn go(&mut self, number: usize, step: &Move) {
         let from = self.at;
         let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
-        let leg = Leg {
-            number,
-            line: step.line,
-            file: step.file,
-            from,
-            delta,
-            duration: duration(self.config, &from, step),
-        };
+        let leg = Leg { number, line: step.line, file: step.file, from, delta };
         self.check_axes(&leg, &step.end);
         self.follow(&leg);
         self.widen_axes(&step.end);
@@ -128,7 +135,6 @@ impl Pilot<'_> {
         self.result.is_still &= step.end == self.config.home;
         self.result.moves += 1;
         self.result.length += length(&delta);
-        self.time += leg.duration;
         self.at = step.end;
     }
 
@@ -156,10 +162,17 @@ impl Pilot<'_> {
     fn finish(mut self) -> Preflight {
         self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         for limit in Limit::ALL {
-            let Some((value, part, line)) = self.margins[limit.index()] else { continue };
-            let unit = limits::unit(self.config, limit, part);
-            let part = limits::part(self.config, limit, part);
-            self.result.margins.push(LeastMargin { limit: limit.into(), value, unit, part, line });
+            let Some((value, of, line)) = self.margins[limit.index()] else { continue };
+            let unit = limits::unit(self.config, limit, of);
+            let part = limits::part(self.config, limit, of);
+            self.result.margins.push(LeastMargin {
+                limit: limit.into(),
+                value,
+                unit,
+                part,
+                of,
+                line,
+            });
         }
         self.result.ranges = self.ranges();
         if let Some(first) = self.result.breaks.first() {
@@ -194,6 +207,7 @@ fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMa
         value: peak.limit - peak.value,
         unit: limits::unit(config, limit, Part::Joint(joint)),
         part: limits::part(config, limit, Part::Joint(joint)),
+        of: Part::Joint(joint),
         line: peak.place.line,
     };
     let margins = peaks.iter().enumerate().map(margin);
@@ -268,9 +282,10 @@ fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
     if outcome.ending == Ending::Finished {
         return None;
     }
-    let errors = outcome.messages.iter().filter(|told| told.kind == MessageKind::Error);
+    let errors = outcome.messages.iter().filter(|told| told.is_error());
     let first = errors.clone().next();
-    let (line, seconds) = first.map_or((last.line, last.seconds), |told| (told.line, told.seconds));
+    let (line, seconds) =
+        first.map_or((last.line, last.seconds), |told| (told.place(), told.seconds));
     let texts: Vec<&str> = errors.map(|told| told.text.as_str()).collect();
     let text = match texts.is_empty() {
         true => "LinuxCNC stops here, without a message".into(),
@@ -304,8 +319,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Flags, Message, Row};
-    use crate::program::loads::Loads;
+    use crate::control::row::{Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
     fn config() -> MachineConfig {
@@ -331,7 +345,7 @@ mod tests {
             });
         }
         let timing = Timing::of(config, loads.finish(), outcome);
-        preflight(config, &[], false, |_| ()).unwrap().with_time(config, Time::Judged(timing))
+        preflight(config, &[], |_| ()).unwrap().with_time(config, Time::Judged(timing))
     }
 
     fn finished() -> Outcome {
@@ -358,8 +372,13 @@ mod tests {
     #[test]
     fn what_linuxcnc_stops_at_is_a_break_in_its_words_and_what_it_only_shows_is_none() {
         let config = config();
-        let error =
-            |kind| Message { kind, text: "joint 2 following error".into(), line: 4, seconds: 0.3 };
+        let error = |kind| Message {
+            kind,
+            text: "joint 2 following error".into(),
+            line: 4,
+            read: 4,
+            seconds: 0.3,
+        };
         let shown = Outcome { messages: vec![error(MessageKind::Display)], ..finished() };
         assert!(run(&config, 1.0, shown.clone()).fits());
         let stopped = Outcome { ending: Ending::Stopped, ..shown.clone() };
@@ -390,7 +409,8 @@ mod tests {
         let document = include_str!("../../../docs/preflight-json.md");
         let config = config();
         let text = "joint 2 following error".into();
-        let messages = vec![Message { kind: MessageKind::Error, text, line: 4, seconds: 0.3 }];
+        let messages =
+            vec![Message { kind: MessageKind::Error, text, line: 4, read: 4, seconds: 0.3 }];
         let outcome = Outcome { ending: Ending::Stopped, messages, ..finished() };
         let found = run(&config, 1e4, outcome);
         let mut names = vec![];
@@ -404,7 +424,7 @@ mod tests {
     #[test]
     fn time_that_is_not_judged_breaks_nothing() {
         let config = config();
-        let found = preflight(&config, &[], false, |_| ()).unwrap();
+        let found = preflight(&config, &[], |_| ()).unwrap();
         let told = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
         assert!(told.fits() && told.time == Time::NotJudged("no LinuxCNC".into()));
     }

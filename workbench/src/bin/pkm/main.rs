@@ -16,6 +16,7 @@ mod poses;
 mod preflight;
 mod random;
 mod replay;
+mod report;
 mod rods;
 mod rows;
 mod run;
@@ -25,7 +26,7 @@ mod workspace;
 
 use clap::{Parser, Subcommand};
 use failure::{Failure, MovesNothing};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use kinematics::{Letter, Pose};
 use pkm::files::{Locate, leave_nothing};
 use pkm::program::interpreter::{self, Move};
@@ -33,6 +34,7 @@ use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 /// Steps of a progress bar.
@@ -137,6 +139,9 @@ fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     }
 }
 
+/// All bars: two kinds of work may go on at a time.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
 /// What shows how much of a long work is done; hidden where standard error is no terminal, and
 /// gone with its owner.
 struct Bar(ProgressBar);
@@ -148,19 +153,19 @@ impl Bar {
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
             bar.set_style(style);
         }
-        Self(bar)
+        Self(BARS.add(bar))
     }
 
     /// Of work that takes as long as it takes.
     fn spinner(message: &'static str) -> Self {
-        let bar = ProgressBar::new_spinner().with_message(message);
+        let bar = BARS.add(ProgressBar::new_spinner().with_message(message));
         bar.enable_steady_tick(TICK);
         Self(bar)
     }
 
-    /// How much is done of work whose length is not known.
-    fn count(&self, message: &str, done: usize) {
-        self.0.set_message(format!("{message}: {done}"));
+    /// How far work of unknown length has come.
+    fn say(&self, message: String) {
+        self.0.set_message(message);
     }
 
     /// The share that is done.

@@ -2,20 +2,26 @@
 //! `pkm preflight`.
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
-use super::{Bar, MachineFile, Verdict};
+use super::run::{Control, Progress};
+use super::{Bar, MachineFile, Verdict, report};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
+use pkm::control::process::Options;
 use pkm::control::row::{Ending, Message};
-use pkm::draw::{margins, page};
+use pkm::draw::margins::figures;
+use pkm::draw::page::{self, Report, page};
 use pkm::files::{Locate, write_whole};
-use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time};
+use pkm::program::course::{Course, Thinned};
+use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time, Timing};
 use pkm::program::interpreter::{self, Patience};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::{Flight, timed};
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Checks before cutting that a program fits a machine
 ///
@@ -45,6 +51,8 @@ pub struct Arguments {
     /// Also writes one page with plots; of one program
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    control: Control,
     /// Moves after which a program counts as endless
     #[arg(long, value_name = "NUMBER", default_value_t = Patience::default().moves)]
     most_moves: u64,
@@ -61,6 +69,9 @@ enum Format {
 
 /// Of the JSON that is told: raised where a field goes or changes its meaning.
 const VERSION: u32 = 1;
+
+/// Most warnings that the page repeats above its plots; its copy of the answer has more.
+const MOST_NOTES: usize = 20;
 
 /// What is told; docs/preflight-json.md describes it.
 #[derive(Serialize)]
@@ -125,11 +136,13 @@ fn run_one(
     arguments: &Arguments,
     program: &Path,
 ) -> Result<Verdict, Failure> {
-    let answer = judged(config, arguments, program)?;
+    let (answer, course) = judged(config, arguments, program)?;
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
-        write_report(file, config, &answer, &blocks)?;
+        let along = |_| Ok(Course::along(config, &interpreter::moves(config, program, None)?));
+        let course = course.map_or_else(|| along(()), Ok::<_, Failure>)?;
+        write_report(file, config, &answer, &course, &blocks)?;
     }
     // A reader that has gone away does not change the verdict.
     Failure::unless_unread(told(&match arguments.format {
@@ -150,7 +163,7 @@ fn run_all(
     for program in programs {
         let name = program.display().to_string();
         match judged(config, arguments, program) {
-            Ok(answer) => {
+            Ok((answer, _)) => {
                 let verdict = answer.verdict();
                 table.push((name, verdict, summary(&answer)));
                 match arguments.format {
@@ -205,20 +218,20 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(all)
 }
 
-/// Everything about one program.
+/// Everything about one program, and its course where a page is to show it.
 fn judged(
     config: &MachineConfig,
     arguments: &Arguments,
     program: &Path,
-) -> Result<Answer, Failure> {
+) -> Result<(Answer, Option<Thinned>), Failure> {
     // Told before the interpreter, in the system's words.
-    std::fs::read(program).at(program)?;
-    let keep = arguments.report.is_some();
-    let (found, files) = followed(config, arguments, program, None, keep, "following the moves")?;
+    std::fs::File::open(program).at(program)?;
+    let mut course = arguments.report.as_ref().map(|_| Course::new(config));
+    let (found, files) =
+        followed(config, arguments, program, None, "following the moves", course.as_mut())?;
     if found.is_still() {
         return Err(MovesNothing(program.into()).into());
     }
-    let found = found.with_time(config, timed(config, program));
     let mut warnings = cautions(config, &config.ini, &texts(&files)?);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     let fits = match (&found.time, found.fits()) {
@@ -226,7 +239,8 @@ fn judged(
         (Time::Judged(_), true) => Some(true),
         (Time::NotJudged(_), true) => None,
     };
-    Ok(Answer {
+    let course = course.filter(|_| matches!(found.time, Time::Judged(_))).map(Course::finish);
+    let answer = Answer {
         version: VERSION,
         machine: config.file.display().to_string(),
         program: program.display().to_string(),
@@ -235,30 +249,64 @@ fn judged(
         warnings,
         offset: offset(config, arguments, program, &found)?,
         found,
-    })
+    };
+    Ok((answer, course))
 }
 
 /// Moves between two words of how far it has come.
 const STRIDE: usize = 1024;
 
-/// Follows the moves while the interpreter reads them, after a block.
+/// Follows the moves while the interpreter reads them, after a block; beside it LinuxCNC runs them.
 fn followed(
     config: &MachineConfig,
     arguments: &Arguments,
     program: &Path,
     block: Option<&str>,
-    keep: bool,
+    message: &'static str,
+    mut course: Option<&mut Course>,
+) -> Result<(Preflight, Vec<PathBuf>), Failure> {
+    let options = Options { block: block.map(Into::into), ..arguments.control.options() };
+    let is_over = AtomicBool::new(false);
+    let progress = Progress::new(config);
+    let run = || {
+        timed(config, program, &options, |row| {
+            progress.see(row);
+            if let Some(course) = &mut course {
+                course.see(row);
+            }
+            match is_over.load(Ordering::Relaxed) {
+                false => ControlFlow::Continue(()),
+                true => ControlFlow::Break(()),
+            }
+        })
+    };
+    let (found, time) = std::thread::scope(|scope| {
+        let time = scope.spawn(run);
+        let found = read(config, arguments, program, block, message);
+        // Where the program cannot be read, nobody asks how it runs.
+        is_over.store(found.is_err(), Ordering::Relaxed);
+        (found, time.join().expect("a panic ends the process"))
+    });
+    let (found, files) = found?;
+    Ok((found.with_time(config, time), files))
+}
+
+fn read(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    program: &Path,
+    block: Option<&str>,
     message: &'static str,
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let bar = Bar::spinner(message);
-    let mut flight = Flight::new(config, keep)?;
+    let mut flight = Flight::new(config)?;
     let patience = Patience { moves: arguments.most_moves, seconds: arguments.patience };
     let mut moves = 0;
     let files = interpreter::each(config, program, block, &patience, |step| {
         flight.see(step);
         moves += 1;
         if moves % STRIDE == 0 {
-            bar.count(message, moves);
+            bar.say(format!("{message}: {moves}"));
         }
     })?;
     Ok((flight.finish()?, files))
@@ -285,6 +333,9 @@ fn tilted((file, line): (usize, u32)) -> Caution {
                 pkmkins moves it";
     Caution { line: Some(line), file, text: text.into() }
 }
+
+/// Of coordinates that are told.
+const PLACES: f64 = 1e-4;
 
 /// Least share of the programmed feed that three digits show.
 const LEAST_FEED: f64 = 1e-3;
@@ -326,7 +377,7 @@ fn confirmed(
     let block = offset.block();
     let message = "trying another work offset";
     // Under another offset the interpreter may refuse the program: cutter radii, arcs.
-    let checked = followed(config, arguments, program, Some(&block), false, message);
+    let checked = followed(config, arguments, program, Some(&block), message, None);
     let fits = checked.is_ok_and(|(found, _)| found.fits());
     Ok(fits.then_some(Suggestion { offset, block }))
 }
@@ -345,7 +396,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
     let unit = config.length_unit();
     row("moves", format!("{}, {:.1} {unit} long", found.moves, found.length));
     match &found.time {
-        Time::Judged(timing) => row("time", format!("{:.1} s", timing.seconds)),
+        Time::Judged(timing) => row("time", duration(timing)),
         Time::NotJudged(cause) => row("time", format!("not judged: {cause}")),
     }
     for margin in &found.margins {
@@ -419,6 +470,13 @@ fn used(Range { unit, used: [low, high], allowed, .. }: &Range) -> String {
 }
 
 /// In a few words, for the table.
+fn duration(timing: &Timing) -> String {
+    match timing.ending {
+        Ending::Finished => format!("{:.1} s", timing.seconds),
+        Ending::Stopped => format!("{:.1} s, then LinuxCNC stops it", timing.seconds),
+    }
+}
+
 fn summary(answer: &Answer) -> String {
     let found = &answer.found;
     if let Some(first) = found.breaks.first() {
@@ -433,7 +491,7 @@ fn summary(answer: &Answer) -> String {
         );
     }
     match &found.time {
-        Time::Judged(timing) => format!("{:.1} s", timing.seconds),
+        Time::Judged(timing) => duration(timing),
         Time::NotJudged(cause) => format!("time not judged: {cause}"),
     }
 }
@@ -461,14 +519,23 @@ fn feed(LineLoad { line, factor }: &LineLoad) -> String {
     format!("joint speeds allow {factor:.3} times the programmed one, in line {line}")
 }
 
+/// What is in the line of a break.
+fn block<'a>(told: &Break, blocks: &[Vec<&'a str>]) -> Option<&'a str> {
+    let number = (told.line as usize).checked_sub(1)?;
+    blocks[told.file].get(number).copied()
+}
+
 fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> String {
     let words: Vec<String> = Letter::ALL
         .iter()
         .zip(told.pose)
-        .map(|(letter, value)| format!("{}{:.4}", letter.name(), value + 0.0))
+        .map(|(letter, value)| {
+            // What rounds to 0 has no sign.
+            let value = (value / PLACES).round() * PLACES + 0.0;
+            format!("{}{value:.4}", letter.name())
+        })
         .collect();
-    let block = (told.line as usize).checked_sub(1).and_then(|n| blocks[told.file].get(n));
-    let block = block.map_or(String::new(), |block| format!("  {}\n", block.trim()));
+    let block = block(told, blocks).map_or(String::new(), |block| format!("  {}\n", block.trim()));
     let more = match told.moves {
         0 | 1 => String::new(),
         moves => format!(", the first of {moves}"),
@@ -486,9 +553,37 @@ fn write_report(
     file: &std::path::Path,
     config: &MachineConfig,
     answer: &Answer,
+    course: &Thinned,
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
-    let plots = margins::of_samples(config, &answer.found.samples)?;
-    let text = page::single_page(&answer.program, &in_words(config, answer, blocks), &plots);
+    let found = &answer.found;
+    let place_of = |told: &Break| place(&answer.files, told.file, told.line);
+    let block_of = |told: &Break| block(told, blocks).unwrap_or_default().trim().to_string();
+    let marks = report::marks(config, found, course, place_of, block_of);
+    let rows = report::rows(config, found, course);
+    let help = answer.offset.as_ref().map(|found| {
+        let words = "The program fits with another work offset. Clamp the workpiece there, and once \
+                     before the program run:";
+        (words.to_string(), found.block.clone())
+    });
+    let warnings = answer.warnings.iter().map(|Caution { line, file, text }| {
+        line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ") + text
+    });
+    let text = page(&Report {
+        program: &answer.program,
+        machine: &answer.machine,
+        verdict: match answer.fits {
+            Some(true) => page::Verdict::Fits,
+            Some(false) => page::Verdict::Misfit,
+            None => page::Verdict::NotJudged,
+        },
+        why: report::why(found, &rows),
+        notes: warnings.take(MOST_NOTES).collect(),
+        help,
+        rows,
+        marks: &marks,
+        figures: &figures(config, course, &marks)?,
+        text: &in_words(config, answer, blocks),
+    });
     Ok(write_whole(file, &text)?)
 }

@@ -3,14 +3,14 @@
 
 use super::failure::Failure;
 use super::joints::{coordinates, joint_names};
-use super::{MachineFile, Verdict};
-use indicatif::{ProgressBar, ProgressStyle};
+use super::{Bar, MachineFile, Verdict};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::Locate;
 use pkm::read::machine::MachineConfig;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
@@ -63,6 +63,7 @@ impl Control {
             most_seconds: self.most_time,
             most_standstill: self.most_standstill,
             hal: self.hal.clone(),
+            block: None,
             written: None,
         }
     }
@@ -80,12 +81,16 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         if let Some(trace) = trace.as_mut().filter(|_| unwritten.is_none()) {
             unwritten = trace.write(row).err();
         }
+        match unwritten {
+            None => ControlFlow::Continue(()),
+            Some(_) => ControlFlow::Break(()),
+        }
     });
     drop(progress);
-    let outcome = outcome?;
     if let Some(error) = unwritten {
         return Err(error);
     }
+    let outcome = outcome?;
     if let Some(trace) = trace {
         trace.finish()?;
     }
@@ -120,39 +125,25 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
 
 /// Line and time of the machine, while the program runs.
 pub struct Progress {
-    bar: ProgressBar,
+    bar: Bar,
     period: f64,
 }
 
-/// Cycles between two looks at the clock.
-const LOOK: u64 = 1000;
+/// Cycles between two words of how far it has come.
+const STRIDE: u64 = 1000;
 
 impl Progress {
     /// Hidden where standard error is no terminal.
     pub fn new(config: &MachineConfig) -> Self {
-        let bar = ProgressBar::new_spinner();
-        if let Ok(style) = ProgressStyle::with_template("{spinner} running: {msg}") {
-            bar.set_style(style);
-        }
-        Self { bar, period: config.period }
+        Self { bar: Bar::spinner("running"), period: config.period }
     }
 
     /// A servo cycle.
     pub fn see(&self, row: &Row) {
-        if row.cycle.is_multiple_of(LOOK) {
-            self.bar.set_message(format!(
-                "line {}, {:.0} s",
-                row.line,
-                row.cycle as f64 * self.period
-            ));
-            self.bar.tick();
+        if row.cycle.is_multiple_of(STRIDE) {
+            let seconds = row.cycle as f64 * self.period;
+            self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
         }
-    }
-}
-
-impl Drop for Progress {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
     }
 }
 

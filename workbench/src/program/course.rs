@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a machine does in a program, thinned: as many samples for a second as for a day.
+//!
+//! A sample stands for a stretch of the program. When there are too many, every two neighbours
+//! become one, and from then on stretches are twice as long. Of what every cycle tells, a sample
+//! keeps the extremes, so that a peak of one cycle is never lost. Margins of other limits than the
+//! ranges of axes and joints take longer to compute: they are those of one pose at the start of
+//! each stretch, as short as stretches were then. Whether a program keeps them is proved elsewhere ([`crate::program::preflight`]).
+
+use crate::control::row::Row;
+use crate::limits;
+use crate::program::interpreter::Move;
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Letter, Limit, Limits, MAX_JOINTS, Margin, Part, Pose, Vector3};
+use std::ops::ControlFlow;
+
+/// Most samples that are kept: several for each column of pixels of a wide plot.
+pub const MOST_SAMPLES: usize = 8192;
+
+/// What the samples of a course are numbered by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Abscissa {
+    /// Seconds of the machine's time.
+    Seconds,
+    /// Machine units along the path of the control point; degrees of moves that only turn.
+    Length,
+}
+
+/// Shares of a limit's range that are left, by [`Limit::index`]: 0 at the limit, negative beyond
+/// it, infinite where the machine has no such limit, minus infinity where nothing can be computed.
+pub type Rooms = [f64; Limit::ALL.len()];
+
+/// A stretch of a program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Where it starts.
+    pub at: f64,
+    /// Lowest and highest line in it.
+    pub lines: [u32; 2],
+    /// The pose with the least room of those that were looked at.
+    pub pose: [f64; 6],
+    /// Lowest and highest value of each coordinate.
+    pub poses: [[f64; 2]; 6],
+    /// Lowest and highest value of each joint; infinite the wrong way round where there is none.
+    pub joints: [[f64; 2]; MAX_JOINTS],
+    /// Largest speed of each joint as a share of its limit.
+    pub speeds: Joints,
+    /// Largest acceleration of each joint as a share of its limit.
+    pub accelerations: Joints,
+    /// Largest following error of each joint as a share of what is allowed at its speed.
+    pub errors: Joints,
+    /// Least room to each limit of the pose.
+    pub rooms: Rooms,
+    /// Least share of the feed that the guard allows.
+    pub feed: f64,
+}
+
+impl Sample {
+    /// Least room to any limit.
+    pub fn room(&self) -> f64 {
+        let shares = [&self.speeds, &self.accelerations, &self.errors];
+        let motion = shares.into_iter().flatten().map(|share| 1.0 - share);
+        self.rooms.iter().copied().chain(motion).fold(f64::INFINITY, f64::min)
+    }
+
+    /// This stretch and the one behind it.
+    fn joined(mut self, next: &Self) -> Self {
+        if next.room_of_pose() < self.room_of_pose() {
+            self.pose = next.pose;
+        }
+        self.lines = [self.lines[0].min(next.lines[0]), self.lines[1].max(next.lines[1])];
+        widen(&mut self.poses, &next.poses);
+        widen(&mut self.joints, &next.joints);
+        raise(&mut self.speeds, &next.speeds);
+        raise(&mut self.accelerations, &next.accelerations);
+        raise(&mut self.errors, &next.errors);
+        let rooms = self.rooms.iter_mut().zip(&next.rooms);
+        rooms.for_each(|(room, other)| *room = room.min(*other));
+        self.feed = self.feed.min(next.feed);
+        self
+    }
+
+    fn room_of_pose(&self) -> f64 {
+        self.rooms.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+fn widen(ranges: &mut [[f64; 2]], others: &[[f64; 2]]) {
+    for (range, other) in ranges.iter_mut().zip(others) {
+        *range = [range[0].min(other[0]), range[1].max(other[1])];
+    }
+}
+
+fn raise(values: &mut Joints, others: &Joints) {
+    values.iter_mut().zip(others).for_each(|(value, other)| *value = value.max(*other));
+}
+
+/// Where a joint comes nearest to a limit of its motion, or goes farthest beyond it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worst {
+    /// Joint, counted from 0.
+    pub joint: usize,
+    /// Of the limit.
+    pub share: f64,
+    /// In the joint's unit, per second, or per second squared.
+    pub value: f64,
+    /// Its limit there.
+    pub limit: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// Where on the abscissa.
+    pub at: f64,
+}
+
+/// What a machine does in a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thinned {
+    /// What the samples are numbered by.
+    pub abscissa: Abscissa,
+    /// At most [`MOST_SAMPLES`], in order.
+    pub samples: Vec<Sample>,
+    /// Where the program ends.
+    pub end: f64,
+    /// Fastest joint; none where the motion is not known in time.
+    pub speed: Option<Worst>,
+    /// The same of accelerations.
+    pub acceleration: Option<Worst>,
+    /// The same of following errors.
+    pub error: Option<Worst>,
+}
+
+impl Thinned {
+    /// Where the program comes nearest to a pose in a line; none where it does not come to the line.
+    pub fn place(&self, config: &MachineConfig, line: u32, pose: &[f64; 6]) -> Option<f64> {
+        let half_size = config.machine.size() / 2.0;
+        let distance = |sample: &Sample| -> f64 {
+            let parts = sample.pose.iter().zip(pose).enumerate();
+            let part = |(k, (a, b)): (usize, (&f64, &f64))| {
+                let scale = if k < 3 { 1.0 } else { half_size.to_radians() };
+                (scale * (a - b)).powi(2)
+            };
+            parts.map(part).sum()
+        };
+        let inside = self.samples.iter().filter(|s| (s.lines[0]..=s.lines[1]).contains(&line));
+        // Of equal ones the first.
+        let nearest = inside.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        Some(nearest.at)
+    }
+
+    /// Lowest and highest value of a coordinate or of a joint.
+    pub fn range(&self, of: impl Fn(&Sample) -> [f64; 2]) -> [f64; 2] {
+        self.samples.iter().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |range, other| {
+            [range[0].min(other[0]), range[1].max(other[1])]
+        })
+    }
+}
+
+/// Speeds and accelerations of the joints from their commands, cycle by cycle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Motion {
+    last: Option<(u64, Joints)>,
+    speeds: Option<Joints>,
+}
+
+impl Motion {
+    /// Speeds since the cycle before, and accelerations since the two before, in joint units, per
+    /// second and per second squared. 0 where those cycles are not known, or the drives were off.
+    pub fn next(&mut self, row: &Row, period: f64) -> [Joints; 2] {
+        let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
+        self.last = row.flags.on.then_some((row.cycle, row.joints));
+        let Some((_, last)) = last else {
+            self.speeds = None;
+            return [[0.0; MAX_JOINTS]; 2];
+        };
+        let speeds = std::array::from_fn(|i| (row.joints[i] - last[i]) / period);
+        let before = self.speeds.replace(speeds).unwrap_or(speeds);
+        [speeds, std::array::from_fn(|i| (speeds[i] - before[i]) / period)]
+    }
+}
+
+/// Takes a program as it runs.
+pub struct Course<'a> {
+    config: &'a MachineConfig,
+    limits: Limits,
+    motion: Motion,
+    result: Thinned,
+    /// Moments that a sample stands for.
+    width: u64,
+    /// Those that the last one stands for already.
+    filled: u64,
+}
+
+/// A moment, before its margins are computed.
+struct Moment {
+    at: f64,
+    line: u32,
+    pose: [f64; 6],
+    tool: Vector3<f64>,
+    joints: Option<Joints>,
+    shares: [Joints; 3],
+    feed: f64,
+}
+
+impl<'a> Course<'a> {
+    /// Of nothing yet, in time.
+    pub fn new(config: &'a MachineConfig) -> Self {
+        Self::over(config, Abscissa::Seconds)
+    }
+
+    fn over(config: &'a MachineConfig, abscissa: Abscissa) -> Self {
+        let limits = limits::of(config);
+        let result = Thinned {
+            abscissa,
+            samples: vec![],
+            end: 0.0,
+            speed: None,
+            acceleration: None,
+            error: None,
+        };
+        Self { config, limits, motion: Motion::default(), result, width: 1, filled: 0 }
+    }
+
+    /// The path of moves from `[TRAJ]HOME` on: nothing is known of its time.
+    pub fn along(config: &'a MachineConfig, moves: &[Move]) -> Thinned {
+        let mut course = Self::over(config, Abscissa::Length);
+        let total: f64 = lengths(config, moves).map(|(_, length)| length).sum();
+        let mut before = 0.0;
+        for (number, (step, (from, length))) in moves.iter().zip(lengths(config, moves)).enumerate()
+        {
+            let tool = config.spindle + Vector3::from(step.tool);
+            let count = (length / total * MOST_SAMPLES as f64).ceil().max(1.0);
+            // The end of a move is the start of the next one.
+            for n in usize::from(number > 0)..=count as usize {
+                let share = n as f64 / count;
+                let pose = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
+                let at = config.machine.at(&Pose::from_degrees(pose), &tool);
+                course.take(&Moment {
+                    at: before + share * length,
+                    line: step.line,
+                    pose,
+                    tool,
+                    joints: at.ok().map(|at| *at.joints()),
+                    shares: [[0.0; MAX_JOINTS]; 3],
+                    feed: 1.0,
+                });
+            }
+            before += length;
+        }
+        course.finish()
+    }
+
+    /// Takes a servo cycle.
+    pub fn see(&mut self, row: &Row) {
+        let at = row.cycle as f64 * self.config.period;
+        let [speeds, accelerations] = self.motion.next(row, self.config.period);
+        let (limits, found) = (self.limits, &mut self.result);
+        let count = self.config.joints.len();
+        let shares = [
+            (&speeds, &limits.speed, &mut found.speed),
+            (&accelerations, &limits.acceleration, &mut found.acceleration),
+            (&row.errors, &row.allowed, &mut found.error),
+        ]
+        .map(|(values, limits, worst)| shares(values, limits, count, (at, row.line), worst));
+        let tool = Vector3::from(row.tool);
+        let (joints, feed) = (Some(row.joints), row.feed);
+        self.take(&Moment { at, line: row.line, pose: row.pose, tool, joints, shares, feed });
+    }
+
+    fn take(&mut self, moment: &Moment) {
+        self.result.end = moment.at;
+        let starts = self.filled == 0 || self.filled == self.width;
+        let rooms = if starts { self.rooms(moment) } else { self.rooms_of_ranges(moment) };
+        let [speeds, accelerations, errors] = moment.shares;
+        let sample = Sample {
+            at: moment.at,
+            lines: [moment.line; 2],
+            pose: moment.pose,
+            poses: moment.pose.map(|value| [value; 2]),
+            joints: moment.joints.map_or([[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS], |j| {
+                j.map(|value| [value; 2])
+            }),
+            speeds,
+            accelerations,
+            errors,
+            rooms,
+            feed: moment.feed,
+        };
+        match self.result.samples.last_mut() {
+            Some(last) if !starts => {
+                *last = last.joined(&sample);
+                self.filled += 1;
+            }
+            _ => {
+                self.make_room();
+                self.result.samples.push(sample);
+                self.filled = 1;
+            }
+        }
+    }
+
+    /// Joins neighbours where one more sample would be too many.
+    fn make_room(&mut self) {
+        let samples = &mut self.result.samples;
+        if samples.len() < MOST_SAMPLES {
+            return;
+        }
+        let pairs = samples.chunks(2).map(|pair| match pair {
+            [first, second] => first.joined(second),
+            single => single[0],
+        });
+        *samples = pairs.collect();
+        self.width *= 2;
+    }
+
+    /// Rooms to all limits of the pose.
+    fn rooms(&self, moment: &Moment) -> Rooms {
+        let mut rooms = self.rooms_of_ranges(moment);
+        match self.config.machine.at(&Pose::from_degrees(moment.pose), &moment.tool) {
+            Ok(at) => limits::each(&at, &self.limits, |margin| lower(&mut rooms, &margin)),
+            Err(fault) => rooms[Margin::of_fault(&fault).limit.index()] = f64::NEG_INFINITY,
+        }
+        rooms
+    }
+
+    /// Rooms in the ranges of axes and joints, which take no time to compute.
+    fn rooms_of_ranges(&self, moment: &Moment) -> Rooms {
+        let mut rooms = [f64::INFINITY; Limit::ALL.len()];
+        let axes = Letter::ALL.into_iter().zip(moment.pose).zip(self.limits.axis);
+        for ((letter, value), range) in axes {
+            let (limit, part) = (Limit::Axis, Part::Axis(letter));
+            lower(&mut rooms, &Margin { limit, part, value, range });
+        }
+        let Some(joints) = moment.joints else { return rooms };
+        let _ = self.limits.joints(&joints, self.config.joints.len(), |margin| {
+            lower(&mut rooms, &margin);
+            ControlFlow::<()>::Continue(())
+        });
+        rooms
+    }
+
+    /// What was seen.
+    pub fn finish(self) -> Thinned {
+        self.result
+    }
+}
+
+fn lower(rooms: &mut Rooms, margin: &Margin) {
+    let room = &mut rooms[margin.limit.index()];
+    *room = room.min(share_left(margin));
+}
+
+/// Room of a margin as a share of its range.
+fn share_left(margin: &Margin) -> f64 {
+    let (room, scale) = (margin.room(), limits::scale(margin));
+    if room == f64::INFINITY || (scale == 0.0 && room >= 0.0) {
+        // There is no limit, or nothing that may move.
+        return f64::INFINITY;
+    }
+    let share = room / scale;
+    if share.is_nan() { f64::NEG_INFINITY } else { share }
+}
+
+/// Amounts of values as shares of their limits; the largest so far is noted.
+fn shares(
+    values: &Joints,
+    limits: &Joints,
+    count: usize,
+    (at, line): (f64, u32),
+    worst: &mut Option<Worst>,
+) -> Joints {
+    let mut shares = [0.0; MAX_JOINTS];
+    for (joint, (value, limit)) in values.iter().zip(limits).enumerate().take(count) {
+        let (value, limit) = (value.abs(), *limit);
+        // What is not a number is beyond any limit.
+        let share = match value / limit {
+            _ if value == 0.0 => 0.0,
+            share if share.is_nan() => f64::INFINITY,
+            share => share,
+        };
+        shares[joint] = share;
+        if worst.is_none_or(|worst| share > worst.share) {
+            *worst = Some(Worst { joint, share, value, limit, line, at });
+        }
+    }
+    shares
+}
+
+/// Starts and lengths of moves.
+fn lengths<'a>(
+    config: &MachineConfig,
+    moves: &'a [Move],
+) -> impl Iterator<Item = ([f64; 6], f64)> + 'a {
+    moves.iter().scan(config.home, |at, step| {
+        let from = std::mem::replace(at, step.end);
+        let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
+        let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
+        let length = norm(&delta[..3]);
+        Some((from, if length > 0.0 { length } else { norm(&delta[3..]) }))
+    })
+}
