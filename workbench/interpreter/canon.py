@@ -41,6 +41,7 @@ import math
 import os
 import re
 import struct
+import signal
 import sys
 
 try:
@@ -399,7 +400,12 @@ def read(request, out):
     out.write(b"E")
 
 
+# Of prctl(2): what this process gets when its parent is gone.
+PARENT_DEATH_SIGNAL = 1
+
+
 def main():
+    ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
     request = json.load(sys.stdin)
     # The interpreter prints of its own; only records go where they are read.
     out = os.fdopen(os.dup(1), "wb", 1 << 16)

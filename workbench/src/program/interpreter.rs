@@ -5,7 +5,7 @@
 //! O-words, parameters, cutter compensation, cycles and remaps mean what they mean on
 //! the machine. Arcs come as short straight moves.
 
-use crate::files::Locate;
+use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
 use serde::Serialize;
 use std::fs;
@@ -152,7 +152,7 @@ pub fn each(
     patience: &Patience,
     see: impl FnMut(&Move),
 ) -> Result<Vec<PathBuf>, InterpreterError> {
-    let scratch = tempfile::tempdir()?;
+    let scratch = Folder::new().map_err(|error| error.error)?;
     let request = request(config, program, block, patience, scratch.path())?;
     let mut running = Running(start(config, scratch.path(), &request)?);
     let mut records = Records::new(config, program, running.0.stdout.take());

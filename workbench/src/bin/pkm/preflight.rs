@@ -469,7 +469,6 @@ fn used(Range { unit, used: [low, high], allowed, .. }: &Range) -> String {
     format!("{:.3} to {:.3} of {least} to {most} {unit}", low + 0.0, high + 0.0)
 }
 
-/// In a few words, for the table.
 fn duration(timing: &Timing) -> String {
     match timing.ending {
         Ending::Finished => format!("{:.1} s", timing.seconds),
@@ -477,6 +476,7 @@ fn duration(timing: &Timing) -> String {
     }
 }
 
+/// In a few words, for the table.
 fn summary(answer: &Answer) -> String {
     let found = &answer.found;
     if let Some(first) = found.breaks.first() {
