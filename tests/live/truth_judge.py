@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Rows of the table of `truth.py`: what LinuxCNC did beside what preflight said."""
+"""Rows of the tables of `truth.py`: what preflight said beside what LinuxCNC did in virtual time, and that
+beside what it did live."""
 
 import re
 
 import ini_edit
+import traces
+from unprivileged import REPOSITORY
 
 # Shares of a limit or a peak by which figures recorded and predicted may differ.
 AGREE = 0.01
@@ -20,18 +23,18 @@ CAUSES = [
 ]
 
 
-def row(machine, ini, program, kind, outcome, flight):
+def row(program, outcome, flight):
     """One program; `right` is false where prediction and outcome disagree."""
-    told = {"machine": machine, "program": program, "kind": kind, "linuxcnc": "", "preflight": "",
-            "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
-    if outcome is None or "failed" in outcome:
-        return {**told, "linuxcnc": "not run: " + (outcome or {}).get("failed", "")[:60]}
+    ini = program_ini(program)
+    told = {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": "",
+            "preflight": "", "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
+    if "failed" in outcome:
+        return {**told, "linuxcnc": "not run: " + outcome["failed"][:60]}
+    told["linuxcnc"] = said(outcome)
     if "refused" in flight:
         told["preflight"] = flight["refused"][:60]
-        told["linuxcnc"] = said(outcome)
         told["missed"] = not outcome["errors"]
         return {**told, "right": bool(outcome["errors"])}
-    told["linuxcnc"] = said(outcome)
     told["preflight"] = first_break(flight)
     if outcome["errors"]:
         told["missed"] = not is_predicted(outcome, flight)
@@ -41,6 +44,12 @@ def row(machine, ini, program, kind, outcome, flight):
     told["ratio"], told["joint"] = worst_ratio(ini, outcome, flight)
     near = told["ratio"] is None or abs(told["ratio"] - 1) <= AGREE
     return {**told, "right": near and not unseen}
+
+
+def program_ini(program):
+    """The INI file that a program runs with."""
+    text = (REPOSITORY / "configs" / program.machine / f"{program.machine}.ini").read_text()
+    return ini_edit.edited(text, program.edits)
 
 
 def error_line(outcome):
@@ -113,3 +122,49 @@ def summary(rows):
             f"{sum(told['missed'] for told in rows)} of them not predicted with their line; "
             f"{sum(told['alarm'] for told in rows)} false alarms; peaks of {len(compared)} compared, "
             f"{near} within {100 * AGREE:.0f} %")
+
+
+def beside(job):
+    """A live and a virtual run of a program; `same` is false where they differ."""
+    name, live, offline, recorded, trace = job
+    told = {"program": name, "cycles": 0, "motions": 0, "difference": None, "ratio": None, "why": "", "same": False}
+    for kind, outcome in (("live", live), ("in virtual time", offline)):
+        if outcome is None or "failed" in outcome:
+            return {**told, "why": f"not run {kind}: {(outcome or {}).get('failed', '')[:60]}"}
+    seen = traces.recorded(recorded)
+    joints = len(seen.places[0]) - len(traces.AXES)
+    told.update(traces.compared(seen, traces.virtual(trace, joints), bool(live["errors"])))
+    if not told["why"]:
+        told["why"] = other_end(live, offline, seen)
+    return {**told, "same": not told["why"]}
+
+
+def other_end(live, offline, seen):
+    """What LinuxCNC said otherwise; empty if nothing."""
+    said, repeated = ([" ".join(text.split()) for text in outcome["errors"]] for outcome in (live, offline))
+    if said != repeated:
+        return f"{said} live, {repeated} in virtual time"
+    if live["ended"] != offline["ended"] and not said:
+        return "ended otherwise"
+    line = error_line({**live, "stopped_line": traces.stopped_line(seen.until_off())})
+    if said and line != error_line(offline):
+        return f"stopped in line {line} live, {error_line(offline)} in virtual time"
+    return ""
+
+
+def table_beside(rows):
+    lines = ["| program | cycles that move | motions | largest difference | peak ratio | |",
+             "| --- | --: | --: | --: | --: | --- |"]
+    for told in rows:
+        apart = "" if told["difference"] is None else f"{told['difference']:.1e}"
+        ratio = "" if told["ratio"] is None else f"{told['ratio']:.9f}"
+        lines.append(f"| {told['program']} | {told['cycles']} | {told['motions']} | {apart} | {ratio} | {told['why']} |")
+    return "\n".join(lines)
+
+
+def summary_beside(rows):
+    same = [told for told in rows if told["same"]]
+    most = max((told["difference"] for told in same), default=0.0)
+    return (f"truth: {len(rows)} programs live, {len(same)} of them the same in virtual time; "
+            f"{sum(told['motions'] for told in same)} motions of {sum(told['cycles'] for told in same)} cycles, "
+            f"largest difference {most:.1e}; {sum(not told['difference'] for told in same)} programs bit for bit")
