@@ -22,6 +22,9 @@ KINDS = {linuxcnc.NML_ERROR: 0, linuxcnc.OPERATOR_ERROR: 0, linuxcnc.NML_TEXT: 1
 # Looks before anything is asked for: milltask carries out what [RS274NGC]RS274NGC_STARTUP_CODE has queued, one
 # command in each of its cycles, and to leave the estop would clear what is left of it.
 STARTUP = 50
+# Looks in which the interpreter reads on and on and nothing moves or waits: 10 s of the machine's time, in
+# which it reads millions of lines.
+MOST_READING = 500
 # Looks until something that takes no motion has to be done: far more than any of them takes.
 PATIENCE = 2000
 
@@ -66,7 +69,12 @@ class Operator:
         yield
         COMMAND.auto(linuxcnc.AUTO_RUN, 0)
         yield
+        reading = 0
         while not self.is_over():
+            reading = reading + 1 if self.only_reads() else 0
+            if reading > MOST_READING:
+                end(NOT_JUDGED, f"LinuxCNC reads on and on without a move, at line {STATUS.read_line}: is there a "
+                    "loop without an end?")
             if STATUS.interp_state == linuxcnc.INTERP_PAUSED:
                 # M0, M1, M60: the operator presses the button at once.
                 COMMAND.auto(linuxcnc.AUTO_RESUME)
@@ -78,12 +86,17 @@ class Operator:
         is_idle = STATUS.interp_state == linuxcnc.INTERP_IDLE and STATUS.state != linuxcnc.RCS_EXEC
         return STATUS.task_state != linuxcnc.STATE_ON or (is_idle and STATUS.inpos)
 
+    @staticmethod
+    def only_reads():
+        return (STATUS.interp_state == linuxcnc.INTERP_READING and STATUS.exec_state == linuxcnc.EXEC_DONE
+                and STATUS.queue == 0 and STATUS.inpos)
+
     def listen(self):
         while message := MESSAGES.poll():
             kind, text = message
             if kind in ERRORS:
                 self.errors.append(text)
-            LIBRARY.virtual_message(KINDS[kind], text.encode())
+            LIBRARY.virtual_message(KINDS[kind], STATUS.read_line, text.encode())
 
 
 def end(cause, text):

@@ -5,7 +5,7 @@
 //     1 head      text, lines of KEY=VALUE; once, first
 //     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), f64 feed, pose[6],
 //                 tool[3], then for every joint command, following error and what is allowed of it
-//     3 message   u64 cycle, i32 line, u32 kind (LinuxCNC's number), text
+//     3 message   u64 cycle, i32 line, u32 kind, i32 line that is read, text
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
 //
 // Numbers are as the computer has them; cycles count from the start of the program.
@@ -177,7 +177,9 @@ FOR_DRIVER void virtual_record() {
     is_recording = true;
     started = clock_::cycles();
 }
-FOR_DRIVER void virtual_message(unsigned kind, const char *text) { put_text(MESSAGE, kind, text); }
+FOR_DRIVER void virtual_message(unsigned kind, int read, const char *text) {
+    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&read), sizeof read) + text);
+}
 FOR_DRIVER void virtual_end(unsigned cause, const char *text) {
     record::end(static_cast<record::End>(cause), text);
 }

@@ -10,6 +10,7 @@
 //! [`scratch`] makes the folder of a run; [`process`] starts and ends it; [`stream`] reads what it tells.
 
 pub mod process;
+mod pulse;
 pub mod refusal;
 pub mod row;
 pub mod scratch;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A run from its start to its end.
 
+use crate::control::pulse::Pulse;
 use crate::control::refusal::{LIBRARY, NotJudged};
 use crate::control::row::{Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
@@ -8,10 +9,11 @@ use crate::control::stream::{Cause, Record, Records, VERSION};
 use crate::files::Locate;
 use crate::read::machine::MachineConfig;
 use command_fds::{CommandFdExt, FdMapping};
+use std::env;
 use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::os::fd::OwnedFd;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
@@ -61,14 +63,23 @@ pub fn run(
     patience: Patience,
     see: impl FnMut(&Row),
 ) -> Result<Outcome, NotJudged> {
-    let library = Path::new(MODULES).join(LIBRARY);
+    let library = library();
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
     }
     let scratch = Scratch::new(config)?;
     let program = program.canonicalize().at(program)?;
+    if program.is_dir() {
+        return Err(io::Error::from(io::ErrorKind::IsADirectory)).at(&program)?;
+    }
     let run = Run::start(config, &scratch, &library, &program)?;
     run.watched(config, patience, see)
+}
+
+/// The installed library, or the one that the environment names: one that is not installed yet.
+fn library() -> PathBuf {
+    env::var_os("PKM_VIRTUAL_LIBRARY")
+        .map_or_else(|| Path::new(MODULES).join(LIBRARY), PathBuf::from)
 }
 
 /// Two processes that are gone with their owner: milltask, and the HAL files' interpreter.
@@ -139,10 +150,11 @@ impl<'a> Run<'a> {
         mut see: impl FnMut(&Row),
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
+        let pulse = Pulse::new(from, self.milltask.id());
         let mut records =
-            Records::new(BufReader::with_capacity(1 << 16, from), config.joints.len());
+            Records::new(BufReader::with_capacity(1 << 16, pulse), config.joints.len());
         let mut watch = Watch::new(config.period, patience);
-        while let Some(record) = records.read()? {
+        while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {
                 Record::Head { version, linuxcnc } => check_version(version, &linuxcnc)?,
                 Record::Row(row) => {
@@ -254,6 +266,13 @@ impl Watch {
             return Err(NotJudged::TooLong(self.patience.most_seconds, self.line));
         }
         Ok(None)
+    }
+
+    fn quiet(&self, error: io::Error) -> NotJudged {
+        match error.kind() {
+            io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
+            _ => error.into(),
+        }
     }
 
     fn message(&mut self, cycle: u64, message: Message) {

@@ -47,6 +47,11 @@ pub enum NotJudged {
     /// It ended without a word.
     #[error("LinuxCNC ended without an end of the program{0}")]
     Crashed(String),
+    /// The interpreter works and works, and nothing comes of it.
+    #[error(
+        "LinuxCNC reads the program without coming to a move after line {0}: is there a loop without an end?"
+    )]
+    Endless(u32),
     /// Longer than the program may be watched.
     #[error(
         "the program runs longer than {0} s of the machine's time (line {1}): --most-time allows more"

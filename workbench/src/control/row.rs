@@ -57,8 +57,10 @@ pub struct Message {
     pub kind: MessageKind,
     /// Its words.
     pub text: String,
-    /// Line of the program that moves, as in [`Row::line`].
+    /// Line of the program that moves or moved last; 0 before the first.
     pub line: u32,
+    /// Line that the interpreter has read to, which runs ahead of the motion.
+    pub read: u32,
     /// Seconds since the program was started.
     pub seconds: f64,
 }

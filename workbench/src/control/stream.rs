@@ -156,10 +156,11 @@ impl Fields<'_> {
 
     fn message(&mut self) -> Option<Record> {
         let (cycle, line, kind) = (self.cycle()?, self.line()?, self.number()?);
+        let read = self.line()?;
         let kind =
             *[MessageKind::Error, MessageKind::Text, MessageKind::Display].get(kind as usize)?;
         let text = self.text().trim_end().into();
-        Some(Record::Message(cycle, Message { kind, text, line, seconds: 0.0 }))
+        Some(Record::Message(cycle, Message { kind, text, line, read, seconds: 0.0 }))
     }
 
     fn end(&mut self) -> Option<Record> {

@@ -6,7 +6,7 @@ use super::joints::{coordinates, joint_names};
 use super::{MachineFile, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use pkm::control::process::{self, Patience};
-use pkm::control::row::{Ending, MessageKind, Outcome, Row};
+use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::Locate;
 use pkm::read::machine::MachineConfig;
 use std::fs::File;
@@ -91,14 +91,12 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
             MessageKind::Error => "error: ",
             MessageKind::Text | MessageKind::Display => "",
         };
-        writeln!(
-            out,
-            "{}: line {}, {:.3} s: {word}{}",
-            program.display(),
-            message.line,
-            message.seconds,
-            message.text
-        )?;
+        let Message { line, read, seconds, text, .. } = message;
+        let place = match line {
+            0 => format!("reading line {read}, before the first move"),
+            _ => format!("line {line}, {seconds:.3} s"),
+        };
+        writeln!(out, "{}: {place}: {word}{text}", program.display())?;
     }
     let ending = match outcome.ending {
         Ending::Finished => "runs to its end in",

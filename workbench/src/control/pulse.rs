@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether a run still goes on: what it writes, read with a look at the time that it takes.
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::fs;
+use std::io::{self, PipeReader, Read};
+use std::time::{Duration, Instant};
+
+/// Between two looks.
+const LOOK: Timespec = Timespec { tv_sec: 1, tv_nsec: 0 };
+
+/// Seconds of a processor that a run may work without a sign: none of its cycles takes a second.
+const MOST_WORK: f64 = 20.0;
+
+/// As long a run may be quiet without work, as on a computer that does something else.
+const MOST_REST: Duration = Duration::from_secs(120);
+
+/// Ticks of a second in /proc, the same on every Linux.
+const TICKS: f64 = 100.0;
+
+/// The reading end of what a process writes.
+pub struct Pulse {
+    pipe: PipeReader,
+    process: u32,
+    /// What the process had worked, and when, at its last sign.
+    work: f64,
+    sign: Instant,
+}
+
+impl Pulse {
+    /// The pipe that this process writes to.
+    pub fn new(pipe: PipeReader, process: u32) -> Self {
+        Self { pipe, process, work: 0.0, sign: Instant::now() }
+    }
+
+    fn has_something(&self) -> io::Result<bool> {
+        let mut ready = [PollFd::new(&self.pipe, PollFlags::IN)];
+        match poll(&mut ready, Some(&LOOK)) {
+            Ok(count) => Ok(count > 0),
+            Err(rustix::io::Errno::INTR) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Seconds of a processor that a process has worked.
+fn worked(process: u32) -> f64 {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    // Behind the name, which may hold blanks: state, ..., user and system ticks as 12th and 13th.
+    let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
+    fields.skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum::<f64>() / TICKS
+}
+
+impl Read for Pulse {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        while !self.has_something()? {
+            if worked(self.process) - self.work > MOST_WORK || self.sign.elapsed() > MOST_REST {
+                return Err(io::ErrorKind::TimedOut.into());
+            }
+        }
+        (self.work, self.sign) = (worked(self.process), Instant::now());
+        self.pipe.read(bytes)
+    }
+}
