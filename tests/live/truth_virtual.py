@@ -9,7 +9,7 @@ import ini_edit
 import traces
 
 # Of a message in what `pkm run` prints, after the file's name.
-MESSAGE = re.compile(r"line (\d+), [\d.]+ s: (error: )?(.*)", re.DOTALL)
+MESSAGE = re.compile(r"(?:line (\d+), [\d.]+ s|reading line \d+, before the first move): (error: )?(.*)", re.DOTALL)
 
 
 def run(pkm, ini, program, trace):
@@ -20,7 +20,7 @@ def run(pkm, ini, program, trace):
         return {"failed": done.stderr.strip()}
     # A message may have several lines; each begins with the name of the program.
     told = [MESSAGE.match(text) for text in done.stdout.split(f"{program}: ")]
-    errors = [(found[3].strip(), int(found[1])) for found in told if found and found[2]]
+    errors = [(found[3].strip(), int(found[1] or 0)) for found in told if found and found[2]]
     text = ini.read_text()
     joints = int(ini_edit.value(text, "KINS", "JOINTS"))
     period = 1e-9 * float(ini_edit.value(text, "EMCMOT", "SERVO_PERIOD"))
