@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Run LinuxCNC's own interpreter over a program and print its moves as CSV.
+"""Run LinuxCNC's own interpreter over a program and write its moves to standard output.
 
 The interpreter itself does everything that has to do with the language; this
 file only receives the canonical calls that LinuxCNC's Python module `gcode`
@@ -7,23 +7,31 @@ makes, and writes them down. One request comes as JSON on standard input:
 
     program         path of the program
     length_units    machine units per millimetre (1 for mm, 1/25.4 for inch)
+    axes            letters of the machine's axes; words of others are refused
     init_codes      blocks run before the program (units, offsets, start position)
     parameter_file  scratch copy of the machine's parameter file
     tool_table      the machine's tool table, "" for none
     random_tools    true for a random tool changer
+    calls           true where blocks may call subroutines in files of their own
     chord_error     largest distance of an arc from its segments, millimetres
+    most_moves      moves after which a program counts as endless
+    most_seconds    seconds without a move after which it does
 
 The process must own its HOME: LinuxCNC keeps its tool data in $HOME/.tool.mmap.
 
-Output: one line a move, lengths in millimetres, angles in degrees, rates per
-minute, 17 digits. Positions are commanded ones, as motion receives them: they
-hold work offset, G92, rotation and tool length. U V W move no leg and are left
-out. Behind them stands what the planner makes of a move: path control mode (the
-interpreter's 610, 611 or 640) with its two tolerances, number, least radius and
-normal (0 to 2 for X to Z) of the arc that it is a piece of (number 0 for none), and
-1 where motion has to stand still before it, and the file that its line belongs to, where
-that is a subroutine's own. Exit status 1 and a sentence on standard error when the interpreter refuses
-the program.
+Output: records as they come, a byte of kind first, numbers with the little end first. Lengths in
+millimetres, angles in degrees, rates per minute.
+
+    r f p  rapid, feed, probe: line, x y z a b c           uint32, 6 doubles
+    F      feed, angular feed of the moves that follow     2 doubles
+    T      tool offset x y z from here on                  3 doubles
+    P      file that lines are in from here on             uint32 length, name
+    R      the program is refused: a sentence              uint32 length, text
+    E      the end of the program
+
+A feed is infinite where the spindle sets the speed. Positions are commanded ones, as motion
+receives them: they hold work offset, G92, rotation and tool length. U V W move no leg and are left
+out.
 """
 
 import ctypes
@@ -32,6 +40,7 @@ import linecache
 import math
 import os
 import re
+import struct
 import sys
 
 try:
@@ -40,24 +49,23 @@ try:
 except ImportError as error:
     raise SystemExit(f"LinuxCNC's interpreter is missing ({error}); install linuxcnc-uspace")
 
+AXES = "XYZABCUVW"
 # The module `gcode` hands over lengths in inches, whatever the program says.
 MM = 25.4
-# Lengths among the nine coordinates X Y Z A B C U V W.
-SCALE = (MM, MM, MM, 1.0, 1.0, 1.0, MM, MM, MM)
-# Codes in the interpreter's state: G21, M61.
+# Codes in the interpreter's state: G21, M61, G95, and motion that follows the spindle.
 UNITS_MM = 210
 SET_TOOL = 61
-# Axis square to a plane, by LinuxCNC's numbers of planes.
-NORMALS = {1: 2, 2: 0, 3: 1}
-# What a state object holds before its settings, and which of them are tolerances; the module does not
-# show them otherwise.
-OBJECT_HEAD = 16
+PER_TURN = 950
+SYNCHRONISED = (330, 331, 760)
 FILES = "/proc/self/fd"
-# The interpreter leaves blending in canned cycles, and tells the module nothing of it.
-EXACT_PATH = 610
-CYCLE = re.compile(r"[Gg]\s*0*(73|8[1-9])(?![\d.])")
-CYCLES = (730, *range(810, 900, 10))
-FEED_RATE, TOLERANCE, MERGING = 1, 3, 4
+# Blocks that one line may have waiting: a loop has no new line where it moves in a single one.
+WAITING = 1000
+
+MOVE = struct.Struct("<BI6d").pack
+RAPID, FEED, PROBE = b"rfp"
+RATES = struct.Struct("<c2d").pack
+TOOL = struct.Struct("<c3d").pack
+TEXT = struct.Struct("<cI").pack
 
 
 class Pose(ctypes.Structure):
@@ -80,30 +88,61 @@ class Tool(ctypes.Structure):
     ]
 
 
+class CommentedTool(Tool):
+    """The same of 2.10."""
+
+    _fields_ = [("comment", ctypes.c_char * 40)]
+
+
+class Refusal(Exception):
+    """Why a program cannot be read."""
+
+
 class ToolTable:
     """LinuxCNC's tool data, loaded by LinuxCNC's own reader."""
 
+    # By their names in C++ (2.9), and in C (2.10).
+    FUNCTIONS = {
+        "get": ("_Z12tooldata_getP16CANON_TOOL_TABLEi", "tooldata_get"),
+        "put": ("_Z12tooldata_put16CANON_TOOL_TABLEi", "tooldata_put"),
+        "init": ("_Z13tooldata_initb", "tooldata_init"),
+        "create": ("_Z17tool_mmap_creatorPK13EMC_TOOL_STATi", "tool_mmap_creator"),
+        "reset": ("_Z14tooldata_resetv", "tooldata_reset"),
+        "load": ("_Z13tooldata_loadPKcPPc", "tooldata_load"),
+    }
+
     def __init__(self, path, random_tools):
-        library = ctypes.CDLL("libtooldata.so.0")
-        self._get = library._Z12tooldata_getP16CANON_TOOL_TABLEi
-        self._put = library._Z12tooldata_put16CANON_TOOL_TABLEi
-        self._put.argtypes = (Tool, ctypes.c_int)
-        library._Z13tooldata_initb(ctypes.c_bool(random_tools))
-        library._Z17tool_mmap_creatorPK13EMC_TOOL_STATi(None, ctypes.c_int(random_tools))
-        library._Z14tooldata_resetv()
-        load = library._Z13tooldata_loadPKcPPc
-        if path and load(path.encode(), None) != 0:
-            raise SystemExit(f"{path}: LinuxCNC cannot read this tool table")
+        try:
+            library = ctypes.CDLL("libtooldata.so.0")
+        except OSError as error:
+            raise Refusal(f"LinuxCNC's tool data cannot be read: {error}")
+        calls = {name: self.function(library, *names) for name, names in self.FUNCTIONS.items()}
+        is_commented = hasattr(library, "tooldata_get")
+        self.entry_type = CommentedTool if is_commented else Tool
+        self._get, self._put = calls["get"], calls["put"]
+        self._put.argtypes = (self.entry_type, ctypes.c_int)
+        calls["init"](ctypes.c_bool(random_tools))
+        calls["create"](None, ctypes.c_int(random_tools))
+        calls["reset"]()
+        if path and calls["load"](path.encode(), None) != 0:
+            raise Refusal(f"{path}: LinuxCNC cannot read this tool table")
+
+    @staticmethod
+    def function(library, *names):
+        for name in names:
+            if hasattr(library, name):
+                return getattr(library, name)
+        raise Refusal(f"this version of LinuxCNC has no {names[-1]} in its libtooldata: it is neither 2.9 nor 2.10")
 
     def entry(self, index):
         """Tool at this index; index 0 is the spindle."""
-        tool = Tool()
+        tool = self.entry_type()
         self._get(ctypes.byref(tool), ctypes.c_int(index))
         return tool
 
     def put_in_spindle(self, index):
         """What the tool changer does: the tool becomes entry 0."""
-        self._put(self.entry(index) if index else Tool(toolno=0), 0)
+        self._put(self.entry(index) if index else self.entry_type(toolno=0), 0)
 
 
 class Canon(Translated, ArcsToSegmentsMixin):
@@ -113,120 +152,189 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.program = request["program"]
         self.parameter_file = request["parameter_file"]
         self.length_units = request["length_units"]
+        self.axis_mask = sum(1 << AXES.index(letter) for letter in request["axes"])
         self.chord_error = request["chord_error"] / MM
         self.tools = ToolTable(request["tool_table"], request["random_tools"])
         self.out = out
+        # Records of the running block, whose feed is known for certain after it.
+        self.waiting = []
         self.lo = (0.0,) * 9
         self.tool = (0.0,) * 9
         self.feed = self.angular_feed = 0.0
+        self.rates = self.unfed = None
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
+        self.line = 0
         self.refused = ""
-        self.arc, self.arcs = (0, 0.0, 2), 0
-        self.path = (640, 0.0, 0.0)
-        self.stands = True
-        self.turning = None
-        self.file, self.reading = "", None
-        self.others = set(os.listdir(FILES))
+        self.moves, self.most_moves = 0, request["most_moves"]
+        self.idle, self.most_seconds = (0, None), request["most_seconds"]
+        self.parent = os.getppid()
+        self.asked = self.lo
+        self.astray = {}
+        self.calls = request["calls"]
+        self.file, self.reading, self.identity = "", None, None
+        # Without that of the listing itself, whose number comes again.
+        self.others = {number for number in os.listdir(FILES) if os.path.exists(f"{FILES}/{number}")}
+
+    def refuse(self, text):
+        self.refused = text
+        raise Refusal(text)
 
     def read_from(self):
         """The file that is read: the interpreter keeps that of the running subroutine open, and the
         module tells its name to nobody."""
         try:
-            path = os.readlink(f"{FILES}/{self.reading}")
-        except OSError:
-            path = self.opened()
-        self.file = "" if path == self.program else path
+            about = os.fstat(self.reading)
+        except (OSError, TypeError):
+            self.reading = self.opened()
+            if self.reading is None:
+                return
+            about = os.fstat(self.reading)
+        if (about.st_dev, about.st_ino) == self.identity:
+            return
+        self.identity = about.st_dev, about.st_ino
+        path = os.readlink(f"{FILES}/{self.reading}")
+        file = "" if path == self.program else path
+        if file != self.file:
+            self.file = file
+            name = os.fsencode(file)
+            self.waiting.append(TEXT(b"P", len(name)) + name)
 
     def opened(self):
         for number in set(os.listdir(FILES)) - self.others:
-            path = os.path.join(FILES, number)
-            if os.path.isfile(path):
-                self.reading = number
-                return os.readlink(path)
-        return self.program
+            if os.path.isfile(os.path.join(FILES, number)):
+                return int(number)
+        return None
 
     def move(self, kind, end):
         """One straight move from the last point to `end` (inches, degrees)."""
-        self.lo = tuple(end)
-        position = [(p + t) * s for p, t, s in zip(end, self.tool, SCALE)][:6]
-        tool = [t * s for t, s in zip(self.tool, SCALE)][:3]
-        values = position + [self.feed, self.angular_feed] + tool
-        line = self.state.sequence_number if self.state else 0
-        self.read_from()
-        path = (EXACT_PATH, 0.0, 0.0) if kind != "probe" and self.is_in_cycle(line) else self.path
-        values += [*path, *self.arc, int(self.stands)]
-        self.stands = False
-        file = self.file.replace('"', '""')
-        self.out.write(f"{kind},{line}," + ",".join(repr(v) for v in values) + f',"{file}"\n')
+        self.lo = end
+        self.moves += 1
+        if self.moves > self.most_moves:
+            self.refuse(f"{self.program}:{self.line}: more than {self.most_moves} moves: "
+                        "a loop without an end? --most-moves takes more")
+        if self.calls:
+            self.read_from()
+        (x, y, z, a, b, c, *_), (dx, dy, dz, da, db, dc, *_) = end, self.tool
+        self.waiting.append(MOVE(kind, self.line, (x + dx) * MM, (y + dy) * MM, (z + dz) * MM, a + da, b + db, c + dc))
+        if len(self.waiting) > WAITING:
+            self.write(self.state)
 
-    def is_in_cycle(self, line):
-        """The state is that before the block, so that a cycle's first block has to be looked at."""
-        if line == 0:
-            return False
-        block = linecache.getline(self.file or self.program, line)
-        other = re.search(r"[Gg]\s*0*(?:[0-3]|80)(?![\d.])", block)
-        return bool(CYCLE.search(block)) or (self.state.motion_mode in CYCLES and not other)
+    def write(self, state):
+        """Writes what waits; `state` is the one after its block."""
+        if not self.waiting:
+            return
+        rates = self.feed, self.angular_feed
+        if state is not None and state.feed_mode == PER_TURN:
+            # Where nothing turns, the spindle decides, too.
+            rates = tuple(rate * abs(state.speed) or math.inf for rate in rates)
+        elif state is not None and state.motion_mode in SYNCHRONISED:
+            rates = math.inf, math.inf
+        elif self.unfed:
+            # The module's interpreter starts with a feed of 1, the machine's with none.
+            line, action = self.unfed
+            self.refuse(f"{self.file or self.program}:{line}: Cannot {action} with zero feed rate: {self.block(line)}")
+        self.unfed = None
+        if rates != self.rates:
+            self.rates = rates
+            self.out.write(RATES(b"F", *rates))
+        self.out.write(b"".join(self.waiting))
+        self.waiting.clear()
 
-    def straight_traverse_translated(self, *end):
-        self.move("rapid", end)
+    def straight_traverse(self, *end):
+        self.go(RAPID, end)
 
-    def straight_feed_translated(self, *end):
-        self.move("feed", end)
+    def straight_feed(self, *end):
+        if not self.feed:
+            self.unfed = self.line, "do g1"
+        self.go(FEED, end)
 
     def straight_probe(self, *end):
-        self.move("probe", self.rotate_and_translate(*end))
+        if not self.feed:
+            self.unfed = self.line, "probe"
+        self.go(PROBE, end)
+
+    def go(self, kind, end):
+        self.asked = end
+        if self.astray:
+            end = self.brought_back(end)
+        self.move(kind, self.rotate_and_translate(*end))
 
     def rigid_tap(self, x, y, z):
         start = self.lo
         end = self.rotate_and_translate(x, y, z, 0, 0, 0, 0, 0, 0)[:3] + start[3:]
         # The spindle sets the speed, which is not known here: the fastest is assumed.
-        self.move("rapid", end)
-        self.move("rapid", start)
+        self.move(RAPID, end)
+        self.move(RAPID, start)
 
     def arc_feed(self, x1, y1, cx, cy, rot, z1, a, b, c, u, v, w):
+        if not self.feed:
+            self.unfed = self.line, "make arc"
         radius = math.hypot(x1 - cx, y1 - cy)
         step = math.sqrt(8 * self.chord_error / max(radius, self.chord_error))
         self.arcdivision = max(16, math.ceil(math.pi / step))
-        self.arcs += 1
-        self.arc = (self.arcs, radius * MM, NORMALS.get(self.plane, 2))
         super().arc_feed(x1, y1, cx, cy, rot, z1, a, b, c, u, v, w)
-        self.arc = (0, 0.0, 2)
+        self.asked = self.named(self.lo)
 
     def straight_arcsegments(self, segments):
         for end in segments:
-            self.move("feed", end)
+            self.move(FEED, tuple(end))
 
     def set_feed_rate(self, rate):
+        self.write(self.state)
         # The module divided the F word by 25.4 under G21, for degrees as well.
         # The state is the one before this block, as it is when F is carried out.
-        metric = self.state is not None and self.state.gcodes[5] == UNITS_MM
+        metric = self.state is not None and self.state.units == UNITS_MM
         self.feed = rate * MM
         self.angular_feed = rate * MM if metric else rate
 
     def tool_offset(self, *offset):
         # The commanded position stays where it is; only its meaning changes.
         self.lo = tuple(p + t - o for p, t, o in zip(self.lo, self.tool, offset))
-        self.tool = tuple(offset)
-        self.stands = True
+        self.tool = offset
+        self.waiting.append(TOOL(b"T", *(length * MM for length in offset[:3])))
 
     def next_line(self, state):
+        self.write(state)
         if state.toolchange == SET_TOOL:
             # The module tells nobody which tool M61 puts into the spindle, so that a
             # G43 after it would silently take a wrong length.
-            line = self.state.sequence_number
-            self.refused = f"{self.program}:{line}: M61 cannot be replayed; use T and M6"
-            raise ValueError(self.refused)
+            self.refuse(f"{self.program}:{self.line}: M61 cannot be replayed; use T and M6")
         self.state = state
-        self.path = path_of(state)
-        # Motion waits for a spindle that starts or changes its speed.
-        turning = (state.spindle, state.speed)
-        self.stands |= self.turning not in (None, turning)
-        self.turning = turning
+        # The lathe cycles G70 to G72 number their own blocks by -1: they belong to the block before.
+        self.line = max(state.sequence_number, self.line if state.sequence_number < 0 else 0)
 
     def change_tool(self, index):
-        self.stands = True
+        """After a tool change the interpreter asks where the machine is. The module answers with the
+        numbers of the last move, also where units or offsets have changed since then; what it is wrong
+        by is kept until a block names the axis."""
         self.tools.put_in_spindle(index)
+        here = self.named(self.lo)
+        self.astray = {axis: [asked * unit - there for unit in (1.0, MM, 1.0 / MM)]
+                       for axis, (asked, there) in enumerate(zip(self.asked, here))}
+
+    def brought_back(self, end):
+        """The end of a move without what the interpreter is wrong by."""
+        here, end = self.named(self.lo), list(end)
+        block = re.sub(r"\([^)]*\)|;.*", "", self.block(self.line)).upper()
+        for axis, errors in list(self.astray.items()):
+            off = end[axis] - here[axis]
+            if AXES[axis] not in block and any(abs(off - error) < 1e-9 * (1.0 + abs(error)) for error in errors):
+                end[axis] = here[axis]
+            else:
+                del self.astray[axis]
+        return end
+
+    def block(self, line):
+        return linecache.getline(self.file or self.program, line).strip()
+
+    def named(self, place):
+        """The words that lead to a place: the inverse of `rotate_and_translate`."""
+        names = [name.lower() for name in AXES]
+        x, y, *others = (p - getattr(self, f"g5x_offset_{name}") for name, p in zip(names, place))
+        if self.rotation_xy:
+            x, y = (x * self.rotation_cos + y * self.rotation_sin, y * self.rotation_cos - x * self.rotation_sin)
+        return tuple(p - getattr(self, f"g92_offset_{name}") for name, p in zip(names, (x, y, *others)))
 
     def get_tool(self, index):
         tool = self.tools.entry(index)
@@ -240,57 +348,68 @@ class Canon(Translated, ArcsToSegmentsMixin):
         return 1.0
 
     def get_axis_mask(self):
-        return 0x3F
+        return self.axis_mask
 
     def get_block_delete(self):
         return 0
 
     def check_abort(self):
+        """Called every other second."""
+        if os.getppid() != self.parent:
+            return True
+        moves, seconds = self.idle
+        if moves != self.moves or seconds is None:
+            self.idle = self.moves, now()
+        elif now() - seconds > self.most_seconds:
+            self.refused = (f"{self.program}:{max(self.line, 1)}: no move in {self.most_seconds:g} seconds after this line: "
+                            "a loop without an end? --patience takes more")
+            return True
         return False
 
     def user_defined_function(self, number, p, q):
         """M100 to M199 are the machine's own programs; none of them moves it."""
-        self.stands = True
 
     def dwell(self, seconds):
-        self.stands = True
-
-    def message(self, text):
-        print(text, file=sys.stderr)
-
-    def comment(self, text):
         pass
 
-    set_traverse_rate = comment
+    def message(self, text):
+        pass
+
+    comment = set_traverse_rate = set_feed_mode = message
 
 
-def path_of(state):
-    """Path control mode with its tolerance and that of merging, millimetres."""
-    settings = (ctypes.c_double * 5).from_address(id(state) + OBJECT_HEAD)
-    if settings[FEED_RATE] != state.feed_rate:
-        raise ValueError("this version of LinuxCNC keeps its settings elsewhere")
-    unit = 1.0 if state.gcodes[5] == UNITS_MM else MM
-    return state.path_mode, max(settings[TOLERANCE], 0.0) * unit, max(settings[MERGING], 0.0) * unit
+def now():
+    return os.times().elapsed
 
 
-def main():
-    request = json.load(sys.stdin)
-    out = sys.stdout
-    out.write("kind,line,x,y,z,a,b,c,feed,angular_feed,tool_x,tool_y,tool_z,"
-              "mode,tolerance,merging,arc,radius,normal,stands,file\n")
+def read(request, out):
+    """Runs the interpreter; what it refuses is raised."""
     canon = Canon(request, out)
     program = canon.program
     try:
         result, line = gcode.parse(program, canon, request["init_codes"])
-    except RuntimeError as error:
+    except (RuntimeError, KeyboardInterrupt) as error:
         # The module drops the exceptions of its callbacks.
-        raise SystemExit(canon.refused or f"{program}: {error}")
+        raise Refusal(canon.refused or f"{program}: {error}")
     if result > gcode.MIN_ERROR:
         # The module counts a block that it cannot read twice; the last state names it.
         line = max(canon.state.sequence_number, 1) if canon.state else line
-        file = canon.file or program
-        block = linecache.getline(file, line).strip()
-        raise SystemExit(f"{file}:{line}: {gcode.strerror(result)}: {block}")
+        raise Refusal(f"{canon.file or program}:{line}: {gcode.strerror(result)}: {canon.block(line)}")
+    canon.write(canon.state)
+    out.write(b"E")
+
+
+def main():
+    request = json.load(sys.stdin)
+    # The interpreter prints of its own; only records go where they are read.
+    out = os.fdopen(os.dup(1), "wb", 1 << 16)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    try:
+        read(request, out)
+    except Refusal as refusal:
+        text = os.fsencode(str(refusal))
+        out.write(TEXT(b"R", len(text)) + text)
+    out.flush()
 
 
 main()

@@ -4,6 +4,8 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use tempfile::TempDir;
 
 /// What is wrong with a file.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +29,46 @@ pub trait Locate<T, E> {
 impl<T, E> Locate<T, E> for Result<T, E> {
     fn at(self, file: &Path) -> Result<T, AtFile<E>> {
         self.map_err(|error| AtFile { file: file.into(), error })
+    }
+}
+
+/// Folders that are in use.
+static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
+
+/// A folder of one's own, gone with its owner, and also where the process is interrupted.
+#[derive(Debug)]
+pub struct Folder(TempDir);
+
+impl Folder {
+    /// Makes it where the system keeps such folders.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn new() -> Result<Self, AtFile<io::Error>> {
+        // Nobody interrupts between the two lines who then would not find it.
+        let mut folders = FOLDERS.lock().expect("nobody panics with it");
+        let folder = TempDir::with_prefix("pkm-").at(&std::env::temp_dir())?;
+        folders.push(folder.path().into());
+        Ok(Self(folder))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        FOLDERS.lock().expect("nobody panics with it").retain(|folder| folder != self.0.path());
+    }
+}
+
+/// Removes every folder in use: for a process that is interrupted, which has to end at once after it.
+pub fn leave_nothing() {
+    for folder in FOLDERS.lock().expect("nobody panics with it").drain(..) {
+        // Nothing is left to do where it cannot be removed.
+        let _ = fs::remove_dir_all(folder);
     }
 }
 

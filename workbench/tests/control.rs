@@ -2,11 +2,15 @@
 //! LinuxCNC in virtual time, as `make install` has installed it.
 
 use crate::shipped::{self, MACHINES};
-use pkm::control::process::{self, Patience};
+use pkm::control::process::{self, Options};
 use pkm::control::refusal::NotJudged;
 use pkm::control::row::{Ending, MessageKind, Outcome, Row};
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
 
 fn programs(machine: &str) -> Vec<PathBuf> {
     let folder = fs::read_dir(shipped::folder(machine).join("programs")).unwrap();
@@ -18,14 +22,14 @@ fn programs(machine: &str) -> Vec<PathBuf> {
 fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let config = shipped::config(machine);
-    let outcome = process::run(&config, program, Patience::default(), |row| rows.push(*row));
+    let outcome = process::run(&config, program, &Options::default(), |row| rows.push(*row));
     (outcome.unwrap(), rows)
 }
 
-fn run_text(machine: &str, text: &str, patience: Patience) -> Result<Outcome, NotJudged> {
+fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    process::run(&shipped::config(machine), file.path(), patience, |_| ())
+    process::run(&shipped::config(machine), file.path(), options, |_| ())
 }
 
 #[test]
@@ -59,7 +63,7 @@ fn the_same_program_gives_the_same_rows_also_in_several_runs_at_once() {
 #[test]
 fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
     let text = "G21 G90 G61\nG1 F3000 X10\nX0\nX500\nM2\n";
-    let outcome = run_text("hexapod", text, Patience::default()).unwrap();
+    let outcome = run_text("hexapod", text, &Options::default()).unwrap();
     assert_eq!(outcome.ending, Ending::Stopped);
     let message = &outcome.messages[0];
     assert!(message.text.contains("line 4") && message.text.contains("X's positive limit"));
@@ -67,10 +71,209 @@ fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
 
 #[test]
 fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
-    let short = Patience { most_seconds: 20.0, most_standstill: 2.0 };
+    let short = Options { most_seconds: 20.0, most_standstill: 2.0, ..Options::default() };
     let moving = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
-    assert!(matches!(run_text("hexapod", moving, short), Err(NotJudged::TooLong(..))));
+    assert!(matches!(run_text("hexapod", moving, &short), Err(NotJudged::TooLong(..))));
     let standing = "G21 G90\nG0 X1\nG4 P60\nM2\n";
-    let found = run_text("hexapod", standing, short);
+    let found = run_text("hexapod", standing, &short);
     assert!(matches!(found, Err(NotJudged::Stands(_, 2))), "{found:?}");
+}
+
+/// Runs `pkm` with arguments; standard output, standard error, exit code.
+fn pkm(folder: &Path, machine: &Path, program: &Path) -> (String, String, Option<i32>) {
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("run")
+        .args([machine, program])
+        .env("TMPDIR", folder)
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    (text(&output.stdout), text(&output.stderr), output.status.code())
+}
+
+/// A copy of the hexapod's configuration with an edit of its INI file, and a program.
+struct Copy {
+    folder: tempfile::TempDir,
+}
+
+impl Copy {
+    fn new(edit: impl Fn(String) -> String, program: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["hexapod.ini", "hexapod.tbl"] {
+            let text = fs::read_to_string(shipped::folder("hexapod").join(name)).unwrap();
+            let text = if name.ends_with("ini") { edit(text) } else { text };
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        fs::create_dir_all(folder.path().join("programs")).unwrap();
+        fs::create_dir_all(folder.path().join("tmp")).unwrap();
+        fs::write(folder.path().join("programs/p.ngc"), program).unwrap();
+        Self { folder }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn run(&self) -> (String, String, Option<i32>) {
+        let (ini, program) = (self.file("hexapod.ini"), self.file("programs/p.ngc"));
+        let found = pkm(&self.file("tmp"), &ini, &program);
+        let left: Vec<_> = fs::read_dir(self.file("tmp")).unwrap().collect();
+        assert!(left.is_empty(), "left behind: {left:?}");
+        found
+    }
+
+    /// Not judged, with words that name why.
+    fn refuses(&self, words: &str) {
+        let (out, error, code) = self.run();
+        assert_eq!(code, Some(2), "{out}{error}");
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+const SHORT: &str = "G21 G90\nG0 X1\nM2\n";
+
+#[test]
+fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
+    let after = |section: &'static str, line: &'static str| {
+        move |text: String| {
+            text.replacen(&format!("\n{section}\n"), &format!("\n{section}\n{line}\n"), 1)
+        }
+    };
+    let cases = [
+        ("[HAL]", "HALUI = halui", "[HAL]HALUI = halui"),
+        ("[RS274NGC]", "REMAP = M400 modalgroup=10 ngc=more", "[RS274NGC]REMAP"),
+        ("[EMCIO]", "DB_PROGRAM = ./tools.py", "[EMCIO]DB_PROGRAM"),
+        ("[TRAJ]", "TPMOD = no_such_planner", "no_such_planner"),
+    ];
+    for (section, line, words) in cases {
+        Copy::new(after(section, line), SHORT).refuses(words);
+    }
+}
+
+#[test]
+fn a_tool_table_that_is_not_there_is_named() {
+    let copy = Copy::new(|text| text, SHORT);
+    fs::remove_file(copy.file("hexapod.tbl")).unwrap();
+    copy.refuses("hexapod.tbl: No such file");
+}
+
+#[test]
+fn a_program_of_the_users_is_not_started() {
+    let copy = Copy::new(|text| text, "G21 G90\nM101\nG0 X1\nM2\n");
+    let started = copy.file("started");
+    let script = format!("#!/bin/sh\ntouch {}\n", started.display());
+    fs::write(copy.file("programs/M101"), script).unwrap();
+    let mut mode = fs::metadata(copy.file("programs/M101")).unwrap().permissions();
+    mode.set_mode(0o755);
+    fs::set_permissions(copy.file("programs/M101"), mode).unwrap();
+    copy.refuses("M100 to M199");
+    assert!(!started.exists());
+}
+
+#[test]
+fn a_program_writes_no_file_of_the_users() {
+    let copy = Copy::new(|text| text, "");
+    let log = copy.file("log.txt");
+    let text = format!("(LOGOPEN,{})\n(LOG,here)\n(LOGCLOSE)\n{SHORT}", log.display());
+    fs::write(copy.file("programs/p.ngc"), text).unwrap();
+    let (out, error, code) = copy.run();
+    assert_eq!(code, Some(0), "{out}{error}");
+    assert!(!log.exists() && !copy.file("hexapod.var").exists());
+    let arguments = ["--written".into(), copy.file("kept").into_os_string()];
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("run")
+        .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(fs::read_to_string(copy.file("kept/log.txt")).unwrap().trim(), "here");
+}
+
+#[test]
+fn files_with_percent_signs_and_programs_without_an_end_are_what_linuxcnc_says() {
+    let (_, _, code) = Copy::new(|text| text, "%\nG21 G90\nG0 X1\n%\n").run();
+    assert_eq!(code, Some(0));
+    let (out, _, code) = Copy::new(|text| text, "G21 G90\nG0 X1\n").run();
+    assert_eq!(code, Some(1));
+    assert!(out.contains("File ended with no percent sign or program end"), "{out}");
+}
+
+#[test]
+fn what_is_no_program_is_refused_before_anything_starts() {
+    let copy = Copy::new(|text| text, SHORT);
+    let ini = copy.file("hexapod.ini");
+    for (program, words) in [("programs", "is a directory"), ("none.ngc", "No such file")] {
+        let (_, error, code) = pkm(&copy.file("tmp"), &ini, &copy.file(program));
+        assert_eq!(code, Some(2));
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn an_endless_loop_without_motion_is_not_judged() {
+    let text = "G21 G90\nG0 X1\no1 while [1]\n#1 = 1\no1 endwhile\nM2\n";
+    Copy::new(|text| text, text).refuses("a loop without an end");
+}
+
+#[test]
+fn a_library_of_another_linuxcnc_is_not_used() {
+    let copy = Copy::new(|text| text, SHORT);
+    let library = fs::read("/usr/lib/linuxcnc/modules/libpkmkins-virtual.so").unwrap();
+    // Another version in the same number of bytes.
+    let version = b"linuxcnc=2.";
+    let at = library.windows(version.len()).position(|bytes| bytes == version).unwrap();
+    let mut other = library;
+    other[at + version.len()] = b'7';
+    let file = copy.file("other.so");
+    fs::write(&file, other).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("run")
+        .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+        .env("PKM_VIRTUAL_LIBRARY", file)
+        .output()
+        .unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.contains("was built for LinuxCNC 2.7"), "{error}");
+}
+
+#[test]
+fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
+    let text = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
+    for signal in ["-KILL", "-INT"] {
+        let copy = Copy::new(|text| text, text);
+        let mut child = Command::new(env!("CARGO_BIN_EXE_pkm"))
+            .arg("run")
+            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+            .env("TMPDIR", copy.file("tmp"))
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let control = control_of(child.id());
+        let target = if signal == "-KILL" { &control } else { &child.id().to_string() };
+        assert!(Command::new("kill").args([signal, target]).status().unwrap().success());
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), Some(if signal == "-KILL" { 2 } else { 130 }));
+        assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
+        let proc = Path::new("/proc").join(&control);
+        let gone = (0..500).any(|_| {
+            sleep(Duration::from_millis(10));
+            !proc.exists()
+        });
+        assert!(gone, "{signal}: LinuxCNC goes on");
+    }
+}
+
+/// The process of LinuxCNC that a command has started, as soon as it is there.
+fn control_of(parent: u32) -> String {
+    for _ in 0..1000 {
+        let found = Command::new("pgrep").args(["-P", &parent.to_string(), "pkm-control"]).output();
+        let text = String::from_utf8(found.unwrap().stdout).unwrap();
+        if !text.trim().is_empty() {
+            return text.trim().into();
+        }
+        sleep(Duration::from_millis(10));
+    }
+    panic!("LinuxCNC was not started");
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
 
-use pkm::program::interpreter::{Move, MoveKind, moves};
+use pkm::program::interpreter::{InterpreterError, Move, MoveKind, Patience, each, moves};
 use pkm::program::replay::duration;
 use pkm::read::machine::MachineConfig;
 use std::path::Path;
@@ -129,4 +129,139 @@ fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
     assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);
     assert_end(tool, [2.0, 0.0, 3.0, 0.0, 0.0, 0.0]);
     assert!((tool.tool[2] - 2.0).abs() < ROUNDING_MM);
+}
+
+/// Moves of a program on a machine as it is shipped, with its tool table.
+fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("p.ngc");
+    std::fs::write(&program, text).unwrap();
+    let mut config = crate::shipped::config(machine);
+    config.program.parameter_file = None;
+    moves(&config, &program, None).map_err(|error| error.to_string())
+}
+
+/// After a tool change the interpreter asks for the position, and gets the numbers of the last move.
+#[test]
+fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
+    let home = config(Path::new("")).home;
+    let end = |x: f64, y: f64| [x, y, home[2], 0.0, 0.0, 0.0];
+    let steps = run("G20\nT1 M6\nG0 X1 Y1\nM2\n", None).unwrap();
+    assert_end(&steps[0], end(25.4, 25.4));
+    let steps = run("G20\nT1 M6\nG43\nG0 X1 Y1\nG0 Y2\nG0 Z10\nM2\n", None).unwrap();
+    let [first, second, third] = steps.as_slice() else { panic!("{steps:?}") };
+    assert_end(first, end(25.4, 25.4));
+    assert_end(second, end(25.4, 50.8));
+    assert_end(third, [25.4, 50.8, 254.0 + 25.5, 0.0, 0.0, 0.0]);
+    // A number that an axis has anyway, but named.
+    let steps = run("G0 X2 Y3\nG20\nT1 M6\nG0 X2\nM2\n", None).unwrap();
+    assert_end(&steps[1], end(50.8, 3.0));
+    let steps = run("G10 L2 P2 Z30\nG55\nT1 M6\nG0 X1\nM2\n", None).unwrap();
+    assert_end(steps.last().unwrap(), end(1.0, 0.0));
+    let home = crate::shipped::config("tripod").home;
+    let steps = run_on("tripod", "G21\nT1 M6\nG0 X127 Y63.5\nM2\n").unwrap();
+    assert_end(steps.last().unwrap(), [5.0, 2.5, home[2], 0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn words_of_axes_that_the_machine_has_not_are_refused() {
+    for word in ["A0", "B1", "C1"] {
+        let error = run_on("tripod", &format!("G20\nG0 {word} Z3\nM2\n")).unwrap_err();
+        let letter = &word[..1].to_lowercase();
+        assert!(error.contains(&format!("p.ngc:2: Bad character '{letter}' used")), "{error}");
+    }
+}
+
+#[test]
+fn motion_without_a_feed_is_refused_and_motion_of_the_spindle_needs_none() {
+    for (text, told) in [
+        ("G20\nG1 X1\nM2\n", "p.ngc:2: Cannot do g1 with zero feed rate: G1 X1"),
+        ("G20\nG2 X1 I0.5\nM2\n", "p.ngc:2: Cannot make arc with zero feed rate"),
+        ("G20\nG38.2 X1\nM2\n", "p.ngc:2: Cannot probe with zero feed rate"),
+    ] {
+        let error = run(text, None).unwrap_err();
+        assert!(error.contains(told), "{error}");
+    }
+    for block in ["G33 X1 K1", "G76 P1 Z200 I-1 J0.1 K0.5"] {
+        let steps = run(&format!("G21\nM3 S60\n{block}\nM2\n"), None).unwrap();
+        let threads = steps.iter().filter(|step| step.kind == MoveKind::Feed);
+        assert!(threads.clone().count() > 0 && threads.clone().all(|step| step.feed.is_infinite()));
+    }
+}
+
+#[test]
+fn feed_per_turn_is_multiplied_by_the_speed_of_the_spindle() {
+    let steps = run("M3 S600\nG95 G1 X10 F0.1\nG94 X20 F60\nM2\n", None).unwrap();
+    let feeds: Vec<f64> = steps.iter().map(|step| step.feed).collect();
+    // 0.1 mm a turn, 10 turns a second; then 60 mm a minute.
+    assert!(feeds.len() == 2 && feeds.iter().all(|feed| (feed - 1.0).abs() < 1e-12), "{feeds:?}");
+}
+
+#[test]
+fn lathe_cycles_have_the_line_of_their_block() {
+    let contour = "o100 sub\nG0 X5\nG1 Z220\nX10\no100 endsub\n";
+    let text = format!("G18 G7 F100\nG0 X20 Z230\n{contour}G71 Q100 X20 Z230 D1\nM2\n");
+    let steps = run(&text, None).unwrap();
+    assert!(steps.len() > 3, "{steps:?}");
+    assert!(steps.iter().all(|step| (1..=8).contains(&step.line)), "{steps:?}");
+}
+
+#[test]
+fn a_parameter_file_out_of_order_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, file) = (folder.path().join("p.ngc"), folder.path().join("p.var"));
+    std::fs::write(&program, "G0 X1\nM2\n").unwrap();
+    std::fs::write(&file, "5161\t0.0\n5221\t1.0\n5220\t1\n").unwrap();
+    let mut config = config(folder.path());
+    config.program.tool_table = None;
+    config.program.parameter_file = Some(file);
+    let error = moves(&config, &program, None).unwrap_err().to_string();
+    assert!(error.ends_with("p.var:3: Parameter file out of order: 5220 behind 5221"), "{error}");
+}
+
+#[test]
+fn loops_without_an_end_end() {
+    let patience = Patience { moves: 1000, seconds: 2.0 };
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("p.ngc");
+    let mut config = config(folder.path());
+    config.program.tool_table = None;
+    let told = |body: &str| {
+        std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
+        let mut moves = 0;
+        let end = each(&config, &program, None, &patience, |_| moves += 1);
+        let Err(InterpreterError::Refused(text)) = end else { panic!("{end:?}") };
+        (moves, text)
+    };
+    let (moves, text) = told("G1 X1\nX0");
+    assert!(moves <= 1000 && text.contains("more than 1000 moves"), "{moves} {text}");
+    // In one line, in which the interpreter tells of no new one.
+    let (moves, text) = told("G91 G1 X0.001");
+    assert!(moves <= 1000 && text.contains("p.ngc:3: more than 1000 moves"), "{moves} {text}");
+    let (moves, text) = told("#1=[#1+1]");
+    assert!(moves == 1 && text.contains("no move in 2 seconds"), "{moves} {text}");
+}
+
+#[test]
+fn lines_of_subroutines_belong_to_their_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        std::fs::read_to_string(crate::shipped::folder("hexapod").join("hexapod.ini")).unwrap();
+    let ini = folder.path().join("hexapod.ini");
+    let path = folder.path().display();
+    let head = format!("[RS274NGC]\nSUBROUTINE_PATH = {path}");
+    std::fs::write(&ini, text.replacen("[RS274NGC]", &head, 1)).unwrap();
+    let mut config = MachineConfig::read(&ini).unwrap();
+    (config.program.tool_table, config.program.parameter_file) = (None, None);
+    let program = folder.path().join("p.ngc");
+    // The same line number in both files.
+    std::fs::write(&program, "G0 X1\nG0 X2\no<away> call\nG0 X4\nM2\n").unwrap();
+    let away = folder.path().join("away.ngc");
+    std::fs::write(&away, "o<away> sub\nG0 X3\no<away> endsub\nM2\n").unwrap();
+    let mut places = vec![];
+    let files = each(&config, &program, None, &Patience::default(), |step| {
+        places.push((step.end[0].round(), step.line, step.file));
+    });
+    assert_eq!(files.unwrap(), [program, away]);
+    assert_eq!(places[1..], [(1.0, 1, 0), (2.0, 2, 0), (3.0, 2, 1), (4.0, 4, 0)]);
 }

@@ -18,7 +18,6 @@ mod lathe_loops;
 mod mobility;
 mod offsets;
 mod path;
-mod planner;
 mod preflight;
 mod random_program;
 mod replay;

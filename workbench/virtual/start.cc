@@ -88,14 +88,19 @@ REPLACES int semget(int, int, int) {
     return -1;
 }
 
-// Files are written in the folder of the run alone; what LOGOPEN and the like write elsewhere is lost.
-static bool is_own(const char *file) {
-    return file[0] != '/' || std::strncmp(file, environment::folder(), std::strlen(environment::folder())) == 0;
+// Files are written in the folder of the run alone: what LOGOPEN and the like write elsewhere goes into its
+// folder `written`.
+static std::string own(const std::string &file) {
+    const std::string folder = environment::folder();
+    if (file.compare(0, folder.size(), folder) == 0 || file.compare(0, 6, "/proc/") == 0) {
+        return file;
+    }
+    return folder + "/written/" + file.substr(file.rfind('/') + 1);
 }
 static FILE *opened(const char *symbol, const char *file, const char *mode) {
     const auto open = reinterpret_cast<FILE *(*)(const char *, const char *)>(dlsym(RTLD_NEXT, symbol));
     const bool reads = mode[0] == 'r' && !std::strchr(mode, '+');
-    return open(reads || is_own(file) ? file : "/dev/null", mode);
+    return open(reads ? file : own(file).c_str(), mode);
 }
 REPLACES FILE *fopen(const char *file, const char *mode) { return opened("fopen", file, mode); }
 REPLACES FILE *fopen64(const char *file, const char *mode) { return opened("fopen64", file, mode); }

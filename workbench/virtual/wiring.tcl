@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # The HAL files of a simulated machine, for LinuxCNC in virtual time:
 #
-#     tclsh wiring.tcl MACHINE.ini MODULES
+#     tclsh wiring.tcl MACHINE.ini MODULES [FILE...]
 #
-# Runs LIB:pkmkins_sim.tcl and LIB:pkmkins.tcl as LinuxCNC would, with a command `hal` that asks for one
+# Runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one
 # step a line on standard output and reads the answer from standard input: "ok" and what was asked for,
 # or "error" and why. MODULES is the folder of LinuxCNC's modules.
 
 namespace eval wiring {
     # Signal of each pin that is on one.
     variable signals [dict create]
-    variable modules ""
+    # Folders of modules: those of the files, and LinuxCNC's.
+    variable modules {}
 }
 
 # As LinuxCNC's haltcl does it, whose own package would attach to the HAL of this computer: every section
@@ -50,9 +51,32 @@ proc wiring::show {pin} {
     return "  $pin ==> [dict get $signals $pin]"
 }
 
+proc wiring::loadrt {name args} {
+    variable modules
+    foreach folder $modules {
+        set file [file join $folder $name.so]
+        if {[file exists $file]} { return [ask load $file {*}$args] }
+    }
+    error "there is no module $name in [join $modules {, }]"
+}
+
+# A file of halcmd: a command a line.
+proc wiring::run_hal {file} {
+    set lines [open $file]
+    while {[gets $lines line] >= 0} {
+        set words [regexp -all -inline {[^ \t]+} [regsub {#.*$} $line ""]]
+        if {[llength $words]} { hal {*}$words }
+    }
+    close $lines
+}
+
+proc wiring::run_file {file} {
+    if {[file extension $file] eq ".hal"} { run_hal $file } else { uplevel #0 [list source $file] }
+}
+
 proc hal {verb args} {
     switch -glob "$verb [lindex $args 0]" {
-        "loadrt *" { return [wiring::ask load [file join $wiring::modules [lindex $args 0].so] {*}[lrange $args 1 end]] }
+        "loadrt *" { return [wiring::loadrt {*}$args] }
         "net *" { return [wiring::net {*}$args] }
         "show pin" { return [wiring::show [lindex $args 1]] }
         "setp *" - "list pin" { return [wiring::ask $verb {*}$args] }
@@ -71,15 +95,14 @@ proc wiring::value {section key default} {
     return [lindex [set ::${section}($key)] 0]
 }
 
-proc wiring::main {ini folder} {
-    variable modules $folder
+proc wiring::main {ini folder args} {
+    variable modules [concat [lmap file $args {file dirname $file}] [list $folder]]
     parse $ini
     hal loadrt {*}[value TRAJ TPMOD tpmod]
     hal loadrt {*}[value EMCMOT HOMEMOD homemod]
     set ::env(HALLIB_DIR) [exec linuxcnc_var HALLIB_DIR]
-    foreach name {pkmkins_sim.tcl pkmkins.tcl} {
-        uplevel #0 [list source [file join $::env(HALLIB_DIR) $name]]
-    }
+    foreach name {pkmkins_sim.tcl pkmkins.tcl} { run_file [file join $::env(HALLIB_DIR) $name] }
+    foreach file $args { run_file $file }
     ask done
 }
 

@@ -9,6 +9,9 @@ use serde::Serialize;
 /// Spindle-synchronised motion, which takes its speed from the spindle.
 const SYNCHRONISED: [&str; 6] = ["G33", "G33.1", "G74", "G76", "G84", "G95"];
 
+/// Words after which a program goes on as an input says.
+const ASKING: [&str; 5] = ["G38.2", "G38.3", "G38.4", "G38.5", "M66"];
+
 /// Something to know before a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Caution {
@@ -45,6 +48,13 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) ->
             tell(format!(
                 "{word} follows the spindle: neither feed override nor the guard slows it"
             ));
+        }
+        for word in ASKING.into_iter().filter(|word| has(word)) {
+            let taken = match word {
+                "M66" => "it is taken as never switched",
+                _ => "the probe is taken as never touching",
+            };
+            tell(format!("{word}: what follows depends on an input; {taken}"));
         }
         names_units |= has("G20") || has("G21");
         is_guarded |= has("M52") && !has("P0");
@@ -114,6 +124,8 @@ mod tests {
         assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
         assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
         assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
+        let probed = told("G21 M52 P1\nG38.20 Z1 F10\nM66 P0 L3 Q1\n");
+        assert_eq!(probed, [line(2, "G38.2: what"), line(3, "M66: what")]);
     }
 
     #[test]

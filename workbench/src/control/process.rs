@@ -29,7 +29,7 @@ const VERSIONS: &str = "/usr/bin/linuxcnc_var";
 const STREAM: i32 = 3;
 
 /// Lines of a log that are told where a run fails.
-const TAIL: usize = 4;
+const LINES: usize = 4;
 
 /// Seconds of a standstill after LinuxCNC or the module has said why: nothing more is to come.
 const AFTER_ERROR: f64 = 5.0;
@@ -38,18 +38,23 @@ const AFTER_ERROR: f64 = 5.0;
 const BUSY_TRIES: usize = 100;
 const BUSY_PAUSE: Duration = Duration::from_millis(10);
 
-/// How long a program may be watched.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Patience {
+/// How a program is run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
     /// Seconds of the machine's time.
     pub most_seconds: f64,
     /// Seconds in which nothing moves.
     pub most_standstill: f64,
+    /// HAL files, of halcmd or of Tcl, that are carried out after those of the simulated machine: probes,
+    /// other spindles, logic of one's own. Modules are looked for beside them first.
+    pub hal: Vec<PathBuf>,
+    /// Folder that gets what the program writes into files, by the files' names.
+    pub written: Option<PathBuf>,
 }
 
-impl Default for Patience {
+impl Default for Options {
     fn default() -> Self {
-        Self { most_seconds: 86_400.0, most_standstill: 600.0 }
+        Self { most_seconds: 86_400.0, most_standstill: 600.0, hal: vec![], written: None }
     }
 }
 
@@ -60,7 +65,7 @@ impl Default for Patience {
 pub fn run(
     config: &MachineConfig,
     program: &Path,
-    patience: Patience,
+    options: &Options,
     see: impl FnMut(&Row),
 ) -> Result<Outcome, NotJudged> {
     let library = library();
@@ -72,8 +77,14 @@ pub fn run(
     if program.is_dir() {
         return Err(io::Error::from(io::ErrorKind::IsADirectory)).at(&program)?;
     }
-    let run = Run::start(config, &scratch, &library, &program)?;
-    run.watched(config, patience, see)
+    let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
+    let hal = hal.collect::<Result<Vec<_>, _>>()?;
+    let run = Run::start(config, &scratch, &library, &program, &hal)?;
+    let outcome = run.watched(config, options, see)?;
+    if let Some(folder) = &options.written {
+        scratch.keep_written(folder)?;
+    }
+    Ok(outcome)
 }
 
 /// The installed library, or the one that the environment names: one that is not installed yet.
@@ -96,6 +107,7 @@ impl<'a> Run<'a> {
         scratch: &'a Scratch,
         library: &Path,
         program: &Path,
+        hal: &[PathBuf],
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
         let (answered, answer) = pipe()?;
@@ -108,6 +120,7 @@ impl<'a> Run<'a> {
             .arg(scratch.wiring())
             .arg(scratch.ini())
             .arg(MODULES)
+            .args(hal)
             .current_dir(scratch.path())
             .stdin(answered)
             .stdout(ask)
@@ -146,14 +159,14 @@ impl<'a> Run<'a> {
     fn watched(
         mut self,
         config: &MachineConfig,
-        patience: Patience,
+        options: &Options,
         mut see: impl FnMut(&Row),
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
         let pulse = Pulse::new(from, self.milltask.id());
         let mut records =
             Records::new(BufReader::with_capacity(1 << 16, pulse), config.joints.len());
-        let mut watch = Watch::new(config.period, patience);
+        let mut watch = Watch::new(config.period, options);
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {
                 Record::Head { version, linuxcnc } => check_version(version, &linuxcnc)?,
@@ -171,21 +184,31 @@ impl<'a> Run<'a> {
                     return Ok(watch.outcome(Ending::Stopped, cycle));
                 }
                 Record::End(_, _, Cause::NotJudged, text) => {
-                    return Err(NotJudged::Refused(text + &self.log("wiring.log")));
+                    return Err(NotJudged::Refused(text + &self.complaint()));
                 }
             }
         }
-        Err(NotJudged::Crashed(self.log("milltask.log")))
+        Err(NotJudged::Crashed(self.last_words()))
     }
 
-    /// The last lines of a log, behind a colon.
-    fn log(&mut self, name: &str) -> String {
-        end(&mut self.wiring);
+    /// What the HAL files complain of: Tcl tells the reason first, and then where.
+    fn complaint(&mut self) -> String {
+        // It has seen the end of milltask, and tells what it has to.
+        let _ = self.wiring.wait();
+        let lines = self.log("wiring.log");
+        told(&lines[..lines.len().min(LINES)])
+    }
+
+    /// What LinuxCNC said last.
+    fn last_words(&self) -> String {
+        let lines = self.log("milltask.log");
+        told(&lines[lines.len().saturating_sub(LINES)..])
+    }
+
+    fn log(&self, name: &str) -> Vec<String> {
         let text = fs::read(self.scratch.path().join(name)).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
-        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
-        let tail = lines[lines.len().saturating_sub(TAIL)..].join("; ");
-        if tail.is_empty() { tail } else { format!(": {tail}") }
+        text.lines().filter(|line| !line.trim().is_empty()).map(String::from).collect()
     }
 }
 
@@ -194,6 +217,10 @@ impl Drop for Run<'_> {
         end(&mut self.milltask);
         end(&mut self.wiring);
     }
+}
+
+fn told(lines: &[String]) -> String {
+    if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ")) }
 }
 
 /// Starts a file that was just written: while any thread of this process starts another program, that one
@@ -228,9 +255,9 @@ fn check_version(version: u32, built: &str) -> Result<(), NotJudged> {
 }
 
 /// What is known so far.
-struct Watch {
+struct Watch<'a> {
     period: f64,
-    patience: Patience,
+    options: &'a Options,
     messages: Vec<Message>,
     pose: [f64; 6],
     /// Cycle of the last motion, and its line.
@@ -238,9 +265,9 @@ struct Watch {
     line: u32,
 }
 
-impl Watch {
-    fn new(period: f64, patience: Patience) -> Self {
-        Self { period, patience, messages: vec![], pose: [f64::NAN; 6], moved: 0, line: 0 }
+impl<'a> Watch<'a> {
+    fn new(period: f64, options: &'a Options) -> Self {
+        Self { period, options, messages: vec![], pose: [f64::NAN; 6], moved: 0, line: 0 }
     }
 
     fn seconds(&self, cycles: u64) -> f64 {
@@ -259,11 +286,11 @@ impl Watch {
         if stands > AFTER_ERROR && row.flags.held && self.messages.iter().any(Message::is_error) {
             return Ok(Some(Ending::Stopped));
         }
-        if stands > self.patience.most_standstill {
-            return Err(NotJudged::Stands(self.patience.most_standstill, self.line));
+        if stands > self.options.most_standstill {
+            return Err(NotJudged::Stands(self.options.most_standstill, self.line));
         }
-        if self.seconds(row.cycle) > self.patience.most_seconds {
-            return Err(NotJudged::TooLong(self.patience.most_seconds, self.line));
+        if self.seconds(row.cycle) > self.options.most_seconds {
+            return Err(NotJudged::TooLong(self.options.most_seconds, self.line));
         }
         Ok(None)
     }

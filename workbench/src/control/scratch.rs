@@ -2,12 +2,11 @@
 //! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
 
 use crate::control::refusal::NotJudged;
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Folder, Locate};
 use crate::read::machine::MachineConfig;
 use std::fs;
 use std::io;
 use std::path::{self, Path, PathBuf};
-use tempfile::TempDir;
 
 const DRIVER: &str = include_str!("../../virtual/driver.py");
 const WIRING: &str = include_str!("../../virtual/wiring.tcl");
@@ -48,7 +47,7 @@ const HOMING: [&str; 9] = [
 
 /// The folder; it is gone with its owner.
 pub struct Scratch {
-    folder: TempDir,
+    folder: Folder,
     /// The tool table's copy; empty where there is none.
     pub tool_table: PathBuf,
 }
@@ -64,7 +63,7 @@ impl Scratch {
     }
 
     fn made(config: &MachineConfig) -> Result<Self, AtFile<io::Error>> {
-        let folder = TempDir::with_prefix("pkm-").at(&std::env::temp_dir())?;
+        let folder = Folder::new()?;
         let tool_table = match &config.program.tool_table {
             Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
             None => PathBuf::new(),
@@ -76,6 +75,8 @@ impl Scratch {
         }
         write(&scratch.ini(), &scratch.ini_text(config)?)?;
         write(&scratch.path().join("driver.py"), DRIVER)?;
+        let written = scratch.path().join("written");
+        fs::create_dir(&written).at(&written)?;
         write(&scratch.wiring(), WIRING)?;
         write(&scratch.path().join("buffers.nml"), &buffers())?;
         Ok(scratch)
@@ -89,6 +90,20 @@ impl Scratch {
     /// The INI file that LinuxCNC reads.
     pub fn ini(&self) -> PathBuf {
         self.path().join("machine.ini")
+    }
+
+    /// Copies the files that the program wrote.
+    ///
+    /// # Errors
+    /// One of them cannot be written.
+    pub fn keep_written(&self, folder: &Path) -> Result<(), AtFile<io::Error>> {
+        let written = self.path().join("written");
+        fs::create_dir_all(folder).at(folder)?;
+        for entry in fs::read_dir(&written).at(&written)? {
+            let entry = entry.at(&written)?;
+            copied(&entry.path(), &folder.join(entry.file_name()))?;
+        }
+        Ok(())
     }
 
     /// A copy of milltask by another name: LinuxCNC ends every process of its own name when it stops.

@@ -1,29 +1,94 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What is known of a program on a machine.
 
+use crate::control::row::{Ending, Message};
 use crate::limits;
-use crate::program::loads::Peak;
-use kinematics::{Joints, Limit};
-use serde::Serialize;
+use crate::program::offset::Poses;
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Limit, Part};
+use serde::{Serialize, Serializer};
 
-/// First place where a program leaves a limit.
+/// What a program has to keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// A limit of the machine.
+    Limit(Limit),
+    /// How far LinuxCNC lets a joint lag behind its command.
+    FollowingError,
+    /// LinuxCNC's own checks, which end in a message.
+    Control,
+}
+
+impl Rule {
+    /// What people call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Limit(limit) => limit.name(),
+            Self::FollowingError => "following error",
+            Self::Control => "LinuxCNC",
+        }
+    }
+
+    /// Whether another feed may keep it, and another place does not.
+    pub fn is_of_time(self) -> bool {
+        match self {
+            Self::Limit(limit) => limits::is_of_feed(limit),
+            Self::FollowingError | Self::Control => true,
+        }
+    }
+}
+
+impl From<Limit> for Rule {
+    fn from(limit: Limit) -> Self {
+        Self::Limit(limit)
+    }
+}
+
+impl PartialEq<Limit> for Rule {
+    fn eq(&self, limit: &Limit) -> bool {
+        *self == Self::Limit(*limit)
+    }
+}
+
+impl Serialize for Rule {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Limit(limit) => limits::word(limit, to),
+            Self::FollowingError => to.serialize_str("following-error"),
+            Self::Control => to.serialize_str("linuxcnc"),
+        }
+    }
+}
+
+/// A limit that a program leaves, with the first place where it does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Break {
     /// The limit.
-    #[serde(serialize_with = "limits::word")]
-    pub limit: Limit,
+    pub limit: Rule,
+    /// Joint, leg or axis; empty for a message of LinuxCNC.
+    pub part: String,
     /// Line of the program, counted from 1; 0 for what runs before it.
     pub line: u32,
     /// Number of the file that the line is in, 0 for the program itself.
     pub file: usize,
     /// X Y Z A B C there, machine units and degrees.
     pub pose: [f64; 6],
-    /// Number of the move, from 0.
+    /// Seconds since the program was started, of what LinuxCNC's cycles show.
+    pub seconds: Option<f64>,
+    /// Moves that leave the limit; lines, where LinuxCNC's cycles are judged.
+    pub moves: usize,
+    /// Number of the move, from 0; beyond all moves for what LinuxCNC's cycles show.
     #[serde(skip)]
     pub(super) step: usize,
     /// Share of the move that is kept.
     #[serde(skip)]
     pub(super) share: f64,
+    /// The last move that was counted.
+    #[serde(skip)]
+    pub(super) last: usize,
+    /// Length of the path before it.
+    #[serde(skip)]
+    pub(super) before: f64,
     /// What breaks, and how: a sentence.
     pub text: String,
 }
@@ -32,8 +97,7 @@ pub struct Break {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeastMargin {
     /// The limit.
-    #[serde(serialize_with = "limits::word")]
-    pub limit: Limit,
+    pub limit: Rule,
     /// Machine units, degrees, their rates, or a singular value; negative beyond the limit.
     pub value: f64,
     /// Unit of the value.
@@ -44,6 +108,33 @@ pub struct LeastMargin {
     pub line: u32,
 }
 
+/// What a program uses of an axis or joint, beside what there is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Range {
+    /// Joint or axis.
+    pub part: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// Smallest and largest value that the program asks for; of a joint to first order over pieces of the
+    /// path, which are cut to a hundredth of its range.
+    pub used: [f64; 2],
+    /// Smallest and largest value that the limits allow; infinite, `null` in JSON, where there is none.
+    pub allowed: [f64; 2],
+}
+
+impl Range {
+    pub(super) fn of(
+        config: &MachineConfig,
+        limit: Limit,
+        part: Part,
+        used: [f64; 2],
+        allowed: [f64; 2],
+    ) -> Self {
+        let unit = limits::unit(config, limit, part);
+        Self { part: limits::part(config, limit, part), unit, used, allowed }
+    }
+}
+
 /// What a line asks of the joints.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LineLoad {
@@ -51,6 +142,72 @@ pub struct LineLoad {
     pub line: u32,
     /// Feeds of this line may be multiplied by this; above 1 there is room.
     pub factor: f64,
+}
+
+/// A place in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Place {
+    /// Line of the program.
+    pub line: u32,
+    /// X Y Z A B C, machine units and degrees.
+    pub pose: [f64; 6],
+    /// Seconds since the program was started.
+    pub seconds: f64,
+}
+
+/// Largest value of a joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Peak {
+    /// Joint.
+    pub joint: String,
+    /// In the joint's unit, or that a second, or a second squared.
+    pub value: f64,
+    /// Its limit there.
+    pub limit: f64,
+    /// Where.
+    #[serde(flatten)]
+    pub place: Place,
+}
+
+impl Peak {
+    /// As a share of the limit.
+    pub(super) fn share(&self) -> f64 {
+        self.value / self.limit
+    }
+}
+
+/// What LinuxCNC makes of a program in its servo cycles.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Timing {
+    /// Seconds from the start of the program to its end.
+    pub seconds: f64,
+    /// How it ended.
+    pub ending: Ending,
+    /// Everything that LinuxCNC would show to the operator.
+    pub messages: Vec<Message>,
+    /// Largest speeds of the joints.
+    pub speeds: Vec<Peak>,
+    /// Largest accelerations of the joints.
+    pub accelerations: Vec<Peak>,
+    /// Following errors of the joints, where they come nearest to what LinuxCNC allows.
+    pub following_errors: Vec<Peak>,
+    /// Every feed may be multiplied by this.
+    pub feed_factor: f64,
+    /// The same of every line.
+    pub lines: Vec<LineLoad>,
+    /// Limits left, which stand among the breaks of the program.
+    #[serde(skip)]
+    pub(super) breaks: Vec<Break>,
+}
+
+/// Everything of a program that depends on time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Time {
+    /// As LinuxCNC runs it.
+    Judged(Timing),
+    /// Why it could not be had.
+    NotJudged(String),
 }
 
 /// A sample of the motion, for plots.
@@ -64,7 +221,7 @@ pub struct Sample {
     pub pose: [f64; 6],
     /// Joint values.
     pub joints: Joints,
-    /// Joint speeds as shares of their limits.
+    /// Joint speeds at the programmed feed as shares of their limits.
     pub speeds: Joints,
     /// Least margin of the geometric limits as a share of their range.
     pub margin: f64,
@@ -77,33 +234,38 @@ pub struct Preflight {
     pub moves: usize,
     /// Length of the path of the control point, machine units.
     pub length: f64,
-    /// Seconds of motion.
-    pub time: f64,
     /// Pieces that the moves were cut into.
     pub pieces: usize,
-    /// First break of every limit that breaks, in the order of the program.
+    /// Every limit of every part that the program leaves, in the order of their first places.
     pub breaks: Vec<Break>,
     /// Least margin of every limit that the machine has.
     pub margins: Vec<LeastMargin>,
+    /// What is used of the axes and joints.
+    pub ranges: Vec<Range>,
     /// Share of the path before the first break.
     pub runnable: f64,
-    /// Every feed may be multiplied by this.
-    pub feed_factor: f64,
-    /// The same of every line.
-    pub lines: Vec<LineLoad>,
-    /// Largest speeds of the joints.
-    pub speeds: Vec<Peak>,
-    /// Largest accelerations of the joints.
-    pub accelerations: Vec<Peak>,
+    /// What depends on time.
+    pub time: Time,
     /// Files and lines before which the tool offset changes while the platform is tilted.
     pub tilted_tool_changes: Vec<(usize, u32)>,
+    /// Whether all moves end at `[TRAJ]HOME`.
+    #[serde(skip)]
+    pub(super) is_still: bool,
+    /// Poses for the search of another work offset.
+    #[serde(skip)]
+    pub poses: Poses,
     /// Samples, where they were asked for.
     #[serde(skip)]
     pub samples: Vec<Sample>,
 }
 
 impl Preflight {
-    /// Whether the program keeps all limits.
+    /// Whether the program moves nothing.
+    pub fn is_still(&self) -> bool {
+        self.is_still
+    }
+
+    /// Whether the program keeps all limits, as far as they were judged.
     pub fn fits(&self) -> bool {
         self.breaks.is_empty()
     }

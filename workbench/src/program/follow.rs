@@ -9,12 +9,13 @@
 //! breaks, and a move without one is proved to keep all of them everywhere.
 
 use crate::limits;
-use crate::program::findings::{Break, LineLoad, Preflight, Sample};
+use crate::program::findings::{Break, Preflight, Range, Sample, Time};
+use crate::program::offset::Poses;
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
 use crate::proof::spans::Course;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Limit, MAX_JOINTS, Margin, Part, Vector3};
+use kinematics::{Fault, Letter, Limit, MAX_JOINTS, Margin, Part, Vector3};
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
 /// below what any machine resolves.
@@ -28,9 +29,6 @@ const ACCURACY: f64 = 0.01;
 
 /// The same of the conditioning, whose bound is one of first order.
 const CONDITIONING_ACCURACY: f64 = 0.05;
-
-/// Speeds below this share of their limit are told as a bound, without [`ACCURACY`].
-const SLOW: f64 = 0.5;
 
 /// Poses looked at on a move that breaks a limit, for how far it leaves it.
 const SAMPLES: usize = 33;
@@ -52,20 +50,14 @@ struct Check {
 
 impl Check {
     fn found(&self, share: f64) -> Found {
-        Found { share, part: self.part, ends: self.ends, fault: None }
+        Found { limit: self.limit, share, part: self.part, ends: self.ends, fault: None }
     }
 
-    /// How far the pieces of a move have to be cut for the figures that are told, to a share of `scale`
-    /// times the range.
-    fn is_coarse(&self, least: f64, scale: f64) -> bool {
+    /// Whether a piece has to be cut for the figures that are told.
+    fn is_coarse(&self, least: f64) -> bool {
         let accuracy =
             if self.limit == Limit::Conditioning { CONDITIONING_ACCURACY } else { ACCURACY };
-        self.proved < least - accuracy * self.range * scale
-            && match self.limit {
-                Limit::JointSpeed => self.proved < (1.0 - SLOW) * self.range,
-                Limit::Axis | Limit::Reach | Limit::JointAcceleration => false,
-                _ => true,
-            }
+        self.proved < least - accuracy * self.range && self.limit != Limit::Reach
     }
 }
 
@@ -77,11 +69,15 @@ pub(super) struct Leg {
     pub(super) file: usize,
     pub(super) from: [f64; 6],
     pub(super) delta: [f64; 6],
-    /// Seconds; 0 where nothing is said of speeds.
+    /// Seconds at the programmed feed, for samples.
     pub(super) duration: f64,
 }
 
 impl Leg {
+    fn length(&self) -> f64 {
+        length(&self.delta)
+    }
+
     fn at(&self, share: f64) -> [f64; 6] {
         std::array::from_fn(|k| self.from[k] + share * self.delta[k])
     }
@@ -90,6 +86,7 @@ impl Leg {
 /// Where a move first leaves a limit.
 #[derive(Clone, Copy)]
 pub(super) struct Found {
+    pub(super) limit: Limit,
     pub(super) share: f64,
     pub(super) part: Part,
     /// Smallest and largest value that the limit allows.
@@ -98,8 +95,34 @@ pub(super) struct Found {
     pub(super) fault: Option<Fault>,
 }
 
-/// Firsts of one move, by limit.
-type Firsts = [Option<Found>; Limit::ALL.len()];
+impl Found {
+    /// Whether this is the limit of this part. Where one leg does not reach, nothing is known of the
+    /// others: reach is one limit.
+    fn is_of(&self, limit: Limit, part: Part) -> bool {
+        self.limit == limit && (limit == Limit::Reach || self.part == part)
+    }
+}
+
+/// Firsts of one move: one of every limit of every part that it leaves.
+#[derive(Default)]
+struct Firsts(Vec<Found>);
+
+impl Firsts {
+    /// Share of the move before the first place.
+    fn share(&self, limit: Limit, part: Part) -> Option<f64> {
+        let found = self.0.iter().find(|found| found.is_of(limit, part));
+        found.map(|found| found.share)
+    }
+
+    /// Keeps the earlier one.
+    fn note(&mut self, found: Found) {
+        match self.0.iter_mut().find(|first| first.is_of(found.limit, found.part)) {
+            Some(first) if !(found.share < first.share) => {}
+            Some(first) => *first = found,
+            None => self.0.push(found),
+        }
+    }
+}
 
 pub(super) struct Pilot<'a> {
     pub(super) config: &'a MachineConfig,
@@ -111,6 +134,10 @@ pub(super) struct Pilot<'a> {
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
     pub(super) margins: [Option<(f64, Part, u32)>; Limit::ALL.len()],
+    axes: [[f64; 2]; 6],
+    joints: [[f64; 2]; MAX_JOINTS],
+    /// Seconds at the programmed feed so far.
+    pub(super) time: f64,
     pub(super) result: Preflight,
 }
 
@@ -125,19 +152,21 @@ impl<'a> Pilot<'a> {
             checks: vec![],
             least: [f64::INFINITY; Limit::ALL.len()],
             margins: [None; Limit::ALL.len()],
+            axes: config.home.map(|value| [value; 2]),
+            joints: [[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS],
+            time: 0.0,
             result: Preflight {
                 moves: 0,
                 length: 0.0,
-                time: 0.0,
                 pieces: 0,
                 breaks: vec![],
                 margins: vec![],
+                ranges: vec![],
                 runnable: 1.0,
-                feed_factor: f64::INFINITY,
-                lines: vec![],
-                speeds: vec![],
-                accelerations: vec![],
+                time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
+                is_still: true,
+                poses: Poses::default(),
                 samples: vec![],
             },
         })
@@ -149,21 +178,21 @@ impl<'a> Pilot<'a> {
         let extent = length(&leg.delta) + turn * size / 2.0;
         let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut firsts = Firsts::default();
-        let mut load = 0.0;
         let mut open = vec![(0.0, 1.0)];
         while let Some((from, to)) = open.pop() {
-            if !self.is_done(leg, from, to, shortest, &mut firsts, &mut load) {
+            if !self.is_done(leg, from, to, shortest, &mut firsts) {
                 let middle = (from + to) / 2.0;
                 open.extend([(middle, to), (from, middle)]);
             }
         }
-        self.note_load(leg, load);
-        if firsts.iter().any(Option::is_some) {
-            let worst = self.sample(leg);
-            for ((limit, found), worst) in Limit::ALL.into_iter().zip(firsts).zip(worst) {
-                if let Some(found) = found {
-                    self.tell(leg, limit, &found, worst);
-                }
+        if let Some(end) = firsts.share(Limit::Reach, Part::Whole) {
+            // Beyond a place that cannot be reached nothing is known.
+            firsts.0.retain(|found| found.limit == Limit::Reach || found.share < end);
+        }
+        if !firsts.0.is_empty() {
+            let worst = self.sample(leg, &firsts);
+            for (found, worst) in firsts.0.iter().zip(worst) {
+                self.tell(leg, found, worst);
             }
         }
     }
@@ -176,10 +205,9 @@ impl<'a> Pilot<'a> {
         to: f64,
         shortest: f64,
         firsts: &mut Firsts,
-        load: &mut f64,
     ) -> bool {
-        let reach = &mut firsts[Limit::Reach.index()];
-        if reach.is_some_and(|found| found.share <= from) {
+        let unreached = firsts.share(Limit::Reach, Part::Whole);
+        if unreached.is_some_and(|share| share <= from) {
             // Beyond a place that cannot be reached nothing is known.
             return true;
         }
@@ -190,26 +218,27 @@ impl<'a> Pilot<'a> {
         let way = match self.reach.way(&pose, &leg.delta.map(|d| d * half)) {
             Ok(way) => way,
             Err(fault) => {
-                let (part, ends) = (Part::Whole, [0.0, f64::INFINITY]);
-                earlier(reach, Found { share: middle, part, ends, fault: Some(fault) });
+                let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
+                let (share, part, fault) = (middle, Part::Whole, Some(fault));
+                firsts.note(Found { limit, share, part, ends, fault });
                 return is_short;
             }
         };
-        self.weigh(&way, leg, half);
+        self.weigh(&way);
         let checks = std::mem::take(&mut self.checks);
         let mut done = true;
         for check in &checks {
-            let first = &mut firsts[check.limit.index()];
-            done &= self.is_settled(check, [from, middle], is_short, first, load);
+            done &= self.is_settled(check, [from, middle], is_short, firsts);
         }
         if done {
             for check in &checks {
-                let first = &firsts[check.limit.index()];
-                if first.is_none_or(|found| found.share > from) {
-                    self.close(check, leg, load);
+                let first = firsts.share(check.limit, check.part);
+                if first.is_none_or(|share| share > from) {
+                    self.close(check, leg);
                 }
             }
-            self.keep_sample(leg, middle, &pose, &way, &checks);
+            self.widen(&way);
+            self.keep_sample(leg, [middle, half], &pose, &way, &checks);
         }
         self.checks = checks;
         done
@@ -221,44 +250,34 @@ impl<'a> Pilot<'a> {
         check: &Check,
         [from, middle]: [f64; 2],
         is_short: bool,
-        first: &mut Option<Found>,
-        load: &mut f64,
+        firsts: &mut Firsts,
     ) -> bool {
-        if check.limit == Limit::JointSpeed {
-            *load = load.max(1.0 - check.seen / check.range);
-            return is_short || !check.is_coarse((1.0 - *load) * check.range, load.max(1.0));
-        }
         if check.seen < 0.0 {
-            earlier(first, check.found(middle));
+            firsts.note(check.found(middle));
         }
-        if first.is_some_and(|found| found.share <= from) {
+        if firsts.share(check.limit, check.part).is_some_and(|share| share <= from) {
             return true;
         }
         let fails = check.proved < 0.0;
         // Where nothing is known, reach is what fails.
         if fails && is_short && check.proved.is_finite() {
-            earlier(first, check.found(from));
+            firsts.note(check.found(from));
         }
         let least = self.least[check.limit.index()].min(check.seen);
-        is_short || !(fails || check.is_coarse(least, 1.0))
+        is_short || !(fails || check.is_coarse(least))
     }
 
     /// What a piece contributes that stays as it is.
-    fn close(&mut self, check: &Check, leg: &Leg, load: &mut f64) {
+    fn close(&mut self, check: &Check, leg: &Leg) {
         let kind = check.limit.index();
         self.least[kind] = self.least[kind].min(check.seen);
-        if check.limit == Limit::JointSpeed {
-            *load = load.max(1.0 - check.proved / check.range);
-            return;
-        }
         if check.limit != Limit::Reach && check.proved.is_finite() {
             self.note(check.limit, check.proved.min(check.seen), check.part, leg.line);
         }
     }
 
-    /// Margins of all limits over a piece with this half width, into `checks`.
-    fn weigh(&mut self, way: &Way, leg: &Leg, half: f64) {
-        let joints = &self.config.joints;
+    /// Margins of all limits over a piece, into `checks`.
+    fn weigh(&mut self, way: &Way) {
         self.checks.clear();
         self.checks.extend(way.spans.iter().map(|span| Check {
             limit: span.margin.limit,
@@ -268,24 +287,40 @@ impl<'a> Pilot<'a> {
             proved: span.room(),
             range: limits::scale(&span.margin),
         }));
-        for (i, course) in way.joints.iter().enumerate() {
-            let (part, known) = (Part::Joint(i), course.second_derivative.is_finite());
-            let (limit, proved) = (Limit::Reach, if known { 1.0 } else { -1.0 });
-            let ends = [0.0, f64::INFINITY];
-            self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
+        let unknown = way.joints.iter().position(|course| !course.second_derivative.is_finite());
+        let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
+        let (part, proved) = unknown.map_or((Part::Whole, 1.0), |i| (Part::Joint(i), -1.0));
+        self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
+    }
+
+    /// Ranges of the joints to first order, which the pieces are short enough for.
+    fn widen(&mut self, way: &Way) {
+        for (range, Course { middle, slope, .. }) in self.joints.iter_mut().zip(&way.joints) {
+            *range = [range[0].min(middle - slope), range[1].max(middle + slope)];
         }
-        if leg.duration == 0.0 {
-            return;
+    }
+
+    /// What a straight move uses of the axes.
+    pub(super) fn widen_axes(&mut self, end: &[f64; 6]) {
+        for (range, value) in self.axes.iter_mut().zip(end) {
+            *range = [range[0].min(*value), range[1].max(*value)];
         }
-        let per_second = 1.0 / (leg.duration * half);
-        for (i, (course, joint)) in way.joints.iter().zip(joints).enumerate() {
-            let (limit, part, range) = (Limit::JointSpeed, Part::Joint(i), joint.max_velocity);
-            let seen = range - course.slope * per_second;
-            let proved = seen - course.second_derivative * per_second;
-            // What is not a number proves nothing.
-            let proved = if proved.is_nan() { f64::NEG_INFINITY } else { proved };
-            self.checks.push(Check { limit, part, ends: [-range, range], seen, proved, range });
-        }
+    }
+
+    /// What was used of the axes and joints.
+    pub(super) fn ranges(&self) -> Vec<Range> {
+        let config = self.config;
+        let axes = Letter::ALL.into_iter().zip(&config.axes).zip(self.axes);
+        let axes = axes.filter(|((letter, _), _)| !config.machine.layout().is_held(*letter)).map(
+            |((letter, axis), used)| {
+                Range::of(config, Limit::Axis, Part::Axis(letter), used, [axis.min, axis.max])
+            },
+        );
+        let joints = config.joints.iter().zip(self.joints).enumerate().map(|(i, (joint, used))| {
+            let allowed = [joint.min, joint.max];
+            Range::of(config, Limit::JointRange, Part::Joint(i), used, allowed)
+        });
+        axes.chain(joints).collect()
     }
 
     pub(super) fn note(&mut self, limit: Limit, value: f64, part: Part, line: u32) {
@@ -295,30 +330,21 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    fn note_load(&mut self, leg: &Leg, load: f64) {
-        if leg.duration == 0.0 {
-            return;
-        }
-        let factor = 1.0 / load;
-        self.result.feed_factor = self.result.feed_factor.min(factor);
-        match self.result.lines.last_mut() {
-            Some(last) if last.line == leg.line => last.factor = last.factor.min(factor),
-            _ => self.result.lines.push(LineLoad { line: leg.line, factor }),
-        }
-    }
-
-    /// How far a move leaves its limits: least margins seen.
-    fn sample(&mut self, leg: &Leg) -> [f64; Limit::ALL.len()] {
-        let mut worst = [f64::INFINITY; Limit::ALL.len()];
+    /// How far a move leaves its limits: least margins seen, in the order of `firsts`.
+    fn sample(&mut self, leg: &Leg, firsts: &Firsts) -> Vec<f64> {
+        let mut worst = vec![f64::INFINITY; firsts.0.len()];
         let half = 0.5 / SAMPLES as f64;
         for n in 0..=SAMPLES {
             let pose = leg.at(n as f64 / SAMPLES as f64);
             let Ok(way) = self.reach.way(&pose, &leg.delta.map(|d| d * half)) else { continue };
-            self.weigh(&way, leg, half);
+            self.widen(&way);
+            self.weigh(&way);
             for check in std::mem::take(&mut self.checks) {
-                let worst = &mut worst[check.limit.index()];
-                *worst = worst.min(check.seen);
-                if check.seen < 0.0 && check.limit != Limit::JointSpeed {
+                let of = |found: &Found| found.is_of(check.limit, check.part);
+                if let Some(n) = firsts.0.iter().position(of) {
+                    worst[n] = worst[n].min(check.seen);
+                }
+                if check.seen < 0.0 {
                     self.note(check.limit, check.seen, check.part, leg.line);
                 }
             }
@@ -326,25 +352,27 @@ impl<'a> Pilot<'a> {
         worst
     }
 
-    fn keep_sample(&mut self, leg: &Leg, share: f64, pose: &[f64; 6], way: &Way, checks: &[Check]) {
+    fn keep_sample(
+        &mut self,
+        leg: &Leg,
+        [share, half]: [f64; 2],
+        pose: &[f64; 6],
+        way: &Way,
+        checks: &[Check],
+    ) {
         if !self.keep {
             return;
         }
-        let shares =
-            checks.iter().filter(|c| !limits::is_of_feed(c.limit) && c.limit != Limit::Reach);
-        let mut joints = [0.0; MAX_JOINTS];
-        joints
-            .iter_mut()
-            .zip(&way.joints)
-            .for_each(|(joint, Course { middle, .. })| *joint = *middle);
-        let mut speeds = [0.0; MAX_JOINTS];
-        for check in checks.iter().filter(|check| check.limit == Limit::JointSpeed) {
-            if let Part::Joint(i) = check.part {
-                speeds[i] = 1.0 - check.seen / check.range;
+        let shares = checks.iter().filter(|check| check.limit != Limit::Reach);
+        let [mut joints, mut speeds] = [[0.0; MAX_JOINTS]; 2];
+        for (i, (course, joint)) in way.joints.iter().zip(&self.config.joints).enumerate() {
+            joints[i] = course.middle;
+            if leg.duration > 0.0 {
+                speeds[i] = course.slope / (leg.duration * half) / joint.max_velocity;
             }
         }
         self.result.samples.push(Sample {
-            time: self.result.time + share * leg.duration,
+            time: self.time + share * leg.duration,
             line: leg.line,
             pose: *pose,
             joints,
@@ -353,29 +381,35 @@ impl<'a> Pilot<'a> {
         });
     }
 
-    /// Tells a break, if it is the first of its limit; `worst` is the least margin of the move.
-    pub(super) fn tell(&mut self, leg: &Leg, limit: Limit, found: &Found, worst: f64) {
-        let order = (leg.number, found.share);
-        let told = self.result.breaks.iter().position(|told| told.limit == limit);
-        if let Some(told) = told {
-            let first = &self.result.breaks[told];
-            if (first.step, first.share) <= order {
-                return;
-            }
-            self.result.breaks.remove(told);
+    /// Tells a break; `worst` is the least margin of the move.
+    pub(super) fn tell(&mut self, leg: &Leg, found: &Found, worst: f64) {
+        let part = limits::part(self.config, found.limit, found.part);
+        let is_reach = found.limit == Limit::Reach;
+        let of = |told: &&mut Break| told.limit == found.limit && (is_reach || told.part == part);
+        if let Some(told) = self.result.breaks.iter_mut().find(of) {
+            // Moves come in the order of the program; the change of a tool precedes its move.
+            told.moves += usize::from(told.last != leg.number);
+            told.last = leg.number;
+            return;
         }
         self.result.breaks.push(Break {
-            limit,
+            limit: found.limit.into(),
+            part,
             line: leg.line,
             file: leg.file,
             pose: leg.at(found.share),
+            seconds: None,
+            moves: 1,
             step: leg.number,
             share: found.share,
-            text: self.sentence(limit, found, worst),
+            last: leg.number,
+            before: self.result.length + found.share * leg.length(),
+            text: self.sentence(found, worst),
         });
     }
 
-    fn sentence(&self, limit: Limit, found: &Found, worst: f64) -> String {
+    fn sentence(&self, found: &Found, worst: f64) -> String {
+        let limit = found.limit;
         if let Some(fault) = found.fault {
             return fault.to_string();
         }
@@ -399,12 +433,6 @@ impl<'a> Pilot<'a> {
             }
             _ => format!("{part} touches its limit of {bound}"),
         }
-    }
-}
-
-fn earlier(first: &mut Option<Found>, found: Found) {
-    if first.is_none_or(|first| found.share < first.share) {
-        *first = Some(found);
     }
 }
 

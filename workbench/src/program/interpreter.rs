@@ -5,13 +5,13 @@
 //! O-words, parameters, cutter compensation, cycles and remaps mean what they mean on
 //! the machine. Arcs come as short straight moves.
 
-use crate::files::{AtFile, Locate};
+use crate::files::Locate;
 use crate::read::machine::MachineConfig;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{self, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// LinuxCNC's Python modules belong to the system's Python.
 const PYTHON: &str = "/usr/bin/python3";
@@ -24,13 +24,11 @@ pub const LINUXCNC_PROGRAMS: &str = "/usr/share/linuxcnc/ncfiles";
 /// machine reaches, and only a few hundred moves a turn.
 const CHORD_ERROR_MM: f64 = 1e-4;
 
-/// Path control modes as the interpreter numbers them: G61 and G61.1.
-const EXACT_PATH: u32 = 610;
-const EXACT_STOP: u32 = 611;
+/// Bytes of the records that are read at a time.
+const BLOCK: usize = 1 << 16;
 
 /// Kind of a straight move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MoveKind {
     /// G0.
     Rapid,
@@ -50,97 +48,40 @@ pub struct Move {
     /// End point as motion receives it, tool length included: x y z in machine units,
     /// a b c in degrees.
     pub end: [f64; 6],
-    /// Feed in machine units per second.
+    /// Feed in machine units per second; infinite where the spindle sets it.
     pub feed: f64,
     /// Feed of moves of rotary axes alone, degrees per second.
     pub angular_feed: f64,
     /// Tool length offset x y z in force, machine units.
     pub tool: [f64; 3],
-    /// What LinuxCNC's planner makes of it.
-    pub path: Path,
-}
-
-/// How LinuxCNC's planner goes on from a move to the next one.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum PathMode {
-    /// G61.1: every move ends at rest.
-    Stop,
-    /// G61: the path is kept, and slowed down at corners as far as needed; the interpreter's own default.
-    #[default]
-    Exact,
-    /// G64.
-    Blend {
-        /// P: distance from the path at corners, machine units; 0 for no limit.
-        tolerance: f64,
-        /// Q: moves within this distance of a straight line become one; 0 for none.
-        merging: f64,
-    },
-}
-
-/// The arc that a straight move is a piece of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arc {
-    /// Number among the arcs of the program; the pieces of an arc share it.
-    pub number: u32,
-    /// Machine units.
-    pub radius: f64,
-    /// Axis square to its plane: 0 to 2 for X to Z.
-    pub normal: usize,
-}
-
-/// What the planner needs to know of a move beside its places.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Path {
-    /// Path control mode in force.
-    pub mode: PathMode,
-    /// None for a move that is straight in the program.
-    pub arc: Option<Arc>,
-    /// Motion stands still before it: a tool change, a dwell, a spindle that starts.
-    pub stands: bool,
-    /// Number of the file that its line belongs to ([`Reading::files`]).
+    /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
 }
 
-/// What the interpreter makes of a program.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
-    /// All moves, the first one ending at `[TRAJ]HOME`.
-    pub moves: Vec<Move>,
-    /// The program, and the files of subroutines that move anything.
-    pub files: Vec<PathBuf>,
+/// How long a program may go on before it counts as endless.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patience {
+    /// Moves.
+    pub moves: u64,
+    /// Seconds of the interpreter without a move.
+    pub seconds: f64,
 }
 
-impl Reading {
-    fn new(program: &path::Path) -> Self {
-        Self { moves: vec![], files: vec![program.to_path_buf()] }
-    }
-
-    fn add(&mut self, row: Row, units: f64) {
-        let file = match row.file.as_str() {
-            "" => 0,
-            name => {
-                self.files.iter().position(|file| file.as_os_str() == name).unwrap_or_else(|| {
-                    self.files.push(name.into());
-                    self.files.len() - 1
-                })
-            }
-        };
-        self.moves.push(row.into_move(units, file));
+impl Default for Patience {
+    fn default() -> Self {
+        Self { moves: 10_000_000, seconds: 60.0 }
     }
 }
 
 /// Why a program could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum InterpreterError {
-    /// The interpreter does not run.
+    /// The interpreter does not run, or the connection to it broke.
     #[error("{PYTHON}: {0}")]
     Unstarted(#[from] io::Error),
     /// It refuses the program, in its words, with file and line.
     #[error("{0}")]
     Refused(String),
-    /// What it answers is no list of moves.
-    #[error(transparent)]
-    Malformed(#[from] AtFile<csv::Error>),
 }
 
 /// What canon.py reads.
@@ -148,62 +89,15 @@ pub enum InterpreterError {
 struct Request {
     program: PathBuf,
     length_units: f64,
+    axes: String,
     init_codes: Vec<String>,
     parameter_file: PathBuf,
     tool_table: PathBuf,
     random_tools: bool,
+    calls: bool,
     chord_error: f64,
-}
-
-/// What canon.py prints, in mm and degrees, rates per minute.
-#[derive(Deserialize)]
-struct Row {
-    kind: MoveKind,
-    line: u32,
-    x: f64,
-    y: f64,
-    z: f64,
-    a: f64,
-    b: f64,
-    c: f64,
-    feed: f64,
-    angular_feed: f64,
-    tool_x: f64,
-    tool_y: f64,
-    tool_z: f64,
-    mode: u32,
-    tolerance: f64,
-    merging: f64,
-    arc: u32,
-    radius: f64,
-    normal: usize,
-    stands: u8,
-    file: String,
-}
-
-impl Row {
-    fn path(&self, units: f64, file: usize) -> Path {
-        let Self { tolerance, merging, arc: number, normal, .. } = *self;
-        let mode = match self.mode {
-            EXACT_STOP => PathMode::Stop,
-            EXACT_PATH => PathMode::Exact,
-            _ => PathMode::Blend { tolerance: tolerance * units, merging: merging * units },
-        };
-        let arc = (number > 0).then_some(Arc { number, radius: self.radius * units, normal });
-        Path { mode, arc, stands: self.stands != 0, file }
-    }
-
-    fn into_move(self, units: f64, file: usize) -> Move {
-        Move {
-            kind: self.kind,
-            line: self.line,
-            end: [self.x * units, self.y * units, self.z * units, self.a, self.b, self.c],
-            feed: self.feed * units / 60.0,
-            angular_feed: self.angular_feed / 60.0,
-            tool: [self.tool_x * units, self.tool_y * units, self.tool_z * units],
-            path: self.path(units, file),
-        }
-    }
+    most_moves: u64,
+    most_seconds: f64,
 }
 
 /// All moves of a program on this machine, the first one ending at `[TRAJ]HOME`.
@@ -219,16 +113,8 @@ pub fn moves(
     program: &path::Path,
     work_offset: Option<[f64; 6]>,
 ) -> Result<Vec<Move>, InterpreterError> {
-    let offset = work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset)));
-    Ok(read(config, program, offset)?.moves)
-}
-
-/// As [`moves`] with the stored work offset, and the files that the lines belong to.
-///
-/// # Errors
-/// As [`moves`].
-pub fn reading(config: &MachineConfig, program: &path::Path) -> Result<Reading, InterpreterError> {
-    read(config, program, None)
+    let offset = work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset, "XYZABC")));
+    collected(config, program, offset.as_deref())
 }
 
 /// As [`moves`], with the work offset in force at the start changed by a block.
@@ -240,62 +126,287 @@ pub fn moves_after(
     program: &path::Path,
     block: &str,
 ) -> Result<Vec<Move>, InterpreterError> {
-    Ok(read(config, program, Some(block.into()))?.moves)
+    collected(config, program, Some(block))
 }
 
-fn read(
+fn collected(
     config: &MachineConfig,
     program: &path::Path,
-    offset: Option<String>,
-) -> Result<Reading, InterpreterError> {
-    let output = run(config, program, offset)?;
-    if !output.status.success() {
-        let text = String::from_utf8_lossy(&output.stderr).trim().to_string();
-        return Err(InterpreterError::Refused(text));
-    }
-    let mut found = Reading::new(program);
-    for row in csv::Reader::from_reader(output.stdout.as_slice()).deserialize() {
-        found.add(row.at(program)?, config.units_per_mm);
-    }
-    Ok(found)
+    block: Option<&str>,
+) -> Result<Vec<Move>, InterpreterError> {
+    let mut all = vec![];
+    each(config, program, block, &Patience::default(), |step| all.push(*step))?;
+    Ok(all)
 }
 
-fn run(config: &MachineConfig, program: &path::Path, offset: Option<String>) -> io::Result<Output> {
+/// Shows every move of a program while the interpreter reads it, the first one ending at
+/// `[TRAJ]HOME`; `block` runs before it. What comes back is the program and the files of
+/// subroutines that move anything.
+///
+/// # Errors
+/// As [`moves`]; moves may have been shown before.
+pub fn each(
+    config: &MachineConfig,
+    program: &path::Path,
+    block: Option<&str>,
+    patience: &Patience,
+    see: impl FnMut(&Move),
+) -> Result<Vec<PathBuf>, InterpreterError> {
     let scratch = tempfile::tempdir()?;
-    let parameter_file = scratch.path().join("parameters.var");
-    match &config.program.parameter_file {
-        Some(stored) if stored.exists() => drop(fs::copy(stored, &parameter_file)?),
-        _ => fs::write(&parameter_file, "")?,
+    let request = request(config, program, block, patience, scratch.path())?;
+    let mut running = Running(start(config, scratch.path(), &request)?);
+    let mut records = Records::new(config, program, running.0.stdout.take());
+    let end = records.show(see);
+    // An interpreter that is gone without an end has told why on standard error.
+    let status = if end.is_ok() { running.0.wait()? } else { running.ended()? };
+    match end {
+        Ok(End::Program) if status.success() => Ok(records.files),
+        Ok(End::Refused(text)) => Err(InterpreterError::Refused(text.trim().into())),
+        _ => {
+            let told = fs::read(scratch.path().join(ERRORS))?;
+            let told = String::from_utf8_lossy(&told).trim().to_string();
+            let text = match told.is_empty() {
+                true => format!("{}: LinuxCNC's interpreter ended: {status}", program.display()),
+                false => told,
+            };
+            Err(InterpreterError::Refused(text))
+        }
     }
-    let request = Request {
-        program: program.canonicalize().map_err(|error| named(program, &error))?,
-        length_units: config.units_per_mm,
-        init_codes: init_codes(config, offset),
-        parameter_file,
-        tool_table: absolute(config.program.tool_table.as_deref())?,
-        random_tools: config.program.random_tools,
-        chord_error: CHORD_ERROR_MM,
-    };
+}
+
+/// File of the scratch folder that takes standard error.
+const ERRORS: &str = "errors";
+
+/// The interpreter, which ends with its owner.
+struct Running(Child);
+
+impl Running {
+    fn ended(&mut self) -> io::Result<std::process::ExitStatus> {
+        let _ = self.0.kill();
+        self.0.wait()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.ended();
+    }
+}
+
+/// How the records end.
+enum End {
+    Program,
+    Refused(String),
+}
+
+/// Records of canon.py as they come.
+struct Records<'a, R> {
+    config: &'a MachineConfig,
+    /// Axes that words may name.
+    axes: [bool; 6],
+    files: Vec<PathBuf>,
+    input: Option<BufReader<R>>,
+    /// The next move, but for its line and end.
+    next: Move,
+}
+
+impl<'a, R: Read> Records<'a, R> {
+    fn new(config: &'a MachineConfig, program: &path::Path, input: Option<R>) -> Self {
+        let letters = axes(config);
+        Self {
+            config,
+            axes: ["X", "Y", "Z", "A", "B", "C"].map(|letter| letters.contains(letter)),
+            files: vec![program.to_path_buf()],
+            input: input.map(|input| BufReader::with_capacity(BLOCK, input)),
+            next: Move {
+                kind: MoveKind::Rapid,
+                line: 0,
+                end: config.home,
+                feed: 0.0,
+                angular_feed: 0.0,
+                tool: [0.0; 3],
+                file: 0,
+            },
+        }
+    }
+
+    fn show(&mut self, mut see: impl FnMut(&Move)) -> io::Result<End> {
+        let units = self.config.units_per_mm;
+        loop {
+            let [kind] = self.bytes()?;
+            match kind {
+                b'r' | b'f' | b'p' => see(self.step(kind)?),
+                b'F' => {
+                    let [feed, angular_feed] = self.numbers()?;
+                    self.next.feed = feed * units / 60.0;
+                    self.next.angular_feed = angular_feed / 60.0;
+                }
+                b'T' => self.next.tool = self.numbers()?.map(|length: f64| length * units),
+                b'P' => self.enter_file()?,
+                b'R' => return Ok(End::Refused(self.text()?)),
+                b'E' => return Ok(End::Program),
+                _ => return Err(io::ErrorKind::InvalidData.into()),
+            }
+        }
+    }
+
+    fn step(&mut self, kind: u8) -> io::Result<&Move> {
+        let line = u32::from_le_bytes(self.bytes()?);
+        let place: [f64; 6] = self.numbers()?;
+        let (units, home, axes) = (self.config.units_per_mm, self.config.home, self.axes);
+        self.next.kind = match kind {
+            b'r' => MoveKind::Rapid,
+            b'f' => MoveKind::Feed,
+            _ => MoveKind::Probe,
+        };
+        self.next.line = line;
+        self.next.end = std::array::from_fn(|k| match axes[k] {
+            false => home[k],
+            true if k < 3 => place[k] * units,
+            true => place[k],
+        });
+        Ok(&self.next)
+    }
+
+    fn enter_file(&mut self) -> io::Result<()> {
+        let name = self.text()?;
+        self.next.file = match name.as_str() {
+            "" => 0,
+            name => {
+                self.files.iter().position(|file| file.as_os_str() == name).unwrap_or_else(|| {
+                    self.files.push(name.into());
+                    self.files.len() - 1
+                })
+            }
+        };
+        Ok(())
+    }
+
+    fn bytes<const N: usize>(&mut self) -> io::Result<[u8; N]> {
+        let mut bytes = [0; N];
+        let input = self.input.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
+        input.read_exact(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    fn numbers<const N: usize>(&mut self) -> io::Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = f64::from_le_bytes(self.bytes()?);
+        }
+        Ok(numbers)
+    }
+
+    fn text(&mut self) -> io::Result<String> {
+        let mut text = vec![];
+        let length = u64::from(u32::from_le_bytes(self.bytes()?));
+        let input = self.input.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
+        input.take(length).read_to_end(&mut text)?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
+    }
+}
+
+fn start(config: &MachineConfig, scratch: &path::Path, request: &Request) -> io::Result<Child> {
     let mut ini = config.file.canonicalize()?;
     if let Some(text) = &config.program.expanded {
         // As LinuxCNC's start script does it.
-        ini = scratch.path().join("expanded.ini");
+        ini = scratch.join("expanded.ini");
         fs::write(&ini, text)?;
     }
     let mut child = Command::new(PYTHON)
         .args(["-c", CANON])
-        .env("HOME", scratch.path())
+        .env("HOME", scratch)
         .env("INI_FILE_NAME", ini)
-        .current_dir(scratch.path())
+        .current_dir(scratch)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
+        .stderr(fs::File::create(scratch.join(ERRORS))?)
         .spawn()?;
     if let Some(mut stdin) = child.stdin.take() {
         // A child that ended early tells the reason on standard error.
-        let _ = stdin.write_all(&serde_json::to_vec(&request)?);
+        let _ = stdin.write_all(&serde_json::to_vec(request)?);
     }
-    child.wait_with_output()
+    Ok(child)
+}
+
+fn request(
+    config: &MachineConfig,
+    program: &path::Path,
+    block: Option<&str>,
+    patience: &Patience,
+    scratch: &path::Path,
+) -> Result<Request, InterpreterError> {
+    let parameter_file = scratch.join("parameters.var");
+    let stored = config.program.parameter_file.as_ref().filter(|stored| stored.exists());
+    let parameters = stored.map_or(Ok(vec![]), |stored| fs::read(stored).at(stored));
+    let parameters = parameters.map_err(|error| InterpreterError::Refused(error.to_string()))?;
+    if let Some(stored) = stored {
+        check_order(stored, &parameters)?;
+    }
+    fs::write(&parameter_file, parameters)?;
+    let file = program.canonicalize().map_err(|error| named(program, &error))?;
+    Ok(Request {
+        calls: may_call(config, &file)?,
+        program: file,
+        length_units: config.units_per_mm,
+        axes: axes(config),
+        init_codes: init_codes(config, block),
+        parameter_file,
+        tool_table: absolute(config.program.tool_table.as_deref())?,
+        random_tools: config.program.random_tools,
+        chord_error: CHORD_ERROR_MM,
+        most_moves: patience.moves,
+        most_seconds: patience.seconds,
+    })
+}
+
+/// LinuxCNC reads no parameters behind the first one that is not larger than that before it, and the
+/// module says of a program that it cannot be read.
+fn check_order(file: &path::Path, parameters: &[u8]) -> Result<(), InterpreterError> {
+    let mut last = 0;
+    for (n, line) in String::from_utf8_lossy(parameters).lines().enumerate() {
+        let mut words = line.split_whitespace();
+        let number = words.next().and_then(|word| word.parse::<i64>().ok());
+        let value = words.next().and_then(|word| word.parse::<f64>().ok());
+        let (Some(number), Some(_)) = (number, value) else { continue };
+        if number <= last {
+            return Err(InterpreterError::Refused(format!(
+                "{}:{}: Parameter file out of order: {number} behind {last}",
+                file.display(),
+                n + 1
+            )));
+        }
+        last = number;
+    }
+    Ok(())
+}
+
+/// Whether a block of the program may run a subroutine in a file of its own: O-words with `call`, M98,
+/// and codes that the machine has remapped.
+fn may_call(config: &MachineConfig, program: &path::Path) -> io::Result<bool> {
+    if config.ini.first("RS274NGC", "REMAP").is_some() {
+        return Ok(true);
+    }
+    let file = fs::File::open(program).map_err(|error| named(program, &error))?;
+    let mut lines = BufReader::with_capacity(BLOCK, file).split(b'\n');
+    lines.try_fold(false, |found, line| Ok(found || calls(&line?.to_ascii_lowercase())))
+}
+
+fn calls(line: &[u8]) -> bool {
+    let blanks_and_zeros =
+        |text: &[u8]| text.iter().rposition(|c| !matches!(c, b' ' | b'\t' | b'0')).map(|n| text[n]);
+    (line.contains(&b'o') && line.windows(4).any(|word| word == b"call"))
+        || (line.contains(&b'm')
+            && (0..line.len()).any(|n| {
+                line[n..].starts_with(b"98") && blanks_and_zeros(&line[..n]) == Some(b'm')
+            }))
+}
+
+/// Letters of the machine's axes.
+fn axes(config: &MachineConfig) -> String {
+    let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
+    let given = given.to_ascii_uppercase();
+    "XYZABCUVW".chars().filter(|letter| given.contains(*letter)).collect()
 }
 
 fn named(path: &path::Path, error: &io::Error) -> io::Error {
@@ -307,18 +418,19 @@ fn absolute(path: Option<&path::Path>) -> io::Result<PathBuf> {
     path.map_or(Ok(PathBuf::new()), |path| path.canonicalize().map_err(|error| named(path, &error)))
 }
 
-/// Blocks that bring the interpreter into the state in which the machine starts.
-fn init_codes(config: &MachineConfig, offset: Option<String>) -> Vec<String> {
+/// Blocks that bring the interpreter into the state in which the machine starts: without a feed.
+fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
     let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
-    let mut codes = vec![format!("{units} G90")];
+    let mut codes = vec![format!("{units} G90 G94")];
     codes.extend(config.program.startup_code.clone());
-    codes.extend(offset);
-    codes.push(format!("G53 G0 {}", words(config.home)));
+    codes.extend(block.map(String::from));
+    codes.push(format!("G53 G0 {}", words(config.home, &axes(config))));
     codes
 }
 
-/// Axis words; the interpreter reads no exponents.
-fn words(values: [f64; 6]) -> String {
-    let word = |(letter, value)| format!("{letter}{value:.12}");
-    ["X", "Y", "Z", "A", "B", "C"].into_iter().zip(values).map(word).collect::<Vec<_>>().join(" ")
+/// Words of these axes; the interpreter reads no exponents.
+fn words(values: [f64; 6], axes: &str) -> String {
+    let word = |(letter, value): (&str, f64)| format!("{letter}{value:.12}");
+    let all = ["X", "Y", "Z", "A", "B", "C"].into_iter().zip(values);
+    all.filter(|(letter, _)| axes.contains(letter)).map(word).collect::<Vec<_>>().join(" ")
 }

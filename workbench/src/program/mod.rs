@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs: what LinuxCNC makes of them, and whether they fit a machine.
 
-mod corner;
 pub mod findings;
 mod follow;
 pub mod interpreter;
 pub mod loads;
 pub mod offset;
 pub mod path;
-mod pieces;
-pub mod planner;
 pub mod preflight;
 pub mod random_program;
 pub mod replay;
-mod segment;
-mod share;

@@ -75,29 +75,103 @@ impl Offset {
     }
 }
 
-/// Whether a program may be turned: X and Y move and the platform stays level, so that every turn
-/// about Z cuts the same.
-pub fn may_turn(config: &MachineConfig, moves: &[Move]) -> bool {
-    let moved = |letter| !config.machine.layout().is_held(letter);
-    let level = |step: &Move| step.line == 0 || step.end[3..5] == [0.0, 0.0];
-    moved(Letter::X) && moved(Letter::Y) && moves.iter().all(level)
+/// Poses of a program, evenly over its moves, and never more of them than the search can look at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Poses {
+    /// With the number of the tool.
+    poses: Vec<([f64; 6], usize)>,
+    tools: Vec<[f64; 3]>,
+    /// One pose of so many is kept, and how many there were.
+    stride: usize,
+    seen: usize,
+    is_level: bool,
 }
 
-/// A shift under which the poses looked at fit.
+impl Default for Poses {
+    fn default() -> Self {
+        Self { poses: vec![], tools: vec![], stride: 1, seen: 0, is_level: true }
+    }
+}
+
+impl Poses {
+    /// Those of all moves, from `[TRAJ]HOME` on.
+    pub fn of(config: &MachineConfig, moves: &[Move]) -> Self {
+        let mut poses = Self::default();
+        let mut from = config.home;
+        for step in moves {
+            poses.see(&from, step);
+            from = step.end;
+        }
+        poses
+    }
+
+    /// Adds those of a move.
+    pub(super) fn see(&mut self, from: &[f64; 6], step: &Move) {
+        // What runs before the program does not follow its offset.
+        if step.line == 0 {
+            return;
+        }
+        self.is_level &= step.end[3..5] == [0.0, 0.0];
+        let middle = std::array::from_fn(|k| (from[k] + step.end[k]) / 2.0);
+        for pose in [middle, step.end] {
+            if self.seen.is_multiple_of(self.stride) {
+                let tool = self.tool(&step.tool);
+                self.poses.push((pose, tool));
+            }
+            self.seen += 1;
+        }
+        if self.poses.len() >= 2 * POSES {
+            let mut is_even = false;
+            self.poses.retain(|_| {
+                is_even = !is_even;
+                is_even
+            });
+            self.stride *= 2;
+        }
+    }
+
+    fn tool(&mut self, tool: &[f64; 3]) -> usize {
+        self.tools.iter().position(|known| known == tool).unwrap_or_else(|| {
+            self.tools.push(*tool);
+            self.tools.len() - 1
+        })
+    }
+
+    /// Whether the program may be turned: X and Y move and the platform stays level, so that every
+    /// turn about Z cuts the same.
+    pub fn may_turn(&self, config: &MachineConfig) -> bool {
+        let moved = |letter| !config.machine.layout().is_held(letter);
+        moved(Letter::X) && moved(Letter::Y) && self.is_level
+    }
+}
+
+/// A shift under which the poses looked at fit; `progress` is told the share that is done.
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
-pub fn shift(config: &MachineConfig, moves: &[Move]) -> Result<Option<Offset>, Fault> {
-    Ok(Search::new(config, moves, 0.0)?.from(0.0, 3))
+pub fn shift(
+    config: &MachineConfig,
+    poses: &Poses,
+    mut progress: impl FnMut(f64),
+) -> Result<Option<Offset>, Fault> {
+    Ok(Search::new(config, poses, 0.0)?.from(0.0, 3, &mut progress))
 }
 
-/// A shift and turn under which the poses looked at fit.
+/// A shift and turn under which the poses looked at fit; `progress` is told the share that is done.
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
-pub fn turn(config: &MachineConfig, moves: &[Move]) -> Result<Option<Offset>, Fault> {
-    let search = Search::new(config, moves, ROUNDED * config.machine.size())?;
-    Ok(STARTS_DEG.into_iter().find_map(|start| search.from(start, 4)))
+pub fn turn(
+    config: &MachineConfig,
+    poses: &Poses,
+    mut progress: impl FnMut(f64),
+) -> Result<Option<Offset>, Fault> {
+    let search = Search::new(config, poses, ROUNDED * config.machine.size())?;
+    let mut starts = STARTS_DEG.into_iter().enumerate();
+    let all = STARTS_DEG.len() as f64;
+    Ok(starts.find_map(|(n, start)| {
+        search.from(start, 4, &mut |share| progress((n as f64 + share) / all))
+    }))
 }
 
 /// Shift x y z and turn, about the middle of the program.
@@ -107,11 +181,9 @@ struct Search<'a> {
     config: &'a MachineConfig,
     /// Without those of the axes, which leave room for a turn.
     limits: Limits,
+    /// By the number of the tool.
     reaches: Vec<Reach<'a>>,
-    /// Poses, with the number of the tool.
-    poses: Vec<([f64; 6], usize)>,
-    /// Tool offsets in X and Y, which do not turn.
-    tools: Vec<[f64; 2]>,
+    poses: &'a Poses,
     /// What is turned about.
     middle: [f64; 2],
     /// Room to leave to the limits of X and Y.
@@ -119,41 +191,14 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(config: &'a MachineConfig, moves: &[Move], room: f64) -> Result<Self, Fault> {
-        let mut search = Self {
-            config,
-            limits: limits::beyond_axes(config),
-            reaches: vec![],
-            poses: vec![],
-            tools: vec![],
-            middle: [0.0; 2],
-            room,
-        };
-        let mut tool = None;
-        let mut from = config.home;
-        let stride = (2 * moves.len()).div_ceil(POSES).max(1);
-        let mut number = 0;
-        for step in moves {
-            if tool != Some(step.tool) {
-                tool = Some(step.tool);
-                let tool = config.spindle + Vector3::from(step.tool);
-                search.reaches.push(Reach::with_tool(config, tool)?);
-                search.tools.push([step.tool[0], step.tool[1]]);
-            }
-            // What runs before the program does not follow its offset.
-            if step.line > 0 {
-                let middle = std::array::from_fn(|k| (from[k] + step.end[k]) / 2.0);
-                for pose in [middle, step.end] {
-                    if number % stride == 0 {
-                        search.poses.push((pose, search.reaches.len() - 1));
-                    }
-                    number += 1;
-                }
-            }
-            from = step.end;
-        }
+    fn new(config: &'a MachineConfig, poses: &'a Poses, room: f64) -> Result<Self, Fault> {
+        let reach =
+            |tool: &[f64; 3]| Reach::with_tool(config, config.spindle + Vector3::from(*tool));
+        let reaches = poses.tools.iter().map(reach).collect::<Result<_, _>>()?;
+        let limits = limits::beyond_axes(config);
+        let mut search = Self { config, limits, reaches, poses, middle: [0.0; 2], room };
         search.middle = std::array::from_fn(|k| {
-            let along = search.poses.iter().map(|(pose, tool)| pose[k] - search.tools[*tool][k]);
+            let along = poses.poses.iter().map(|(pose, tool)| pose[k] - poses.tools[*tool][k]);
             let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
                 (low.min(x), high.max(x))
             });
@@ -163,12 +208,14 @@ impl<'a> Search<'a> {
     }
 
     /// Searches from a turn on, over X Y Z and with four `steps` over the turn as well.
-    fn from(&self, turn: f64, steps: usize) -> Option<Offset> {
+    fn from(&self, turn: f64, steps: usize, progress: &mut dyn FnMut(f64)) -> Option<Offset> {
         let size = self.config.machine.size();
         let mut at = [0.0, 0.0, 0.0, turn];
         let mut lack = self.lack(&at);
         let mut step = STEPS[0];
-        for _ in 0..MOST {
+        for n in 0..MOST {
+            let halved = (STEPS[0] / step).ln() / (STEPS[0] / STEPS[1]).ln();
+            progress(halved.max(n as f64 / MOST as f64));
             if lack == 0.0 || step < STEPS[1] {
                 break;
             }
@@ -223,7 +270,7 @@ impl<'a> Search<'a> {
     }
 
     fn moved(&self, pose: &[f64; 6], tool: usize, at: &Shift) -> [f64; 6] {
-        let [tool_x, tool_y] = self.tools[tool];
+        let [tool_x, tool_y, _] = self.poses.tools[tool];
         let [x, y] = self.turned([pose[0] - tool_x, pose[1] - tool_y], at);
         [x + tool_x, y + tool_y, pose[2] + at[2], pose[3], pose[4], pose[5]]
     }
@@ -232,7 +279,7 @@ impl<'a> Search<'a> {
     fn lack(&self, at: &Shift) -> f64 {
         let lack_of =
             |(pose, tool): &([f64; 6], usize)| self.lack_of(&self.moved(pose, *tool, at), *tool);
-        self.poses.iter().map(lack_of).sum()
+        self.poses.poses.iter().map(lack_of).sum()
     }
 
     fn lack_of(&self, pose: &[f64; 6], tool: usize) -> f64 {

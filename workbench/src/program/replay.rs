@@ -15,6 +15,9 @@ use kinematics::{
 use std::fmt;
 use std::ops::ControlFlow;
 
+/// Rounding of times that are added up, as a share of the period.
+const ROUNDING: f64 = 1e-6;
+
 /// A value and the program line it occurred in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct At {
@@ -153,6 +156,7 @@ pub fn replay_seen(
         player.change_tool(step)?;
         player.play(step)?;
     }
+    player.end()?;
     Ok(player.finish())
 }
 
@@ -194,6 +198,9 @@ struct Player<'a> {
     period: f64,
     see: &'a mut dyn FnMut(&Visit),
     at: [f64; 6],
+    line: u32,
+    /// Seconds from the start of the next move to the next pose.
+    ahead: f64,
     tool: Vector3<f64>,
     joints: Option<Joints>,
     seed: Pose,
@@ -211,6 +218,8 @@ impl<'a> Player<'a> {
             period,
             see,
             at: config.home,
+            line: 0,
+            ahead: 0.0,
             tool: config.spindle,
             joints: None,
             seed: config.home_pose(),
@@ -246,7 +255,11 @@ impl<'a> Player<'a> {
         if tool == self.tool {
             return Ok(());
         }
-        let before = self.joints;
+        // Where the move before has ended, which the last pose was short of.
+        let before = match self.joints {
+            Some(_) => self.config.machine.inverse(&Pose::from_degrees(self.at), &self.tool).ok(),
+            None => None,
+        };
         self.tool = tool;
         self.joints = None;
         let after = self.visit(self.at, step.line)?;
@@ -256,17 +269,46 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
+    /// Poses at whole periods since the start of the program, wherever the moves end.
     fn play(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let from = self.at;
         let duration = duration(self.config, &from, step);
-        let periods = (duration / self.period).ceil().max(1.0);
-        for k in 1..=periods as u64 {
-            let share = k as f64 / periods;
+        while duration > 0.0 && self.ahead <= duration {
+            let share = self.ahead / duration;
             let pose = std::array::from_fn(|i| from[i] + share * (step.end[i] - from[i]));
             self.visit(pose, step.line)?;
+            self.ahead += self.period;
         }
+        self.ahead -= duration;
+        self.note_end(step)?;
         self.at = step.end;
+        self.line = step.line;
         self.result.moves += usize::from(duration > 0.0);
+        Ok(())
+    }
+
+    /// Limits and ranges where a move ends, which is mostly between two periods.
+    fn note_end(&mut self, step: &Move) -> Result<(), ReplayFault> {
+        let (line, pose) = (step.line, step.end);
+        let machine = &self.config.machine;
+        let failed = |fault| ReplayFault { line, pose, forward: false, fault };
+        let at = machine.at(&Pose::from_degrees(pose), &self.tool).map_err(failed)?;
+        self.note_pose(&at, line);
+        for (range, joint) in self.result.joints.iter_mut().zip(at.joints()) {
+            range.add(*joint, line);
+        }
+        for (range, value) in self.result.pose.iter_mut().zip(pose) {
+            range.add(value, line);
+        }
+        Ok(())
+    }
+
+    /// The end of the program, which lies between two periods.
+    fn end(&mut self) -> Result<(), ReplayFault> {
+        let is_there = self.result.poses > 0 && self.ahead >= self.period * (1.0 - ROUNDING);
+        if !is_there {
+            self.visit(self.at, self.line)?;
+        }
         Ok(())
     }
 
@@ -454,15 +496,7 @@ mod tests {
 
     fn rapid(line: u32, end: [f64; 6], tool_z: f64) -> Move {
         let tool = [0.0, 0.0, tool_z];
-        Move {
-            kind: MoveKind::Rapid,
-            line,
-            end,
-            feed: 0.0,
-            angular_feed: 0.0,
-            tool,
-            path: Default::default(),
-        }
+        Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool, file: 0 }
     }
 
     #[test]
@@ -478,6 +512,25 @@ mod tests {
         let moves = [rapid(1, tilted, 0.0), rapid(2, tilted, 60.0)];
         let step = replay(&config(), &moves, 1e-3).unwrap().tool_step;
         assert!(step.value > 1.0 && step.line == 2, "{step:?}");
+    }
+
+    /// Chords of half a period that were a period each would be half as fast.
+    #[test]
+    fn short_moves_run_at_their_feed() {
+        let mut config = config();
+        config.max_linear_velocity = 100.0;
+        let chord = |n: u32| rapid(n, [0.05 * f64::from(n), 0.0, 250.0, 0.0, 0.0, 0.0], 0.0);
+        let moves: Vec<Move> = (1..=1000).map(chord).collect();
+        let mut poses: Vec<(f64, f64)> = vec![];
+        let found = replay_seen(&config, &moves, 1e-3, |visit| {
+            poses.push((visit.time, visit.pose[0]));
+        });
+        assert!(found.is_ok());
+        // 50 mm at 100 mm/s; sums of a thousand steps.
+        assert_eq!(poses.len(), 501);
+        for (time, x) in poses {
+            assert!((x - 100.0 * time).abs() < 1e-9, "{x} at {time}");
+        }
     }
 
     #[test]

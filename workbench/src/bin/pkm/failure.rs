@@ -5,7 +5,7 @@ use pkm::read::diagnostic::{Severity, rendered};
 use pkm::read::error::MachineError;
 use pkm::read::ini::IniError;
 use std::error::Error;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
@@ -40,6 +40,12 @@ pub struct MovesNothing(pub PathBuf);
 struct At {
     place: String,
     error: Box<dyn Error + Send + Sync>,
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
 }
 
 impl Failure {

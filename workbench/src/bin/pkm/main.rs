@@ -27,7 +27,7 @@ use clap::{Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{ProgressBar, ProgressStyle};
 use kinematics::{Letter, Pose};
-use pkm::files::Locate;
+use pkm::files::{Locate, leave_nothing};
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
@@ -41,17 +41,27 @@ const STEPS: u64 = 1000;
 /// Of what shows that something goes on.
 const TICK: Duration = Duration::from_millis(100);
 
+/// What a shell takes for "interrupted".
+const INTERRUPTED: i32 = 130;
+
 fn main() -> ExitCode {
+    // Where the system refuses a handler, an interruption still ends the command.
+    let _ = ctrlc::set_handler(|| {
+        leave_nothing();
+        std::process::exit(INTERRUPTED);
+    });
     Cli::parse().run()
 }
 
-/// What a subcommand has found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a subcommand has found, the worst last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Everything fits.
     Fits,
     /// Something does not.
     Misfit,
+    /// Not all could be judged.
+    Unjudged,
 }
 
 /// The table of the subcommands.
@@ -120,11 +130,7 @@ impl MachineFile {
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     // Told before the interpreter, in the system's words.
     std::fs::File::open(program).at(program)?;
-    moving(config, program, interpreter::moves(config, program, None)?)
-}
-
-/// Refuses a program that leaves the machine where it is.
-fn moving(config: &MachineConfig, program: &Path, moves: Vec<Move>) -> Result<Vec<Move>, Failure> {
+    let moves = interpreter::moves(config, program, None)?;
     match moves.iter().all(|step| step.end == config.home) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),
@@ -150,6 +156,11 @@ impl Bar {
         let bar = ProgressBar::new_spinner().with_message(message);
         bar.enable_steady_tick(TICK);
         Self(bar)
+    }
+
+    /// How much is done of work whose length is not known.
+    fn count(&self, message: &str, done: usize) {
+        self.0.set_message(format!("{message}: {done}"));
     }
 
     /// The share that is done.
@@ -191,6 +202,7 @@ impl Cli {
         match self.command.run() {
             Ok(Verdict::Fits) => ExitCode::SUCCESS,
             Ok(Verdict::Misfit) => ExitCode::from(1),
+            Ok(Verdict::Unjudged) => ExitCode::from(2),
             Err(failure) if failure.is_unread() => ExitCode::SUCCESS,
             Err(failure) => {
                 failure.tell();

@@ -1,49 +1,56 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm preflight`.
 
-use super::failure::Failure;
-use super::{Bar, MachineFile, Verdict, moving};
+use super::failure::{Failure, MovesNothing, refused, tell_error};
+use super::{Bar, MachineFile, Verdict};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
+use pkm::control::row::{Ending, Message};
 use pkm::draw::{margins, page};
 use pkm::files::{Locate, write_whole};
-use pkm::limits::is_of_feed;
-use pkm::program::findings::{Break, LineLoad, Preflight};
-use pkm::program::interpreter::{self, Move, Reading};
+use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time};
+use pkm::program::interpreter::{self, Patience};
 use pkm::program::offset::{self, Offset};
-use pkm::program::preflight::preflight;
+use pkm::program::preflight::{Flight, timed};
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Checks before cutting that a program fits a machine
 ///
 /// LinuxCNC's interpreter reads the program with the machine's tool table, parameters and
 /// startup code; every move, taken as starting from [TRAJ]HOME, is followed over its whole length.
 /// Axis limits, reach, joint ranges, cones and singular poses are proved, not sampled: a limit
-/// that is not told as broken holds everywhere between the ends of the moves. Joint speeds and
-/// accelerations are those of the programmed feed, as LinuxCNC's planner limits it, at a feed
-/// override of 100 %. Every limit is told with the first line that breaks it, and with how near
-/// the program comes to it. Where it does not fit, a shift of the work offset is searched that
-/// makes it fit, and where the program leaves the platform level also a turn about Z; both are
-/// checked by running the interpreter again.
+/// that is not told as broken holds everywhere between the ends of the moves. Joint speeds,
+/// accelerations, following errors, messages and the duration are those of LinuxCNC itself, which
+/// runs the program in virtual time. Every limit that is left is told with its first line and
+/// place, and with how many moves leave it; every limit that is kept, with how near the program
+/// comes to it. Where it does not fit, a shift of the work offset is searched that makes it fit,
+/// and where the program leaves the platform level also a turn about Z; both are checked by running
+/// the interpreter again. Of several programs, or those of a folder, a table stands at the end.
 ///
 /// Exit status: 0 where the program fits (warnings may be told), 1 where it does not, 2 where that
-/// could not be judged.
+/// could not be judged; of several programs the worst.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
-    program: PathBuf,
+    /// Programs, or folders with programs (*.ngc, *.nc)
+    #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath)]
+    programs: Vec<PathBuf>,
     /// Text for people, or JSON for programs
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// Also writes one page with plots
+    /// Also writes one page with plots; of one program
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
+    /// Moves after which a program counts as endless
+    #[arg(long, value_name = "NUMBER", default_value_t = Patience::default().moves)]
+    most_moves: u64,
+    /// Seconds of reading without a move after which a program counts as endless
+    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().seconds)]
+    patience: f64,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,19 +59,34 @@ enum Format {
     Json,
 }
 
-/// What is told.
+/// Of the JSON that is told: raised where a field goes or changes its meaning.
+const VERSION: u32 = 1;
+
+/// What is told; docs/preflight-json.md describes it.
 #[derive(Serialize)]
-struct Answer<'a> {
+struct Answer {
+    version: u32,
     machine: String,
     program: String,
     /// Files that lines belong to, by the numbers told with them.
-    files: &'a [PathBuf],
-    fits: bool,
+    files: Vec<PathBuf>,
+    /// Unknown where nothing that was judged breaks, and not all was judged.
+    fits: Option<bool>,
     #[serde(flatten)]
-    found: &'a Preflight,
+    found: Preflight,
     warnings: Vec<Caution>,
     /// Another work offset, under which the program fits.
     offset: Option<Suggestion>,
+}
+
+/// A program of several that could not be judged at all.
+#[derive(Serialize)]
+struct Unread {
+    version: u32,
+    machine: String,
+    program: String,
+    fits: Option<bool>,
+    error: String,
 }
 
 /// A work offset that was checked, and the block that sets it.
@@ -75,43 +97,171 @@ struct Suggestion {
     block: String,
 }
 
-pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
-    // Told before the interpreter, in the system's words.
-    std::fs::read(&arguments.program).at(&arguments.program)?;
-    let Reading { moves, files } = interpreter::reading(&config, &arguments.program)?;
-    let texts = texts(&files)?;
-    let moves = moving(&config, &arguments.program, moves)?;
-    let found = followed(&config, &moves, arguments.report.is_some(), "following the moves")?;
-    let mut warnings = cautions(&config, &config.ini, &texts);
-    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
-    let answer = Answer {
-        machine: config.file.display().to_string(),
-        program: arguments.program.display().to_string(),
-        files: &files,
-        fits: found.fits(),
-        found: &found,
-        warnings,
-        offset: offset(&config, arguments, &moves, &found)?,
-    };
-    let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
-    if let Some(file) = &arguments.report {
-        write_report(file, &config, &answer, &blocks)?;
+impl Answer {
+    fn verdict(&self) -> Verdict {
+        match self.fits {
+            Some(true) => Verdict::Fits,
+            Some(false) => Verdict::Misfit,
+            None => Verdict::Unjudged,
+        }
     }
-    let verdict = if answer.fits { Verdict::Fits } else { Verdict::Misfit };
-    // A reader that has gone away does not change the verdict.
-    Failure::unless_unread(tell(arguments.format, &config, &answer, &blocks))?;
-    Ok(verdict)
 }
 
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    if let [program] = arguments.programs.as_slice()
+        && !program.is_dir()
+    {
+        return run_one(&config, arguments, program);
+    }
+    if arguments.report.is_some() {
+        return Err(refused("--report takes one program"));
+    }
+    run_all(&config, arguments, &programs(&arguments.programs)?)
+}
+
+fn run_one(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    program: &Path,
+) -> Result<Verdict, Failure> {
+    let answer = judged(config, arguments, program)?;
+    let texts = texts(&answer.files)?;
+    let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
+    if let Some(file) = &arguments.report {
+        write_report(file, config, &answer, &blocks)?;
+    }
+    // A reader that has gone away does not change the verdict.
+    Failure::unless_unread(told(&match arguments.format {
+        Format::Text => in_words(config, &answer, &blocks),
+        Format::Json => serde_json::to_string_pretty(&answer)? + "\n",
+    }))?;
+    Ok(answer.verdict())
+}
+
+/// Programs one after another; what is wrong with one does not keep the others from being judged.
+fn run_all(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    programs: &[PathBuf],
+) -> Result<Verdict, Failure> {
+    let mut table = vec![];
+    let mut list = vec![];
+    for program in programs {
+        let name = program.display().to_string();
+        match judged(config, arguments, program) {
+            Ok(answer) => {
+                let verdict = answer.verdict();
+                table.push((name, verdict, summary(&answer)));
+                match arguments.format {
+                    Format::Json => list.push(serde_json::to_value(&answer)?),
+                    Format::Text => {
+                        let texts = texts(&answer.files)?;
+                        let blocks: Vec<Vec<&str>> =
+                            texts.iter().map(|text| text.lines().collect()).collect();
+                        let text = in_words(config, &answer, &blocks) + "\n";
+                        Failure::unless_unread(told(&text))?;
+                    }
+                }
+            }
+            Err(failure) => {
+                let error = failure.to_string();
+                tell_error(&failure);
+                let machine = config.file.display().to_string();
+                let unread =
+                    Unread { version: VERSION, machine, program: name.clone(), fits: None, error };
+                list.push(serde_json::to_value(&unread)?);
+                table.push((name, Verdict::Unjudged, unread.error));
+            }
+        }
+    }
+    let end = match arguments.format {
+        Format::Json => serde_json::to_string_pretty(&list)? + "\n",
+        Format::Text => in_a_table(&table),
+    };
+    Failure::unless_unread(told(&end))?;
+    let worst = |(_, verdict, _): &(_, Verdict, _)| *verdict;
+    Ok(table.iter().map(worst).max().unwrap_or(Verdict::Fits))
+}
+
+/// The programs, those of folders in the order of their names.
+fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut all = vec![];
+    for path in given {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).at(path)?;
+        let entries = entries.map(|entry| Ok(entry.at(path)?.path()));
+        let mut files = entries.collect::<Result<Vec<_>, Failure>>()?;
+        files.retain(|file| file.extension().is_some_and(|end| end == "ngc" || end == "nc"));
+        if files.is_empty() {
+            return Err(refused(format!("{}: no programs in it (*.ngc, *.nc)", path.display())));
+        }
+        files.sort();
+        all.extend(files);
+    }
+    Ok(all)
+}
+
+/// Everything about one program.
+fn judged(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    program: &Path,
+) -> Result<Answer, Failure> {
+    // Told before the interpreter, in the system's words.
+    std::fs::read(program).at(program)?;
+    let keep = arguments.report.is_some();
+    let (found, files) = followed(config, arguments, program, None, keep, "following the moves")?;
+    if found.is_still() {
+        return Err(MovesNothing(program.into()).into());
+    }
+    let found = found.with_time(config, timed(config, program));
+    let mut warnings = cautions(config, &config.ini, &texts(&files)?);
+    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
+    let fits = match (&found.time, found.fits()) {
+        (_, false) => Some(false),
+        (Time::Judged(_), true) => Some(true),
+        (Time::NotJudged(_), true) => None,
+    };
+    Ok(Answer {
+        version: VERSION,
+        machine: config.file.display().to_string(),
+        program: program.display().to_string(),
+        files,
+        fits,
+        warnings,
+        offset: offset(config, arguments, program, &found)?,
+        found,
+    })
+}
+
+/// Moves between two words of how far it has come.
+const STRIDE: usize = 1024;
+
+/// Follows the moves while the interpreter reads them, after a block.
 fn followed(
     config: &MachineConfig,
-    moves: &[Move],
+    arguments: &Arguments,
+    program: &Path,
+    block: Option<&str>,
     keep: bool,
     message: &'static str,
-) -> Result<Preflight, Failure> {
-    let bar = Bar::new(message);
-    Ok(preflight(config, moves, keep, |share| bar.set(share))?)
+) -> Result<(Preflight, Vec<PathBuf>), Failure> {
+    let bar = Bar::spinner(message);
+    let mut flight = Flight::new(config, keep)?;
+    let patience = Patience { moves: arguments.most_moves, seconds: arguments.patience };
+    let mut moves = 0;
+    let files = interpreter::each(config, program, block, &patience, |step| {
+        flight.see(step);
+        moves += 1;
+        if moves % STRIDE == 0 {
+            bar.count(message, moves);
+        }
+    })?;
+    Ok((flight.finish()?, files))
 }
 
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
@@ -144,67 +294,60 @@ const LEAST_FEED: f64 = 1e-3;
 fn offset(
     config: &MachineConfig,
     arguments: &Arguments,
-    moves: &[Move],
+    program: &Path,
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    if found.breaks.iter().all(|told| is_of_feed(told.limit)) {
+    if found.breaks.iter().all(|told| told.limit.is_of_time()) {
         // Another place does not make a program slower.
         return Ok(None);
     }
-    let bar = Bar::spinner("looking for another work offset");
-    let shifted = offset::shift(config, moves)?;
+    let bar = Bar::new("looking for another work offset");
+    let shifted = offset::shift(config, &found.poses, |share| bar.set(share))?;
     drop(bar);
-    if let Some(found) = confirmed(config, arguments, shifted)? {
+    if let Some(found) = confirmed(config, arguments, program, shifted)? {
         return Ok(Some(found));
     }
-    if !offset::may_turn(config, moves) {
+    if !found.poses.may_turn(config) {
         return Ok(None);
     }
-    let bar = Bar::spinner("looking for a turned work offset");
-    let turned = offset::turn(config, moves)?;
+    let bar = Bar::new("looking for a turned work offset");
+    let turned = offset::turn(config, &found.poses, |share| bar.set(share))?;
     drop(bar);
-    confirmed(config, arguments, turned)
+    confirmed(config, arguments, program, turned)
 }
 
 fn confirmed(
     config: &MachineConfig,
     arguments: &Arguments,
+    program: &Path,
     offset: Option<Offset>,
 ) -> Result<Option<Suggestion>, Failure> {
     let Some(offset) = offset else { return Ok(None) };
     let block = offset.block();
+    let message = "trying another work offset";
     // Under another offset the interpreter may refuse the program: cutter radii, arcs.
-    let Ok(moves) = interpreter::moves_after(config, &arguments.program, &block) else {
-        return Ok(None);
-    };
-    let checked = followed(config, &moves, false, "trying another work offset")?;
-    Ok(checked.fits().then_some(Suggestion { offset, block }))
+    let checked = followed(config, arguments, program, Some(&block), false, message);
+    let fits = checked.is_ok_and(|(found, _)| found.fits());
+    Ok(fits.then_some(Suggestion { offset, block }))
 }
 
-fn tell(
-    format: Format,
-    config: &MachineConfig,
-    answer: &Answer,
-    blocks: &[Vec<&str>],
-) -> Result<(), Failure> {
+fn told(text: &str) -> Result<(), Failure> {
     let mut out = anstream::stdout().lock();
-    match format {
-        Format::Text => out.write_all(in_words(config, answer, blocks).as_bytes())?,
-        Format::Json => {
-            writeln!(out, "{}", serde_json::to_string_pretty(answer)?)?;
-        }
-    }
+    out.write_all(text.as_bytes())?;
     out.flush()?;
     Ok(())
 }
 
 fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
-    let found = answer.found;
+    let found = &answer.found;
     let mut text = format!("{} on {}\n", answer.program, answer.machine);
     let mut row = |name: &str, value: String| text.push_str(&format!("  {name:<18} {value}\n"));
     let unit = config.length_unit();
     row("moves", format!("{}, {:.1} {unit} long", found.moves, found.length));
-    row("time", format!("{:.1} s of motion", found.time));
+    match &found.time {
+        Time::Judged(timing) => row("time", format!("{:.1} s", timing.seconds)),
+        Time::NotJudged(cause) => row("time", format!("not judged: {cause}")),
+    }
     for margin in &found.margins {
         let place = match margin.line {
             0 => format!("{}, before the program", margin.part),
@@ -214,19 +357,25 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         let amount = format!("{:.4} {}", margin.value.abs(), margin.unit);
         row(margin.limit.name(), format!("{} {side}: {place}", amount.trim_end()));
     }
-    if let Some(least) = found.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor)) {
+    for range in &found.ranges {
+        row(&range.part, used(range));
+    }
+    if let Time::Judged(timing) = &found.time
+        && let Some(least) = timing.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor))
+    {
         row("feed", feed(least));
     }
     if !found.fits() {
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
     }
     for told in &found.breaks {
-        text.push_str(&format!("\nerror: {}", in_a_sentence(told, answer.files, blocks)));
+        text.push_str(&format!("\nerror: {}", in_a_sentence(told, &answer.files, blocks)));
     }
     for Caution { line, file, text: caution } in &answer.warnings {
-        let place = line.map_or(String::new(), |line| place(answer.files, *file, line) + ": ");
+        let place = line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ");
         text.push_str(&format!("\nwarning: {place}{caution}\n"));
     }
+    text.push_str(&shown(found));
     if let Some(Suggestion { offset: Offset { shift: [x, y, z], turn }, block }) = &answer.offset {
         let how = match *turn {
             0.0 => format!("shifted by X {x} Y {y} Z {z} {unit}"),
@@ -239,12 +388,67 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
              Clamp the workpiece there, and once before the program run:\n  {block}\n"
         ));
     }
-    let verdict = match (answer.fits, answer.warnings.is_empty()) {
-        (true, true) => "The program fits the machine.",
-        (true, false) => "The program fits the machine; look at the warnings.",
-        (false, _) => "The program does not fit the machine.",
+    let verdict = match (answer.verdict(), answer.warnings.is_empty()) {
+        (Verdict::Fits, true) => "The program fits the machine.",
+        (Verdict::Fits, false) => "The program fits the machine; look at the warnings.",
+        (Verdict::Misfit, _) => "The program does not fit the machine.",
+        (Verdict::Unjudged, _) => {
+            "The path of the program fits the machine; what depends on time is not judged."
+        }
     };
     text + "\n" + verdict + "\n"
+}
+
+/// What LinuxCNC shows to the operator of a program that it runs to its end.
+fn shown(found: &Preflight) -> String {
+    let Time::Judged(timing) = &found.time else { return String::new() };
+    let shown = timing.messages.iter().filter(|_| timing.ending == Ending::Finished);
+    shown
+        .map(|Message { text, line, seconds, .. }| {
+            format!("\nnote: line {line}, after {seconds:.1} s: LinuxCNC shows: {text}\n")
+        })
+        .collect()
+}
+
+/// What a program uses of an axis or joint.
+fn used(Range { unit, used: [low, high], allowed, .. }: &Range) -> String {
+    let [least, most] =
+        allowed.map(|end| if end.is_finite() { end.to_string() } else { "any".into() });
+    // No -0.
+    format!("{:.3} to {:.3} of {least} to {most} {unit}", low + 0.0, high + 0.0)
+}
+
+/// In a few words, for the table.
+fn summary(answer: &Answer) -> String {
+    let found = &answer.found;
+    if let Some(first) = found.breaks.first() {
+        let more = match found.breaks.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
+        return format!(
+            "{}: {}{more}",
+            place(&answer.files, first.file, first.line),
+            first.limit.name()
+        );
+    }
+    match &found.time {
+        Time::Judged(timing) => format!("{:.1} s", timing.seconds),
+        Time::NotJudged(cause) => format!("time not judged: {cause}"),
+    }
+}
+
+fn in_a_table(rows: &[(String, Verdict, String)]) -> String {
+    let width = rows.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0);
+    let row = |(name, verdict, about): &(String, Verdict, String)| {
+        let verdict = match verdict {
+            Verdict::Fits => "fits",
+            Verdict::Misfit => "does not fit",
+            Verdict::Unjudged => "not judged",
+        };
+        format!("{name:<width$}  {verdict:<12}  {about}\n")
+    };
+    rows.iter().map(row).collect()
 }
 
 /// The greatest feed that the joint speeds allow.
@@ -265,8 +469,12 @@ fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> Strin
         .collect();
     let block = (told.line as usize).checked_sub(1).and_then(|n| blocks[told.file].get(n));
     let block = block.map_or(String::new(), |block| format!("  {}\n", block.trim()));
+    let more = match told.moves {
+        0 | 1 => String::new(),
+        moves => format!(", the first of {moves}"),
+    };
     format!(
-        "{}: {}: {}\n{block}  at {}\n",
+        "{}: {}: {}\n{block}  at {}{more}\n",
         place(files, told.file, told.line),
         told.limit.name(),
         told.text,

@@ -5,7 +5,7 @@ use super::failure::Failure;
 use super::joints::{coordinates, joint_names};
 use super::{MachineFile, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
-use pkm::control::process::{self, Patience};
+use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::Locate;
 use pkm::read::machine::MachineConfig;
@@ -35,25 +35,36 @@ pub struct Arguments {
     /// Writes every servo cycle into this file, as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     trace: Option<PathBuf>,
+    /// Copies what the program writes into files, as by LOGOPEN, into this folder
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    written: Option<PathBuf>,
     #[command(flatten)]
-    limits: Limits,
+    control: Control,
 }
 
-/// How long a program may be watched.
-#[derive(clap::Args, Clone, Copy, Debug)]
-pub struct Limits {
+/// How a program is run, as options.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Control {
     /// Gives up after this time of the machine
-    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().most_seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_seconds)]
     most_time: f64,
     /// Gives up when nothing moves for this time of the machine
-    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().most_standstill)]
+    #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_standstill)]
     most_standstill: f64,
+    /// Carries out this HAL file too, after those of the simulated machine: a probe, another spindle
+    #[arg(long, value_name = "FILE.hal", value_hint = clap::ValueHint::FilePath)]
+    hal: Vec<PathBuf>,
 }
 
-impl Limits {
+impl Control {
     /// The same for a run.
-    pub fn patience(self) -> Patience {
-        Patience { most_seconds: self.most_time, most_standstill: self.most_standstill }
+    pub fn options(&self) -> Options {
+        Options {
+            most_seconds: self.most_time,
+            most_standstill: self.most_standstill,
+            hal: self.hal.clone(),
+            written: None,
+        }
     }
 }
 
@@ -63,7 +74,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut unwritten = None;
     let progress = Progress::new(&config);
-    let outcome = process::run(&config, &arguments.program, arguments.limits.patience(), |row| {
+    let options = Options { written: arguments.written.clone(), ..arguments.control.options() };
+    let outcome = process::run(&config, &arguments.program, &options, |row| {
         progress.see(row);
         if let Some(trace) = trace.as_mut().filter(|_| unwritten.is_none()) {
             unwritten = trace.write(row).err();
