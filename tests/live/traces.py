@@ -148,10 +148,11 @@ def figures(trace, period):
         speed = [(b - a) / period for a, b in zip(way, way[1:])]
         steps = [n for n in range(1, len(speed)) if quiet[n] and quiet[n + 1]]
         fastest = max(steps, key=lambda n: abs(speed[n]), default=None)
-        hardest = max(steps, key=lambda n: abs(speed[n] - speed[n - 1]), default=None)
+        changes = [n for n in steps if quiet[n - 1]]
+        hardest = max(changes, key=lambda n: abs(speed[n] - speed[n - 1]), default=None)
         found["speed"].append([abs(speed[fastest]), lines[fastest]] if steps else [0, 0])
         found["acceleration"].append(
-            [abs(speed[hardest] - speed[hardest - 1]) / period, lines[hardest]] if steps else [0, 0])
+            [abs(speed[hardest] - speed[hardest - 1]) / period, lines[hardest]] if changes else [0, 0])
     return found
 
 

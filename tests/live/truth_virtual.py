@@ -36,4 +36,4 @@ def preflight(pkm, ini, program):
     """What preflight says of it."""
     done = subprocess.run([pkm, "preflight", ini, program, "--format", "json"], stdin=subprocess.DEVNULL,
                           capture_output=True, text=True)
-    return json.loads(done.stdout) if done.returncode < 2 else {"refused": done.stderr.strip()}
+    return json.loads(done.stdout) if done.stdout else {"refused": done.stderr.strip()}
