@@ -86,6 +86,7 @@ test: check install prove counts
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --judge target/host/judge
 	tests/live/soak.py --minutes 1
+	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/virtual/guard.py --programs 100
 
