@@ -88,7 +88,7 @@ test: check install prove counts
 	tests/live/soak.py --minutes 1
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
-	tests/virtual/guard.py --programs 100
+	tests/virtual/guarded.py --programs 100
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
 test-long: install
@@ -169,7 +169,7 @@ truth-live: install
 PROGRAMS := 10000
 guard: install
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
-	tests/virtual/guard.py --programs $(PROGRAMS)
+	tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 MUTANTS := target/tools/bin/cargo-mutants
