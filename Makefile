@@ -90,11 +90,14 @@ test: check install prove counts
 	tests/live/truth.py --live short
 	tests/virtual/guarded.py --programs 100
 
-# The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
+# The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
+# programs with the guard on.
 test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --long --judge target/host/judge
+	tests/live/truth.py --live all
+	tests/virtual/guarded.py --programs 10000
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm
