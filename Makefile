@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -55,7 +55,9 @@ help:
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
-	@echo "make truth      preflight beside LinuxCNC itself: 114 programs, ends in a table"
+	@echo "make truth      preflight beside LinuxCNC in virtual time: 134 programs, ends in a table"
+	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
+	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
@@ -84,13 +86,18 @@ test: check install prove counts
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --judge target/host/judge
 	tests/live/soak.py --minutes 1
-	tests/live/truth.py --short
+	tests/live/traces_test.py
+	tests/live/truth.py --live short
+	tests/virtual/guarded.py --programs 100
 
-# The numbers of cases of the long tier: 10^6 poses for the round trips, and every program live.
+# The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
+# programs with the guard on.
 test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --long --judge target/host/judge
+	tests/live/truth.py --live all
+	tests/virtual/guarded.py --programs 10000
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm
@@ -155,8 +162,17 @@ soak: install
 
 TRUTH :=
 truth: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
 	tests/live/truth.py $(TRUTH)
+
+truth-live: install
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	tests/live/truth.py --live all $(TRUTH)
+
+PROGRAMS := 10000
+guard: install
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 MUTANTS := target/tools/bin/cargo-mutants

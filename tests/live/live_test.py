@@ -15,7 +15,9 @@ import re
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -26,6 +28,7 @@ from session import Session  # noqa: E402
 from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
                           rerun_unprivileged)
 
+TOOLS = REPOSITORY / "target/host"
 HEXAPOD = REPOSITORY / "configs/hexapod"
 FOUR_ROD_LATHE = REPOSITORY / "configs/four-rod-lathe"
 SIX_ROD_LATHE = REPOSITORY / "configs/six-rod-lathe"
@@ -401,6 +404,50 @@ def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
     return scenario(HEXAPOD, "stopped_by_guard", out, 120, far="G1 F800 C25", code=-93)["reason"]
 
 
+# -------------------------------------------------------------------- beside virtual time
+
+PKM = REPOSITORY / "given/pkm"
+
+
+def virtual_trace(trace):
+    """The bytes of a virtual run of the hexapod's main program."""
+    command = [PKM, "run", HEXAPOD / "hexapod.ini", HEXAPOD / "programs/five-axis-surface.ngc", "--trace", trace]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return trace.read_bytes()
+
+
+@test
+def virtual_runs_and_a_live_one_leave_each_other_alone(out):
+    """Two at a time, over and over while LinuxCNC runs the same machine: it loses no cycle and says
+    nothing, and they come to the same bytes as alone."""
+    alone = virtual_trace(out / "alone.csv")
+    runs, is_over = [], threading.Event()
+
+    def again(number):
+        while not is_over.is_set():
+            runs.append(virtual_trace(out / f"beside-{number}.csv") == alone)
+
+    with ThreadPoolExecutor(2) as pool:
+        beside = [pool.submit(again, number) for number in range(2)]
+        try:
+            detail = program(HEXAPOD, "tool-change.ngc", out)
+        finally:
+            is_over.set()
+        for run in beside:
+            run.result()
+    assert len(runs) >= 2 and all(runs), f"{runs.count(False)} of {len(runs)} virtual runs differ"
+    left = list(Path(tempfile.gettempdir()).glob("pkm-*"))
+    assert not left, f"left behind: {left}"
+    for trace in out.glob("*.csv"):
+        if trace.name != "trace.csv":
+            trace.unlink()
+    return f"{len(runs)} virtual runs the same; {detail}"
+
+
+RECORDING.add("virtual_runs_and_a_live_one_leave_each_other_alone")
+
+
 # -------------------------------------------------------------------- starts that are refused
 
 def refused_start(session, out, names):
@@ -501,7 +548,7 @@ def run_and_judge(options, out):
         stale.unlink()
     arguments = ["--only", options.only, *(["--long"] if options.long else [])]
     begin = time.monotonic()
-    code = rerun_unprivileged("tests/live/live_test.py", arguments, 1200, out, lanes=LANES)
+    code = rerun_unprivileged("tests/live/live_test.py", arguments, 1200, out, [TOOLS / "pkm"], LANES)
     names = chosen(options)
     failed = [name for name in names if not (out / name / PASSED).exists()]
     print(f"{len(names) - len(failed)} passed, {len(failed)} failed {' '.join(failed)}".rstrip()

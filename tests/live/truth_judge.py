@@ -1,46 +1,55 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Rows of the table of `truth.py`: what LinuxCNC did beside what preflight said."""
+"""Rows of the tables of `truth.py`: what preflight said beside what LinuxCNC did in virtual time, and that
+beside what it did live."""
 
 import re
 
 import ini_edit
+import traces
+from unprivileged import REPOSITORY
 
-# Shares of a limit or a peak by which figures recorded and predicted may differ.
-AGREE = 0.01
-# Joints that stay below this share of their speed limit tell nothing about the planner: their speed is
-# that of rounding in the places of the program.
-LEAST_SPEED = 0.01
+# Share of a limit or a peak by which figures of two runs may differ: they are of the same cycles, and one
+# comes from the decimals of a trace.
+AGREE = 1e-9
 
 # Which limits of preflight tell of an error of LinuxCNC with these words.
 CAUSES = [
-    (re.compile("following error"), {"speed", "acceleration"}),
+    (re.compile("following error"), {"speed", "acceleration", "following-error"}),
     (re.compile(r"would exceed|soft limit|limit on joint"), {"axis", "joint", "reach"}),
     (re.compile("kinematicsInverse"), {"reach", "joint"}),
     (re.compile("hardly hold"), {"hold"}),
 ]
 
 
-def row(machine, ini, program, kind, outcome, flight):
+def row(program, outcome, flight):
     """One program; `right` is false where prediction and outcome disagree."""
-    told = {"machine": machine, "program": program, "kind": kind, "linuxcnc": "", "preflight": "",
-            "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
-    if outcome is None or "failed" in outcome:
-        return {**told, "linuxcnc": "not run: " + (outcome or {}).get("failed", "")[:60]}
+    ini = program_ini(program)
+    told = {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": "",
+            "preflight": "", "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
+    if "failed" in outcome:
+        return {**told, "linuxcnc": "not run: " + outcome["failed"][:60]}
+    told["linuxcnc"] = said(outcome)
     if "refused" in flight:
         told["preflight"] = flight["refused"][:60]
-        told["linuxcnc"] = said(outcome)
         told["missed"] = not outcome["errors"]
         return {**told, "right": bool(outcome["errors"])}
-    told["linuxcnc"] = said(outcome)
+    if "judged" not in flight["time"]:
+        return {**told, "preflight": "not judged", "missed": bool(outcome["errors"])}
     told["preflight"] = first_break(flight)
     if outcome["errors"]:
         told["missed"] = not is_predicted(outcome, flight)
         return {**told, "right": not told["missed"]}
-    unseen = [found for found in flight["breaks"] if not is_seen(found, ini, outcome, flight)]
+    unseen = [found for found in flight["breaks"] if not is_seen(found, ini, outcome)]
     told["alarm"] = bool(unseen)
-    told["ratio"], told["joint"] = worst_ratio(ini, outcome, flight)
+    told["ratio"], told["joint"] = worst_ratio(outcome, flight)
     near = told["ratio"] is None or abs(told["ratio"] - 1) <= AGREE
     return {**told, "right": near and not unseen}
+
+
+def program_ini(program):
+    """The INI file that a program runs with."""
+    text = (REPOSITORY / "configs" / program.machine / f"{program.machine}.ini").read_text()
+    return ini_edit.edited(text, program.edits)
 
 
 def error_line(outcome):
@@ -64,17 +73,22 @@ def first_break(flight):
     return f"{found['line']}: {found['limit']}"
 
 
+def timing(flight):
+    """What preflight says of the motion in time."""
+    return flight["time"]["judged"]
+
+
 def is_predicted(outcome, flight):
-    """Whether a limit that such an error comes from breaks in its line."""
+    """Whether the same is said, and a limit that such an error comes from breaks in its line."""
+    said = [message["text"].strip() for message in timing(flight)["messages"] if message["kind"] == "error"]
+    if said != outcome["errors"]:
+        return False
     line, text = error_line(outcome), " ".join(outcome["errors"])
     limits = set().union(*(limits for words, limits in CAUSES if words.search(text)))
-    broken = {(found["limit"], found["line"]) for found in flight["breaks"]}
-    broken |= {("speed", load["line"]) for load in flight["lines"]
-               if load["factor"] is not None and load["factor"] < 1}
-    return any((limit, line) in broken for limit in limits)
+    return any((found["limit"], found["line"]) in {(limit, line) for limit in limits} for found in flight["breaks"])
 
 
-def is_seen(found, ini, outcome, flight):
+def is_seen(found, ini, outcome):
     """Whether the recorded run went beyond the limit as well; what it cannot show counts as seen."""
     limits = {"speed": "MAX_VELOCITY", "acceleration": "MAX_ACCELERATION"}
     if found["limit"] not in limits:
@@ -84,11 +98,11 @@ def is_seen(found, ini, outcome, flight):
     return any(peak >= (1 - AGREE) * limit for (peak, _), limit in zip(peaks, of))
 
 
-def worst_ratio(ini, outcome, flight):
+def worst_ratio(outcome, flight):
     """Predicted to recorded peak speed, of the joint where they differ most."""
     ratios = []
-    for joint, ((recorded, _), predicted) in enumerate(zip(outcome["speed"], flight.get("speeds", []))):
-        if recorded > LEAST_SPEED * float(ini_edit.value(ini, f"JOINT_{joint}", "MAX_VELOCITY")):
+    for joint, ((recorded, _), predicted) in enumerate(zip(outcome["speed"], timing(flight)["speeds"])):
+        if recorded > 0:
             ratios.append((predicted["value"] / recorded, joint))
     return max(ratios, key=lambda ratio: abs(ratio[0] - 1), default=(None, None))
 
@@ -112,4 +126,50 @@ def summary(rows):
     return (f"truth: {len(rows)} programs; {len(stopped)} stopped by LinuxCNC, "
             f"{sum(told['missed'] for told in rows)} of them not predicted with their line; "
             f"{sum(told['alarm'] for told in rows)} false alarms; peaks of {len(compared)} compared, "
-            f"{near} within {100 * AGREE:.0f} %")
+            f"{near} of them equal")
+
+
+def beside(job):
+    """A live and a virtual run of a program; `same` is false where they differ."""
+    name, live, offline, recorded, trace = job
+    told = {"program": name, "cycles": 0, "motions": 0, "difference": None, "ratio": None, "why": "", "same": False}
+    for kind, outcome in (("live", live), ("in virtual time", offline)):
+        if outcome is None or "failed" in outcome:
+            return {**told, "why": f"not run {kind}: {(outcome or {}).get('failed', '')[:60]}"}
+    seen = traces.recorded(recorded)
+    joints = len(seen.places[0]) - len(traces.AXES)
+    told.update(traces.compared(seen, traces.virtual(trace, joints), bool(live["errors"])))
+    if not told["why"]:
+        told["why"] = other_end(live, offline, seen)
+    return {**told, "same": not told["why"]}
+
+
+def other_end(live, offline, seen):
+    """What LinuxCNC said otherwise; empty if nothing."""
+    said, repeated = ([" ".join(text.split()) for text in outcome["errors"]] for outcome in (live, offline))
+    if said != repeated:
+        return f"{said} live, {repeated} in virtual time"
+    if live["ended"] != offline["ended"] and not said:
+        return "ended otherwise"
+    line = error_line({**live, "stopped_line": traces.stopped_line(seen.until_off())})
+    if said and line != error_line(offline):
+        return f"stopped in line {line} live, {error_line(offline)} in virtual time"
+    return ""
+
+
+def table_beside(rows):
+    lines = ["| program | cycles that move | motions | largest difference | peak ratio | |",
+             "| --- | --: | --: | --: | --: | --- |"]
+    for told in rows:
+        apart = "" if told["difference"] is None else f"{told['difference']:.1e}"
+        ratio = "" if told["ratio"] is None else f"{told['ratio']:.9f}"
+        lines.append(f"| {told['program']} | {told['cycles']} | {told['motions']} | {apart} | {ratio} | {told['why']} |")
+    return "\n".join(lines)
+
+
+def summary_beside(rows):
+    same = [told for told in rows if told["same"]]
+    most = max((told["difference"] for told in same), default=0.0)
+    return (f"truth: {len(rows)} programs live, {len(same)} of them the same in virtual time; "
+            f"{sum(told['motions'] for told in same)} motions of {sum(told['cycles'] for told in same)} cycles, "
+            f"largest difference {most:.1e}; {sum(not told['difference'] for told in same)} programs bit for bit")

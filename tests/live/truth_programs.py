@@ -34,10 +34,11 @@ LINUXCNC = [
     ("daisy", "lab-hexapod", {"Z": 600}),
 ]
 
-# Those of every test run: some seconds each, in few starts of LinuxCNC.
-SHORT = {"hexapod": ("short-rapids", "far-rapids", "bad-end", "too-fast", "broken-middle", "turned"),
-         "linear-delta": ("short-rapids", "far-rapids", "bad-end", "broken-middle", "shifted"),
-         "rotary-delta": ("short-rapids", "far-rapids", "bad-end")}
+# Those that every test run runs live as well, some seconds each: other machines, moves of all kinds, tools,
+# the spindle, the guard, and programs that LinuxCNC stops.
+SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast"),
+         "linear-delta": ("guarded",),
+         "rotary-delta": ("short-rapids", "spindle", "bad-end")}
 
 
 class Program(NamedTuple):
@@ -118,6 +119,17 @@ def all_programs(configs, pkm):
         programs += misplaced(machines[name], pkm) + suggested_limits(machines[name], pkm)
     programs += [from_linuxcnc(*entry, machines[entry[1]]) for entry in LINUXCNC]
     programs += singular(machines["hexapod"]) + singular(machines["lab-hexapod"])
+    for config in configs:
+        programs += modes(config)
+    for name in ("hexapod", "pyramid", "tripod"):
+        programs += cycles_and_words(machines[name])
+    for name in ("hexapod", "four-rod-lathe"):
+        programs += inverse_time(machines[name])
+    for name in ("hexapod", "four-rod-lathe", "rotary-delta"):
+        programs += spindle(machines[name])
+    for name in ("hexapod", "lab-hexapod", "pyramid"):
+        programs += tilted_tool_changes(machines[name])
+    programs += guarded(machines["linear-delta"])
     return programs
 
 
@@ -297,7 +309,7 @@ def singular(config):
     edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
               for n in range(6) for key, value in (("MIN_LIMIT", 10), ("MAX_LIMIT", 3000))]
     lines = [f"{config.start} G61", "M52 P0", "G1 F600 C10", "G1 F600 C130", "G1 F600 C0", "M2", ""]
-    return [Program("singular", config.name, "singular", "\n".join(lines), tuple(edits))]
+    return [Program("singular", config.name, "singular", "\n".join(lines), tuple(edits), seconds=30)]
 
 
 def misplaced(config, pkm):
@@ -347,3 +359,93 @@ def suggested_limits(config, pkm):
 def axis_limits(letter, low, high):
     return [{"section": f"AXIS_{letter}", "key": key, "lines": [f"{key} = {value:.6f}"]}
             for key, value in (("MIN_LIMIT", low), ("MAX_LIMIT", high))]
+
+
+def modes(config):
+    """Lines, arcs in all planes, helices and short lines in every mode of blending."""
+    x, y, z = (config.home[l] for l in "XYZ")
+    radius = 0.08 * config.room
+    wide, near = 0.05 * radius, 0.002 * radius
+    lines = [config.start, "M52 P0", f"F{60 * 0.6 * config.speed:.3f}"]
+    for mode in ("G61", "G61.1", "G64", f"G64 P{wide:.6f}", f"G64 P{wide:.6f} Q{near:.6f}", f"G64 P{near:.6f}"):
+        lines += [mode, f"G1 X{x + radius:.6f} Y{y:.6f} Z{z:.6f}", f"Y{y + radius:.6f}",
+                  f"G3 X{x:.6f} Y{y + 2 * radius:.6f} I{-radius:.6f}", f"G1 X{x - radius:.6f}",
+                  f"G2 X{x - radius:.6f} Y{y:.6f} Z{z - radius:.6f} J{-radius:.6f}",
+                  f"G18 G2 X{x - 2 * radius:.6f} Z{z:.6f} K{radius:.6f}",
+                  f"G19 G3 Y{y - radius:.6f} Z{z - radius:.6f} K{-radius:.6f}", "G17 G1"]
+        lines += [f"X{x - 2 * radius + n * radius / 10:.6f} Y{y - radius + radius / 5 * (n % 2):.6f}"
+                  for n in range(1, 21)]
+        lines.append(f"G0 X{x:.6f} Y{y:.6f} Z{z:.6f}")
+    return [Program("modes", config.name, "modes", "\n".join(lines + ["M2", ""]))]
+
+
+def cycles_and_words(config):
+    """Canned cycles, dwells, offsets, outputs, inputs, subroutines and stops."""
+    x, y, z = (config.home[l] for l in "XYZ")
+    deep, side = 0.05 * config.room, 0.08 * config.room
+    feed = f"F{60 * 0.3 * config.speed:.3f}"
+    hole = f"X{side:.5f} Y{side:.5f} Z{-deep:.5f} R{0.2 * deep:.5f}"
+    return [Program("cycles", config.name, "cycles", "\n".join([
+        f"{config.start} G64", "M52 P0", f"G92 X0 Y0 Z{0.3 * deep:.5f}", feed,
+        f"G98 G81 {hole}", f"G73 X0 Y{side:.5f} Z{-deep:.5f} R{0.2 * deep:.5f} Q{0.4 * deep:.5f}",
+        f"G99 G83 X{-side:.5f} Y0 Z{-deep:.5f} R{0.2 * deep:.5f} Q{0.4 * deep:.5f}",
+        f"G82 X0 Y0 Z{-deep:.5f} R{0.2 * deep:.5f} P0.25",
+        f"G91 G81 X{0.2 * side:.5f} Y{0.1 * side:.5f} Z{-deep:.5f} R{0.2 * deep:.5f} L3", "G90 G80",
+        f"G0 X0 Y0 Z{0.3 * deep:.5f}", "G4 P0.5", f"G1 X{side:.5f}", "G4 P0.01", f"Y{side:.5f}",
+        "M62 P0", "G1 X0", "M63 P0", "Y0", "M66 P0 L0", f"G1 X{side:.5f}", "M68 E3 Q0", "M8", "G1 X0", "M9",
+        f"G10 L2 P2 X{0.5 * side:.5f} Y0 Z0", "G55 G92.1", f"G0 X{x:.5f} Y{y:.5f} Z{z:.5f}",
+        "o100 sub", f"G1 X[{x:.5f} + #1] Y[{y:.5f} - #1]", "o100 endsub",
+        "o101 repeat [3]", f"o100 call [{0.3 * side:.5f}]", f"o100 call [{-0.3 * side:.5f}]", "o101 endrepeat",
+        "M1", f"G2 X{x:.5f} Y{y:.5f} R{side:.5f}", "G10 L2 P2 X0 Y0 Z0", "G54",
+        f"G0 X{x:.5f} Y{y:.5f} Z{z:.5f}", "M2", ""]))]
+
+
+def inverse_time(config):
+    """Feed as the time that a move takes, with and without angles."""
+    x, y = config.home["X"], config.home["Y"]
+    side = 0.1 * config.room
+    turn = "A" if "A" in config.letters else "B"
+    return [Program("inverse-time", config.name, "modes", "\n".join([
+        f"{config.start} G64", "M52 P0", "G93", f"G1 X{x + side:.5f} F60", f"Y{y + side:.5f} {turn}3 F30",
+        f"{turn}-2 F40", f"G3 X{x:.5f} Y{y + 2 * side:.5f} I{-side:.5f} F50", f"G1 X{x:.5f} Y{y:.5f} {turn}0 F45",
+        "G94 F100", f"X{x + 0.1 * side:.5f}", "M2", ""]))]
+
+
+def spindle(config):
+    """Feed per revolution, moves that keep in step with the spindle, and what waits for its speed.
+
+    Before what waits for a place of the spindle the machine stands long enough to be seen standing.
+    """
+    x, z = config.home["X"], config.home["Z"]
+    way = 0.05 * config.room
+    pitch = 0.02 * config.speed  # at 10 revolutions a second a fifth of the machine's speed
+    return [Program("spindle", config.name, "spindle", "\n".join([
+        f"{config.start} G64", "M52 P0", f"G1 X{x + way:.5f} F{60 * 0.3 * config.speed:.3f}", "M3 S600",
+        f"G1 X{x:.5f}", "G4 P1", f"G95 F{pitch:.6f}", f"G1 X{x + way:.5f}", f"Y{config.home['Y'] + way:.5f}",
+        f"X{x:.5f}", "G4 P0.2", f"G33 Z{z - way:.5f} K{pitch:.6f}", f"G0 Z{z:.5f}",
+        "G4 P0.2", f"G33 Z{z - way:.5f} K{pitch:.6f}", f"G0 Z{z:.5f}", "S300", f"G1 X{x + way:.5f}", "M5",
+        f"G94 F{60 * 0.3 * config.speed:.3f}", f"X{x:.5f}", "M4 S200", f"G1 X{x + way:.5f}", "M5",
+        f"G0 X{x:.5f}", "M2", ""]))]
+
+
+def tilted_tool_changes(config):
+    """Other tool offsets at a tilt, the next move at once."""
+    tilts = [letter for letter in "AB" if letter in config.letters]
+    lines = [f"{config.start} G64", "M52 P0", f"F{60 * 0.4 * config.speed:.3f}"]
+    for n, change in enumerate(("T1 M6", "G43", "G43.1 X4 Y-3 Z22", "T2 M6 G43", "G49", "G43.1 Z10", "T0 M6 G49")):
+        angles = " ".join(f"{letter}{4 * cos(n + 2 * k):.4f}" for k, letter in enumerate(tilts))
+        lines += [f"G1 X{0.02 * n * config.room:.4f} {angles}", change]
+    level = " ".join(f"{letter}0" for letter in tilts)
+    return [Program("tilted-tools", config.name, "tools", "\n".join([*lines, f"G1 X0 {level}", "M2", ""]))]
+
+
+def guarded(config):
+    """Faster axes on slower drives: the guard slows the machine down near the edge of the plate."""
+    edits = [{"section": section, "key": key, "lines": [f"{key} = {value}"]} for section, key, value in (
+        *((f"AXIS_{letter}", "MAX_VELOCITY", 200) for letter in "XYZ"),
+        ("TRAJ", "MAX_LINEAR_VELOCITY", 200), ("DISPLAY", "MAX_LINEAR_VELOCITY", 200),
+        *((f"JOINT_{n}", "MAX_VELOCITY", 120) for n in range(3)))]
+    lines = [config.start, "M52 P1", "G1 F3000 X-40 Y-78 Z20", "G64 P0.01", "F12000"] + 2 * [
+        "G1 X40", "G3 X78 Y-40 J38", "G1 Y40", "G3 X40 Y78 I-38", "G1 X-40", "G3 X-78 Y40 J-38",
+        "G1 Y-40", "G3 X-40 Y-78 I38"]
+    return [Program("guarded", config.name, "guard", "\n".join([*lines, "M2", ""]), tuple(edits))]

@@ -21,6 +21,9 @@ FINISHED, STOPPED, NOT_JUDGED = range(3)
 ERRORS = (linuxcnc.NML_ERROR, linuxcnc.OPERATOR_ERROR)
 KINDS = {linuxcnc.NML_ERROR: 0, linuxcnc.OPERATOR_ERROR: 0, linuxcnc.NML_TEXT: 1, linuxcnc.OPERATOR_TEXT: 1,
          linuxcnc.NML_DISPLAY: 2, linuxcnc.OPERATOR_DISPLAY: 2}
+# Looks before anything is asked for: milltask carries out what [RS274NGC]RS274NGC_STARTUP_CODE has queued, one
+# command in each of its cycles, and to leave the estop would clear what is left of it.
+STARTUP = 50
 # Looks in which the interpreter reads on and on and nothing moves or waits: 10 s of the machine's time, in
 # which it reads millions of lines.
 MOST_READING = 500
@@ -43,7 +46,8 @@ class Operator:
         end(NOT_JUDGED, f"LinuxCNC does not get to {what}: {'; '.join(self.errors)}")
 
     def made_ready(self):
-        yield
+        for _ in range(STARTUP):
+            yield
         COMMAND.state(linuxcnc.STATE_ESTOP_RESET)
         yield from self.reached(lambda: STATUS.task_state != linuxcnc.STATE_ESTOP, "the end of the estop")
         COMMAND.state(linuxcnc.STATE_ON)
