@@ -140,8 +140,10 @@ fn run_one(
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
-        let along = |_| Ok(Course::along(config, &interpreter::moves(config, program, None)?));
-        let course = course.map_or_else(|| along(()), Ok::<_, Failure>)?;
+        let course = match course.filter(|_| runs_to_its_break(&answer.found)) {
+            Some(course) => course,
+            None => Course::along(config, &interpreter::moves(config, program, None)?),
+        };
         write_report(file, config, &answer, &course, &blocks)?;
     }
     // A reader that has gone away does not change the verdict.
@@ -150,6 +152,14 @@ fn run_one(
         Format::Json => serde_json::to_string_pretty(&answer)? + "\n",
     }))?;
     Ok(answer.verdict())
+}
+
+/// Whether the cycles show what breaks first. LinuxCNC refuses some moves beforehand, before the motion comes
+/// near them: then the path shows it.
+fn runs_to_its_break(found: &Preflight) -> bool {
+    let is_stopped =
+        matches!(&found.time, Time::Judged(timing) if timing.ending == Ending::Stopped);
+    !is_stopped || found.breaks.first().is_none_or(|first| first.limit.is_of_time())
 }
 
 /// Programs one after another; what is wrong with one does not keep the others from being judged.

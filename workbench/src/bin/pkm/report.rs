@@ -52,7 +52,7 @@ pub fn rows(config: &MachineConfig, found: &Preflight, course: &Thinned) -> Vec<
             meaning: "the control's own checks, which stop a program with a message".into(),
             part: String::new(),
             allowed: "no error".into(),
-            used: told.text.clone(),
+            used: "stopped".into(),
             margin: String::new(),
             line: format!("line {}", told.line),
             breaks: stops,

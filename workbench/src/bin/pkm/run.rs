@@ -8,9 +8,10 @@ use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::Locate;
 use pkm::read::machine::MachineConfig;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
@@ -158,7 +159,10 @@ impl<'a> Trace<'a> {
     fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or(Path::new("."));
-        let part = tempfile::Builder::new().prefix(".pkm-").tempfile_in(folder).at(file)?;
+        // As any other file that is written, as far as the user's mask allows.
+        let mode = Permissions::from_mode(0o666);
+        let part = tempfile::Builder::new().prefix(".pkm-").permissions(mode).tempfile_in(folder);
+        let part = part.at(file)?;
         let mut out = csv::Writer::from_writer(BufWriter::new(part));
         let joints = joint_names(config);
         let errors = joints.iter().map(|name| format!("{name}_error"));
