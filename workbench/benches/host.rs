@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! positions a second of a study of the workspace, and lines a second of programs followed before
-//! cutting. Times are printed, never asserted; what stays are the ratios of one run.
+//! positions a second of a study of the workspace, and programs judged before cutting. Times are printed, never asserted; what stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
-use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use pkm::control::process::Options;
+use pkm::program::findings::Time;
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, Patience};
 use pkm::program::offset::Offset;
-use pkm::program::preflight::preflight;
+use pkm::program::preflight::{Flight, timed};
 use pkm::read::machine::MachineConfig;
 use pkm::study::body::{Body, Effort, counted};
 use pkm::study::file::Study;
@@ -16,6 +17,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -47,13 +49,6 @@ fn raster(config: &MachineConfig) -> Vec<Pose> {
     (0..POSES).map(pose).collect()
 }
 
-/// Seconds of one scan.
-fn timed(scan: impl FnOnce()) -> f64 {
-    let start = Instant::now();
-    scan();
-    start.elapsed().as_secs_f64()
-}
-
 /// Millions a second, by the median of times.
 fn millions(count: f64, times: &mut [f64]) -> String {
     times.sort_by(f64::total_cmp);
@@ -71,12 +66,13 @@ fn row(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
     let poses = raster(config);
     let mut seconds = vec![Vec::new(); cores.len() + 1];
     for _ in 0..SCANS {
-        seconds[0].push(timed(|| one_by_one(machine, &poses, tool)));
+        seconds[0].push(seconds_of(|| one_by_one(machine, &poses, tool)).1);
         for (times, cores) in seconds[1..].iter_mut().zip(cores) {
-            times.push(timed(|| {
+            let scan = || {
                 let joints = poses.par_iter().map(|pose| machine.inverse(pose, tool));
                 black_box(cores.install(|| joints.collect::<Vec<_>>()));
-            }));
+            };
+            times.push(seconds_of(scan).1);
         }
     }
     let found = poses.iter().filter(|pose| machine.inverse(pose, tool).is_ok()).count();
@@ -100,9 +96,7 @@ fn looked_over(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
     let mut seconds = vec![Vec::new(); cores.len()];
     for _ in 0..SCANS {
         for (times, cores) in seconds.iter_mut().zip(cores) {
-            times.push(timed(|| {
-                black_box(cores.install(look));
-            }));
+            times.push(seconds_of(|| black_box(cores.install(look))).1);
         }
     }
     let rates: Vec<String> =
@@ -132,20 +126,46 @@ fn memory() -> Option<f64> {
     line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
 }
 
-fn followed(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
-    let start = Instant::now();
-    let moves = interpreter::moves_after(config, program, &offset.block()).unwrap();
-    let read = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let found = preflight(config, &moves, |_| ()).unwrap();
-    let time = start.elapsed().as_secs_f64();
-    let lines = moves.last().map_or(0, |step| step.line);
+/// A program read and followed, run by LinuxCNC, and both at once, as `pkm preflight` has it.
+fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
+    let options = Options { block: Some(offset.block()), ..Options::default() };
+    let follow = || {
+        let (mut flight, mut lines) = (Flight::new(config).unwrap(), 0);
+        let block = options.block.as_deref();
+        let see = |step: &Move| {
+            flight.see(step);
+            lines = lines.max(step.line);
+        };
+        interpreter::each(config, program, block, &Patience::default(), see).unwrap();
+        let found = flight.finish().unwrap();
+        (found.pieces, lines)
+    };
+    let run = || match timed(config, program, &options, |_| ControlFlow::Continue(())) {
+        Time::Judged(timing) => timing.seconds,
+        Time::NotJudged(cause) => panic!("{name}: {cause}"),
+    };
+    let ((pieces, lines), alone) = seconds_of(follow);
+    let (machine, virtual_time) = seconds_of(run);
+    let (_, both) = seconds_of(|| {
+        std::thread::scope(|scope| {
+            scope.spawn(run);
+            follow();
+        });
+    });
     println!(
-        "| {name} | {lines} | {} | {read:.1} s | {time:.1} s | {:.0} | {:.0} MB |",
-        found.pieces,
-        f64::from(lines) / time,
+        "| {name} | {lines} | {pieces} | {alone:.1} s | {machine:.0} s | {virtual_time:.1} s | {:.0} | \
+         {:.0} | {both:.1} s | {:.0} MB |",
+        machine / config.period / virtual_time,
+        machine / virtual_time,
         memory().unwrap_or(f64::NAN)
     );
+}
+
+/// A result, and how long it took.
+fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64())
 }
 
 fn programs(configs: &Path) {
@@ -153,12 +173,18 @@ fn programs(configs: &Path) {
     let folder = tempfile::tempdir().unwrap();
     let long = folder.path().join("long.ngc");
     fs::write(&long, long_program()).unwrap();
-    println!("\nPrograms followed by preflight on the hexapod; memory is the most so far:\n");
-    println!("| program | lines | pieces | interpreter | preflight | lines a second | memory |");
-    println!("|---|--:|--:|--:|--:|--:|--:|");
+    println!(
+        "\nPrograms judged by preflight on the hexapod: their path read and followed, LinuxCNC in virtual \
+         time, and both at once; memory is the most of this process so far:\n"
+    );
+    println!(
+        "| program | lines | pieces | path | machine's time | LinuxCNC | cycles a second | times real time \
+         | both at once | memory |"
+    );
+    println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
     let chips = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
-    followed(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
-    followed(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });
+    judged(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
+    judged(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });
 }
 
 fn main() {

@@ -7,7 +7,7 @@ use kinematics::{MAX_JOINTS, Pose};
 use pkm::control::row::{Flags, Row};
 use pkm::draw::margins::{Figure, figures};
 use pkm::draw::over::Mark;
-use pkm::draw::page::{Report, Verdict, page};
+use pkm::draw::page::{Report, Verdict, of_program};
 use pkm::program::course::{Course, Thinned};
 use pkm::read::machine::MachineConfig;
 use std::fs;
@@ -57,7 +57,7 @@ fn surface(config: &MachineConfig, lines: u32) -> Thinned {
 }
 
 fn whole(figures: &[Figure], marks: &[Mark]) -> String {
-    page(&Report {
+    of_program(&Report {
         program: "surface.ngc",
         machine: "hexapod.ini",
         verdict: Verdict::Misfit,

@@ -20,10 +20,11 @@ th small { display: block; font-weight: normal; color: #444 }
 .misfit { background: #fde8e6; border-color: #b40000 }
 .open { background: #fff4d6; border-color: #9a6700 }
 .broken { background: #fde8e6 }
+.bad { font-weight: bold }
 .broken td:first-child { font-weight: bold }
 code, pre { background: #f4f4f4; white-space: pre-wrap }
 figure { margin: 2em 0 }
-svg { max-width: 100%; height: auto }
+svg, img { max-width: 100%; height: auto }
 svg text[font-weight] { paint-order: stroke; stroke: #fff; stroke-width: 4px }
 ";
 
@@ -97,9 +98,21 @@ pub struct Report<'a> {
     pub text: &'a str,
 }
 
-/// The page.
-pub fn page(report: &Report) -> String {
-    let title = format!("{} on {}", report.program, report.machine);
+/// The page about a program.
+pub fn of_program(report: &Report) -> String {
+    let body = html! {
+        (verdict(report))
+        (breaks(report.marks))
+        (table(&report.rows))
+        (advice(report))
+        @for figure in report.figures { (drawing(figure)) }
+        (answer(report.text))
+    };
+    page(&format!("{} on {}", report.program, report.machine), &body)
+}
+
+/// A page with its title as heading.
+pub fn page(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -111,12 +124,7 @@ pub fn page(report: &Report) -> String {
             }
             body {
                 h1 { (title) }
-                (verdict(report))
-                (breaks(report.marks))
-                (table(&report.rows))
-                (advice(report))
-                @for figure in report.figures { (drawing(figure)) }
-                (answer(report.text))
+                (body)
             }
         }
     };
@@ -258,7 +266,7 @@ mod tests {
             about: "\"&".into(),
             svg: "<svg width=\"1\">\n</svg>".into(),
         };
-        let page = page(&report(&[], &[figure], "</pre>"));
+        let page = of_program(&report(&[], &[figure], "</pre>"));
         assert!(page.contains("a &lt; b &amp; c &gt; d") && !page.contains("<b>"), "{page}");
         assert!(page.contains("<svg role=\"img\" width=\"1\"><title>x &gt; y</title>"), "{page}");
         // The block that helps, and the answer.
@@ -267,7 +275,7 @@ mod tests {
 
     #[test]
     fn broken_limits_come_first() {
-        let page = page(&report(&[], &[], ""));
+        let page = of_program(&report(&[], &[], ""));
         let place = |name: &str| page.find(&format!(">{name}<small>")).unwrap();
         assert!(place("first") < place("second") && place("second") < place("kept limit"));
         assert!(page.contains("broken (1, 3)") && page.contains("\u{2713} kept"));
@@ -282,7 +290,7 @@ mod tests {
             at,
             pose: [0.0; 6],
         };
-        let page = page(&report(&[mark(4, Some(1.0)), mark(99, None)], &[], ""));
+        let page = of_program(&report(&[mark(4, Some(1.0)), mark(99, None)], &[], ""));
         for line in [4, 99] {
             let told = format!("<b>line {line}</b> <code>G1 X{line}</code>: breaks at {line}.");
             assert!(page.contains(&told), "{page}");
@@ -295,14 +303,14 @@ mod tests {
         let cause = "LinuxCNC is not installed";
         let open =
             Report { verdict: Verdict::NotJudged, why: cause.into(), ..report(&[], &[], "") };
-        let page = page(&open);
+        let page = of_program(&open);
         assert!(page.contains("class=\"verdict open\"") && page.contains(cause), "{page}");
         assert!(page.contains("? </span>Not judged") && !page.contains("fits the machine"));
     }
 
     #[test]
     fn a_long_answer_is_cut_and_that_is_said() {
-        let page = page(&report(&[], &[], &"word\n".repeat(10_000)));
+        let page = of_program(&report(&[], &[], &"word\n".repeat(10_000)));
         assert!(page.contains("9600 more lines") && page.len() < 10_000);
     }
 }

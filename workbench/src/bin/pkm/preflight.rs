@@ -9,7 +9,7 @@ use pkm::check::cautions::{Caution, cautions};
 use pkm::control::process::Options;
 use pkm::control::row::{Ending, Message};
 use pkm::draw::margins::figures;
-use pkm::draw::page::{self, Report, page};
+use pkm::draw::page::{self, Report, of_program};
 use pkm::files::{Locate, write_whole};
 use pkm::program::course::{Course, Thinned};
 use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time, Timing};
@@ -579,7 +579,7 @@ fn write_report(
     let warnings = answer.warnings.iter().map(|Caution { line, file, text }| {
         line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ") + text
     });
-    let text = page(&Report {
+    let text = of_program(&Report {
         program: &answer.program,
         machine: &answer.machine,
         verdict: match answer.fits {
