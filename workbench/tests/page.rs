@@ -163,5 +163,5 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
     let drawings = bad.matches("<svg role=\"img\"").count();
     // Each has its name and its description for those who do not see it.
     assert_eq!(bad.matches("</title><desc>").count(), drawings);
-    assert_eq!(drawings, 8);
+    assert_eq!(drawings, 4);
 }
