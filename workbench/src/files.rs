@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Files: what is wrong with one is told with its name, and one that is written is written whole.
 
-use std::fs;
-use std::io;
+use std::fs::{self, Permissions};
+use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use tempfile::TempDir;
+use tempfile::{NamedTempFile, TempDir};
 
 /// What is wrong with a file.
 #[derive(Debug, thiserror::Error)]
@@ -90,24 +91,67 @@ pub fn csv<R: IntoIterator<Item: ToString>>(
     String::from_utf8(bytes).expect("cells are text")
 }
 
+/// A file that is written beside its place, and takes its name when it is whole.
+#[derive(Debug)]
+pub struct Whole {
+    part: BufWriter<NamedTempFile>,
+    file: PathBuf,
+}
+
+impl Whole {
+    /// Begins it.
+    ///
+    /// # Errors
+    /// Its folder cannot be written, or something that is no file stands in its place.
+    pub fn new(file: &Path) -> Result<Self, AtFile<io::Error>> {
+        Self::begun(file).at(file)
+    }
+
+    fn begun(file: &Path) -> io::Result<Self> {
+        // A device, a pipe or a folder would be replaced.
+        if fs::metadata(file).is_ok_and(|found| !found.is_file()) {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "not a file that can be replaced",
+            ));
+        }
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        // Temporary files are private by default; this one is to be read by others.
+        let mut part = tempfile::Builder::new();
+        part.prefix(".pkm-").permissions(Permissions::from_mode(0o644));
+        let part = part.tempfile_in(folder.unwrap_or(Path::new(".")))?;
+        Ok(Self { part: BufWriter::new(part), file: file.into() })
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// The rest cannot be written, or the file not renamed.
+    pub fn finish(self) -> Result<(), AtFile<io::Error>> {
+        let part = self.part.into_inner().map_err(|error| error.into_error()).at(&self.file)?;
+        part.persist(&self.file).map_err(|error| error.error).at(&self.file)?;
+        Ok(())
+    }
+}
+
+impl Write for Whole {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.part.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.part.flush()
+    }
+}
+
 /// Writes beside the file, then renames.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_whole(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
-    replaced(file, text).at(file)
-}
-
-fn replaced(file: &Path, text: &str) -> io::Result<()> {
-    let folder = file.parent().unwrap_or(Path::new("."));
-    let mut scratch = tempfile::Builder::new();
-    // Temporary files are private by default; a report is to be read by others.
-    #[cfg(unix)]
-    scratch.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    let scratch = scratch.tempfile_in(folder)?;
-    fs::write(scratch.path(), text)?;
-    scratch.persist(file)?;
-    Ok(())
+    let mut whole = Whole::new(file)?;
+    whole.write_all(text.as_bytes()).at(file)?;
+    whole.finish()
 }
 
 #[cfg(test)]
@@ -123,5 +167,13 @@ mod tests {
             assert_eq!(fs::read_to_string(&file).unwrap(), text);
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_is_no_file_is_not_replaced() {
+        for place in ["/dev/full", "/tmp"] {
+            assert!(write_whole(Path::new(place), "text").is_err());
+        }
+        assert!(!fs::metadata("/dev/full").unwrap().is_file());
     }
 }

@@ -215,6 +215,25 @@ fn what_is_no_program_is_refused_before_anything_starts() {
 }
 
 #[test]
+fn a_disk_that_is_full_is_named_and_nothing_is_left() {
+    let copy = Copy::new(|text| text, SHORT);
+    // Files of at most 8 KiB: as on a disk with as much room, for one process.
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" run \"$1\" \"$2\" --trace \"$3\"";
+    let arguments = ["hexapod.ini", "programs/p.ngc", "trace.csv"].map(|name| copy.file(name));
+    let output = Command::new("bash")
+        .args(["-c", script, env!("CARGO_BIN_EXE_pkm")])
+        .args(arguments)
+        .env("TMPDIR", copy.file("tmp"))
+        .output()
+        .unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.contains("File too large"), "{error}");
+    assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
+    assert!(!copy.file("trace.csv").exists());
+}
+
+#[test]
 fn an_endless_loop_without_motion_is_not_judged() {
     let text = "G21 G90\nG0 X1\no1 while [1]\n#1 = 1\no1 endwhile\nM2\n";
     Copy::new(|text| text, text).refuses("a loop without an end");
@@ -245,7 +264,7 @@ fn a_library_of_another_linuxcnc_is_not_used() {
 #[test]
 fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
     let text = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
-    for signal in ["-KILL", "-INT"] {
+    for signal in ["-KILL", "-SEGV", "-INT"] {
         let copy = Copy::new(|text| text, text);
         let mut child = Command::new(env!("CARGO_BIN_EXE_pkm"))
             .arg("run")
@@ -255,10 +274,10 @@ fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
             .spawn()
             .unwrap();
         let control = control_of(child.id());
-        let target = if signal == "-KILL" { &control } else { &child.id().to_string() };
+        let target = if signal != "-INT" { &control } else { &child.id().to_string() };
         assert!(Command::new("kill").args([signal, target]).status().unwrap().success());
         let status = child.wait().unwrap();
-        assert_eq!(status.code(), Some(if signal == "-KILL" { 2 } else { 130 }));
+        assert_eq!(status.code(), Some(if signal == "-INT" { 130 } else { 2 }));
         assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
         let proc = Path::new("/proc").join(&control);
         let gone = (0..500).any(|_| {

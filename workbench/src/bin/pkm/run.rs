@@ -6,12 +6,11 @@ use super::joints::{coordinates, joint_names};
 use super::{Bar, MachineFile, Verdict};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use pkm::files::Locate;
+use pkm::files::{Locate, Whole};
 use pkm::read::machine::MachineConfig;
-use std::fs::{File, Permissions};
-use std::io::{BufWriter, Write};
+use std::fs::File;
+use std::io::Write;
 use std::ops::ControlFlow;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
@@ -151,19 +150,13 @@ impl Progress {
 /// A file with a row for every servo cycle; it takes its name when it is whole.
 struct Trace<'a> {
     config: &'a MachineConfig,
-    out: csv::Writer<BufWriter<tempfile::NamedTempFile>>,
+    out: csv::Writer<Whole>,
     file: &'a Path,
 }
 
 impl<'a> Trace<'a> {
     fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
-        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new("."));
-        // As any other file that is written, as far as the user's mask allows.
-        let mode = Permissions::from_mode(0o666);
-        let part = tempfile::Builder::new().prefix(".pkm-").permissions(mode).tempfile_in(folder);
-        let part = part.at(file)?;
-        let mut out = csv::Writer::from_writer(BufWriter::new(part));
+        let mut out = csv::Writer::from_writer(Whole::new(file)?);
         let joints = joint_names(config);
         let errors = joints.iter().map(|name| format!("{name}_error"));
         let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
@@ -183,9 +176,7 @@ impl<'a> Trace<'a> {
     }
 
     fn finish(self) -> Result<(), Failure> {
-        let part = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
-        let part = part.into_inner().map_err(|error| error.into_error()).at(self.file)?;
-        part.persist(self.file).map_err(|error| error.error).at(self.file)?;
-        Ok(())
+        let whole = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
+        Ok(whole.finish()?)
     }
 }
