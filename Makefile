@@ -89,6 +89,8 @@ test: check install prove counts
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/virtual/guarded.py --programs 100
+	$(CARGO) build --profile host $(LOCKED) --quiet -p pkmkins_truth -p pkm --lib --bin pkm
+	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
 # programs with the guard on.
