@@ -96,7 +96,7 @@ proc wiring::value {section key default} {
 }
 
 proc wiring::main {ini folder args} {
-    variable modules [concat [lmap file $args {file dirname $file}] [list $folder]]
+    variable modules [concat [lsort -unique [lmap file $args {file dirname $file}]] [list $folder]]
     parse $ini
     hal loadrt {*}[value TRAJ TPMOD tpmod]
     hal loadrt {*}[value EMCMOT HOMEMOD homemod]

@@ -209,7 +209,9 @@ impl<'a> Run<'a> {
         // It has seen the end of milltask, and tells what it has to.
         let _ = self.wiring.wait();
         let lines = self.log("wiring.log");
-        told(&lines[..lines.len().min(LINES)])
+        let reason: Vec<String> =
+            lines.into_iter().take_while(|line| line.trim() != "while executing").collect();
+        told(&reason[..reason.len().min(LINES)])
     }
 
     /// What LinuxCNC said last.
