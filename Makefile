@@ -117,7 +117,7 @@ check: setup
 	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
 	@$(LINT) clippy $(LOCKED) --profile host --all-targets -- -D warnings
 	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --no-deps --quiet
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl
 
