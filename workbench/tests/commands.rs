@@ -864,7 +864,7 @@ error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this 
 
 error: line 4: LinuxCNC: LinuxCNC stops here: Exceeded POSITIVE soft limit (330.00000) on joint 0; Hint: switch to joint mode to jog off soft limit
   G1 X75 F3000
-  at X-37.8500 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
+  at X-37.[..] Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
 warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
 
