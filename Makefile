@@ -85,7 +85,6 @@ test: check install prove counts
 	tests/cases/ini/run.py
 	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
 	tests/live/live_test.py --judge target/host/judge
-	tests/live/soak.py --minutes 1
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/virtual/guarded.py --programs 100
@@ -100,6 +99,7 @@ test-long: install
 	tests/live/live_test.py --long --judge target/host/judge
 	tests/live/truth.py --live all
 	tests/virtual/guarded.py --programs 10000
+	tests/live/soak.py --minutes 10
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm

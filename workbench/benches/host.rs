@@ -114,7 +114,7 @@ fn long_program() -> String {
         let (x, y) = (radius * turn.cos(), radius * turn.sin());
         let z = 220.0 + 10.0 * (turn * 0.1).sin();
         // Writing to a String does not fail.
-        let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F1200");
+        let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F12000");
     }
     text + "M2\n"
 }

@@ -36,7 +36,6 @@ class Operator:
 
     def __init__(self):
         self.errors = []
-        self.running = False
 
     def reached(self, condition, what):
         for _ in range(PATIENCE):
@@ -71,7 +70,6 @@ class Operator:
         if self.errors:
             end(NOT_JUDGED, f"LinuxCNC refuses the machine: {'; '.join(self.errors)}")
         LIBRARY.virtual_record()
-        self.running = True
         COMMAND.program_open(PROGRAM)
         yield
         COMMAND.auto(linuxcnc.AUTO_RUN, 0)
