@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
-use crate::shipped::{MACHINES, config, ini};
+use crate::shipped::{MACHINES, config, follow, ini};
 use kinematics::{Letter, Limit};
 use pkm::check::mobility;
 use pkm::check::report::check;
 use pkm::program::interpreter;
-use pkm::program::preflight::preflight;
 use pkm::proof::axis_box::{AxisBox, at_tilt, range};
 use pkm::proof::cell::{Cell, Verdict};
 use pkm::proof::conditioning;
@@ -222,7 +221,7 @@ fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
     std::fs::write(&program, text + "G49\nM2\n").unwrap();
     let moves = interpreter::moves(&config, &program, None).unwrap();
     assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
-    let found = preflight(&config, &moves, |_| ()).unwrap();
+    let found = follow(&config, &moves);
     assert!(found.fits(), "{machine}: {:?}", found.breaks);
 }
 

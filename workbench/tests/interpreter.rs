@@ -18,13 +18,13 @@ fn config(tools: &Path) -> MachineConfig {
 }
 
 /// Moves of a program, without the one that puts the machine to its home.
-fn run(text: &str, offset: Option<[f64; 6]>) -> Result<Vec<Move>, String> {
+fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
     std::fs::write(&program, text).unwrap();
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
-    let mut moves = moves(&config, &program, offset).map_err(|e| e.to_string())?;
+    let mut moves = moves(&config, &program, block).map_err(|e| e.to_string())?;
     assert_eq!((moves[0].line, moves[0].end), (0, config.home));
     moves.remove(0);
     Ok(moves)
@@ -49,7 +49,7 @@ fn inch_and_millimetre_words_become_machine_units() {
 
 #[test]
 fn work_offset_moves_the_program_and_partial_moves_start_at_home() {
-    let steps = run("G0 Z10\nM2\n", Some([5.0, 6.0, 220.0, 0.0, 0.0, 3.0])).unwrap();
+    let steps = run("G0 Z10\nM2\n", Some("G10 L2 P1 X5 Y6 Z220 A0 B0 C3")).unwrap();
     assert_end(&steps[0], [0.0, 0.0, 230.0, 0.0, 0.0, 0.0]);
 }
 
@@ -121,7 +121,7 @@ fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
     config.units_per_mm = 1.0 / 25.4;
     config.program.startup_code = None;
     config.home = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0];
-    let steps = moves(&config, &program, Some([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])).unwrap();
+    let steps = moves(&config, &program, Some("G10 L2 P1 X0 Y0.5 Z0 A0 B0 C0")).unwrap();
     let [home, inch, metric, tool] = steps.as_slice() else { panic!("{steps:?}") };
     assert_end(home, config.home);
     assert_end(inch, [1.0, 0.0, 10.0, 0.0, 0.0, 0.0]);

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
-use crate::shipped::{MACHINES, cases, config, folder};
+use crate::shipped::{MACHINES, cases, config, folder, follow};
 use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
 use pkm::limits;
 use pkm::program::findings::Preflight;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
 use pkm::program::offset::{self, Offset, Poses};
-use pkm::program::preflight::preflight;
 use pkm::proof::axis_box::range;
 use pkm::proof::reach::Reach;
 use pkm::read::machine::MachineConfig;
@@ -17,10 +16,6 @@ use rayon::prelude::*;
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
-
-fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
-    preflight(config, moves, |_| ()).unwrap()
-}
 
 fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool: [0.0; 3], file: 0 }
@@ -328,7 +323,7 @@ fn a_long_program_is_followed_quickly() {
     let program = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
     let config = config("hexapod");
     let offset = Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 };
-    let moves = interpreter::moves_after(&config, &program, &offset.block()).unwrap();
+    let moves = interpreter::moves(&config, &program, Some(&offset.block())).unwrap();
     let start = Instant::now();
     let found = follow(&config, &moves);
     let time = start.elapsed().as_secs_f64();
@@ -343,7 +338,7 @@ fn a_long_program_is_followed_quickly() {
 
 /// Moves of a program that an offset found for it makes fit, checked as `pkm` does it.
 fn refitted(config: &MachineConfig, program: &Path, offset: &Offset) -> Preflight {
-    follow(config, &interpreter::moves_after(config, program, &offset.block()).unwrap())
+    follow(config, &interpreter::moves(config, program, Some(&offset.block())).unwrap())
 }
 
 #[test]

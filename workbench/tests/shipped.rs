@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped configurations.
 
+use pkm::program::findings::Preflight;
+use pkm::program::interpreter::Move;
+use pkm::program::preflight::Flight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
@@ -31,4 +34,11 @@ pub fn ini(machine: &str) -> PathBuf {
 
 pub fn config(machine: &str) -> MachineConfig {
     MachineConfig::read(&ini(machine)).unwrap()
+}
+
+/// Follows all moves of a program.
+pub fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
+    let mut flight = Flight::new(config).unwrap();
+    moves.iter().for_each(|step| flight.see(step));
+    flight.finish().unwrap()
 }

@@ -102,34 +102,12 @@ struct Request {
 
 /// All moves of a program on this machine, the first one ending at `[TRAJ]HOME`.
 ///
-/// `work_offset` (x y z in machine units, a b c in degrees) takes the place of the
-/// machine's stored G54; without it the stored one is used.
+/// `block` runs before it, for instance to change the work offset.
 ///
 /// # Errors
 /// LinuxCNC is not installed, or its interpreter refuses the program; the machine's
 /// own files are never written.
 pub fn moves(
-    config: &MachineConfig,
-    program: &path::Path,
-    work_offset: Option<[f64; 6]>,
-) -> Result<Vec<Move>, InterpreterError> {
-    let offset = work_offset.map(|offset| format!("G10 L2 P1 {}", words(offset, "XYZABC")));
-    collected(config, program, offset.as_deref())
-}
-
-/// As [`moves`], with the work offset in force at the start changed by a block.
-///
-/// # Errors
-/// As [`moves`].
-pub fn moves_after(
-    config: &MachineConfig,
-    program: &path::Path,
-    block: &str,
-) -> Result<Vec<Move>, InterpreterError> {
-    collected(config, program, Some(block))
-}
-
-fn collected(
     config: &MachineConfig,
     program: &path::Path,
     block: Option<&str>,

@@ -86,8 +86,11 @@ impl Case {
         // A case does not depend on what an earlier run left in the parameter file.
         config.program.parameter_file = None;
         let program = self.program(configs);
+        let block = self.work_offset.map(|[x, y, z, a, b, c]| {
+            format!("G10 L2 P1 X{x:.12} Y{y:.12} Z{z:.12} A{a:.12} B{b:.12} C{c:.12}")
+        });
         let moves =
-            interpreter::moves(&config, &program, self.work_offset).map_err(|e| e.to_string())?;
+            interpreter::moves(&config, &program, block.as_deref()).map_err(|e| e.to_string())?;
         let replay = replay(&config, &moves, self.period)
             .map_err(|e| format!("{}: {e}", program.display()))?;
         let mut failures = self.expect.failures(&replay);
