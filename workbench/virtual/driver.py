@@ -61,6 +61,7 @@ class Operator:
             COMMAND.mode(linuxcnc.MODE_MDI)
             yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_MDI, "MDI")
             COMMAND.mdi(BLOCK)
+            yield
             yield from self.reached(self.is_over, f"the end of {BLOCK}")
         COMMAND.mode(linuxcnc.MODE_AUTO)
         yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_AUTO, "automatic mode")

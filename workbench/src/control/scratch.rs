@@ -201,12 +201,14 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
     let given = |section: &str, key: &str| {
         config.ini.as_inivar(section, key).map(|value| format!("[{section}]{key} = {value}"))
     };
+    let task = config.ini.as_inivar("TASK", "TASK").is_some_and(|name| name != "milltask");
     let python = config.ini.as_inivar("PYTHON", "TOPLEVEL").is_some();
     let found = [
         given("EMCIO", "DB_PROGRAM").map(|key| (key, "a program of its own keeps the tools")),
         given("RS274NGC", "REMAP").map(|key| (key, "remapped codes are not run")),
         given("HAL", "HALUI")
             .map(|key| (key, "what HALUI does to a program hangs on other HAL files")),
+        task.then(|| given("TASK", "TASK")).flatten().map(|key| (key, "only milltask is run")),
         python.then(|| given("PYTHON", "TOPLEVEL")).flatten().map(|key| (key, "it would be run")),
     ];
     match found.into_iter().flatten().next() {
