@@ -830,6 +830,22 @@ exit 0
     assert!(!page.contains("src=") && !page.contains("href="));
 }
 
+/// LinuxCNC stops it in its first line: what its joints would have to do later nobody saw.
+#[test]
+fn the_page_of_a_stopped_program_calls_no_limit_kept_that_hangs_on_time() {
+    let bench = Bench::new().with("far.ngc", "M52 P1\nG1 X0 Y200 Z60 F3000\nG1 X10\nM2\n");
+    bench.answer("preflight linear-delta.ini far.ngc --report r.html", "");
+    let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
+    let rows: Vec<&str> =
+        page.split("<tr").filter(|row| row.contains("<th scope=\"row\"")).collect();
+    let row = |name: &str| *rows.iter().find(|row| row.contains(&format!(">{name}<"))).unwrap();
+    for name in ["joint speed", "joint acceleration"] {
+        let row = row(name);
+        assert!(row.contains("? not judged") && row.contains("up to the stop"), "{row}");
+    }
+    assert!(row("conditioning").contains("kept") && row("LinuxCNC").contains("broken"));
+}
+
 #[test]
 fn programs_that_do_not_fit() {
     let bench = Bench::new()
@@ -847,15 +863,15 @@ middle.ngc on linear-delta.ini
   base cone          8.0193 degrees to spare: the base joint of leg 2, line 4
   clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 2
   conditioning       0.5094 to spare: the conditioning, line 4
-  joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2
-  joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2
+  joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2 (up to the stop)
+  joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2 (up to the stop)
   axis X             -75.000 to 75.000 of -80 to 80 mm
   axis Y             0.000 to 75.000 of -80 to 80 mm
   axis Z             70.000 to 90.000 of 0 to 100 mm
   carriage 0         321.680 to 333.307 of 0 to 330 mm
   carriage 1         198.895 to 325.364 of 0 to 375 mm
   carriage 2         198.895 to 325.364 of 0 to 375 mm
-  feed               joint speeds allow 1.658 times the programmed one, in line 2
+  feed               joint speeds allow 1.658 times the programmed one, in line 2 (up to the stop)
   runs               54.9 % of the path before the first limit
 
 error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 3.2551 mm
@@ -888,8 +904,8 @@ far.ngc on linear-delta.ini
   base cone          18.4491 degrees beyond: the base joint of leg 1, line 1
   clearance of legs  6.1423 mm to spare: the distance of legs 0 and 1, line 1
   conditioning       0.5307 to spare: the conditioning, line 1
-  joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program
-  joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program
+  joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program (up to the stop)
+  joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program (up to the stop)
   axis X             0.000 to 0.000 of -80 to 80 mm
   axis Y             0.000 to 200.000 of -80 to 80 mm
   axis Z             50.000 to 90.000 of 0 to 100 mm

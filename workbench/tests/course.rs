@@ -4,8 +4,9 @@
 use crate::shipped::config;
 use kinematics::{Limit, MAX_JOINTS};
 use pkm::control::row::{Flags, Row};
-use pkm::program::course::{Abscissa, Course, MOST_SAMPLES, Motion};
+use pkm::program::course::{Abscissa, Course, MOST_SAMPLES};
 use pkm::program::interpreter::{Move, MoveKind};
+use pkm::program::loads::Motion;
 use pkm::read::machine::MachineConfig;
 
 /// A machine that stands at home with its drives on.
@@ -56,9 +57,8 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
     let fastest = found.samples.iter().max_by(|a, b| a.speeds[2].total_cmp(&b.speeds[2])).unwrap();
     // Joints are read in double precision: a nanometre of a metre's step.
     assert!((fastest.speeds[2] - 0.1).abs() < 1e-6 && near(fastest.at, slow), "{fastest:?}");
-    let worst = found.speed.unwrap();
-    assert_eq!((worst.joint, worst.line), (2, (slow / 1000) as u32 + 1));
-    assert!((worst.at - seconds(slow)).abs() < 1.5 * config.period, "{worst:?}");
+    let line = (slow / 1000) as u32 + 1;
+    assert!((fastest.lines[0]..=fastest.lines[1]).contains(&line), "{fastest:?}");
 
     let broken: Vec<_> =
         found.samples.iter().filter(|s| s.rooms[Limit::Axis.index()] < 0.0).collect();
@@ -66,8 +66,6 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
     assert_eq!(broken[0].pose[1], config.axes[1].max + 1.0, "the pose beyond the limit is kept");
     assert_eq!(found.range(|sample| sample.poses[1])[1], config.axes[1].max + 1.0);
 
-    let error = found.error.unwrap();
-    assert_eq!((error.joint, error.share, error.line), (4, 1.5, (late / 1000) as u32 + 1));
     let slowed: Vec<_> = found.samples.iter().filter(|sample| sample.feed < 1.0).collect();
     assert!(slowed.len() == 1 && slowed[0].feed == 0.25 && near(slowed[0].at, late));
     assert!(slowed[0].errors[4] == 1.5 && slowed[0].room() == -0.5);
@@ -127,7 +125,6 @@ fn the_path_of_moves_goes_by_its_length() {
     let corner = found.place(&config, 8, &ends[0]).unwrap();
     assert!((corner - 30.0).abs() < 70.0 * 3.0 / MOST_SAMPLES as f64, "{corner}");
     assert_eq!(found.place(&config, 9, &ends[0]), None, "the program does not come there");
-    assert!(found.speed.is_none() && found.error.is_none());
     assert!(found.samples.iter().all(|sample| sample.room() > 0.0));
     // Out of reach there are no joint values, and no room.
     let found = Course::along(&config, &moves);

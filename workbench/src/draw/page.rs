@@ -70,8 +70,10 @@ pub struct LimitRow {
     pub margin: String,
     /// Where.
     pub line: String,
-    /// Numbers of its breaks, counted from 1; none where it is kept.
+    /// Numbers of its breaks, counted from 1.
     pub breaks: Vec<usize>,
+    /// Whether the whole program was looked at: without a break it is kept then.
+    pub is_judged: bool,
 }
 
 /// What the page tells.
@@ -189,8 +191,9 @@ fn limit(row: &LimitRow) -> Markup {
     html! {
         tr class=[(!row.breaks.is_empty()).then_some("broken")] {
             td {
-                @if numbers.is_empty() { "\u{2713} kept" }
-                @else { "\u{2717} broken (" (numbers.join(", ")) ")" }
+                @if !numbers.is_empty() { "\u{2717} broken (" (numbers.join(", ")) ")" }
+                @else if row.is_judged { "\u{2713} kept" }
+                @else { "? not judged" }
             }
             th scope="row" { (row.name) small { (row.meaning) } }
             td { (row.part) }
@@ -241,6 +244,7 @@ mod tests {
             margin: word("-1 mm"),
             line: word("line 7"),
             breaks: breaks.to_vec(),
+            is_judged: true,
         }
     }
 
@@ -279,6 +283,15 @@ mod tests {
         let place = |name: &str| page.find(&format!(">{name}<small>")).unwrap();
         assert!(place("first") < place("second") && place("second") < place("kept limit"));
         assert!(page.contains("broken (1, 3)") && page.contains("\u{2713} kept"));
+    }
+
+    #[test]
+    fn a_limit_that_was_not_looked_at_throughout_is_not_called_kept() {
+        let open = LimitRow { is_judged: false, ..row("open", &[]) };
+        let broken = LimitRow { is_judged: false, ..row("broken", &[1]) };
+        let page = of_program(&Report { rows: vec![open, broken], ..report(&[], &[], "") });
+        assert!(page.contains("<td>? not judged</td>") && page.contains("broken (1)"), "{page}");
+        assert!(!page.contains("kept"), "{page}");
     }
 
     #[test]

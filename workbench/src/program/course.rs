@@ -10,6 +10,7 @@
 use crate::control::row::Row;
 use crate::limits;
 use crate::program::interpreter::Move;
+use crate::program::loads::Motion;
 use crate::read::machine::MachineConfig;
 use kinematics::{Joints, Letter, Limit, Limits, MAX_JOINTS, Margin, Part, Pose, Vector3};
 use std::ops::ControlFlow;
@@ -95,23 +96,6 @@ fn raise(values: &mut Joints, others: &Joints) {
     values.iter_mut().zip(others).for_each(|(value, other)| *value = value.max(*other));
 }
 
-/// Where a joint comes nearest to a limit of its motion, or goes farthest beyond it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Worst {
-    /// Joint, counted from 0.
-    pub joint: usize,
-    /// Of the limit.
-    pub share: f64,
-    /// In the joint's unit, per second, or per second squared.
-    pub value: f64,
-    /// Its limit there.
-    pub limit: f64,
-    /// Line of the program.
-    pub line: u32,
-    /// Where on the abscissa.
-    pub at: f64,
-}
-
 /// What a machine does in a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thinned {
@@ -121,12 +105,6 @@ pub struct Thinned {
     pub samples: Vec<Sample>,
     /// Where the program ends.
     pub end: f64,
-    /// Fastest joint; none where the motion is not known in time.
-    pub speed: Option<Worst>,
-    /// The same of accelerations.
-    pub acceleration: Option<Worst>,
-    /// The same of following errors.
-    pub error: Option<Worst>,
 }
 
 impl Thinned {
@@ -152,29 +130,6 @@ impl Thinned {
         self.samples.iter().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |range, other| {
             [range[0].min(other[0]), range[1].max(other[1])]
         })
-    }
-}
-
-/// Speeds and accelerations of the joints from their commands, cycle by cycle.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {
-    last: Option<(u64, Joints)>,
-    speeds: Option<Joints>,
-}
-
-impl Motion {
-    /// Speeds since the cycle before, and accelerations since the two before, in joint units, per
-    /// second and per second squared. 0 where those cycles are not known, or the drives were off.
-    pub fn next(&mut self, row: &Row, period: f64) -> [Joints; 2] {
-        let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
-        self.last = row.flags.on.then_some((row.cycle, row.joints));
-        let Some((_, last)) = last else {
-            self.speeds = None;
-            return [[0.0; MAX_JOINTS]; 2];
-        };
-        let speeds = std::array::from_fn(|i| (row.joints[i] - last[i]) / period);
-        let before = self.speeds.replace(speeds).unwrap_or(speeds);
-        [speeds, std::array::from_fn(|i| (speeds[i] - before[i]) / period)]
     }
 }
 
@@ -209,14 +164,7 @@ impl<'a> Course<'a> {
 
     fn over(config: &'a MachineConfig, abscissa: Abscissa) -> Self {
         let limits = limits::of(config);
-        let result = Thinned {
-            abscissa,
-            samples: vec![],
-            end: 0.0,
-            speed: None,
-            acceleration: None,
-            error: None,
-        };
+        let result = Thinned { abscissa, samples: vec![], end: 0.0 };
         Self { config, limits, motion: Motion::default(), result, width: 1, filled: 0 }
     }
 
@@ -253,14 +201,13 @@ impl<'a> Course<'a> {
     pub fn see(&mut self, row: &Row) {
         let at = row.cycle as f64 * self.config.period;
         let [speeds, accelerations] = self.motion.next(row, self.config.period);
-        let (limits, found) = (self.limits, &mut self.result);
         let count = self.config.joints.len();
         let shares = [
-            (&speeds, &limits.speed, &mut found.speed),
-            (&accelerations, &limits.acceleration, &mut found.acceleration),
-            (&row.errors, &row.allowed, &mut found.error),
+            (&speeds, &self.limits.speed),
+            (&accelerations, &self.limits.acceleration),
+            (&row.errors, &row.allowed),
         ]
-        .map(|(values, limits, worst)| shares(values, limits, count, (at, row.line), worst));
+        .map(|(values, limits)| shares(values, limits, count));
         let tool = Vector3::from(row.tool);
         let (joints, feed) = (Some(row.joints), row.feed);
         self.take(&Moment { at, line: row.line, pose: row.pose, tool, joints, shares, feed });
@@ -360,27 +307,16 @@ fn share_left(margin: &Margin) -> f64 {
     if share.is_nan() { f64::NEG_INFINITY } else { share }
 }
 
-/// Amounts of values as shares of their limits; the largest so far is noted.
-fn shares(
-    values: &Joints,
-    limits: &Joints,
-    count: usize,
-    (at, line): (f64, u32),
-    worst: &mut Option<Worst>,
-) -> Joints {
+/// Amounts of values as shares of their limits.
+fn shares(values: &Joints, limits: &Joints, count: usize) -> Joints {
     let mut shares = [0.0; MAX_JOINTS];
-    for (joint, (value, limit)) in values.iter().zip(limits).enumerate().take(count) {
-        let (value, limit) = (value.abs(), *limit);
+    for (share, (value, limit)) in shares.iter_mut().zip(values.iter().zip(limits)).take(count) {
         // What is not a number is beyond any limit.
-        let share = match value / limit {
-            _ if value == 0.0 => 0.0,
-            share if share.is_nan() => f64::INFINITY,
-            share => share,
+        *share = match value.abs() / limit {
+            _ if *value == 0.0 => 0.0,
+            found if found.is_nan() => f64::INFINITY,
+            found => found,
         };
-        shares[joint] = share;
-        if worst.is_none_or(|worst| share > worst.share) {
-            *worst = Some(Worst { joint, share, value, limit, line, at });
-        }
     }
     shares
 }

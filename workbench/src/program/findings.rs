@@ -174,7 +174,7 @@ pub struct Peak {
 
 impl Peak {
     /// As a share of the limit.
-    pub(super) fn share(&self) -> f64 {
+    pub fn share(&self) -> f64 {
         self.value / self.limit
     }
 }
@@ -222,7 +222,8 @@ pub struct Preflight {
     pub length: f64,
     /// Pieces that the moves were cut into.
     pub pieces: usize,
-    /// Every limit of every part that the program leaves, in the order of their first places.
+    /// Every limit of every part that the program leaves with its first place: those of the path in its
+    /// order, then those that LinuxCNC's cycles show in the order of time.
     pub breaks: Vec<Break>,
     /// Least margin of every limit that the machine has.
     pub margins: Vec<LeastMargin>,
@@ -240,6 +241,13 @@ pub struct Preflight {
     /// Poses for the search of another work offset.
     #[serde(skip)]
     pub poses: Poses,
+}
+
+impl Time {
+    /// Whether LinuxCNC ran the whole program.
+    pub fn is_whole(&self) -> bool {
+        matches!(self, Self::Judged(timing) if timing.ending == Ending::Finished)
+    }
 }
 
 impl Preflight {

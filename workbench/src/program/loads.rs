@@ -8,10 +8,10 @@
 //! offset are no speed of the program, neither are those with the drives off.
 
 use crate::control::row::Row;
-use crate::program::findings::{LineLoad, Peak, Place, Range};
+use crate::program::findings::{LineLoad, Peak, Place};
 use crate::read::joints::Joint;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Letter, Limit, MAX_JOINTS, Part};
+use kinematics::{Joints, MAX_JOINTS};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Cycles left out before and after those in which the tool offset moves: LinuxCNC's interpolator of
@@ -67,6 +67,29 @@ impl Load {
     }
 }
 
+/// Speeds and accelerations of the joints from their commands, cycle by cycle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Motion {
+    last: Option<(u64, Joints)>,
+    speeds: Option<Joints>,
+}
+
+impl Motion {
+    /// Speeds since the cycle before, and accelerations since the two before, in joint units, per
+    /// second and per second squared. 0 where those cycles are not known, or the drives were off.
+    pub fn next(&mut self, row: &Row, period: f64) -> [Joints; 2] {
+        let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
+        self.last = row.flags.on.then_some((row.cycle, row.joints));
+        let Some((_, last)) = last else {
+            self.speeds = None;
+            return [[0.0; MAX_JOINTS]; 2];
+        };
+        let speeds = std::array::from_fn(|i| (row.joints[i] - last[i]) / period);
+        let before = self.speeds.replace(speeds).unwrap_or(speeds);
+        [speeds, std::array::from_fn(|i| (speeds[i] - before[i]) / period)]
+    }
+}
+
 /// What a program asks of the joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demands {
@@ -78,10 +101,6 @@ pub struct Demands {
     pub following: Load,
     /// By how much the feed of a line may be multiplied, for every line that moves a joint.
     pub lines: Vec<LineLoad>,
-    /// What is used of every axis and joint.
-    pub ranges: Vec<Range>,
-    /// Seconds with the drives on.
-    pub duration: f64,
     /// Where the program was in the last cycle with the drives on.
     pub last: Place,
 }
@@ -91,28 +110,20 @@ pub struct Loads<'a> {
     config: &'a MachineConfig,
     /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
     waiting: VecDeque<Row>,
-    /// The row judged last, and the speeds of the joints in it.
-    last: Option<Row>,
-    speeds: Option<Joints>,
+    motion: Motion,
+    /// Where the row judged last is: a step belongs to the row that it starts from.
+    before: Place,
+    /// Whether the drives were on in the last row.
+    was_on: bool,
     /// Rows up to this cycle are no motion of the program.
     tool_moves_to: u64,
     /// Line that is judged, and its largest share of a speed limit.
     line: (u32, f64),
     lines: BTreeMap<u32, f64>,
-    axes: [[f64; 2]; 6],
-    joints: [[f64; 2]; MAX_JOINTS],
-    cycles: u64,
     end: Place,
     speed: Load,
     acceleration: Load,
     following: Load,
-}
-
-/// Of no value.
-const EMPTY: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
-
-fn widen([low, high]: &mut [f64; 2], value: f64) {
-    (*low, *high) = (low.min(value), high.max(value));
 }
 
 impl<'a> Loads<'a> {
@@ -122,14 +133,12 @@ impl<'a> Loads<'a> {
         Self {
             config,
             waiting: VecDeque::new(),
-            last: None,
-            speeds: None,
+            motion: Motion::default(),
+            before: Place::default(),
+            was_on: false,
             tool_moves_to: 0,
             line: (0, 0.0),
             lines: BTreeMap::new(),
-            axes: [EMPTY; 6],
-            joints: [EMPTY; MAX_JOINTS],
-            cycles: 0,
             end: Place::default(),
             speed: Load::new(joints, |joint| joint.max_velocity),
             acceleration: Load::new(joints, |joint| joint.max_acceleration),
@@ -140,15 +149,20 @@ impl<'a> Loads<'a> {
     /// Adds the row of the next servo cycle.
     pub fn see(&mut self, row: &Row) {
         if !row.flags.on {
+            if std::mem::take(&mut self.was_on) {
+                // An error that is too large switches the drives off in its own cycle.
+                self.note_errors(row);
+            }
             self.interrupt();
             return;
         }
+        self.was_on = true;
         self.note_place(row);
         if row.flags.tool_busy {
             let first = row.cycle.saturating_sub(AROUND_TOOL_OFFSETS);
             self.judge_before(first);
             self.waiting.clear();
-            (self.last, self.speeds) = (None, None);
+            self.motion = Motion::default();
             self.tool_moves_to = row.cycle + AROUND_TOOL_OFFSETS;
         } else if row.cycle >= self.tool_moves_to {
             self.waiting.push_back(*row);
@@ -164,8 +178,6 @@ impl<'a> Loads<'a> {
             self.lines.iter().map(|(line, share)| LineLoad { line: *line, factor: share.recip() });
         Demands {
             lines: lines.collect(),
-            ranges: self.ranges(),
-            duration: self.cycles as f64 * self.config.period,
             last: self.end,
             speed: self.speed,
             acceleration: self.acceleration,
@@ -173,32 +185,14 @@ impl<'a> Loads<'a> {
         }
     }
 
-    fn ranges(&self) -> Vec<Range> {
-        if self.cycles == 0 {
-            return vec![];
-        }
-        let config = self.config;
-        let axes = Letter::ALL.into_iter().zip(&config.axes).zip(&self.axes);
-        let axes = axes.filter(|((letter, _), _)| !config.machine.layout().is_held(*letter)).map(
-            |((letter, axis), used)| {
-                Range::of(config, Limit::Axis, Part::Axis(letter), *used, [axis.min, axis.max])
-            },
-        );
-        let joints =
-            config.joints.iter().zip(&self.joints).enumerate().map(|(i, (joint, used))| {
-                let has = [joint.min, joint.max];
-                Range::of(config, Limit::JointRange, Part::Joint(i), *used, has)
-            });
-        axes.chain(joints).collect()
-    }
-
     /// What counts in every cycle with the drives on.
     fn note_place(&mut self, row: &Row) {
-        self.cycles += 1;
-        self.axes.iter_mut().zip(row.pose).for_each(|(range, value)| widen(range, value));
-        self.joints.iter_mut().zip(row.joints).for_each(|(range, value)| widen(range, value));
-        let place = self.place(row);
-        self.end = place;
+        self.end = self.place(row);
+        self.note_errors(row);
+    }
+
+    fn note_errors(&mut self, row: &Row) {
+        let place = self.end;
         for joint in 0..self.config.joints.len() {
             self.following.note(joint, row.errors[joint].abs(), row.allowed[joint], &place);
         }
@@ -207,7 +201,7 @@ impl<'a> Loads<'a> {
     /// Nothing is known of the motion between the rows before and after.
     fn interrupt(&mut self) {
         self.judge_before(u64::MAX);
-        (self.last, self.speeds) = (None, None);
+        self.motion = Motion::default();
     }
 
     fn judge_before(&mut self, cycle: u64) {
@@ -218,26 +212,19 @@ impl<'a> Loads<'a> {
         }
     }
 
-    /// A step belongs to the row that it starts from.
     fn judge(&mut self, row: Row) {
-        let Some(before) = self.last.replace(row) else { return };
-        let (joints, period) = (self.config.joints.len(), self.config.period);
-        let place = self.place(&before);
-        let speeds = std::array::from_fn(|i| (row.joints[i] - before.joints[i]) / period);
-        let slower = self.speeds.replace(speeds);
-        if self.line.0 != before.line {
+        let [speeds, accelerations] = self.motion.next(&row, self.config.period);
+        let here = self.place(&row);
+        let place = std::mem::replace(&mut self.before, here);
+        if self.line.0 != place.line {
             self.close_line();
-            self.line = (before.line, 0.0);
+            self.line = (place.line, 0.0);
         }
-        for joint in 0..joints {
-            let limits = &self.config.joints[joint];
-            let (speed, limit) = (speeds[joint].abs(), limits.max_velocity);
-            self.speed.note(joint, speed, limit, &place);
-            self.line.1 = self.line.1.max(speed / limit);
-            if let Some(slower) = slower {
-                let acceleration = (speeds[joint] - slower[joint]).abs() / period;
-                self.acceleration.note(joint, acceleration, limits.max_acceleration, &place);
-            }
+        for (joint, limits) in self.config.joints.iter().enumerate() {
+            let (speed, acceleration) = (speeds[joint].abs(), accelerations[joint].abs());
+            self.speed.note(joint, speed, limits.max_velocity, &place);
+            self.acceleration.note(joint, acceleration, limits.max_acceleration, &place);
+            self.line.1 = self.line.1.max(speed / limits.max_velocity);
         }
     }
 
@@ -331,7 +318,6 @@ mod tests {
         assert_near(stop.value, 10_000.0);
         assert_eq!((stop.place.line, stop.limit), (2, config.joints[0].max_acceleration));
         assert_eq!(found.speed.peaks[1].value, 0.0);
-        assert_near(found.duration, 0.060);
         assert_eq!(found.last.line, 3);
     }
 
@@ -358,9 +344,6 @@ mod tests {
         // Rows 30 to 42 are left out; nothing moves in the others.
         assert_eq!(found.speed.peaks[0].value, 0.0);
         assert_eq!(found.acceleration.peaks[0].value, 0.0);
-        // What joints pass through counts all the same.
-        let joint = found.ranges.iter().find(|range| range.part == "strut 0").unwrap();
-        assert_near(joint.used[1], 500.055);
         rows[35].flags.tool_busy = false;
         rows[36].flags.tool_busy = false;
         // Six cycles before the first busy one are motion of the program.
@@ -375,10 +358,21 @@ mod tests {
             row.flags.on = false;
             row.errors[0] = 2.0;
         }
+        rows[29].errors[0] = 0.0;
         let found = judged(&config, &rows);
         assert_eq!(found.speed.peaks[0].value, 0.0);
         assert_eq!(found.following.peaks[0].value, 0.0);
-        assert_near(found.duration, 0.044);
+    }
+
+    #[test]
+    fn the_following_error_that_switches_the_drives_off_counts() {
+        let config = config();
+        let mut rows = rows(&ramp(0.001));
+        rows[35..].iter_mut().for_each(|row| row.flags.on = false);
+        (rows[35].errors[0], rows[36].errors[0]) = (1.25, 3.0);
+        let found = judged(&config, &rows).following;
+        assert_eq!((found.peaks[0].value, found.peaks[0].place.line), (1.25, 2));
+        assert_eq!(found.beyond[0].unwrap().lines, 1);
     }
 
     #[test]

@@ -60,25 +60,6 @@ impl<'a> Flight<'a> {
     }
 }
 
-/// Follows all moves of a program; `progress` is told the share that is done.
-///
-/// # Errors
-/// A tool vector that the machine cannot take.
-pub fn preflight(
-    config: &MachineConfig,
-    moves: &[Move],
-    mut progress: impl FnMut(f64),
-) -> Result<Preflight, Fault> {
-    let mut flight = Flight::new(config)?;
-    for (n, step) in moves.iter().enumerate() {
-        if n % 256 == 0 {
-            progress(n as f64 / moves.len() as f64);
-        }
-        flight.see(step);
-    }
-    flight.finish()
-}
-
 /// What LinuxCNC makes of a program in time; `see` is shown every servo cycle, and ends the run where
 /// it breaks.
 pub fn timed(
@@ -345,7 +326,7 @@ mod tests {
             });
         }
         let timing = Timing::of(config, loads.finish(), outcome);
-        preflight(config, &[], |_| ()).unwrap().with_time(config, Time::Judged(timing))
+        Flight::new(config).unwrap().finish().unwrap().with_time(config, Time::Judged(timing))
     }
 
     fn finished() -> Outcome {
@@ -392,39 +373,10 @@ mod tests {
         assert_eq!((told.limit, told.line, told.seconds), (Rule::Control, 4, Some(0.3)));
     }
 
-    /// Names of all fields of a JSON value.
-    fn fields(value: &serde_json::Value, names: &mut Vec<String>) {
-        match value {
-            serde_json::Value::Object(map) => map.iter().for_each(|(name, value)| {
-                names.push(name.clone());
-                fields(value, names);
-            }),
-            serde_json::Value::Array(list) => list.iter().for_each(|value| fields(value, names)),
-            _ => {}
-        }
-    }
-
-    #[test]
-    fn every_field_of_what_depends_on_time_is_documented() {
-        let document = include_str!("../../../docs/preflight-json.md");
-        let config = config();
-        let text = "joint 2 following error".into();
-        let messages =
-            vec![Message { kind: MessageKind::Error, text, line: 4, read: 4, seconds: 0.3 }];
-        let outcome = Outcome { ending: Ending::Stopped, messages, ..finished() };
-        let found = run(&config, 1e4, outcome);
-        let mut names = vec![];
-        fields(&serde_json::to_value(&found).unwrap(), &mut names);
-        assert!(names.iter().any(|name| name == "following_errors"), "{names:?}");
-        for name in names {
-            assert!(document.contains(&format!("`{name}`")), "{name}");
-        }
-    }
-
     #[test]
     fn time_that_is_not_judged_breaks_nothing() {
         let config = config();
-        let found = preflight(&config, &[], |_| ()).unwrap();
+        let found = Flight::new(&config).unwrap().finish().unwrap();
         let told = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
         assert!(told.fits() && told.time == Time::NotJudged("no LinuxCNC".into()));
     }

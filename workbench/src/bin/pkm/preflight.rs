@@ -106,6 +106,18 @@ struct Suggestion {
     #[serde(flatten)]
     offset: Offset,
     block: String,
+    /// Whether LinuxCNC ran the program with it.
+    time_judged: bool,
+}
+
+impl Suggestion {
+    /// What was looked at.
+    const fn checked(&self) -> &'static str {
+        match self.time_judged {
+            true => "checked, with the whole program",
+            false => "its path was checked; what depends on time is not judged",
+        }
+    }
 }
 
 impl Answer {
@@ -140,7 +152,8 @@ fn run_one(
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
-        let course = match course.filter(|_| runs_to_its_break(&answer.found)) {
+        let course = match course.filter(|course| shows_what_breaks(config, &answer.found, course))
+        {
             Some(course) => course,
             None => Course::along(config, &interpreter::moves(config, program, None)?),
         };
@@ -154,12 +167,14 @@ fn run_one(
     Ok(answer.verdict())
 }
 
-/// Whether the cycles show what breaks first. LinuxCNC refuses some moves beforehand, before the motion comes
+/// Whether the cycles come to what breaks first. LinuxCNC refuses some moves beforehand, before the motion comes
 /// near them: then the path shows it.
-fn runs_to_its_break(found: &Preflight) -> bool {
-    let is_stopped =
-        matches!(&found.time, Time::Judged(timing) if timing.ending == Ending::Stopped);
-    !is_stopped || found.breaks.first().is_none_or(|first| first.limit.is_of_time())
+fn shows_what_breaks(config: &MachineConfig, found: &Preflight, course: &Thinned) -> bool {
+    let of = |is_of_time| found.breaks.iter().find(|told| told.limit.is_of_time() == is_of_time);
+    let (Some(path), Some(time)) = (of(false), of(true)) else { return true };
+    found.time.is_whole()
+        || path.line > time.line
+        || course.place(config, path.line, &path.pose).is_some()
 }
 
 /// Programs one after another; what is wrong with one does not keep the others from being judged.
@@ -388,8 +403,8 @@ fn confirmed(
     let message = "trying another work offset";
     // Under another offset the interpreter may refuse the program: cutter radii, arcs.
     let checked = followed(config, arguments, program, Some(&block), message, None);
-    let fits = checked.is_ok_and(|(found, _)| found.fits());
-    Ok(fits.then_some(Suggestion { offset, block }))
+    let found = checked.ok().map(|(found, _)| found).filter(Preflight::fits);
+    Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
 }
 
 fn told(text: &str) -> Result<(), Failure> {
@@ -409,14 +424,18 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         Time::Judged(timing) => row("time", duration(timing)),
         Time::NotJudged(cause) => row("time", format!("not judged: {cause}")),
     }
+    let is_stopped =
+        matches!(&found.time, Time::Judged(timing) if timing.ending == Ending::Stopped);
+    let to_the_stop = if is_stopped { " (up to the stop)" } else { "" };
     for margin in &found.margins {
+        let how_far = if margin.limit.is_of_time() { to_the_stop } else { "" };
         let place = match margin.line {
             0 => format!("{}, before the program", margin.part),
             line => format!("{}, line {line}", margin.part),
         };
         let side = if margin.value < 0.0 { "beyond" } else { "to spare" };
         let amount = format!("{:.4} {}", margin.value.abs(), margin.unit);
-        row(margin.limit.name(), format!("{} {side}: {place}", amount.trim_end()));
+        row(margin.limit.name(), format!("{} {side}: {place}{how_far}", amount.trim_end()));
     }
     for range in &found.ranges {
         row(&range.part, used(range));
@@ -424,7 +443,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
     if let Time::Judged(timing) = &found.time
         && let Some(least) = timing.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor))
     {
-        row("feed", feed(least));
+        row("feed", feed(least) + to_the_stop);
     }
     if !found.fits() {
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
@@ -437,7 +456,8 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         text.push_str(&format!("\nwarning: {place}{caution}\n"));
     }
     text.push_str(&shown(found));
-    if let Some(Suggestion { offset: Offset { shift: [x, y, z], turn }, block }) = &answer.offset {
+    if let Some(suggestion) = &answer.offset {
+        let Suggestion { offset: Offset { shift: [x, y, z], turn }, block, .. } = suggestion;
         let how = match *turn {
             0.0 => format!("shifted by X {x} Y {y} Z {z} {unit}"),
             _ => format!(
@@ -445,8 +465,9 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
             ),
         };
         text.push_str(&format!(
-            "\nhelp: the program fits with its work offset {how}: checked, with the whole program.\n  \
-             Clamp the workpiece there, and once before the program run:\n  {block}\n"
+            "\nhelp: the program fits with its work offset {how}: {}.\n  \
+             Clamp the workpiece there, and once before the program run:\n  {block}\n",
+            suggestion.checked()
         ));
     }
     let verdict = match (answer.verdict(), answer.warnings.is_empty()) {
@@ -570,11 +591,14 @@ fn write_report(
     let place_of = |told: &Break| place(&answer.files, told.file, told.line);
     let block_of = |told: &Break| block(told, blocks).unwrap_or_default().trim().to_string();
     let marks = report::marks(config, found, course, place_of, block_of);
-    let rows = report::rows(config, found, course);
+    let rows = report::rows(config, found);
     let help = answer.offset.as_ref().map(|found| {
-        let words = "The program fits with another work offset. Clamp the workpiece there, and once \
-                     before the program run:";
-        (words.to_string(), found.block.clone())
+        let words = format!(
+            "The program fits with another work offset: {}. Clamp the workpiece there, and once before \
+             the program run:",
+            found.checked()
+        );
+        (words, found.block.clone())
     });
     let warnings = answer.warnings.iter().map(|Caution { line, file, text }| {
         line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ") + text

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the page of `pkm preflight --report` tells.
 
-use kinematics::{Limit, Margin, Part};
+use kinematics::{Limit, Margin};
 use pkm::draw::over::Mark;
 use pkm::draw::page::LimitRow;
 use pkm::limits;
-use pkm::program::course::{Abscissa, Thinned, Worst};
-use pkm::program::findings::{Break, LeastMargin, Preflight, Rule, Time};
+use pkm::program::course::{Abscissa, Thinned};
+use pkm::program::findings::{Break, LeastMargin, Preflight, Range, Rule, Time};
 use pkm::read::machine::MachineConfig;
 
 /// The breaks, with their places on the axis of the plots. `place` names a line of a file, `block`
@@ -33,66 +33,46 @@ pub fn marks(
 }
 
 /// All limits that the program was judged by.
-pub fn rows(config: &MachineConfig, found: &Preflight, course: &Thinned) -> Vec<LimitRow> {
-    let mut rows: Vec<LimitRow> =
-        Limit::ALL.into_iter().filter_map(|limit| row(config, found, course, limit)).collect();
-    let broken = |rule: Rule| {
-        let own = found.breaks.iter().zip(1..).filter(move |(told, _)| told.limit == rule);
-        own.map(|(_, number)| number).collect::<Vec<usize>>()
-    };
-    rows.extend(course.error.map(|worst| {
-        let breaks = broken(Rule::FollowingError);
-        LimitRow { breaks, ..following_error(config, &worst) }
-    }));
-    let stops = broken(Rule::Control);
-    if let Some(first) = stops.first() {
-        let told = &found.breaks[first - 1];
-        rows.push(LimitRow {
-            name: Rule::Control.name().into(),
-            meaning: "the control's own checks, which stop a program with a message".into(),
-            part: String::new(),
-            allowed: "no error".into(),
-            used: "stopped".into(),
-            margin: String::new(),
-            line: format!("line {}", told.line),
-            breaks: stops,
-        });
-    }
-    rows
+pub fn rows(config: &MachineConfig, found: &Preflight) -> Vec<LimitRow> {
+    let limits = Limit::ALL.into_iter().filter_map(|limit| row(config, found, limit));
+    limits.chain(following_error(config, found)).chain(control(found)).collect()
 }
 
-fn row(
-    config: &MachineConfig,
-    found: &Preflight,
-    course: &Thinned,
-    limit: Limit,
-) -> Option<LimitRow> {
-    let own = |(k, told): (usize, &Break)| (told.limit == limit).then_some(k + 1);
-    let breaks: Vec<usize> = found.breaks.iter().enumerate().filter_map(own).collect();
+/// What the figures of a program that LinuxCNC stopped hold for.
+const TO_THE_STOP: &str = "up to the stop";
+
+/// A limit without figures.
+fn bare(found: &Preflight, limit: Rule, meaning: &str) -> LimitRow {
+    let own = |(number, told): (usize, &Break)| (told.limit == limit).then_some(number);
+    let breaks: Vec<usize> = (1..).zip(&found.breaks).filter_map(own).collect();
     let first = breaks.first().map(|number| found.breaks[number - 1].line);
-    let least = found.margins.iter().find(|margin| margin.limit == limit);
-    if least.is_none() && breaks.is_empty() {
-        return None;
-    }
-    let mut row = LimitRow {
+    LimitRow {
         name: limit.name().into(),
-        meaning: limits::meaning(limit).into(),
+        meaning: meaning.into(),
         part: String::new(),
         allowed: String::new(),
         used: String::new(),
         margin: String::new(),
         line: first.map_or(String::new(), |line| format!("line {line}")),
         breaks,
-    };
-    match least {
-        Some(least) => fill(&mut row, config, course, least),
+        is_judged: !limit.is_of_time() || found.time.is_whole(),
+    }
+}
+
+fn row(config: &MachineConfig, found: &Preflight, limit: Limit) -> Option<LimitRow> {
+    let mut row = bare(found, limit.into(), limits::meaning(limit));
+    match found.margins.iter().find(|margin| margin.limit == limit) {
+        Some(least) => fill(&mut row, config, found, least),
         // Reach has no size.
-        None => row.used = "beyond it".into(),
+        None if !row.breaks.is_empty() => row.used = "beyond it".into(),
+        // A limit that the machine has, of a motion that nobody saw.
+        None if limits::is_of_feed(limit) && !row.is_judged => {}
+        None => return None,
     }
     Some(row)
 }
 
-fn fill(row: &mut LimitRow, config: &MachineConfig, course: &Thinned, least: &LeastMargin) {
+fn fill(row: &mut LimitRow, config: &MachineConfig, found: &Preflight, least: &LeastMargin) {
     let LeastMargin { limit, value, unit, part, line, of } = least;
     row.part = part.clone();
     row.margin = format!("{value:.3} {unit}").trim_end().into();
@@ -108,32 +88,48 @@ fn fill(row: &mut LimitRow, config: &MachineConfig, course: &Thinned, least: &Le
     let Some(range) = limits::range(config, limit, *of) else { return };
     let margin = Margin { limit, part: *of, value: f64::NAN, range };
     row.allowed = limits::allowed(config, &margin);
-    let used = match (range, of) {
-        (_, Part::Axis(letter)) => ends(course.range(|s| s.poses[letter.index()])),
-        (_, Part::Joint(i)) if limit == Limit::JointRange => ends(course.range(|s| s.joints[*i])),
-        ([_, high], _) if high.is_finite() => format!("{:.3}", high - value),
-        ([low, _], _) => format!("{:.3}", low + value),
+    let whole = found.ranges.iter().find(|range| range.part == *part);
+    let used = match (range, whole.filter(|_| limit == Limit::Axis || limit == Limit::JointRange)) {
+        (_, Some(Range { used: [low, high], .. })) => format!("{low:.3} to {high:.3}"),
+        ([_, high], None) if high.is_finite() => format!("{:.3}", high - value),
+        ([low, _], None) => format!("{:.3}", low + value),
     };
     row.used = format!("{used} {unit}").trim_end().into();
+    say_how_far(row);
 }
 
-fn ends([low, high]: [f64; 2]) -> String {
-    format!("{low:.3} to {high:.3}")
+fn say_how_far(row: &mut LimitRow) {
+    if !row.is_judged {
+        row.used = format!("{} {TO_THE_STOP}", row.used);
+    }
 }
 
-fn following_error(config: &MachineConfig, worst: &Worst) -> LimitRow {
-    let joint = &config.joints[worst.joint];
+/// Where a drive comes nearest to what LinuxCNC allows it to lag.
+fn following_error(config: &MachineConfig, found: &Preflight) -> Option<LimitRow> {
+    let Time::Judged(timing) = &found.time else { return None };
+    let lagging = timing.following_errors.iter().zip(&config.joints);
+    let lagging = lagging.filter(|(peak, _)| peak.limit.is_finite());
+    let (worst, joint) = lagging.max_by(|a, b| a.0.share().total_cmp(&b.0.share()))?;
     let unit = config.unit(joint.kind);
-    LimitRow {
-        name: "following error".into(),
-        meaning: "how far a drive may lag behind its command".into(),
-        part: joint.name.clone(),
+    let meaning = "how far a drive may lag behind its command";
+    let mut row = LimitRow {
+        part: worst.joint.clone(),
         allowed: format!("at most {:.3} {unit}", worst.limit),
         used: format!("{:.3} {unit}", worst.value),
         margin: format!("{:.3} {unit}", worst.limit - worst.value),
-        line: format!("line {}", worst.line),
-        breaks: vec![],
-    }
+        line: format!("line {}", worst.place.line),
+        ..bare(found, Rule::FollowingError, meaning)
+    };
+    say_how_far(&mut row);
+    Some(row)
+}
+
+/// What LinuxCNC stops at, if it does.
+fn control(found: &Preflight) -> Option<LimitRow> {
+    let meaning = "the control's own checks, which stop a program with a message";
+    let row = bare(found, Rule::Control, meaning);
+    let said = || LimitRow { allowed: "no error".into(), used: "stopped".into(), ..row.clone() };
+    (!row.breaks.is_empty()).then(said)
 }
 
 /// Why the program fits or does not, in a sentence for everybody.
@@ -150,12 +146,12 @@ pub fn why(found: &Preflight, rows: &[LimitRow]) -> String {
     };
     let broken = rows.iter().filter(|row| !row.breaks.is_empty()).count();
     let rest = match broken {
-        1 => "All other limits are kept.".into(),
+        1 if rows.iter().all(|row| row.is_judged) => "All other limits are kept.".into(),
+        1 => "No other limit is left before; behind it not everything is judged.".into(),
         more => format!("{more} limits are broken in all."),
     };
     format!(
-        "The machine cannot run this program as it is. In line {} it would leave its limits for the \
-         first time: {}. {rest}",
+        "The machine cannot run this program as it is: in line {}, {}. {rest}",
         first.line, first.text
     )
 }
