@@ -37,6 +37,10 @@ COMPLETIONS := bash-completion/completions/pkm zsh/site-functions/_pkm fish/vend
 
 CARGO := cargo
 LOCKED := --locked
+# Without -p: of one package alone cargo would choose other features of its libraries, and build all of
+# them once more.
+HOST_BUILD := $(CARGO) build --profile host $(LOCKED) --quiet
+HOST_RUN := $(CARGO) run --profile host $(LOCKED) --quiet
 MACHINE := hexapod
 PROGRAM :=
 
@@ -74,7 +78,7 @@ demo:
 # The component that plays the true machine is for this alone: it goes again at the end.
 PLAYER := $(MODULES)/pkmkins_truth.so
 calibration-demo: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkmkins_truth -p pkm --lib --bin pkm
+	$(HOST_BUILD) --lib --bin pkm
 	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(PLAYER)" || exit 1; \
 	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
 	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
@@ -83,19 +87,19 @@ test: check install prove counts
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	fuzz/run.sh
 	tests/cases/ini/run.py
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	$(HOST_BUILD) --bin pkm --bin judge
 	tests/live/live_test.py --judge target/host/judge
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/virtual/guarded.py --programs 100
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkmkins_truth -p pkm --lib --bin pkm
+	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
 # programs with the guard on.
 test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	$(HOST_BUILD) --bin pkm --bin judge
 	tests/live/live_test.py --long --judge target/host/judge
 	tests/live/truth.py --live all
 	tests/virtual/guarded.py --programs 10000
@@ -122,14 +126,14 @@ check: setup
 	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl
 
 prove: setup module
-	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin prove
+	$(HOST_RUN) --bin prove
 
 # Under valgrind; `counts-write` makes what is found now the bounds, with a margin.
 counts: setup module
-	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin counts
+	$(HOST_RUN) --bin counts
 
 counts-write: setup module
-	$(CARGO) run --profile host $(LOCKED) --quiet -p prove --bin counts write
+	$(HOST_RUN) --bin counts write
 
 # Writes the tables of docs/benchmarks.md: what follows its comment line.
 BENCH := docs/benchmarks.md
@@ -150,7 +154,7 @@ certify: setup module
 
 # A minute on two cores; `make test` proves all but the hexapod's.
 boxes:
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	$(HOST_BUILD) --bin pkm
 	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done
 
 MINUTES := 10
@@ -159,21 +163,21 @@ fuzz: setup
 	fuzz/run.sh --minutes $(MINUTES)
 
 soak: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm -p judge --bins
+	$(HOST_BUILD) --bin pkm --bin judge
 	tests/live/soak.py --minutes $(MINUTES) --out build/soak
 
 TRUTH :=
 truth: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py $(TRUTH)
 
 truth-live: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py --live all $(TRUTH)
 
 PROGRAMS := 10000
 guard: install
-	$(CARGO) build --profile host $(LOCKED) --quiet -p pkm --bin pkm
+	$(HOST_BUILD) --bin pkm
 	tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
@@ -218,7 +222,7 @@ virtual: setup
 	@mv $(VIRTUAL).new $(VIRTUAL)
 
 header:
-	$(CARGO) run --profile host $(LOCKED) --quiet -p header -- .
+	$(HOST_RUN) --bin header -- .
 
 # A new file that is renamed: a module that is being mapped is never half-written.
 install: setup module virtual
@@ -241,7 +245,7 @@ uninstall:
 
 # Apart from `install`: the computer that plans need not be the one that cuts.
 install-pkm:
-	$(CARGO) build --profile host $(LOCKED) -p pkm --bin pkm
+	$(HOST_BUILD) --bin pkm
 	rm -rf build/pkm && target/host/pkm man build/pkm/man
 	@for shell in bash zsh fish; do target/host/pkm completions $$shell > build/pkm/$$shell || exit 1; done
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \

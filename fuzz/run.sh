@@ -39,7 +39,8 @@ fi
 seconds=$((60 * $2))
 flags="$coverage -Zsanitizer=address"
 export RUSTC_BOOTSTRAP=1 ASAN_OPTIONS=detect_leaks=0
-(cd "$root" && RUSTFLAGS=$flags cargo build --profile host --locked --quiet -p pkmkins \
+# The module has no unwinder.
+(cd "$root" && RUSTFLAGS=$flags CARGO_PROFILE_HOST_PANIC=abort cargo build --profile host --locked --quiet -p pkmkins \
     --target $target --target-dir target/fuzz-module)
 # What the module calls of the sanitizer is in the program that loads it.
 RUSTFLAGS="$flags -Clink-arg=-Wl,--export-dynamic" cargo build --release --locked --quiet \

@@ -310,7 +310,7 @@ fn followed(
         let found = read(config, arguments, program, block, message);
         // Where the program cannot be read, nobody asks how it runs.
         is_over.store(found.is_err(), Ordering::Relaxed);
-        (found, time.join().expect("a panic ends the process"))
+        (found, time.join().expect("the run has said why it panicked"))
     });
     let (found, files) = found?;
     Ok((found.with_time(config, time), files))
