@@ -148,10 +148,16 @@ fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
         ("[RS274NGC]", "REMAP = M400 modalgroup=10 ngc=more", "[RS274NGC]REMAP"),
         ("[EMCIO]", "DB_PROGRAM = ./tools.py", "[EMCIO]DB_PROGRAM"),
         ("[TASK]", "TASK = ./task.py", "[TASK]TASK = ./task.py"),
+        ("[TRAJ]", "PLANNER_TYPE = 7", "[TRAJ]PLANNER_TYPE = 7"),
+        ("[EMC]", "NML_FILE = far.nml", "[EMC]NML_FILE = far.nml: it names processes of other"),
         ("[TRAJ]", "TPMOD = no_such_planner", "no_such_planner"),
     ];
     for (section, line, words) in cases {
-        Copy::new(after(section, line), SHORT).refuses(words);
+        let copy = Copy::new(after(section, line), SHORT);
+        let buffer = "B emcCommand SHMEM localhost 8192 0 0 1 16 1001 TCP=5005\n";
+        let far = format!("{buffer}P xemc emcCommand REMOTE controller RW 0 10.0 0 10\n");
+        fs::write(copy.file("far.nml"), far).unwrap();
+        copy.refuses(words);
     }
 }
 

@@ -73,7 +73,7 @@ impl Scratch {
             Some(stored) if stored.exists() => drop(copied(stored, &scratch.parameters())?),
             _ => write(&scratch.parameters(), "")?,
         }
-        write(&scratch.ini(), &scratch.ini_text(config)?)?;
+        write(&scratch.ini(), &scratch.ini_text(config))?;
         write(&scratch.path().join("driver.py"), DRIVER)?;
         let written = scratch.path().join("written");
         fs::create_dir(&written).at(&written)?;
@@ -124,9 +124,8 @@ impl Scratch {
     }
 
     /// The machine's INI file with the files and folders of the run; every joint homes at once, where it is.
-    fn ini_text(&self, config: &MachineConfig) -> Result<String, AtFile<io::Error>> {
-        let home = path::absolute(&config.file).at(&config.file)?;
-        let home = home.parent().unwrap_or(Path::new("/"));
+    fn ini_text(&self, config: &MachineConfig) -> String {
+        let home = &folder_of(config);
         let mut text = String::new();
         let mut section = String::new();
         for line in config.program.expanded.as_deref().unwrap_or(config.ini.text()).lines() {
@@ -142,7 +141,7 @@ impl Scratch {
             text +=
                 &replaced.unwrap_or_else(|| Some(line.into())).map_or(String::new(), |l| l + "\n");
         }
-        Ok(text)
+        text
     }
 
     /// What stands at the head of a section.
@@ -175,6 +174,12 @@ impl Scratch {
     }
 }
 
+/// The folder of the INI file, from the root on.
+fn folder_of(config: &MachineConfig) -> PathBuf {
+    let file = path::absolute(&config.file).unwrap_or_else(|_| config.file.clone());
+    file.parent().unwrap_or(Path::new("/")).into()
+}
+
 fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
     fs::write(file, text).at(file)
 }
@@ -196,23 +201,39 @@ fn buffers() -> String {
     BUFFERS.into_iter().map(buffer).chain(OPENERS.into_iter().map(opener)).collect()
 }
 
-/// Refuses what would run other programs of the user's, whose part in the motion is not known.
+/// Refuses what would run other programs of the user's, whose part in the motion is not known, and what this
+/// LinuxCNC does not know.
 fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
-    let given = |section: &str, key: &str| {
-        config.ini.as_inivar(section, key).map(|value| format!("[{section}]{key} = {value}"))
-    };
-    let task = config.ini.as_inivar("TASK", "TASK").is_some_and(|name| name != "milltask");
-    let python = config.ini.as_inivar("PYTHON", "TOPLEVEL").is_some();
-    let found = [
-        given("EMCIO", "DB_PROGRAM").map(|key| (key, "a program of its own keeps the tools")),
-        given("RS274NGC", "REMAP").map(|key| (key, "remapped codes are not run")),
-        given("HAL", "HALUI")
-            .map(|key| (key, "what HALUI does to a program hangs on other HAL files")),
-        task.then(|| given("TASK", "TASK")).flatten().map(|key| (key, "only milltask is run")),
-        python.then(|| given("PYTHON", "TOPLEVEL")).flatten().map(|key| (key, "it would be run")),
+    let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
+    let remote = |file: &str| is_remote(&folder_of(config).join(file));
+    let reasons = [
+        ("EMCIO", "DB_PROGRAM", "a program of its own keeps the tools"),
+        ("RS274NGC", "REMAP", "remapped codes are not run"),
+        ("HAL", "HALUI", "what HALUI does to a program hangs on other HAL files"),
+        ("PYTHON", "TOPLEVEL", "it would be run"),
+        ("TASK", "TASK", "only milltask is run"),
+        ("TRAJ", "PLANNER_TYPE", "LinuxCNC 2.9 has one planner, 0"),
+        ("EMC", "NML_FILE", "it names processes of other computers"),
     ];
-    match found.into_iter().flatten().next() {
-        Some((key, why)) => Err(NotJudged::Asked(key, why)),
-        None => Ok(()),
+    for (section, key, why) in reasons {
+        let Some(value) = value(section, key) else { continue };
+        let is_harmless = match key {
+            "TASK" => value == "milltask",
+            "PLANNER_TYPE" => value == "0",
+            "NML_FILE" => !remote(value),
+            _ => false,
+        };
+        if !is_harmless {
+            return Err(NotJudged::Asked(format!("[{section}]{key} = {value}"), why));
+        }
     }
+    Ok(())
+}
+
+/// Whether a file of NML buffers has processes of other computers; the run has buffers of its own.
+fn is_remote(file: &Path) -> bool {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    text.lines()
+        .map(str::split_whitespace)
+        .any(|mut words| words.next() == Some("P") && words.nth(2) == Some("REMOTE"))
 }
