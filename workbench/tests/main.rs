@@ -27,6 +27,7 @@ mod rods;
 mod rooms;
 mod sensitivity;
 mod shipped;
+mod stability;
 mod stiffness;
 mod studies;
 mod workspace;

@@ -6,6 +6,8 @@
 
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
+use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
+use crate::study::spindle::Spindle;
 use kinematics::{LegKind, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -25,6 +27,20 @@ pub struct Study {
     pub limits: Limits,
     /// A motion of the control point.
     pub law: Option<Law>,
+    /// A milling cutter in its cut.
+    pub cutting: Option<Cutting>,
+    /// A single edge that cuts a turning work.
+    pub turning: Option<Turning>,
+    /// Masses on springs between tool and work.
+    pub links: Vec<Link>,
+    /// How the cutting force follows the chip's thickness.
+    pub lag: Option<LagKeys>,
+    /// What a width of chip makes of cutting stiffness.
+    pub chip: Option<Chip>,
+    /// Compliance of the first link by its overhang.
+    pub overhang: Option<Overhang>,
+    /// A shaft on two bearings.
+    pub spindle: Option<Spindle>,
 }
 
 /// `[legs]`: one number for all legs, or a list with one for each.
