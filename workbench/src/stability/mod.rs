@@ -2,12 +2,17 @@
 //! Stability in the cut.
 //!
 //! `lag`, `partition`, `two` and `response` treat masses on springs under a force that lags behind
-//! (paper 002).
+//! (paper 002); `process` and what follows it, cutting that meets the surface of the tooth before.
 
+pub mod bands;
 pub mod chip;
+pub mod floquet;
 mod grid;
 pub mod lag;
+pub mod lobes;
 pub mod partition;
+pub mod process;
 pub mod response;
 mod root;
+pub mod semi;
 mod two;

@@ -2,6 +2,9 @@
 //! Stability in the cut, against values computed elsewhere, closed forms, and itself in two ways.
 
 mod lag;
+mod milling;
+mod poses;
+mod turning;
 
 use std::path::Path;
 use std::sync::LazyLock;
