@@ -290,7 +290,7 @@ impl Lag {
 /// Angular frequencies up to four times the highest of the terms, dense about each of them.
 pub(super) fn frequencies(terms: &[Term], count: usize) -> Vec<f64> {
     let omegas: Vec<[f64; 2]> = terms.iter().map(|term| [term.omega(), term.rate]).collect();
-    super::grid::frequencies(&omegas, count, 4.0)
+    super::grid::frequencies(&omegas, count, 400, 4.0)
 }
 
 fn times(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -4,6 +4,7 @@
 mod lag;
 mod milling;
 mod poses;
+mod spindle;
 mod turning;
 
 use std::path::Path;
