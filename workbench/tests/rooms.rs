@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 11] = [
+const ROOMS: [(&str, &[&str]); 12] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -16,6 +16,7 @@ const ROOMS: [(&str, &[&str]); 11] = [
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
+    ("dynamics", &["read", "rows", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "study"]),
 ];

@@ -4,6 +4,7 @@
 pub mod body;
 pub mod file;
 mod law;
+pub mod masses;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;
