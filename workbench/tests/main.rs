@@ -11,6 +11,7 @@ mod commands;
 mod configs;
 mod control;
 mod course;
+mod dynamics;
 mod golden;
 mod ini_cases;
 mod inivar;

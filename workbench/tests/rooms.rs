@@ -16,7 +16,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
-    ("dynamics", &[]),
+    ("dynamics", &["read", "rows", "study"]),
     ("stability", &["dynamics", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "stability", "study"]),

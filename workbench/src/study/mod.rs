@@ -5,6 +5,7 @@ pub mod body;
 pub mod cutting;
 pub mod file;
 mod law;
+pub mod masses;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;
