@@ -329,3 +329,16 @@ pub fn of_depths(
     let file = format!("limit-depth-{}.svg", plane.to_lowercase());
     Ok(Plot { file, caption: caption.clone(), svg })
 }
+
+/// Limit depths (mm) at the places of a program, in order.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_path(depths: &[f64]) -> Result<Plot, DrawError> {
+    let caption = "Depth up to which the program is stable";
+    let frame =
+        Frame { title: caption, x: "place along the program", y: "depth in mm", limits: vec![] };
+    let points = depths.iter().enumerate().map(|(k, depth)| (k as f64, *depth)).collect();
+    let svg = drawn_lines(&frame, &[Line { name: "limit".into(), points }])?;
+    Ok(Plot { file: "program-depths.svg".into(), caption: caption.into(), svg })
+}

@@ -8,7 +8,7 @@
 
 use crate::dynamics::mode::Mode;
 use crate::study::cutting::{Cutting, Turning};
-use nalgebra::{Complex, Matrix2x3, Matrix3, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Complex, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 use std::f64::consts::TAU;
 
 /// A mode as the process meets it.
@@ -61,6 +61,14 @@ impl Process {
     /// Angle from tooth to tooth, rad.
     pub fn pitch(&self) -> f64 {
         TAU / self.teeth as f64
+    }
+
+    /// Whether no force acts along the spindle axis.
+    pub fn is_flat(&self) -> bool {
+        match self.kind {
+            Kind::Milling([_, _, axial]) => axial == 0.0,
+            Kind::Turning(_) => true,
+        }
     }
 
     /// Time from tooth to tooth at a spindle speed in 1/min, s.
@@ -183,9 +191,20 @@ pub fn milling_rows(modes: &[Mode], plane: &Matrix3<f64>) -> Vec<Row> {
     modes.iter().map(row).collect()
 }
 
+/// The same modes with the feed turned by an angle in the cutter plane, rad.
+pub fn turned(rows: &[Row], angle: f64) -> Vec<Row> {
+    let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -angle);
+    let row = |row: &Row| {
+        let force = back * row.force;
+        let motion = (back * Vector3::new(row.motion.x, row.motion.y, 0.0)).xy();
+        Row { motion, force, ..*row }
+    };
+    rows.iter().map(row).collect()
+}
+
 /// Modes along the thickness and the force of a lathe's edge.
 pub fn turning_rows(modes: &[Mode], turning: &Turning) -> Vec<Row> {
-    let [thicker, force] = [turning.thicker.0, turning.force.0].map(Vector3::from);
+    let [thicker, force] = [turning.thicker.0, turning.force.0];
     let row = |mode: &Mode| Row {
         omega: mode.omega,
         zeta: mode.zeta,

@@ -2,6 +2,7 @@
 //! The tables of a study that describe cutting: the tool, the chip, masses on springs, a spindle.
 
 use crate::study::file::Positive;
+use crate::study::masses::Direction;
 use serde::Deserialize;
 
 /// A number below 0, or none.
@@ -46,28 +47,6 @@ impl TryFrom<f64> for Half {
     }
 }
 
-/// No direction.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("[{}, {}, {}]: expected a direction of some length", .0[0], .0[1], .0[2])]
-pub struct NoDirection([f64; 3]);
-
-/// A direction in machine axes, of length 1.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "[f64; 3]")]
-pub struct Direction(pub [f64; 3]);
-
-impl TryFrom<[f64; 3]> for Direction {
-    type Error = NoDirection;
-
-    fn try_from(value: [f64; 3]) -> Result<Self, NoDirection> {
-        let length = value.iter().map(|part| part * part).sum::<f64>().sqrt();
-        match length > 0.0 && length.is_finite() {
-            true => Ok(Self(value.map(|part| part / length))),
-            false => Err(NoDirection(value)),
-        }
-    }
-}
-
 /// A cutter that cannot cut.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
@@ -93,6 +72,7 @@ struct CuttingKeys {
     kr_n_per_mm2: NotNegative,
     #[serde(default)]
     ka_n_per_mm2: NotNegative,
+    depth_mm: Option<Positive>,
 }
 
 /// `[cutting]`: a milling cutter in its cut. Angles count from the normal of the feed, in the
@@ -108,6 +88,8 @@ pub struct Cutting {
     pub exit_deg: f64,
     /// Tangential, radial and axial cutting coefficients, N/mm².
     pub coefficients: [f64; 3],
+    /// Depth of cut of a program, mm.
+    pub depth_mm: Option<f64>,
 }
 
 impl TryFrom<CuttingKeys> for Cutting {
@@ -121,8 +103,9 @@ impl TryFrom<CuttingKeys> for Cutting {
         if !(entry_deg < exit_deg) {
             return Err(NoCut::Arc(entry_deg, exit_deg));
         }
+        let depth_mm = keys.depth_mm.map(|depth| depth.0);
         let coefficients = [keys.kt_n_per_mm2.0, keys.kr_n_per_mm2.0, keys.ka_n_per_mm2.0];
-        Ok(Self { teeth: keys.teeth, entry_deg, exit_deg, coefficients })
+        Ok(Self { teeth: keys.teeth, entry_deg, exit_deg, coefficients, depth_mm })
     }
 }
 

@@ -2,15 +2,24 @@
 //! `pkm stability`.
 
 mod lag;
+mod map;
+mod pose;
+mod program;
 mod spindle;
 
 use super::Verdict;
 use super::failure::Failure;
+use pkm::files::Locate;
+use pkm::read::machine::MachineConfig;
+use pkm::stability::pose::Setup;
+use pkm::study::file::Study;
+use std::path::Path;
 
 /// How deep may be cut before it chatters
 ///
-/// `lag` treats masses on springs under a cutting force that lags behind (paper 002), `spindle` a
-/// shaft on two bearings. Both need a study file alone.
+/// `pose` asks it of a machine at a pose, `map` over a plane, `program` along a program. `lag`
+/// treats masses on springs under a cutting force that lags behind (paper 002), `spindle` a shaft
+/// on two bearings; both need a study file alone.
 ///
 /// Damping and cutting coefficients are your measurements: the limits are about proportional to
 /// damping and inverse to the coefficients, and the answer is as good as they are.
@@ -23,8 +32,27 @@ pub struct Arguments {
 
 #[derive(clap::Subcommand, Debug)]
 enum Question {
+    Pose(pose::Arguments),
+    Map(map::Arguments),
+    Program(program::Arguments),
     Lag(lag::Arguments),
     Spindle(spindle::Arguments),
+}
+
+/// Spindle speeds and depths that are looked at.
+#[derive(clap::Args, Clone, Debug)]
+struct Speeds {
+    /// Lowest and highest spindle speed, 1/min
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values = ["3000", "18000"], value_parser = positive)]
+    speeds: Vec<f64>,
+    /// The largest depth looked at, mm
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    deepest: Option<f64>,
+}
+
+/// The machine with what its study says.
+fn setup<'a>(config: &'a MachineConfig, study: &Study, file: &Path) -> Result<Setup<'a>, Failure> {
+    Ok(Setup::new(config, study).at(file)?)
 }
 
 /// What every answer ends with.
@@ -51,6 +79,9 @@ enum Format {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     match &arguments.question {
+        Question::Pose(arguments) => pose::run(arguments),
+        Question::Map(arguments) => map::run(arguments),
+        Question::Program(arguments) => program::run(arguments),
         Question::Lag(arguments) => lag::run(arguments),
         Question::Spindle(arguments) => spindle::run(arguments),
     }
