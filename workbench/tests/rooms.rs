@@ -17,7 +17,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("dynamics", &["read", "rows", "study"]),
-    ("stability", &["dynamics", "study"]),
+    ("stability", &["dynamics", "read", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("draw", &["files", "program", "read", "stability", "study"]),
 ];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The tables of a study that describe cutting: the tool, the chip, masses on springs, a spindle.
 
-use crate::study::file::Positive;
 use crate::study::masses::Direction;
+use crate::study::number::Positive;
 use serde::Deserialize;
 
 /// A number below 0, or none.

@@ -6,6 +6,7 @@ pub mod cutting;
 pub mod file;
 mod law;
 pub mod masses;
+pub mod number;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;

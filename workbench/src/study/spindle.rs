@@ -2,7 +2,7 @@
 //! `[spindle]` of a study: a shaft on two elastic supports.
 
 use crate::study::cutting::NotNegative;
-use crate::study::file::Positive;
+use crate::study::number::Positive;
 use serde::Deserialize;
 
 /// A shaft of cylinders on two bearings; lengths from its rear end to the nose or tool tip.
