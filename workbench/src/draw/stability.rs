@@ -8,6 +8,7 @@ use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, STYLES, axes, drawn, legend, path_axes};
 use crate::stability::bands::Loss;
 use crate::stability::lag::Lag;
+use crate::stability::lobes::LobePoint;
 use crate::stability::map::StableMap;
 use crate::stability::partition::Point;
 use crate::stability::response::{Response, unwrapped};
@@ -285,6 +286,35 @@ pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot,
         legend(&mut chart)
     })?;
     Ok(Plot { file: "stable-depths.svg".into(), caption: caption.into(), svg })
+}
+
+/// Stability lobes of the zero-order approximation, within spindle speeds (1/min) and to a depth in
+/// mm.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_lobes(
+    lobes: &[Vec<LobePoint>],
+    [low, high]: [f64; 2],
+    most: f64,
+) -> Result<Plot, DrawError> {
+    let caption = "Stability lobes, zero order";
+    let frame =
+        Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+    let is_seen =
+        |point: &LobePoint| (low..=high).contains(&point.rpm) && point.limit.depth <= most;
+    let svg = drawn(|root| {
+        let mut chart = axes(root, &frame, low..high, 0.0..most)?;
+        for lobe in lobes {
+            for part in lobe.split(|point| !is_seen(point)).filter(|part| part.len() > 1) {
+                let points: Vec<(f64, f64)> =
+                    part.iter().map(|point| (point.rpm, point.limit.depth)).collect();
+                chart.draw_series([PathElement::new(points, BLACK.stroke_width(1))])?;
+            }
+        }
+        Ok(())
+    })?;
+    Ok(Plot { file: "lobes.svg".into(), caption: caption.into(), svg })
 }
 
 /// Receptances of the tool tip along the feed and its normal, um/N over Hz.

@@ -13,6 +13,34 @@ use std::f64::consts::{PI, TAU};
 /// Nodes of a piece, and how many a period of the fastest mode adds: errors below 1e-8.
 const NODES: [f64; 2] = [12.0, 8.0];
 
+/// Periods of the fastest mode that a tooth period may have: a matrix of some 400 rows.
+const MOST_PERIODS: f64 = 25.0;
+
+/// A spindle speed at which modes swing too often between two teeth.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{rpm} 1/min: the fastest mode, {hz:.1} Hz, swings more than {MOST_PERIODS} times from tooth to \
+     tooth; expected {slowest:.0} 1/min or more"
+)]
+pub struct TooSlow {
+    /// The speed, 1/min.
+    pub rpm: f64,
+    /// Frequency of the fastest mode.
+    pub hz: f64,
+    /// The lowest speed that is calculated, 1/min.
+    pub slowest: f64,
+}
+
+/// Refuses spindle speeds (1/min) that take too many nodes.
+///
+/// # Errors
+/// See [`TooSlow`].
+pub fn fast_enough(rows: &[Row], process: &Process, rpm: f64) -> Result<(), TooSlow> {
+    let hz = rows.iter().map(|row| row.omega).fold(0.0, f64::max) / TAU;
+    let slowest = 60.0 * hz / (process.teeth as f64 * MOST_PERIODS);
+    if rpm >= slowest { Ok(()) } else { Err(TooSlow { rpm, hz, slowest }) }
+}
+
 /// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
 const SCHUR_STEPS: usize = 200;
 

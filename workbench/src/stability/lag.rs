@@ -217,7 +217,8 @@ impl Lag {
 
     /// Roots with a positive real part at a cutting stiffness, counted by eigenvalues.
     pub fn unstable(&self, stiffness: Complex<f64>) -> usize {
-        self.roots(stiffness).iter().filter(|root| root.re > 0.0).count()
+        // What is no number is not stable.
+        self.roots(stiffness).iter().filter(|root| !(root.re <= 0.0)).count()
     }
 
     /// All roots of the characteristic equation, 1/s: eigenvalues of the closed loop with the
@@ -322,11 +323,19 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     eigenvalues(companion)
 }
 
-/// Eigenvalues of a matrix of finite numbers.
+/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
+const SCHUR_STEPS: usize = 200;
+
+/// Eigenvalues of a matrix; NaN where it has an entry that is no number.
 fn eigenvalues(matrix: DMatrix<Complex<f64>>) -> Vec<Complex<f64>> {
-    // The diagonal of a complex Schur form.
-    let (_, triangle) = Schur::new(matrix).unpack();
-    triangle.diagonal().iter().copied().collect()
+    let size = matrix.nrows();
+    let is_finite = matrix.iter().all(|entry| entry.re.is_finite() && entry.im.is_finite());
+    let schur = is_finite.then(|| Schur::try_new(matrix, f64::EPSILON, SCHUR_STEPS * size));
+    match schur.flatten() {
+        // The diagonal of a complex Schur form.
+        Some(schur) => schur.unpack().1.diagonal().iter().copied().collect(),
+        None => vec![Complex::new(f64::NAN, f64::NAN); size],
+    }
 }
 
 #[cfg(test)]

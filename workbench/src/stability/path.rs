@@ -2,7 +2,7 @@
 //! Limit depths along a path, and the best spindle speed for all of it.
 
 use crate::stability::bands::first_limit;
-use crate::stability::floquet::Period;
+use crate::stability::floquet::{Period, TooSlow, fast_enough};
 use crate::stability::lobes::Lobes;
 use crate::stability::pose::{NoModes, Setup};
 use crate::stability::process::Row;
@@ -81,6 +81,18 @@ impl<'a> Path<'a> {
     fn stable_to(&self, rows: &[Row], rpm: f64) -> f64 {
         let period = Period::new(rows, &self.setup.process, rpm);
         first_limit(&period, self.most).unwrap_or(self.most)
+    }
+
+    /// Refuses the spindle speeds that take too long: those of the stops, and one more (1/min).
+    ///
+    /// # Errors
+    /// A stop, by its number, and why.
+    pub fn check(&self, slowest: f64) -> Result<(), (usize, TooSlow)> {
+        for (place, (stop, rows)) in self.stops.iter().enumerate() {
+            fast_enough(rows, &self.setup.process, stop.rpm.min(slowest))
+                .map_err(|error| (place, error))?;
+        }
+        Ok(())
     }
 
     /// Depths at every stop, in order; `progress` hears the share that is done.

@@ -84,20 +84,24 @@ fn without_comments(line: &str) -> String {
     kept
 }
 
-/// What follows an S outside of expressions.
-fn s_word(words: &str) -> Option<String> {
+/// What follows an S word's letter; those of functions (COS, SQRT) have other letters beside them.
+fn s_word(words: &str) -> Option<&str> {
+    let is_letter = |c: char| c.is_ascii_alphabetic();
     let mut depth = 0;
+    let mut before = ' ';
     for (place, c) in words.char_indices() {
         match c {
             '[' => depth += 1,
             ']' => depth -= 1,
-            'S' if depth == 0 => {
+            'S' if depth == 0 && !is_letter(before) => {
                 let rest = &words[place + 1..];
-                let is_end = |c: char| c.is_ascii_alphabetic();
-                return Some(rest.split(is_end).next().unwrap_or_default().into());
+                if !rest.starts_with(is_letter) {
+                    return Some(rest.split(is_letter).next().unwrap_or_default());
+                }
             }
             _ => {}
         }
+        before = c;
     }
     None
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stability` as it is used.
 
-use super::{close, golden, number, row, rows};
+use super::{close, golden, number, rows};
 use crate::commands::Bench;
 use crate::shipped;
 use serde_json::Value;
@@ -125,7 +125,7 @@ fn a_pose_is_answered_drawn_and_written() {
     // Semi-discretisation with 60 steps and more.
     assert!((semi - 1.0).abs() < 0.01, "{semi}");
     assert!(found["map"].as_array().unwrap().len() >= 9);
-    assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 3);
     let table = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(table.starts_with("rpm,zero_order_mm,unstable_from_mm") && table.lines().count() > 9);
     let deep =
@@ -230,6 +230,12 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
             DELTA.into(),
             &["a lower speed first"],
         ),
+        (
+            "stability pose linear-delta.ini study.toml --rpm 1 --plots drawn",
+            DELTA.into(),
+            &["1 1/min: the fastest mode", "1/min or more"],
+        ),
+        ("stability map linear-delta.ini study.toml --rpm 1", DELTA.into(), &["the fastest mode"]),
         ("stability pose linear-delta.ini study.toml 900 0 0 0 0 0", DELTA.into(), &["X900"]),
         (program, DELTA.into(), &["cut.ngc: the program names no spindle speed"]),
     ] {
@@ -250,18 +256,38 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
 }
 
 #[test]
-fn the_example_of_the_hexapod_is_what_the_page_says() {
+fn the_examples_of_the_page_are_what_the_commands_answer() {
     let folder = shipped::folder("hexapod");
-    let mut bench = Bench::new();
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/stability.md");
+    let page = fs::read_to_string(page).unwrap().replace('\n', " ");
+    let mut bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
     for file in ["hexapod.ini", "hexapod.tbl", "cutting.toml"] {
         bench = bench.with(file, &fs::read_to_string(folder.join(file)).unwrap());
     }
-    let words = "stability pose hexapod.ini cutting.toml --rpm 6000 --columns 7 --format json";
+    let words = "stability pose hexapod.ini cutting.toml -80 60 350 10 -20 0 --feed 1 0 0 \
+                 --rpm 6000 --columns 5 --format json";
     let found = json(&bench.answer(words, ""));
-    assert_eq!(found["modes"].as_array().unwrap().len(), 6);
-    let limit = row(golden("chatter", "a_home_floor_mm_omega"))[0];
-    // Without the tool of 100 mm, with screws that turn, and for the worst feed: another limit, of
-    // the same size.
-    let floor = float(&found["floor"]["depth_mm"]);
-    assert!(floor > 0.3 * limit && floor < 3.0 * limit, "{floor}");
+    let modes = found["modes"].as_array().unwrap();
+    let single = &found["at"][0];
+    let says = |text: String| assert!(page.contains(&text), "{text}");
+    says(format!("from {:.4} to {:.4} Hz", float(&modes[0]["hz"]), float(&modes[5]["hz"])));
+    says(format!(
+        "{:.4} mm over all speeds, {:.4} mm at 6,000 rpm",
+        float(&found["floor"]["depth_mm"]),
+        float(&single["zero_order_mm"])
+    ));
+    assert_eq!(single["unstable"][0]["loss"], "two tooth periods");
+    says(format!("unstable from {:.4} mm on", float(&single["unstable"][0]["from_mm"])));
+    let lag = json(&bench.answer("stability lag paper.toml --overhang 500 300 --format json", ""));
+    for one in lag.as_array().unwrap() {
+        let [limit, chip] = [&one["limit"], &one["chip"]];
+        says(format!(
+            "| {} mm | {:.3} N/mm | {:.4} rad/s | {:.4} mm, {:.4} mm |",
+            float(&one["overhang_mm"]),
+            float(&limit["stiffness_n_per_mm"]),
+            float(&limit["omega_rad_per_s"]),
+            float(&chip["limit_width_mm"]),
+            float(&chip["limit_depth_mm"])
+        ));
+    }
 }

@@ -10,6 +10,7 @@ use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_depths;
 use pkm::files::{csv, write_whole};
 use pkm::proof::axis_box;
+use pkm::stability::floquet::fast_enough;
 use pkm::study::file::Study;
 use pkm::study::workspace::Workspace;
 use rayon::prelude::*;
@@ -86,6 +87,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         (0..count).map(|n| range.low[k] + (range.high[k] - range.low[k]) * share(n)).collect()
     };
     let sides = arguments.plane.map(side);
+    if let Some(rpm) = arguments.rpm {
+        let at = |error| Failure::at(in_words(&pose), error);
+        let feed = pose.rotation().column(0).into_owned();
+        fast_enough(&setup.rows(&pose, &tool, &feed).map_err(at)?, &setup.process, rpm)?;
+    }
     let bar = Bar::new("limit depths");
     let (start, done) = (Instant::now(), AtomicUsize::new(0));
     let depth = |n: usize| -> Result<Option<f64>, Failure> {

@@ -8,10 +8,10 @@ use super::{Format, Speeds, setup};
 use kinematics::Vector3;
 use nalgebra::ComplexField;
 use pkm::draw::plot::Plot;
-use pkm::draw::stability::{of_stable_map, of_tip};
+use pkm::draw::stability::{of_lobes, of_stable_map, of_tip};
 use pkm::files::{csv, write_whole};
 use pkm::stability::bands::{Band, Loss, bands};
-use pkm::stability::floquet::Period;
+use pkm::stability::floquet::{Period, fast_enough};
 use pkm::stability::lobes::{Limit, Lobes};
 use pkm::stability::map::StableMap;
 use pkm::stability::pose::Setup;
@@ -171,6 +171,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     rows = turned(&rows, worst.unwrap_or_default());
     let range = arguments.speeds.range()?;
     let slowest = arguments.rpm.iter().copied().fold(range[0], f64::min);
+    fast_enough(&rows, &setup.process, slowest)?;
     let lobes = Lobes::new(&rows, &setup.process, slowest);
     let floor = lobes.floor();
     let deepest = arguments.speeds.deepest.unwrap_or(floor.map_or(DEEP, |f| DEEPEST * f.depth));
@@ -288,12 +289,16 @@ fn plots(
         let omegas = (0..=LINE).map(|i| highest * i as f64 / LINE as f64);
         omegas.map(|omega| (omega, receptance(rows, omega)[(k, k)].modulus())).collect()
     };
-    let mut plots = vec![of_stable_map(map, &line)?];
+    let lobes = lobes.curves(LOBES);
+    let mut plots = vec![of_stable_map(map, &line)?, of_lobes(&lobes, [low, high], map.most)?];
     if setup.is_milling() {
         plots.push(of_tip([amplitude(0), amplitude(1)])?);
     }
     Ok(plots)
 }
+
+/// Lobes that are drawn.
+const LOBES: usize = 12;
 
 /// Points of a line.
 const LINE: usize = 1000;
@@ -344,7 +349,8 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     writeln!(out, "  by collocation, depths up to {deepest:.3} mm:")?;
     for (name, speed) in [("best", &answer.best), ("worst", &answer.worst)] {
         let [rpm, depth] = [speed.rpm, speed.stable_to_mm];
-        writeln!(out, "    {name:<6} {rpm:10.1} 1/min: stable to {depth:.4} mm")?;
+        let at_least = if depth < deepest { "" } else { "at least " };
+        writeln!(out, "    {name:<6} {rpm:10.1} 1/min: stable to {at_least}{depth:.4} mm")?;
     }
     for single in &answer.at {
         let zero = single.zero_order_mm.map_or("none".into(), |depth| format!("{depth:.4} mm"));

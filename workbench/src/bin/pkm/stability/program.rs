@@ -100,16 +100,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let (stops, feed_moves) = stops(arguments, &config)?;
     let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
     let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
-    let path = Path::new(&setup, &stops, deepest).map_err(|(place, error)| {
-        let stop = &stops[place];
-        let place = format!(
-            "{}: line {}: {}",
-            arguments.program.display(),
-            stop.line,
-            in_words(&stop.pose)
-        );
-        Failure::at(place, error)
-    })?;
+    let place = |stop: usize| {
+        let Stop { line, pose, .. } = &stops[stop];
+        format!("{}: line {line}: {}", arguments.program.display(), in_words(pose))
+    };
+    let path = Path::new(&setup, &stops, deepest)
+        .map_err(|(stop, error)| Failure::at(place(stop), error))?;
+    path.check(range[0]).map_err(|(stop, error)| Failure::at(place(stop), error))?;
     let bar = Bar::new("limit depths");
     let depths = path.depths(|share| bar.set(share));
     drop(bar);
@@ -237,6 +234,7 @@ fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), 
 
 fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     let Worst { line, rpm, stable_to_mm, pose, .. } = &answer.worst;
+    let at_least = |depth: f64| if depth < answer.deepest_mm { "" } else { "at least " };
     let [places, moves] = [answer.places, answer.feed_moves];
     writeln!(
         out,
@@ -244,13 +242,21 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         answer.deepest_mm
     )?;
     let place = in_words(&Pose::from_degrees(*pose));
-    writeln!(out, "  least limit   {stable_to_mm:.4} mm at line {line}, {rpm} 1/min, {place}")?;
+    writeln!(
+        out,
+        "  least limit   {}{stable_to_mm:.4} mm at line {line}, {rpm} 1/min, {place}",
+        at_least(*stable_to_mm)
+    )?;
     if let (Some(depth), Some(margin)) = (answer.depth_mm, answer.margin) {
         let word = if margin > 1.0 { "stable" } else { "unstable" };
         writeln!(out, "  depth of cut  {depth} mm: {word}, margin {margin:.3}")?;
     }
     if let (Some(rpm), Some(depth)) = (answer.best_rpm, answer.best_stable_to_mm) {
-        writeln!(out, "  best speed    {rpm:.1} 1/min for the whole: stable to {depth:.4} mm")?;
+        writeln!(
+            out,
+            "  best speed    {rpm:.1} 1/min for the whole: stable to {}{depth:.4} mm",
+            at_least(depth)
+        )?;
     }
     writeln!(out, "{}", super::WORTH)?;
     Ok(())
