@@ -150,17 +150,34 @@ fn free(rows: &[Row], time: f64) -> DMatrix<f64> {
     let mut map = DMatrix::zeros(2 * rows.len(), 2 * rows.len());
     for (j, row) in rows.iter().enumerate() {
         let decay = row.zeta * row.omega;
-        let damped = row.omega * (1.0 - row.zeta * row.zeta).sqrt();
-        let (s, c) = (damped * time).sin_cos();
-        let (s, left) = (s / damped, (-decay * time).exp());
+        let [s, c] = swung(row, time);
         let block = [[c + decay * s, s], [-row.omega * row.omega * s, c - decay * s]];
         for i in 0..2 {
             for k in 0..2 {
-                map[(2 * j + i, 2 * j + k)] = left * block[i][k];
+                map[(2 * j + i, 2 * j + k)] = block[i][k];
             }
         }
     }
     map
+}
+
+/// `e^{-ζωt}` times sine over its angular frequency, and times cosine, of the damped motion; their
+/// hyperbolic kin where it does not swing.
+fn swung(row: &Row, time: f64) -> [f64; 2] {
+    let decay = row.zeta * row.omega;
+    let square = row.omega * row.omega * (1.0 - row.zeta * row.zeta);
+    let left = (-decay * time).exp();
+    if square > 0.0 {
+        let damped = square.sqrt();
+        let (s, c) = (damped * time).sin_cos();
+        [left * s / damped, left * c]
+    } else if square < 0.0 {
+        let rate = (-square).sqrt();
+        let [slow, fast] = [rate - decay, -rate - decay].map(|rate| (rate * time).exp());
+        [(slow - fast) / (2.0 * rate), (slow + fast) / 2.0]
+    } else {
+        [left * time, left]
+    }
 }
 
 impl Cut {
@@ -279,4 +296,24 @@ fn differentiation(places: &[f64]) -> DMatrix<f64> {
         slopes[(i, i)] = -slopes.row(i).sum();
     }
     slopes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Vector2, Vector3};
+
+    #[test]
+    fn free_motion_follows_its_equation_however_it_is_damped() {
+        for zeta in [0.02, 0.999_999, 1.0, 1.000_001, 4.0] {
+            let row = Row { omega: 50.0, zeta, motion: Vector2::x(), force: Vector3::x() };
+            let step = 1e-5;
+            let [before, at, after] = [0.03 - step, 0.03, 0.03 + step].map(|t| free(&[row], t));
+            // M' = A M, by differences: an error of the square of the step.
+            let law = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -2500.0, -100.0 * zeta]);
+            let slope = (after - before) / (2.0 * step);
+            assert!((slope - &law * &at).norm() < 1e-5 * (law * at).norm(), "{zeta}");
+            assert!((free(&[row], 0.0) - DMatrix::identity(2, 2)).norm() < 1e-15);
+        }
+    }
 }

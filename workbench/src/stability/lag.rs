@@ -8,6 +8,7 @@
 //! a root on the imaginary axis. Units: N, mm, s, t.
 
 use crate::dynamics::mode::Mode;
+use crate::stability::root;
 use nalgebra::{Complex, ComplexField, DMatrix, Schur, Vector3};
 
 /// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
@@ -90,6 +91,9 @@ const POLISH: usize = 60;
 /// polynomial of eight terms loses about eight digits; what is wrong is refused after polishing.
 const REAL: f64 = 1e-4;
 
+/// Even frequencies that are looked at.
+const GRID: usize = 4000;
+
 impl Lag {
     /// Receptance G at an angular frequency, mm/N.
     pub fn receptance(&self, omega: f64) -> Complex<f64> {
@@ -116,24 +120,26 @@ impl Lag {
     /// `Σ gain [rate + T (square - ω²)] / |square - ω² + i rate ω|² = 0` times all denominators is
     /// a polynomial of degree 2n - 1 in ω²; its roots come from a companion matrix and are
     /// polished by Newton's method on the sum itself.
+    /// A polynomial of many terms loses digits: changes of sign of the sum over frequencies are
+    /// taken as well.
     pub fn crossings(&self) -> Vec<Crossing> {
         let scale = self.terms.iter().map(|term| term.square).fold(0.0, f64::max);
-        let mut found: Vec<f64> = vec![];
-        for root in roots(&self.polynomial(scale)) {
-            if !(root.re > 0.0 && root.im.abs() < REAL * root.modulus()) {
-                continue;
-            }
-            let Some(square) = self.polished(root.re * scale) else { continue };
-            // Rounding moves a double root by the root of the rounding.
-            if found.iter().all(|other| (other / square - 1.0).abs() > 1e-9) {
-                found.push(square);
-            }
-        }
+        let is_real = |root: &Complex<f64>| root.re > 0.0 && root.im.abs() < REAL * root.modulus();
+        let of_polynomial = roots(&self.polynomial(scale)).into_iter().filter(is_real);
+        let mut squares: Vec<f64> =
+            of_polynomial.filter_map(|root| self.polished(root.re * scale)).collect();
+        let sum = |omega: f64| self.sum(omega * omega)[0];
+        let grid = frequencies(&self.terms, GRID);
+        let changes = grid.windows(2).filter_map(|pair| root::between(sum, pair[0], pair[1]));
+        squares.extend(changes.map(|omega| omega * omega));
+        squares.sort_by(f64::total_cmp);
+        // Rounding moves a double root by the root of the rounding.
+        squares.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
         let crossing = |square: f64| {
             let omega = square.sqrt();
             Crossing { omega, stiffness: -1.0 / self.receptance(omega).re }
         };
-        let mut all: Vec<Crossing> = found.into_iter().map(crossing).collect();
+        let mut all: Vec<Crossing> = squares.into_iter().map(crossing).collect();
         all.sort_by(|a, b| a.stiffness.total_cmp(&b.stiffness));
         all
     }
@@ -282,9 +288,9 @@ impl Lag {
             };
             self.terms.iter().map(of).sum()
         };
-        let grid = frequencies(&self.terms, 4000);
+        let grid = frequencies(&self.terms, GRID);
         let pairs = grid.windows(2);
-        pairs.filter_map(|pair| super::root::between(slope, pair[0], pair[1])).collect()
+        pairs.filter_map(|pair| root::between(slope, pair[0], pair[1])).collect()
     }
 }
 

@@ -70,9 +70,10 @@ pub struct ShaftMode {
 }
 
 impl ShaftMode {
-    /// Logarithmic decrement: of neighbouring peaks as the vibration dies away.
+    /// Logarithmic decrement: of neighbouring peaks as the vibration dies away; infinite where
+    /// there is no second one.
     pub fn decrement(&self) -> f64 {
-        TAU * self.zeta / (1.0 - self.zeta * self.zeta).sqrt()
+        TAU * self.zeta / (1.0 - self.zeta * self.zeta).max(0.0).sqrt()
     }
 }
 

@@ -333,3 +333,21 @@ fn the_closed_loop_of_real_matrices_has_the_same_roots() {
         assert!(nearest < 1e-7 * root.modulus(), "{root}: {nearest:e}");
     }
 }
+
+#[test]
+fn many_terms_have_all_their_crossings_and_a_certified_limit() {
+    // Twenty modes over a decade: a polynomial of degree 39, which alone has no digits left.
+    let term = |k: i32| {
+        let omega = 100.0 * 10.0_f64.powf(f64::from(k) / 19.0);
+        let gain = if k % 3 == 2 { -0.4 } else { 1.0 };
+        Term { gain, rate: 0.06 * omega, square: omega * omega }
+    };
+    let many = Lag { terms: (0..20).map(term).collect(), lag: 2e-3 };
+    let (found, seen) = (many.crossings(), sampled(&many));
+    assert!(found.len() >= 10, "{}", found.len());
+    for seen in seen {
+        let is_it = |found: &&Crossing| (found.omega / seen.omega - 1.0).abs() < 1e-9;
+        assert!(found.iter().any(|found| is_it(&found)), "{seen:?}");
+    }
+    assert!(many.limit().is_certified);
+}

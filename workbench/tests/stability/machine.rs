@@ -213,3 +213,29 @@ fn a_machine_without_what_is_asked_is_refused() {
     let along = setup.rows(&at_home, &TOOL, &Vector3::z());
     assert!(matches!(along, Err(NoModes::Feed(_))));
 }
+
+#[test]
+fn turning_on_a_lathe_has_the_limits_of_its_lobes() {
+    // Zero order is exact where the force is constant.
+    let config = config("six-rod-lathe");
+    let text = "[platform]\nmass_kg = 40\ncentre_mm = [0, 20, 0]\n\
+                inertia_kg_m2 = [[0.9, 0, 0], [0, 1.1, 0], [0, 0, 1.3]]\n\
+                [legs]\nrod_stiffness_n_per_um = 20\ndrive_stiffness_n_per_um = 5\n\
+                damping_ratio = 0.02\n[turning]\nkf_n_per_mm2 = 1500\nthicker = [1, 0, 0]\n\
+                force = [-1, -2, 0.5]\n";
+    let study = Study::parse(text).unwrap();
+    let setup = Setup::new(&config, &study).unwrap();
+    let (pose, tool) = (config.home_pose(), config.spindle);
+    let rows = setup.rows(&pose, &tool, &Vector3::x()).unwrap();
+    let lobes = Lobes::new(&rows, &setup.process, 300.0);
+    for rpm in [300.0, 1000.0, 2500.0] {
+        let depth = lobes.limit(rpm).unwrap().depth;
+        let period = Period::new(&rows, &setup.process, rpm);
+        close(first_limit(&period, 2.0 * depth).unwrap(), depth, DEPTH);
+    }
+    // The direction of the feed counts for nothing.
+    let other = setup.rows(&pose, &tool, &Vector3::z()).unwrap();
+    assert_eq!(rows, other);
+    let least = setup.least(&pose, &tool, Some(1000.0)).unwrap().unwrap();
+    close(least.depth, lobes.limit(1000.0).unwrap().depth, ZERO_ORDER);
+}
