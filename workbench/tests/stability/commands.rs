@@ -235,6 +235,11 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
             DELTA.into(),
             &["1 1/min: the fastest mode", "1/min or more"],
         ),
+        (
+            "stability pose linear-delta.ini study.toml --deepest 1e30",
+            DELTA.into(),
+            &["--deepest", "at most 1000 mm"],
+        ),
         ("stability map linear-delta.ini study.toml --rpm 1", DELTA.into(), &["the fastest mode"]),
         ("stability pose linear-delta.ini study.toml 900 0 0 0 0 0", DELTA.into(), &["X900"]),
         (program, DELTA.into(), &["cut.ngc: the program names no spindle speed"]),

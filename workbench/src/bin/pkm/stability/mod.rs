@@ -46,7 +46,7 @@ struct Speeds {
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values = ["3000", "18000"], value_parser = positive)]
     speeds: Vec<f64>,
     /// The largest depth looked at, mm
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = depth)]
     deepest: Option<f64>,
 }
 
@@ -60,11 +60,25 @@ const WORTH: &str = "Damping and cutting coefficients are those of the study: th
                      proportional to damping\nand inverse to the coefficients, and the answer is as \
                      good as they are.";
 
+/// Lengths, speeds and stiffnesses of the command line are below this.
+const LARGEST: f64 = 1e9;
+
 /// A number above 0 of the command line.
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err("expected a number above 0".into()),
+        Ok(value) if value > 0.0 && value < LARGEST => Ok(value),
+        _ => Err("expected a number above 0, and below 1e9".into()),
+    }
+}
+
+/// Depths beyond this are no cuts, mm.
+const DEEPEST: f64 = 1000.0;
+
+/// A depth of the command line, mm.
+fn depth(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && value <= DEEPEST => Ok(value),
+        _ => Err(format!("expected a depth above 0, and at most {DEEPEST} mm")),
     }
 }
 

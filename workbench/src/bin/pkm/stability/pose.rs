@@ -70,7 +70,7 @@ pub struct Arguments {
     #[arg(long, value_name = "RPM", num_args = 1.., value_parser = super::positive)]
     rpm: Vec<f64>,
     /// A depth to judge at the speeds of --rpm, mm
-    #[arg(long, value_name = "MM", value_parser = super::positive, requires = "rpm")]
+    #[arg(long, value_name = "MM", value_parser = super::depth, requires = "rpm")]
     depth: Option<f64>,
     /// Spindle speeds that the map begins with
     #[arg(long, value_name = "N", default_value_t = 61, value_parser = clap::value_parser!(u16).range(2..=5001))]
