@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! positions a second of a study of the workspace, and programs judged before cutting. Times are printed, never asserted; what stays are the ratios of one run.
+//! positions a second of a study of the workspace, stability in the cut, and programs judged before cutting. Times are printed, never asserted; what stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
 use pkm::control::process::Options;
@@ -9,6 +9,9 @@ use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, Patience};
 use pkm::program::offset::Offset;
 use pkm::program::preflight::{Flight, timed};
 use pkm::read::machine::MachineConfig;
+use pkm::stability::lobes::Lobes;
+use pkm::stability::map::StableMap;
+use pkm::stability::pose::Setup;
 use pkm::study::body::{Body, Effort, counted};
 use pkm::study::file::Study;
 use pkm::study::workspace::Workspace;
@@ -161,6 +164,43 @@ fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     );
 }
 
+/// Spindle speeds of the lobes, and places along each side of the map of limit depths.
+const SPEEDS: usize = 1000;
+const SIDE: usize = 100;
+
+/// Stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
+fn stability(configs: &Path, cores: &[ThreadPool]) {
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let study = Study::read(&configs.join("hexapod/cutting.toml")).unwrap();
+    let setup = Setup::new(&config, &study).unwrap();
+    let (pose, tool) = (config.home_pose(), config.spindle);
+    let rows = setup.rows(&pose, &tool, &Vector3::x()).unwrap();
+    let speeds: Vec<f64> =
+        (0..SPEEDS).map(|k| 3000.0 + 15_000.0 * k as f64 / SPEEDS as f64).collect();
+    let lobes = || {
+        let lobes = Lobes::new(&rows, &setup.process, speeds[0]);
+        speeds.par_iter().map(|rpm| lobes.limit(*rpm)).collect::<Vec<_>>()
+    };
+    let depths = || StableMap::new(&rows, &setup.process, [3000.0, 18_000.0], 5.0, 61, |_| ());
+    let places = || {
+        let place = |n: usize| {
+            let mut at = pose;
+            at.position.x = -150.0 + 300.0 * (n % SIDE) as f64 / SIDE as f64;
+            at.position.y = -150.0 + 300.0 * (n / SIDE) as f64 / SIDE as f64;
+            setup.least(&at, &tool, None).unwrap()
+        };
+        (0..SIDE * SIDE).into_par_iter().map(place).collect::<Vec<_>>()
+    };
+    let row = |name: &str, work: &(dyn Fn() + Sync)| {
+        let times = cores.iter().map(|cores| seconds_of(|| cores.install(work)).1);
+        let times: Vec<String> = times.map(|time| format!("{time:.2} s")).collect();
+        println!("| {name} | {} |", times.join(" | "));
+    };
+    row("lobes of 1,000 spindle speeds at a pose", &|| drop(black_box(lobes())));
+    row("unstable depths by collocation, from 61 speeds on", &|| drop(black_box(depths())));
+    row("limit depths at 10,000 poses, 18 feeds each", &|| drop(black_box(places())));
+}
+
 /// A result, and how long it took.
 fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
@@ -210,5 +250,9 @@ fn main() {
         let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         looked_over(&config, name, &cores);
     }
+    println!("\nStability in the cut of the hexapod:\n");
+    println!("| answer | {} |", columns.join(" | "));
+    println!("|---|{}", "--:|".repeat(columns.len()));
+    stability(&configs, &cores);
     programs(&configs);
 }

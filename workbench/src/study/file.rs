@@ -6,6 +6,10 @@
 
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
+use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
+use crate::study::masses::Platform;
+use crate::study::number::{Positive, Ratio};
+use crate::study::spindle::Spindle;
 use kinematics::{LegKind, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -17,6 +21,8 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
+    /// The platform as a body.
+    pub platform: Option<Platform>,
     /// The legs.
     pub legs: Legs,
     /// The joints of the table under the workpiece.
@@ -25,6 +31,20 @@ pub struct Study {
     pub limits: Limits,
     /// A motion of the control point.
     pub law: Option<Law>,
+    /// A milling cutter in its cut.
+    pub cutting: Option<Cutting>,
+    /// A single edge that cuts a turning work.
+    pub turning: Option<Turning>,
+    /// Masses on springs between tool and work.
+    pub links: Vec<Link>,
+    /// How the cutting force follows the chip's thickness.
+    pub lag: Option<LagKeys>,
+    /// What a width of chip makes of cutting stiffness.
+    pub chip: Option<Chip>,
+    /// Compliance of the first link by its overhang.
+    pub overhang: Option<Overhang>,
+    /// A shaft on two bearings.
+    pub spindle: Option<Spindle>,
 }
 
 /// `[legs]`: one number for all legs, or a list with one for each.
@@ -39,6 +59,25 @@ pub struct Legs {
     pub rod_diameter_mm: Option<Positive>,
     /// What takes the torque that an axial force makes in a strut's thread.
     pub screw: Screw,
+    /// Force per change of length of rod and joints alone, in series with the drive.
+    pub rod_stiffness_n_per_um: Option<Each>,
+    /// Force of a drive per displacement of a carriage or nut.
+    pub drive_stiffness_n_per_um: Option<Each>,
+    /// Torque of a drive per turn of an arm.
+    pub drive_stiffness_n_m_per_rad: Option<Each>,
+    /// Mass of a carriage, or of what turns with a strut's nut as it acts along the strut.
+    pub drive_mass_kg: Option<Each>,
+    /// Moment of inertia of an arm and of what turns with it, about its axis.
+    pub drive_inertia_kg_m2: Option<Each>,
+    /// Force per speed at which the length changes.
+    pub damping_n_s_per_mm: Option<Each>,
+    /// Damping ratio of every mode of the platform, instead of dampers in the legs.
+    pub damping_ratio: Option<Ratio>,
+    /// What moves along the leg with its platform joint.
+    pub axial_mass_kg: Option<Each>,
+    /// What moves across the leg with its platform joint: moment of inertia about the base joint
+    /// over the square of the length, a third of the mass of a uniform rod.
+    pub across_mass_kg: Option<Each>,
 }
 
 /// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
@@ -70,6 +109,12 @@ pub struct Table {
     pub stiffness_n_per_um: Option<Each>,
     /// Standard deviation of the joint value.
     pub joint_sigma_um: Option<Each>,
+    /// What each axis moves, workpiece included.
+    pub mass_kg: Option<Each>,
+    /// Force per speed.
+    pub damping_n_s_per_mm: Option<Each>,
+    /// Damping ratio of every axis, instead of its damper.
+    pub damping_ratio: Option<Ratio>,
 }
 
 /// `[limits]`.
@@ -132,6 +177,14 @@ pub enum Lacking {
         /// The key.
         key: &'static str,
     },
+    /// Two keys of which one has to be left out.
+    #[error("the study names both {} and {} of [{section}]; leave one of them out", .keys[0], .keys[1])]
+    Both {
+        /// Their section.
+        section: &'static str,
+        /// The keys.
+        keys: [&'static str; 2],
+    },
     /// A list of another length than the machine has legs or axes.
     #[error("{key}: expected one number, or {expected} of them; found {found}")]
     Length {
@@ -142,27 +195,6 @@ pub enum Lacking {
         /// How many the list has.
         found: usize,
     },
-}
-
-/// A number that is 0 or less, or none.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected more than 0")]
-pub struct NotPositive(f64);
-
-/// A finite number above 0.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct Positive(pub f64);
-
-impl TryFrom<f64> for Positive {
-    type Error = NotPositive;
-
-    fn try_from(value: f64) -> Result<Self, NotPositive> {
-        match value > 0.0 && value.is_finite() {
-            true => Ok(Self(value)),
-            false => Err(NotPositive(value)),
-        }
-    }
 }
 
 /// One positive number for all of them, or one for each.

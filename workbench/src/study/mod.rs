@@ -2,10 +2,14 @@
 //! Studies of a machine: what its design makes of stiffness, errors and room to move.
 
 pub mod body;
+pub mod cutting;
 pub mod file;
 mod law;
+pub mod masses;
+pub mod number;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;
+pub mod spindle;
 pub mod stiffness;
 pub mod workspace;

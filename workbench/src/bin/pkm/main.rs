@@ -21,6 +21,7 @@ mod rods;
 mod rows;
 mod run;
 mod sensitivity;
+mod stability;
 mod stiffness;
 mod workspace;
 
@@ -92,6 +93,7 @@ commands! {
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,
+    Stability => stability,
     Workspace => workspace,
     Boxes => boxes,
     Random => random,

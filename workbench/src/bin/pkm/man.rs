@@ -19,12 +19,16 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let folder = &arguments.folder;
     std::fs::create_dir_all(folder).at(folder)?;
     let main = Cli::command();
-    for part in main.get_subcommands() {
-        let name = format!("pkm-{}", part.get_name());
-        page(folder, part.clone().name(name.clone()), &name)?;
-    }
-    page(folder, main, "pkm")?;
+    pages(folder, &main, "pkm")?;
     Ok(Verdict::Fits)
+}
+
+/// The page of a command, and of every command below it.
+fn pages(folder: &Path, command: &clap::Command, name: &str) -> Result<(), Failure> {
+    for part in command.get_subcommands() {
+        pages(folder, part, &format!("{name}-{}", part.get_name()))?;
+    }
+    page(folder, command.clone().name(name.to_string()), name)
 }
 
 fn page(folder: &Path, command: clap::Command, name: &str) -> Result<(), Failure> {

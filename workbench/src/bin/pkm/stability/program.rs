@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stability program`.
+
+use super::super::failure::{Failure, refused};
+use super::super::{Bar, MachineFile, Verdict, in_words, moves};
+use super::{Format, Speeds, setup};
+use kinematics::{Pose, Vector3};
+use pkm::draw::plot::Plot;
+use pkm::draw::stability::of_path;
+use pkm::files::{Locate, csv, write_whole};
+use pkm::program::interpreter::{Move, MoveKind};
+use pkm::read::machine::MachineConfig;
+use pkm::stability::path::{Best, Depth, Path, Stop};
+use pkm::stability::speeds;
+use pkm::study::file::Study;
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Which line of a program comes nearest to chatter
+///
+/// Looks at places along the feed moves of a program, with the machine's modes there, the feed of
+/// the move and the programmed spindle speed: the depth up to which cutting is stable, by
+/// collocation. Tells the line with the least one, and the spindle speed that is best for the
+/// whole. Where the study names the depth of cut, the margin is the limit over that depth.
+///
+///     [cutting]
+///     depth_mm = 0.5               # and what `pkm stability pose` needs
+///
+///     pkm stability program hexapod.ini part.ngc cutting.toml --csv depths.csv
+///
+/// mm, 1/min.
+///
+/// Exit status: 0, 1 where the depth of cut is beyond the limit at some line, 2 where that could
+/// not be judged: a program without a spindle speed, input or output that failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The program
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    program: PathBuf,
+    /// TOML file with masses, springs, dampers and cutting
+    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: PathBuf,
+    /// Spindle speed for all lines instead of the program's S words, 1/min
+    #[arg(long, value_name = "RPM", value_parser = super::positive)]
+    rpm: Option<f64>,
+    #[command(flatten)]
+    speeds: Speeds,
+    /// Places that are looked at, at most; the ends of moves, evenly chosen
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    places: u32,
+    /// Writes line, pose, speed and depths of every place as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Draws an SVG file into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+    /// How the answer is written
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    places: usize,
+    feed_moves: usize,
+    deepest_mm: f64,
+    worst: Worst,
+    depth_mm: Option<f64>,
+    /// The limit over the depth of cut.
+    margin: Option<f64>,
+    best_rpm: Option<f64>,
+    best_stable_to_mm: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Worst {
+    line: u32,
+    pose: [f64; 6],
+    rpm: f64,
+    stable_to_mm: f64,
+    zero_order_over_all_speeds_mm: Option<f64>,
+}
+
+/// Spindle speeds among which the best is looked for.
+const SPEEDS: usize = 61;
+
+/// The largest depth looked at without --deepest and without a depth of cut, mm; with one, this
+/// many times that.
+const DEEPEST: f64 = 20.0;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = Study::read(&arguments.study)?;
+    let setup = setup(&config, &study, &arguments.study)?;
+    let range = arguments.speeds.range()?;
+    let (stops, feed_moves) = stops(arguments, &config)?;
+    let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
+    let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
+    let place = |stop: usize| {
+        let Stop { line, pose, .. } = &stops[stop];
+        format!("{}: line {line}: {}", arguments.program.display(), in_words(pose))
+    };
+    let path = Path::new(&setup, &stops, deepest)
+        .map_err(|(stop, error)| Failure::at(place(stop), error))?;
+    path.check(range[0]).map_err(|(stop, error)| Failure::at(place(stop), error))?;
+    let bar = Bar::new("limit depths");
+    let depths = path.depths(|share| bar.set(share));
+    drop(bar);
+    let bar = Bar::spinner("the best speed");
+    let speed = |k: usize| range[0] + (range[1] - range[0]) * k as f64 / (SPEEDS - 1) as f64;
+    let best = path.best(&(0..SPEEDS).map(speed).collect::<Vec<_>>());
+    drop(bar);
+    write(arguments, &stops, &depths)?;
+    let answer = answer(&stops, &depths, feed_moves, deepest, cut, best);
+    let mut out = anstream::stdout().lock();
+    match arguments.format {
+        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answer)?)?,
+        Format::Text => {
+            let [program, machine] = [&arguments.program, &config.file];
+            writeln!(out, "{} on {}", program.display(), machine.display())?;
+            tell(&mut out, &answer)?;
+        }
+    }
+    out.flush()?;
+    let is_beyond = answer.margin.is_some_and(|margin| !(margin > 1.0));
+    Ok(if is_beyond { Verdict::Misfit } else { Verdict::Fits })
+}
+
+/// Ends of the feed moves, as many as are asked for, and how many moves there are.
+fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
+    let program = &arguments.program;
+    let moves = moves(config, program)?;
+    let speeds = match arguments.rpm {
+        Some(rpm) => speeds::Speeds::of(rpm),
+        None => {
+            let text = std::fs::read(program).at(program)?;
+            speeds::Speeds::read(&String::from_utf8_lossy(&text)).at(program)?
+        }
+    };
+    let pairs = moves.windows(2).filter(|pair| is_cut(&pair[0], &pair[1]));
+    let all: Vec<&[Move]> = pairs.collect();
+    if all.is_empty() {
+        return Err(refused(format!("{}: the program has no feed moves", program.display())));
+    }
+    let most = arguments.places as usize;
+    let chosen: Vec<usize> = match all.len() <= most {
+        true => (0..all.len()).collect(),
+        false => (0..most).map(|k| k * all.len() / most).collect(),
+    };
+    let stop = |k: usize| -> Result<Stop, Failure> {
+        let (from, step) = (&all[k][0], &all[k][1]);
+        let feed = Vector3::from_fn(|i, _| step.end[i] - from.end[i]);
+        Ok(Stop {
+            line: step.line,
+            pose: Pose::from_degrees(step.end),
+            tool: config.spindle + Vector3::from(step.tool),
+            // A move of rotary axes alone feeds nowhere: the worst feed counts, as in a plunge.
+            feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
+            rpm: speeds.at(step.line).at(program)?,
+        })
+    };
+    Ok((chosen.into_iter().map(stop).collect::<Result<_, _>>()?, all.len()))
+}
+
+fn is_cut(from: &Move, step: &Move) -> bool {
+    step.kind == MoveKind::Feed && step.end != from.end
+}
+
+fn axis(end: &[f64; 6]) -> Vector3<f64> {
+    Pose::from_degrees(*end).rotation().column(2).into_owned()
+}
+
+fn answer(
+    stops: &[Stop],
+    depths: &[Depth],
+    feed_moves: usize,
+    deepest_mm: f64,
+    depth_mm: Option<f64>,
+    best: Option<Best>,
+) -> Answer {
+    let pairs = stops.iter().zip(depths);
+    let least = pairs.min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
+    let (stop, depth) = least.expect("a program with feed moves has places");
+    Answer {
+        places: stops.len(),
+        feed_moves,
+        deepest_mm,
+        worst: Worst {
+            line: stop.line,
+            pose: stop.pose.to_degrees(),
+            rpm: stop.rpm,
+            stable_to_mm: depth.stable_to,
+            zero_order_over_all_speeds_mm: depth.floor.is_finite().then_some(depth.floor),
+        },
+        depth_mm,
+        margin: depth_mm.map(|cut| depth.stable_to / cut),
+        best_rpm: best.map(|best| best.rpm),
+        best_stable_to_mm: best.map(|best| best.stable_to),
+    }
+}
+
+fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), Failure> {
+    if let Some(file) = &arguments.csv {
+        let header = [
+            "line",
+            "x",
+            "y",
+            "z",
+            "a",
+            "b",
+            "c",
+            "rpm",
+            "stable_to_mm",
+            "zero_order_over_all_speeds_mm",
+        ];
+        let row = |(stop, depth): (&Stop, &Depth)| {
+            let mut cells = vec![f64::from(stop.line)];
+            cells.extend(stop.pose.to_degrees());
+            cells.extend([stop.rpm, depth.stable_to, depth.floor]);
+            cells
+        };
+        write_whole(file, &csv(&header, stops.iter().zip(depths).map(row)))?;
+    }
+    if let Some(folder) = &arguments.plots {
+        let depths: Vec<f64> = depths.iter().map(|depth| depth.stable_to).collect();
+        Plot::write_all(&[of_path(&depths)?], folder)?;
+    }
+    Ok(())
+}
+
+fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+    let Worst { line, rpm, stable_to_mm, pose, .. } = &answer.worst;
+    let at_least = |depth: f64| if depth < answer.deepest_mm { "" } else { "at least " };
+    let [places, moves] = [answer.places, answer.feed_moves];
+    writeln!(
+        out,
+        "  {places} places on {moves} feed moves, depths up to {} mm",
+        answer.deepest_mm
+    )?;
+    let place = in_words(&Pose::from_degrees(*pose));
+    writeln!(
+        out,
+        "  least limit   {}{stable_to_mm:.4} mm at line {line}, {rpm} 1/min, {place}",
+        at_least(*stable_to_mm)
+    )?;
+    if let (Some(depth), Some(margin)) = (answer.depth_mm, answer.margin) {
+        let word = if margin > 1.0 { "stable" } else { "unstable" };
+        writeln!(out, "  depth of cut  {depth} mm: {word}, margin {margin:.3}")?;
+    }
+    if let (Some(rpm), Some(depth)) = (answer.best_rpm, answer.best_stable_to_mm) {
+        writeln!(
+            out,
+            "  best speed    {rpm:.1} 1/min for the whole: stable to {}{depth:.4} mm",
+            at_least(depth)
+        )?;
+    }
+    writeln!(out, "{}", super::WORTH)?;
+    Ok(())
+}

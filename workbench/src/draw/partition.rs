@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Partitions of a plane by the number of unstable roots: curves hatched on the side with fewer of
+//! them, and that number in every region.
+
+use crate::draw::plot::DrawError;
+use crate::draw::sheet::{Chart, FONT, Frame, SIZE, STYLES, axes, drawn};
+use crate::stability::partition::{Point, Window, regions};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Pixels from one stroke of the hatching to the next, and their length.
+const HATCH: [f64; 2] = [11.0, 8.0];
+
+/// Roots are counted this many pixels beside a curve.
+const BESIDE: f64 = 2.0;
+
+/// What a picture of a partition shows.
+pub(super) struct Partition<'a> {
+    pub(super) frame: Frame<'a>,
+    pub(super) window: Window,
+    /// Boundaries; those of straight lines as well.
+    pub(super) curves: Vec<Vec<[f64; 2]>>,
+    /// Places that are marked, with what is written beside them.
+    pub(super) marks: Vec<([f64; 2], String)>,
+}
+
+/// Places of a curve.
+pub(super) fn places(points: &[Point]) -> Vec<[f64; 2]> {
+    points.iter().map(|point| point.at).collect()
+}
+
+pub(super) fn partitioned(
+    partition: &Partition,
+    unstable: impl Fn([f64; 2]) -> usize + Sync,
+) -> Result<String, DrawError> {
+    let [across, up] = partition.window;
+    // Of a pixel, nearly: the frame takes a tenth of the sheet.
+    let pixel = [
+        (across[1] - across[0]) / (0.9 * f64::from(SIZE.0)),
+        (up[1] - up[0]) / (0.85 * f64::from(SIZE.1)),
+    ];
+    drawn(|root| {
+        let mut chart = axes(root, &partition.frame, across[0]..across[1], up[0]..up[1])?;
+        let line = |from: [f64; 2], to: [f64; 2], style| {
+            clipped(from, to, &partition.window)
+                .map(|ends| PathElement::new(ends.map(|[x, y]| (x, y)), style))
+        };
+        let thin = BLACK.mix(0.35).stroke_width(1);
+        let zeros = [
+            line([across[0], 0.0], [across[1], 0.0], thin),
+            line([0.0, up[0]], [0.0, up[1]], thin),
+        ];
+        chart.draw_series(zeros.into_iter().flatten())?;
+        for (curve, (colour, _)) in partition.curves.iter().zip(STYLES.iter().cycle()) {
+            let pieces = curve.windows(2);
+            let style = colour.stroke_width(2);
+            chart.draw_series(pieces.filter_map(|pair| line(pair[0], pair[1], style)))?;
+            let strokes = hatched(curve, &pixel, &partition.window, &unstable);
+            let style = colour.stroke_width(1);
+            chart.draw_series(strokes.into_iter().filter_map(|[a, b]| line(a, b, style)))?;
+        }
+        label(&mut chart, partition, &unstable)
+    })
+}
+
+fn label(
+    chart: &mut Chart,
+    partition: &Partition,
+    unstable: &(impl Fn([f64; 2]) -> usize + Sync),
+) -> Result<(), DrawError> {
+    let numbers = (FONT, 26).into_font().color(&BLACK);
+    let numbers = numbers.pos(Pos::new(HPos::Center, VPos::Center));
+    for region in regions(&partition.window, unstable) {
+        let place = (region.at[0], region.at[1]);
+        chart.draw_series([Circle::new(place, 15, WHITE.filled())])?;
+        let text = region.unstable.to_string();
+        chart.draw_series([Text::new(text, place, numbers.clone())])?;
+    }
+    let words = (FONT, 14).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Bottom));
+    for ([x, y], text) in &partition.marks {
+        chart.draw_series([Circle::new((*x, *y), 4, BLACK.filled())])?;
+        let style = words.clone();
+        let beside = EmptyElement::at((*x, *y)) + Text::new(text.clone(), (7, -5), style);
+        chart.draw_series([beside])?;
+    }
+    Ok(())
+}
+
+/// Strokes at even distances along a curve, on the side with fewer unstable roots.
+fn hatched(
+    curve: &[[f64; 2]],
+    pixel: &[f64; 2],
+    window: &Window,
+    unstable: &impl Fn([f64; 2]) -> usize,
+) -> Vec<[[f64; 2]; 2]> {
+    let mut strokes = vec![];
+    let mut left = HATCH[0] / 2.0;
+    for pair in curve.windows(2) {
+        let Some([from, to]) = clipped(pair[0], pair[1], window) else { continue };
+        let step = [(to[0] - from[0]) / pixel[0], (to[1] - from[1]) / pixel[1]];
+        let length = step[0].hypot(step[1]);
+        if !(length > 0.0) {
+            continue;
+        }
+        let mut along = left;
+        while along < length {
+            let share = along / length;
+            let at = [0, 1].map(|k| from[k] + (to[k] - from[k]) * share);
+            let normal = [-step[1] / length, step[0] / length];
+            let beside = |pixels: f64| [0, 1].map(|k| at[k] + normal[k] * pixels * pixel[k]);
+            let counts = [BESIDE, -BESIDE].map(|pixels| unstable(beside(pixels)));
+            let side = (counts[1] as f64 - counts[0] as f64).signum();
+            if counts[0] != counts[1] {
+                strokes.push([at, beside(side * HATCH[1])]);
+            }
+            along += HATCH[0];
+        }
+        left = along - length;
+    }
+    strokes
+}
+
+/// What of a straight line is inside a window (Liang and Barsky).
+fn clipped(from: [f64; 2], to: [f64; 2], window: &Window) -> Option<[[f64; 2]; 2]> {
+    let mut share = [0.0_f64, 1.0_f64];
+    for k in 0..2 {
+        let step = to[k] - from[k];
+        for (way, bound) in [(-1.0, window[k][0]), (1.0, window[k][1])] {
+            let (out, room) = (way * step, way * (bound - from[k]));
+            if out > 0.0 {
+                share[1] = share[1].min(room / out);
+            } else if out < 0.0 {
+                share[0] = share[0].max(room / out);
+            } else if !(room >= 0.0) {
+                return None;
+            }
+        }
+    }
+    let at = |share: f64| [0, 1].map(|k| from[k] + (to[k] - from[k]) * share);
+    (share[0] <= share[1]).then(|| share.map(at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_cut_at_the_window() {
+        let window = [[0.0, 2.0], [0.0, 1.0]];
+        let cut = |from, to| clipped(from, to, &window);
+        assert_eq!(cut([-1.0, 0.5], [3.0, 0.5]), Some([[0.0, 0.5], [2.0, 0.5]]));
+        assert_eq!(cut([0.5, 0.5], [0.5, 9.5]), Some([[0.5, 0.5], [0.5, 1.0]]));
+        assert_eq!(cut([-1.0, 2.0], [3.0, 2.0]), None);
+        assert_eq!(cut([f64::NAN, 0.0], [1.0, 1.0]), None);
+    }
+
+    #[test]
+    fn strokes_stand_on_the_side_with_fewer_unstable_roots() {
+        let window = [[0.0, 100.0], [0.0, 100.0]];
+        let curve = [[0.0, 50.0], [100.0, 50.0]];
+        let below = |[_, y]: [f64; 2]| usize::from(y > 50.0);
+        let strokes = hatched(&curve, &[1.0, 1.0], &window, &below);
+        assert_eq!(strokes.len(), 9);
+        assert!(strokes.iter().all(|[at, end]| at[1] == 50.0 && end[1] == 42.0));
+        assert!(hatched(&curve, &[1.0, 1.0], &window, &|_| 0).is_empty());
+    }
+}

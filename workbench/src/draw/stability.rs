@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Pictures of stability in the cut: partitions, responses, stable depths over spindle speeds.
+
+use crate::draw::contour::contoured;
+use crate::draw::lines::{Line, drawn_lines};
+use crate::draw::partition::{Partition, partitioned, places};
+use crate::draw::plot::{DrawError, Plot};
+use crate::draw::sheet::{Frame, STYLES, axes, drawn, legend, path_axes};
+use crate::stability::bands::Loss;
+use crate::stability::lag::Lag;
+use crate::stability::lobes::LobePoint;
+use crate::stability::map::StableMap;
+use crate::stability::partition::Point;
+use crate::stability::response::{Response, unwrapped};
+use crate::stability::system::Adjustment;
+use nalgebra::{Complex, ComplexField};
+use plotters::prelude::*;
+use std::f64::consts::TAU;
+
+/// Windows reach to this many times the limit cutting stiffness.
+const BEYOND: f64 = 4.0;
+
+/// Points of a boundary by two parameters.
+const POINTS: usize = 20_000;
+
+/// The stiffness that a picture is about: the limit, or that at rest where there is none.
+fn reference(lag: &Lag) -> f64 {
+    lag.limit().crossing.map_or(lag.at_rest().abs(), |limit| limit.stiffness)
+}
+
+/// The D-partition by the cutting stiffness, and those by lag and by the first link's stiffness.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_partitions(adjustment: &Adjustment, stem: &str) -> Result<Vec<Plot>, DrawError> {
+    let lag = &adjustment.lag;
+    let mut plots = vec![by_stiffness(lag, &adjustment.name(), stem)?];
+    if lag.lag > 0.0 {
+        plots.push(by_lag(lag, &adjustment.name(), stem)?);
+        plots.push(by_first_link(lag, adjustment, stem)?);
+    }
+    Ok(plots)
+}
+
+fn by_stiffness(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
+    let most = BEYOND * reference(lag);
+    let upper = lag.curve(reference(lag));
+    let mut curve: Vec<[f64; 2]> =
+        upper.iter().rev().map(|point| [point.at[0], -point.at[1]]).collect();
+    curve.extend(places(&upper));
+    let crossings = lag.crossings().into_iter().filter(|found| found.stiffness.abs() < most);
+    let marks = crossings.map(|found| {
+        let text = format!("K {:.0} N/mm at {:.2} rad/s", found.stiffness, found.omega);
+        ([found.stiffness, 0.0], text)
+    });
+    let caption = format!("Unstable roots by the cutting stiffness K, {name}");
+    let frame = Frame {
+        title: &caption,
+        x: "real part of K in N/mm",
+        y: "imaginary part of K in N/mm",
+        limits: vec![],
+    };
+    let window = [[-most, most], [-0.8 * most, 0.8 * most]];
+    let partition = Partition { frame, window, curves: vec![curve], marks: marks.collect() };
+    let svg = partitioned(&partition, |[re, im]| lag.unstable(Complex::new(re, im)))?;
+    Ok(Plot { file: format!("{stem}-partition.svg"), caption: caption.clone(), svg })
+}
+
+/// Frequencies that boundaries by two parameters are drawn from.
+fn omegas(lag: &Lag) -> impl Iterator<Item = f64> {
+    let highest = 20.0 * lag.terms.iter().map(|term| term.omega()).fold(0.0, f64::max);
+    (1..=POINTS).map(move |k| highest * (k as f64 / POINTS as f64).powi(2))
+}
+
+fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
+    let most = BEYOND * lag.worst_lag().map_or(reference(lag), |(_, found)| found.stiffness);
+    let longest = 3.0 * lag.worst_lag().map_or(lag.lag, |(time, _)| time).max(lag.lag);
+    let window = [[0.0, 1e3 * longest], [0.0, most]];
+    let is_near = |place: &&[f64; 2]| place[0] >= 0.0 && place[1] > 0.0;
+    let all: Vec<[f64; 2]> = omegas(lag)
+        .map(|omega| lag.lag_and_stiffness(omega).at)
+        .map(|[time, stiffness]| [1e3 * time, stiffness])
+        .collect();
+    let curves = all.split(|place| !is_near(&place)).filter(|curve| curve.len() > 1);
+    let own = lag.limit().crossing.filter(|limit| limit.stiffness < most);
+    let marks = own.map(|limit| ([1e3 * lag.lag, limit.stiffness], name.to_string()));
+    let caption = format!("Unstable roots by lag and cutting stiffness, {name}");
+    let frame = Frame {
+        title: &caption,
+        x: "lag T in ms",
+        y: "cutting stiffness K in N/mm",
+        limits: vec![],
+    };
+    let partition = Partition {
+        frame,
+        window,
+        curves: curves.map(<[_]>::to_vec).collect(),
+        marks: marks.into_iter().collect(),
+    };
+    let count = |[time, stiffness]: [f64; 2]| {
+        lag.with_lag(1e-3 * time).unstable(Complex::new(stiffness, 0.0))
+    };
+    let svg = partitioned(&partition, count)?;
+    Ok(Plot { file: format!("{stem}-partition-lag.svg"), caption: caption.clone(), svg })
+}
+
+fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot, DrawError> {
+    let first = lag.terms[0];
+    let own = first.square / first.gain;
+    let most = BEYOND * reference(lag);
+    let window = [[0.0, 3.0 * own], [0.0, most]];
+    let pairs: Vec<_> = omegas(lag).map(|omega| lag.link_and_stiffness(omega)).collect();
+    let mut curves = vec![];
+    for branch in 0..2 {
+        let inside = |points: &Vec<Point>| {
+            let place: Option<[f64; 2]> = points.get(branch).map(|point| point.at);
+            place.filter(|[link, cut]| *link > 0.0 && *cut > 0.0 && *cut < 1e3 * most)
+        };
+        let places: Vec<Option<[f64; 2]>> = pairs.iter().map(inside).collect();
+        let parts = places.split(|place| place.is_none()).filter(|part| part.len() > 1);
+        curves.extend(parts.map(|part| part.iter().flatten().copied().collect()));
+    }
+    let limit = lag.limit().crossing;
+    let marks = limit.map(|limit| ([own, limit.stiffness], adjustment.name()));
+    let caption = format!(
+        "Unstable roots by the stiffness of {} and K, {}",
+        adjustment.names[0],
+        adjustment.name()
+    );
+    let frame = Frame {
+        title: &caption,
+        x: "stiffness of the first link in N/mm",
+        y: "cutting stiffness K in N/mm",
+        limits: vec![],
+    };
+    let partition = Partition { frame, window, curves, marks: marks.into_iter().collect() };
+    let count =
+        |[link, stiffness]: [f64; 2]| lag.with_first(link).unstable(Complex::new(stiffness, 0.0));
+    let svg = partitioned(&partition, count)?;
+    Ok(Plot { file: format!("{stem}-partition-link.svg"), caption: caption.clone(), svg })
+}
+
+/// Real and imaginary part, amplitude, phase and hodograph of the tool against the work, of one or
+/// several adjustments at one cutting stiffness.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, DrawError> {
+    // um/N; frequencies up to twice the last peak.
+    let most = responses.iter().flat_map(|(_, all)| all.iter().map(|r| r.cutting.modulus()));
+    let most = most.fold(0.0, f64::max);
+    let seen = |all: &[Response]| -> f64 {
+        let high = all.iter().filter(|r| r.cutting.modulus() > 0.02 * most);
+        high.map(|r| r.omega).fold(0.0, f64::max)
+    };
+    let end = responses.iter().map(|(_, all)| seen(all)).fold(0.0, f64::max);
+    let mut plots = vec![];
+    for (k, name) in PARTS.iter().enumerate() {
+        let of = |(name, all): &(String, Vec<Response>)| {
+            let all: Vec<Response> = all.iter().filter(|r| r.omega <= end).cloned().collect();
+            let omegas = all.iter().map(|response| response.omega);
+            Line { name: name.clone(), points: omegas.zip(part(k, &all)).collect() }
+        };
+        let lines: Vec<Line> = responses.iter().map(of).collect();
+        let caption = format!("Response of the tool against the work: {name}");
+        let unit = if k == 3 { "degrees" } else { "um/N" };
+        let y = format!("{name} in {unit}");
+        let frame = Frame { title: &caption, x: "frequency in rad/s", y: &y, limits: vec![] };
+        let svg = drawn_lines(&frame, &lines)?;
+        let file = format!("response-{}.svg", name.replace(' ', "-"));
+        plots.push(Plot { file, caption: caption.clone(), svg });
+    }
+    plots.push(hodograph(responses)?);
+    Ok(plots)
+}
+
+/// What of a response has a picture of its own.
+const PARTS: [&str; 4] = ["real part", "imaginary part", "amplitude", "phase"];
+
+/// The k-th of them: um/N, or degrees without jumps.
+fn part(k: usize, all: &[Response]) -> Vec<f64> {
+    let values = all.iter().map(|response| response.cutting);
+    match k {
+        0 => values.map(|w| 1e3 * w.re).collect(),
+        1 => values.map(|w| 1e3 * w.im).collect(),
+        2 => values.map(|w| 1e3 * w.modulus()).collect(),
+        _ => {
+            let angles = unwrapped(values.map(|w| w.argument()));
+            angles.into_iter().map(f64::to_degrees).collect()
+        }
+    }
+}
+
+fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
+    let place = |response: &Response| (1e3 * response.cutting.re, 1e3 * response.cutting.im);
+    let all: Vec<(f64, f64)> =
+        responses.iter().flat_map(|(_, all)| all.iter().map(place)).collect();
+    let caption = "Response of the tool against the work: hodograph";
+    let frame = Frame {
+        title: caption,
+        x: "real part in um/N",
+        y: "imaginary part in um/N",
+        limits: vec![],
+    };
+    let svg = drawn(|root| {
+        let mut chart = path_axes(root, &frame, &all)?;
+        for ((name, own), (colour, _)) in responses.iter().zip(STYLES) {
+            let style = colour.stroke_width(2);
+            let points: Vec<(f64, f64)> = own.iter().map(place).collect();
+            chart
+                .draw_series([PathElement::new(points, style)])?
+                .label(name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], style));
+        }
+        chart.draw_series([Cross::new((0.0, 0.0), 5, BLACK.stroke_width(2))])?;
+        legend(&mut chart)
+    })?;
+    Ok(Plot { file: "response-hodograph.svg".into(), caption: caption.into(), svg })
+}
+
+/// Limit cutting stiffness over the overhang, mm and N/mm.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_overhangs(limits: &[(f64, f64)]) -> Result<Plot, DrawError> {
+    let caption = "Limit cutting stiffness by overhang";
+    let frame = Frame { title: caption, x: "overhang in mm", y: "limit in N/mm", limits: vec![] };
+    let line = Line { name: "limit".into(), points: limits.to_vec() };
+    let svg = drawn_lines(&frame, &[line])?;
+    Ok(Plot { file: "overhang.svg".into(), caption: caption.into(), svg })
+}
+
+/// Unstable depths over spindle speeds: light where the vibration has a frequency of its own, dark
+/// where it takes two tooth periods; the line is the zero-order limit (1/min, mm).
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot, DrawError> {
+    let caption = "Stable depths by spindle speed";
+    let frame =
+        Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+    let speeds: Vec<f64> = map.columns.iter().map(|column| column.rpm).collect();
+    let (first, last) = (speeds[0], speeds[speeds.len() - 1]);
+    // Each column fills half the way to its neighbours.
+    let edge = |k: usize| match k {
+        0 => first,
+        k if k == speeds.len() => last,
+        k => (speeds[k - 1] + speeds[k]) / 2.0,
+    };
+    let shade = |loss: Loss| match loss {
+        Loss::Hopf => RGBColor(205, 205, 205),
+        Loss::Doubling => RGBColor(140, 140, 140),
+        Loss::Fold => RGBColor(90, 90, 90),
+    };
+    let svg = drawn(|root| {
+        let mut chart = axes(root, &frame, first..last, 0.0..1.15 * map.most)?;
+        for (loss, name) in [
+            (Loss::Hopf, "unstable"),
+            (Loss::Doubling, "unstable, two tooth periods"),
+            (Loss::Fold, "unstable, deflection grows"),
+        ] {
+            let colour = shade(loss);
+            let cells = map.columns.iter().enumerate().flat_map(|(k, column)| {
+                let own = column.bands.iter().filter(move |band| band.loss == loss);
+                own.map(move |band| {
+                    Rectangle::new([(edge(k), band.low), (edge(k + 1), band.high)], colour.filled())
+                })
+            });
+            let cells: Vec<_> = cells.collect();
+            if !cells.is_empty() {
+                chart.draw_series(cells)?.label(name).legend(move |(x, y)| {
+                    Rectangle::new([(x, y - 6), (x + 34, y + 6)], colour.filled())
+                });
+            }
+        }
+        let inside = zero_order.split(|point| !(point.1 <= map.most)).filter(|part| part.len() > 1);
+        for (k, part) in inside.enumerate() {
+            let series =
+                chart.draw_series(LineSeries::new(part.to_vec(), BLACK.stroke_width(2)))?;
+            if k == 0 {
+                series.label("zero order").legend(|(x, y)| {
+                    PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(2))
+                });
+            }
+        }
+        legend(&mut chart)
+    })?;
+    Ok(Plot { file: "stable-depths.svg".into(), caption: caption.into(), svg })
+}
+
+/// Stability lobes of the zero-order approximation, within spindle speeds (1/min) and to a depth in
+/// mm.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_lobes(
+    lobes: &[Vec<LobePoint>],
+    [low, high]: [f64; 2],
+    most: f64,
+) -> Result<Plot, DrawError> {
+    let caption = "Stability lobes, zero order";
+    let frame =
+        Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+    let is_seen =
+        |point: &LobePoint| (low..=high).contains(&point.rpm) && point.limit.depth <= most;
+    let svg = drawn(|root| {
+        let mut chart = axes(root, &frame, low..high, 0.0..most)?;
+        for lobe in lobes {
+            for part in lobe.split(|point| !is_seen(point)).filter(|part| part.len() > 1) {
+                let points: Vec<(f64, f64)> =
+                    part.iter().map(|point| (point.rpm, point.limit.depth)).collect();
+                chart.draw_series([PathElement::new(points, BLACK.stroke_width(1))])?;
+            }
+        }
+        Ok(())
+    })?;
+    Ok(Plot { file: "lobes.svg".into(), caption: caption.into(), svg })
+}
+
+/// Receptances of the tool tip along the feed and its normal, um/N over Hz.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_tip(lines: [Vec<(f64, f64)>; 2]) -> Result<Plot, DrawError> {
+    let caption = "Amplitude of the tool tip under a force of 1 N";
+    let frame =
+        Frame { title: caption, x: "frequency in Hz", y: "amplitude in um/N", limits: vec![] };
+    let [feed, normal] = lines.map(|points| {
+        points.into_iter().map(|(omega, amplitude)| (omega / TAU, 1e3 * amplitude)).collect()
+    });
+    let lines = [
+        Line { name: "along the feed".into(), points: feed },
+        Line { name: "across it".into(), points: normal },
+    ];
+    let svg = drawn_lines(&frame, &lines)?;
+    Ok(Plot { file: "tip-response.svg".into(), caption: caption.into(), svg })
+}
+
+/// A map of limit depths (mm) over a plane of two coordinates.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_depths(
+    letters: [char; 2],
+    unit: &str,
+    sides: &[Vec<f64>; 2],
+    depths: &[f64],
+    what: &str,
+) -> Result<Plot, DrawError> {
+    let plane: String = letters.iter().collect();
+    let caption = format!("Limit depth in mm in the plane {plane}, {what}");
+    let frame = Frame {
+        title: &caption,
+        x: &format!("{} in {unit}", letters[0]),
+        y: &format!("{} in {unit}", letters[1]),
+        limits: vec![],
+    };
+    let svg = contoured(&frame, sides, depths)?;
+    let file = format!("limit-depth-{}.svg", plane.to_lowercase());
+    Ok(Plot { file, caption: caption.clone(), svg })
+}
+
+/// Limit depths (mm) at the places of a program, in order.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_path(depths: &[f64]) -> Result<Plot, DrawError> {
+    let caption = "Depth up to which the program is stable";
+    let frame =
+        Frame { title: caption, x: "place along the program", y: "depth in mm", limits: vec![] };
+    let points = depths.iter().enumerate().map(|(k, depth)| (k as f64, *depth)).collect();
+    let svg = drawn_lines(&frame, &[Line { name: "limit".into(), points }])?;
+    Ok(Plot { file: "program-depths.svg".into(), caption: caption.into(), svg })
+}

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Coordinates of the platform at a pose: X Y Z of the machine's centre and the angles A B C, those
+//! that the legs move.
+//!
+//! The centre is the point that held X, Y, Z hold; where nothing is held it is any point. With
+//! p = o + R(A, B, C) (s − c) for a point s of the platform, c the centre and o its place, what
+//! guides hold is kept exactly, and derivatives of any order are those of R.
+
+use crate::read::machine::MachineConfig;
+use crate::rows::{Rows, rate_map};
+use kinematics::{At, Letter, Matrix3, Pose, Vector3};
+use nalgebra::{DMatrix, Matrix3xX};
+
+/// The coordinates, and how points of the platform depend on them; mm and radians.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// Coordinates by their numbers: X Y Z, then A B C.
+    coordinates: Vec<usize>,
+    /// The centre in the platform frame.
+    centre: Vector3<f64>,
+    /// A B C.
+    angles: Vector3<f64>,
+    /// Angular velocity per rate of A B C.
+    rates: Matrix3<f64>,
+}
+
+impl Chart {
+    /// Of a machine that stands at a pose.
+    pub fn of(config: &MachineConfig, at: &At) -> Self {
+        let letters = config.machine.layout().coordinates();
+        let is_moved = |k: &usize| letters.contains(Letter::ALL[*k]);
+        let centre = Vector3::from(config.geometry.centre) / config.units_per_mm;
+        Self::new((0..6).filter(is_moved).collect(), centre, at.pose())
+    }
+
+    /// Of coordinates by their numbers, a centre in the platform frame, and a pose.
+    pub fn new(coordinates: Vec<usize>, centre: Vector3<f64>, pose: &Pose) -> Self {
+        Self { coordinates, centre, angles: pose.angles, rates: rate_map(pose) }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// Whether a coordinate is an angle.
+    pub fn is_angle(&self, k: usize) -> bool {
+        self.coordinates[k] >= 3
+    }
+
+    /// Orientation of the platform, and its derivatives, `orders` times by A, B and C.
+    fn rotation(&self, orders: [usize; 3]) -> Matrix3<f64> {
+        let [a, b, c] = [0, 1, 2].map(|axis| turn(axis, self.angles[axis], orders[axis]));
+        c * b * a
+    }
+
+    /// Displacement of a point of the platform per coordinate.
+    pub fn displacement(&self, point: &Vector3<f64>) -> Matrix3xX<f64> {
+        let arm = point - self.centre;
+        let column = |k: &usize| match *k {
+            k if k < 3 => Vector3::ith(k, 1.0),
+            k => self.rotation(orders(&[k - 3])) * arm,
+        };
+        Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
+    }
+
+    /// Second derivative of the place of a point of the platform by coordinates `i` and `k`.
+    pub fn curvature(&self, point: &Vector3<f64>, i: usize, k: usize) -> Vector3<f64> {
+        match [self.coordinates[i], self.coordinates[k]] {
+            [i, k] if i >= 3 && k >= 3 => {
+                self.rotation(orders(&[i - 3, k - 3])) * (point - self.centre)
+            }
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// Angular velocity in the machine frame per rate of each coordinate.
+    pub fn turns(&self) -> Matrix3xX<f64> {
+        let column = |k: &usize| match *k {
+            k if k < 3 => Vector3::zeros(),
+            k => self.rates.column(k - 3).into_owned(),
+        };
+        Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
+    }
+
+    /// Rows over X Y Z A B C of the tool tip (machine units and radians, see [`crate::rows`]) as
+    /// rows over these coordinates, per mm and radian; `tip` in the platform frame, mm.
+    pub fn rows(&self, rows: &Rows, tip: &Vector3<f64>, units_per_mm: f64) -> DMatrix<f64> {
+        let tip = self.displacement(tip);
+        DMatrix::from_fn(rows.nrows(), self.count(), |i, k| {
+            let moved = (0..3).map(|axis| rows[(i, axis)] * tip[(axis, k)]).sum::<f64>();
+            match self.coordinates[k] {
+                own if own < 3 => moved,
+                own => moved + rows[(i, own)] / units_per_mm,
+            }
+        })
+    }
+
+    /// The pose with one coordinate changed by so many mm or radians; `tip` as above, and the pose
+    /// in machine units.
+    pub fn moved(
+        &self,
+        pose: &Pose,
+        k: usize,
+        by: f64,
+        tip: &Vector3<f64>,
+        units_per_mm: f64,
+    ) -> Pose {
+        let mut moved = *pose;
+        match self.coordinates[k] {
+            k if k < 3 => moved.position[k] += by * units_per_mm,
+            k => {
+                moved.angles[k - 3] += by;
+                let turned = moved.rotation() - pose.rotation();
+                moved.position += turned * (tip - self.centre) * units_per_mm;
+            }
+        }
+        moved
+    }
+}
+
+/// How many times each angle is derived by.
+fn orders(angles: &[usize]) -> [usize; 3] {
+    let mut orders = [0; 3];
+    angles.iter().for_each(|angle| orders[*angle] += 1);
+    orders
+}
+
+/// The rotation about an axis of the frame, derived `order` times by its angle.
+fn turn(axis: usize, angle: f64, order: usize) -> Matrix3<f64> {
+    // Each derivative of sine and cosine leads by a quarter turn.
+    let (sin, cos) = (angle + order as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
+    let (i, k) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut turn = Matrix3::zeros();
+    turn[(axis, axis)] = if order == 0 { 1.0 } else { 0.0 };
+    (turn[(i, i)], turn[(i, k)], turn[(k, i)], turn[(k, k)]) = (cos, -sin, sin, cos);
+    turn
+}

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Masses, springs and dampers of a machine, as its study names them: N, mm, s, t.
+
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
+use crate::study::file::{Each, Lacking, Screw, Study};
+use kinematics::{Letter, Matrix3, Vector3};
+
+/// Standard gravity, mm/s².
+const GRAVITY: f64 = 9806.65;
+
+/// Tonnes per kilogram.
+const T_PER_KG: f64 = 1e-3;
+
+/// t mm² per kg m².
+const T_MM2_PER_KG_M2: f64 = 1e3;
+
+/// N/mm per N/um.
+const PER_UM: f64 = 1e3;
+
+/// N mm per N m.
+const MM_PER_M: f64 = 1e3;
+
+/// The platform as a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Mass, t.
+    pub mass: f64,
+    /// Centre of mass in the platform frame, mm.
+    pub centre: Vector3<f64>,
+    /// Tensor of inertia about it, platform axes, t mm².
+    pub inertia: Matrix3<f64>,
+}
+
+/// The spring between the drive of a leg and the platform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spring {
+    /// Along the leg, whatever is in it, N/mm.
+    Whole(f64),
+    /// Rod and drive one after the other.
+    Series {
+        /// Along the leg, N/mm.
+        rod: f64,
+        /// Along the joint: N/mm, or N mm/rad of an arm.
+        drive: f64,
+    },
+}
+
+impl Spring {
+    /// Stiffness along the leg, N/mm, where the leg's length changes by `gain` per mm or radian of
+    /// the joint: 1/k = 1/k_rod + gain²/k_drive.
+    pub fn along(&self, gain: f64) -> f64 {
+        match self {
+            Self::Whole(k) => *k,
+            Self::Series { rod, drive } => 1.0 / (1.0 / rod + gain * gain / drive),
+        }
+    }
+}
+
+/// A leg as spring, damper and masses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// Its spring.
+    pub spring: Spring,
+    /// Along the leg, N s/mm; 0 where damping is given as a ratio.
+    pub damping: f64,
+    /// What moves along the leg with its platform joint, t.
+    pub axial: f64,
+    /// What moves across it, t.
+    pub across: f64,
+    /// What the joint moves: t, or t mm² of an arm; `None` where it has no mass.
+    pub drive: Option<f64>,
+}
+
+/// A table axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableAxis {
+    /// Which coordinate it takes: 0, 1, 2 for X, Y, Z.
+    pub axis: usize,
+    /// What it moves, t.
+    pub mass: f64,
+    /// N/mm.
+    pub stiffness: f64,
+    /// N s/mm.
+    pub damping: f64,
+}
+
+/// A machine as masses, springs and dampers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The platform.
+    pub body: Body,
+    /// The legs, in order.
+    pub legs: Vec<Leg>,
+    /// The table axes, in order.
+    pub table: Vec<TableAxis>,
+    /// Damping ratio of all modes of the platform, where the legs have no dampers.
+    pub ratio: Option<f64>,
+    /// Acceleration of a falling body in the machine frame, mm/s².
+    pub gravity: Vector3<f64>,
+    /// Whether weight and bearing forces count in the stiffness.
+    pub is_geometric: bool,
+    /// What takes the torque of a strut's thread.
+    pub screw: Screw,
+}
+
+impl Model {
+    /// Of a machine.
+    ///
+    /// # Errors
+    /// See [`Lacking`].
+    pub fn of(config: &MachineConfig, study: &Study) -> Result<Self, Lacking> {
+        let section = "platform";
+        let lacks = |key| Lacking::Key { section, key };
+        let platform = study.platform.as_ref().ok_or_else(|| lacks("mass_kg"))?;
+        let turns = Letter::ALL[3..].iter().any(|a| !config.machine.layout().is_held(*a));
+        let inertia = match platform.inertia_kg_m2 {
+            Some(inertia) => inertia.0 * T_MM2_PER_KG_M2,
+            None if turns => return Err(lacks("inertia_kg_m2")),
+            None => Matrix3::zeros(),
+        };
+        let down = platform.down.map_or(-Vector3::z(), |down| down.0);
+        Ok(Self {
+            body: Body {
+                mass: platform.mass_kg.0 * T_PER_KG,
+                centre: platform.centre_mm.0,
+                inertia,
+            },
+            legs: legs(config, study)?,
+            table: table(config, study)?,
+            ratio: study.legs.damping_ratio.map(|ratio| ratio.0),
+            gravity: down * GRAVITY,
+            is_geometric: platform.geometric_stiffness,
+            screw: study.legs.screw,
+        })
+    }
+}
+
+/// Refuses a value that is given in two ways, and one that is given in none.
+fn one_of(
+    section: &'static str,
+    keys: [&'static str; 2],
+    [first, second]: [bool; 2],
+) -> Result<(), Lacking> {
+    match (first, second) {
+        (true, true) => Err(Lacking::Both { section, keys }),
+        (false, false) => Err(Lacking::Key { section, key: keys[0] }),
+        _ => Ok(()),
+    }
+}
+
+fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
+    let given = &study.legs;
+    let count = config.legs();
+    let each = |key: &'static str, value: &Option<Each>| {
+        value.as_ref().map(|value| value.of(key, count)).transpose()
+    };
+    let damping = each("damping_n_s_per_mm", &given.damping_n_s_per_mm)?;
+    let keys = ["damping_n_s_per_mm", "damping_ratio"];
+    one_of("legs", keys, [damping.is_some(), given.damping_ratio.is_some()])?;
+    let axial = each("axial_mass_kg", &given.axial_mass_kg)?;
+    let across = each("across_mass_kg", &given.across_mass_kg)?;
+    let springs = springs(config, study)?;
+    let drives = drives(config, study)?;
+    let of = |values: &Option<Vec<f64>>, i: usize| values.as_ref().map_or(0.0, |v| v[i]);
+    let leg = |i: usize| Leg {
+        spring: springs[i],
+        damping: of(&damping, i),
+        axial: of(&axial, i) * T_PER_KG,
+        across: of(&across, i) * T_PER_KG,
+        drive: drives[i],
+    };
+    Ok((0..count).map(leg).collect())
+}
+
+fn springs(config: &MachineConfig, study: &Study) -> Result<Vec<Spring>, Lacking> {
+    let given = &study.legs;
+    let (whole, rod) = ("stiffness_n_per_um", "rod_stiffness_n_per_um");
+    let is_given = [given.stiffness_n_per_um.is_some(), given.rod_stiffness_n_per_um.is_some()];
+    one_of("legs", [whole, rod], is_given)?;
+    if let Some(value) = &given.stiffness_n_per_um {
+        let values = value.of(whole, config.legs())?;
+        return Ok(values.into_iter().map(|k| Spring::Whole(k * PER_UM)).collect());
+    }
+    let rods = given.rod_stiffness_n_per_um.iter();
+    let rods = rods.map(|value| value.of(rod, config.legs())).next().transpose()?;
+    let keys = ["drive_stiffness_n_per_um", "drive_stiffness_n_m_per_rad"];
+    let values = [&given.drive_stiffness_n_per_um, &given.drive_stiffness_n_m_per_rad];
+    let drives = of_kinds(config, keys, values, [PER_UM, MM_PER_M])?;
+    let series = rods.into_iter().flatten().zip(drives).enumerate().map(|(i, (rod, drive))| {
+        let key = keys[usize::from(config.joints[i].kind == JointKind::Arm)];
+        let drive = drive.ok_or(Lacking::Key { section: "legs", key })?;
+        Ok(Spring::Series { rod: rod * PER_UM, drive })
+    });
+    series.collect()
+}
+
+fn drives(config: &MachineConfig, study: &Study) -> Result<Vec<Option<f64>>, Lacking> {
+    let given = &study.legs;
+    let keys = ["drive_mass_kg", "drive_inertia_kg_m2"];
+    let values = [&given.drive_mass_kg, &given.drive_inertia_kg_m2];
+    let masses = of_kinds(config, keys, values, [T_PER_KG, T_MM2_PER_KG_M2])?;
+    // A mass between two springs: both have to be known.
+    let is_hung = given.rod_stiffness_n_per_um.is_some();
+    match masses.iter().any(Option::is_some) && !is_hung {
+        true => Err(Lacking::Key { section: "legs", key: "rod_stiffness_n_per_um" }),
+        false => Ok(masses),
+    }
+}
+
+/// Values of every leg where those of straight joints and of arms have keys of their own, each for
+/// the legs of its kind; `None` for a leg whose key is missing.
+fn of_kinds(
+    config: &MachineConfig,
+    keys: [&'static str; 2],
+    values: [&Option<Each>; 2],
+    scales: [f64; 2],
+) -> Result<Vec<Option<f64>>, Lacking> {
+    let legs = &config.joints[..config.legs()];
+    let mut all = vec![None; legs.len()];
+    for (k, value) in values.into_iter().enumerate() {
+        let Some(value) = value else { continue };
+        let own = |i: &usize| (legs[*i].kind == JointKind::Arm) == (k == 1);
+        let own: Vec<usize> = (0..legs.len()).filter(own).collect();
+        for (i, value) in own.iter().zip(value.of(keys[k], own.len())?) {
+            all[*i] = Some(value * scales[k]);
+        }
+    }
+    Ok(all)
+}
+
+fn table(config: &MachineConfig, study: &Study) -> Result<Vec<TableAxis>, Lacking> {
+    let letters = config.machine.layout().table().as_slice();
+    if letters.is_empty() {
+        return Ok(vec![]);
+    }
+    let (given, section) = (&study.table, "table");
+    let each = |key: &'static str, value: &Option<Each>| {
+        value.as_ref().map(|value| value.of(key, letters.len())).transpose()
+    };
+    let needed = |key: &'static str, value| each(key, value)?.ok_or(Lacking::Key { section, key });
+    let masses = needed("mass_kg", &given.mass_kg)?;
+    let stiffness = needed("stiffness_n_per_um", &given.stiffness_n_per_um)?;
+    let dampers = each("damping_n_s_per_mm", &given.damping_n_s_per_mm)?;
+    let keys = ["damping_n_s_per_mm", "damping_ratio"];
+    one_of(section, keys, [dampers.is_some(), given.damping_ratio.is_some()])?;
+    let axis = |i: usize| {
+        let (mass, stiffness) = (masses[i] * T_PER_KG, stiffness[i] * PER_UM);
+        let critical = 2.0 * (mass * stiffness).sqrt();
+        let ratio = given.damping_ratio.map_or(0.0, |ratio| ratio.0);
+        let damping = dampers.as_ref().map_or(ratio * critical, |dampers| dampers[i]);
+        TableAxis { axis: letters[i].index(), mass, stiffness, damping }
+    };
+    Ok((0..letters.len()).map(axis).collect())
+}

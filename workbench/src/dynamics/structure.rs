@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Matrices of mass, damping and stiffness at a pose.
+//!
+//! Coordinates are those of the [`Chart`], then the joints whose drives have mass, then the table
+//! axes. With P the displacements of points, Ω the turns, r the row of a leg and n its direction:
+//!
+//! ```text
+//! M = m PcᵀPc + Ωᵀ R I Rᵀ Ω + Σ Pᵀ(μa nnᵀ + μt (1 - nnᵀ))P       K = Σ k r rᵀ       C = Σ c r rᵀ
+//! Kg = -Σ f {Pᵀ (1 - nnᵀ)/l P + n·∂²p} - m g·∂²pc
+//! ```
+//!
+//! f are the forces by which the legs bear the weight, positive where a leg pushes: those of least
+//! energy where legs exceed coordinates, f = -k r K⁻¹ Pcᵀ m g. Kg is exact for legs whose joints
+//! are held; what a yielding drive adds to it is of the order of (f/k)².
+
+use crate::dynamics::chart::Chart;
+use crate::dynamics::model::{Body, Leg, Model, Spring};
+use crate::dynamics::response::Shapes;
+use crate::read::machine::MachineConfig;
+use crate::rows::{self, joint_rows, length_rows};
+use crate::study::file::Screw;
+use kinematics::{At, Fault, LegKind, Pose, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
+
+/// Step of the differences of rows, radians or share of the radius: their error is the square of it,
+/// and the rounding of rows over it.
+const STEP: f64 = 1e-5;
+
+/// A machine at a pose as a system that vibrates; N, mm, s, t, radians.
+#[derive(Clone, Debug)]
+pub struct Structure {
+    /// Mass.
+    pub mass: DMatrix<f64>,
+    /// Damping.
+    pub damping: DMatrix<f64>,
+    /// Stiffness.
+    pub stiffness: DMatrix<f64>,
+    /// Displacement and turn of the tool tip relative to the work per coordinate, machine axes.
+    pub tip: Matrix6xX<f64>,
+    /// Change of length of every leg per coordinate.
+    pub elongation: DMatrix<f64>,
+    /// Forces by which the legs bear the weight, N, positive where a leg pushes.
+    pub bearing: Vec<f64>,
+}
+
+/// A leg at a pose: mm.
+#[derive(Clone, Debug)]
+pub struct LegAt {
+    /// Platform anchor in the platform frame.
+    pub anchor: Vector3<f64>,
+    /// Unit vector towards the platform, machine frame.
+    pub along: Vector3<f64>,
+    /// From the moving base anchor to the platform anchor.
+    pub length: f64,
+    /// Change of its length per coordinate of the chart, with the nut's turn where that bears force.
+    pub row: RowDVector<f64>,
+    /// Change of its length per mm or radian of its joint.
+    pub gain: f64,
+}
+
+/// The tool tip in the platform frame, mm, by the tool vector in machine units.
+pub fn tip(config: &MachineConfig, tool: &Vector3<f64>) -> Vector3<f64> {
+    -tool / config.units_per_mm
+}
+
+/// The legs of a machine at a pose.
+///
+/// # Errors
+/// As [`At::inverse_jacobian`].
+pub fn legs(
+    config: &MachineConfig,
+    at: &At,
+    tool: &Vector3<f64>,
+    screw: Screw,
+) -> Result<Vec<LegAt>, Fault> {
+    let chart = Chart::of(config, at);
+    let per_mm = config.units_per_mm;
+    let rows = match screw {
+        Screw::Backdrivable => joint_rows(config, at)?,
+        Screw::SelfLocking => length_rows(config, at, tool),
+    };
+    let rows = chart.rows(&rows, &tip(config, tool), per_mm);
+    let gains = rows::gains(config, at);
+    let legs = config.geometry.legs().iter().zip(at.segments()).enumerate();
+    let leg = legs.map(|(i, (leg, segment))| {
+        let span = segment.span() / per_mm;
+        let gain = match leg.kind {
+            LegKind::Crank(_) => gains[i].to_degrees() / per_mm,
+            LegKind::Strut(_) | LegKind::Slider(_) => gains[i],
+        };
+        LegAt {
+            anchor: Vector3::from(leg.platform) / per_mm,
+            along: span.normalize(),
+            length: span.norm(),
+            row: rows.row(i).into_owned(),
+            gain,
+        }
+    });
+    Ok(leg.collect())
+}
+
+impl Structure {
+    /// At a pose. `tool` is that of the pose, as for [`kinematics::Machine::at`].
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub fn at(
+        config: &MachineConfig,
+        model: &Model,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Self, Fault> {
+        let at = config.machine.at(pose, tool)?;
+        let chart = Chart::of(config, &at);
+        let legs = legs(config, &at, tool, model.screw)?;
+        let mut platform = Platform::new(&chart, model, &at.rotation(), &legs);
+        if model.is_geometric {
+            let bends = match model.screw {
+                Screw::Backdrivable => nut_curvatures(config, &at, tool)?,
+                Screw::SelfLocking => vec![],
+            };
+            let geometric =
+                geometric(&chart, &legs, &platform.bearing, &bends, &model.body, &model.gravity);
+            let count = chart.count();
+            let mut part = platform.stiffness.view_mut((0, 0), (count, count));
+            part += geometric;
+        }
+        if let Some(ratio) = model.ratio {
+            platform.damp(ratio);
+        }
+        let tip = tip(config, tool);
+        Ok(platform.with_table(model, &chart.displacement(&tip), &chart.turns()))
+    }
+}
+
+/// The platform on its legs, without a table.
+struct Platform {
+    mass: DMatrix<f64>,
+    damping: DMatrix<f64>,
+    stiffness: DMatrix<f64>,
+    elongation: DMatrix<f64>,
+    bearing: Vec<f64>,
+}
+
+impl Platform {
+    fn new(chart: &Chart, model: &Model, rotation: &Matrix3<f64>, legs: &[LegAt]) -> Self {
+        let heavy: Vec<usize> =
+            (0..legs.len()).filter(|i| model.legs[*i].drive.is_some()).collect();
+        let (own, count) = (chart.count(), chart.count() + heavy.len());
+        let mut mass = DMatrix::zeros(count, count);
+        mass.view_mut((0, 0), (own, own)).copy_from(&body_mass(chart, &model.body, rotation));
+        let mut damping = DMatrix::zeros(count, count);
+        let mut stiffness = DMatrix::zeros(count, count);
+        let mut elongation = DMatrix::zeros(legs.len(), count);
+        for (i, (at, leg)) in legs.iter().zip(&model.legs).enumerate() {
+            let mut part = mass.view_mut((0, 0), (own, own));
+            part += leg_mass(chart, at, leg);
+            let mut row = RowDVector::zeros(count);
+            row.columns_mut(0, own).copy_from(&at.row);
+            let mut k = leg.spring.along(at.gain);
+            if let (Some(drive), Spring::Series { rod, drive: hold }) = (leg.drive, leg.spring) {
+                let place = own + heavy.iter().take_while(|other| **other < i).count();
+                row[place] = -at.gain;
+                k = rod;
+                mass[(place, place)] = drive;
+                stiffness[(place, place)] += hold;
+            }
+            let square = row.tr_mul(&row);
+            stiffness += &square * k;
+            damping += square * leg.damping;
+            elongation.row_mut(i).copy_from(&row);
+        }
+        let bearing = bearing(chart, model, legs);
+        Self { mass, damping, stiffness, elongation, bearing }
+    }
+
+    /// Dampers that give every mode one ratio: C = M Φ diag(2ζω) ΦᵀM. Nothing changes where the legs
+    /// do not hold the platform: there are no modes.
+    fn damp(&mut self, ratio: f64) {
+        let Some(shapes) = Shapes::of(&self.mass, &self.stiffness) else { return };
+        let rates = DMatrix::from_diagonal(&DVector::from_iterator(
+            shapes.omegas.len(),
+            shapes.omegas.iter().map(|omega| 2.0 * ratio * omega),
+        ));
+        let moved = &self.mass * &shapes.vectors;
+        self.damping = &moved * rates * moved.transpose();
+    }
+
+    fn with_table(self, model: &Model, tip: &Matrix3xX<f64>, turns: &Matrix3xX<f64>) -> Structure {
+        let (own, all) = (self.mass.nrows(), self.mass.nrows() + model.table.len());
+        let grown = |matrix: &DMatrix<f64>, value: &dyn Fn(usize) -> f64| {
+            let mut grown = DMatrix::zeros(all, all);
+            grown.view_mut((0, 0), (own, own)).copy_from(matrix);
+            (own..all).for_each(|i| grown[(i, i)] = value(i - own));
+            grown
+        };
+        let mut of_tip = Matrix6xX::zeros(all);
+        of_tip.view_mut((0, 0), (3, tip.ncols())).copy_from(tip);
+        of_tip.view_mut((3, 0), (3, tip.ncols())).copy_from(turns);
+        for (i, axis) in model.table.iter().enumerate() {
+            of_tip[(axis.axis, own + i)] = 1.0;
+        }
+        Structure {
+            mass: grown(&self.mass, &|i| model.table[i].mass),
+            damping: grown(&self.damping, &|i| model.table[i].damping),
+            stiffness: grown(&self.stiffness, &|i| model.table[i].stiffness),
+            tip: of_tip,
+            elongation: self.elongation.resize_horizontally(all, 0.0),
+            bearing: self.bearing,
+        }
+    }
+}
+
+/// Mass of the platform over the coordinates of a chart.
+pub fn body_mass(chart: &Chart, body: &Body, rotation: &Matrix3<f64>) -> DMatrix<f64> {
+    let (moved, turned) = (chart.displacement(&body.centre), chart.turns());
+    let inertia = rotation * body.inertia * rotation.transpose();
+    moved.tr_mul(&moved) * body.mass + turned.tr_mul(&(inertia * &turned))
+}
+
+/// What a leg adds to it.
+fn leg_mass(chart: &Chart, at: &LegAt, leg: &Leg) -> DMatrix<f64> {
+    let moved = chart.displacement(&at.anchor);
+    let along = at.along * at.along.transpose();
+    let mass = along * leg.axial + (Matrix3::identity() - along) * leg.across;
+    moved.tr_mul(&(mass * &moved))
+}
+
+/// Forces by which the legs bear the weight; zeros where they do not hold the platform.
+fn bearing(chart: &Chart, model: &Model, legs: &[LegAt]) -> Vec<f64> {
+    let weight = chart.displacement(&model.body.centre).tr_mul(&model.gravity) * model.body.mass;
+    let k = |i: usize| model.legs[i].spring.along(legs[i].gain);
+    let mut stiffness = DMatrix::zeros(chart.count(), chart.count());
+    for (i, leg) in legs.iter().enumerate() {
+        stiffness += leg.row.tr_mul(&leg.row) * k(i);
+    }
+    let sag = stiffness.cholesky().map(|factors| factors.solve(&weight));
+    let force =
+        |(i, leg): (usize, &LegAt)| sag.as_ref().map_or(0.0, |sag| -k(i) * (&leg.row * sag)[0]);
+    legs.iter().enumerate().map(force).collect()
+}
+
+/// Stiffness of the weight and of the forces by which the legs bear it; `bends` are second derivatives
+/// of what the legs' joints add to their lengths, or empty.
+pub fn geometric(
+    chart: &Chart,
+    legs: &[LegAt],
+    forces: &[f64],
+    bends: &[DMatrix<f64>],
+    body: &Body,
+    gravity: &Vector3<f64>,
+) -> DMatrix<f64> {
+    let count = chart.count();
+    let curved = |point: &Vector3<f64>, along: &Vector3<f64>| {
+        DMatrix::from_fn(count, count, |i, k| along.dot(&chart.curvature(point, i, k)))
+    };
+    let mut stiffness = curved(&body.centre, gravity) * -body.mass;
+    for (i, (leg, force)) in legs.iter().zip(forces).enumerate() {
+        let moved = chart.displacement(&leg.anchor);
+        let across = Matrix3::identity() - leg.along * leg.along.transpose();
+        let mut bend = moved.tr_mul(&(across * &moved)) / leg.length;
+        bend += curved(&leg.anchor, &leg.along);
+        if let Some(of_nut) = bends.get(i) {
+            bend += of_nut;
+        }
+        stiffness -= bend * *force;
+    }
+    stiffness
+}
+
+/// Second derivatives of the corrections for turning nuts, by central differences of their rows.
+fn nut_curvatures(
+    config: &MachineConfig,
+    at: &At,
+    tool: &Vector3<f64>,
+) -> Result<Vec<DMatrix<f64>>, Fault> {
+    let chart = Chart::of(config, at);
+    let (tip, per_mm) = (tip(config, tool), config.units_per_mm);
+    let radius = config.machine.radius() / per_mm;
+    let count = chart.count();
+    let mut bends = vec![DMatrix::zeros(count, count); config.legs()];
+    for k in 0..count {
+        let step = STEP * if chart.is_angle(k) { 1.0 } else { radius };
+        let side = |by: f64| -> Result<DMatrix<f64>, Fault> {
+            let pose = chart.moved(at.pose(), k, by, &tip, per_mm);
+            let at = config.machine.at(&pose, tool)?;
+            let rows = joint_rows(config, &at)? - length_rows(config, &at, tool);
+            Ok(Chart::of(config, &at).rows(&rows, &tip, per_mm))
+        };
+        let change: DMatrix<f64> = (side(step)? - side(-step)?) / (2.0 * step);
+        for (i, bend) in bends.iter_mut().enumerate() {
+            // Half from either side of the diagonal.
+            let half = change.row(i) / 2.0;
+            let mut row = bend.row_mut(k);
+            row += &half;
+            let mut column = bend.column_mut(k);
+            column += half.transpose();
+        }
+    }
+    Ok(bends)
+}

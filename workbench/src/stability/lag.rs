@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Masses on springs under a cutting force that lags behind (paper 002).
+//!
+//! The tool against the work has the receptance `G(p) = Σ gain/(p² + rate p + square)`: of a link
+//! with mass m, damping h and stiffness k, `1/(m p² + h p + k)`; of a mode, its motion along the
+//! chip's thickness under a force along the cutting force. The force is `K/(1 + T p)` times the
+//! displacement, so that the loop is on the limit of stability where `1 + K G/(1 + T p) = 0` has
+//! a root on the imaginary axis. Units: N, mm, s, t.
+
+use crate::dynamics::mode::Mode;
+use crate::stability::root;
+use nalgebra::{Complex, ComplexField, DMatrix, Schur, Vector3};
+
+/// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Angular frequency, rad/s.
+    pub omega: f64,
+    /// Cutting stiffness K, N/mm.
+    pub stiffness: f64,
+}
+
+/// One term of a receptance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Term {
+    /// 1/t; of either sign where force and thickness have different directions.
+    pub gain: f64,
+    /// Twice damping ratio times angular frequency, 1/s.
+    pub rate: f64,
+    /// Square of the angular frequency without damping, 1/s².
+    pub square: f64,
+}
+
+impl Term {
+    /// A mass on a spring and a damper: t, N s/mm, N/mm.
+    pub fn link(mass: f64, damping: f64, stiffness: f64) -> Self {
+        Self { gain: 1.0 / mass, rate: damping / mass, square: stiffness / mass }
+    }
+
+    /// A mode, with unit vectors along which the tool makes the chip thicker and along which the
+    /// cutting force acts on it.
+    pub fn mode(mode: &Mode, thicker: &Vector3<f64>, force: &Vector3<f64>) -> Self {
+        Self {
+            gain: -thicker.dot(&mode.tip) * force.dot(&mode.tip),
+            rate: 2.0 * mode.zeta * mode.omega,
+            square: mode.omega * mode.omega,
+        }
+    }
+
+    /// At an angular frequency, mm/N.
+    pub fn at(&self, omega: f64) -> Complex<f64> {
+        Complex::new(self.gain, 0.0) / self.denominator(omega)
+    }
+
+    fn denominator(&self, omega: f64) -> Complex<f64> {
+        Complex::new(self.square - omega * omega, self.rate * omega)
+    }
+
+    /// Angular frequency without damping, rad/s.
+    pub fn omega(&self) -> f64 {
+        self.square.sqrt()
+    }
+}
+
+/// The loop of a receptance and a cutting force with a lag.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lag {
+    /// The receptance; not empty.
+    pub terms: Vec<Term>,
+    /// Time constant T of the cutting force, s; 0 or more.
+    pub lag: f64,
+}
+
+/// The limit cutting stiffness and what confirms it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limit {
+    /// The smallest positive crossing; `None` where every cutting stiffness is stable.
+    pub crossing: Option<Crossing>,
+    /// Whether the numbers of unstable roots, counted between neighbouring crossings, agree with
+    /// there being no other crossing.
+    pub is_certified: bool,
+}
+
+/// Share of a cutting stiffness by which roots are counted beside a crossing.
+const BESIDE: f64 = 1e-6;
+
+/// Steps of Newton's method that polish a root of the polynomial.
+const POLISH: usize = 60;
+
+/// Roots of the polynomial whose imaginary part is a smaller share are tried as real ones. The
+/// polynomial of eight terms loses about eight digits; what is wrong is refused after polishing.
+const REAL: f64 = 1e-4;
+
+/// Even frequencies that are looked at.
+const GRID: usize = 4000;
+
+impl Lag {
+    /// Receptance G at an angular frequency, mm/N.
+    pub fn receptance(&self, omega: f64) -> Complex<f64> {
+        self.terms.iter().map(|term| term.at(omega)).sum()
+    }
+
+    /// The factor 1 + i ω T.
+    pub fn delay(&self, omega: f64) -> Complex<f64> {
+        Complex::new(1.0, omega * self.lag)
+    }
+
+    /// The boundary of the D-partition: the K that has a root at i ω, `K = -(1 + i ω T)/G(i ω)`.
+    pub fn boundary(&self, omega: f64) -> Complex<f64> {
+        -self.delay(omega) / self.receptance(omega)
+    }
+
+    /// The K at which a real root passes 0.
+    pub fn at_rest(&self) -> f64 {
+        -1.0 / self.receptance(0.0).re
+    }
+
+    /// All real K with roots on the imaginary axis at ω > 0, sorted by K.
+    ///
+    /// `Σ gain [rate + T (square - ω²)] / |square - ω² + i rate ω|² = 0` times all denominators is
+    /// a polynomial of degree 2n - 1 in ω²; its roots come from a companion matrix and are
+    /// polished by Newton's method on the sum itself.
+    /// A polynomial of many terms loses digits: changes of sign of the sum over frequencies are
+    /// taken as well.
+    pub fn crossings(&self) -> Vec<Crossing> {
+        let scale = self.terms.iter().map(|term| term.square).fold(0.0, f64::max);
+        let is_real = |root: &Complex<f64>| root.re > 0.0 && root.im.abs() < REAL * root.modulus();
+        let of_polynomial = roots(&self.polynomial(scale)).into_iter().filter(is_real);
+        let mut squares: Vec<f64> =
+            of_polynomial.filter_map(|root| self.polished(root.re * scale)).collect();
+        let sum = |omega: f64| self.sum(omega * omega)[0];
+        let grid = frequencies(&self.terms, GRID);
+        let changes = grid.windows(2).filter_map(|pair| root::between(sum, pair[0], pair[1]));
+        squares.extend(changes.map(|omega| omega * omega));
+        squares.sort_by(f64::total_cmp);
+        // Rounding moves a double root by the root of the rounding.
+        squares.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
+        let crossing = |square: f64| {
+            let omega = square.sqrt();
+            Crossing { omega, stiffness: -1.0 / self.receptance(omega).re }
+        };
+        let mut all: Vec<Crossing> = squares.into_iter().map(crossing).collect();
+        all.sort_by(|a, b| a.stiffness.total_cmp(&b.stiffness));
+        all
+    }
+
+    /// Coefficients by rising powers of ω²/scale.
+    fn polynomial(&self, scale: f64) -> Vec<f64> {
+        let time = scale.sqrt();
+        let size = |term: &Term| (term.rate / time, term.square / scale);
+        let gain = self.terms.iter().map(|term| term.gain.abs()).fold(0.0, f64::max);
+        let mut sum = vec![];
+        for (j, term) in self.terms.iter().enumerate() {
+            let (rate, square) = size(term);
+            let lag = self.lag * time;
+            let share = term.gain / gain;
+            let mut product = vec![share * (rate + lag * square), -share * lag];
+            for (i, other) in self.terms.iter().enumerate() {
+                let (rate, square) = size(other);
+                if i != j {
+                    let factor = [square * square, rate * rate - 2.0 * square, 1.0];
+                    product = times(&product, &factor);
+                }
+            }
+            sum.resize(product.len(), 0.0);
+            sum.iter_mut().zip(product).for_each(|(sum, part)| *sum += part);
+        }
+        sum
+    }
+
+    /// The sum whose zeros the crossings are, and its derivative by ω².
+    fn sum(&self, square: f64) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for term in &self.terms {
+            let away = term.square - square;
+            let rate = term.rate * term.rate;
+            let above = term.rate + self.lag * away;
+            let below = away * away + rate * square;
+            let slope = rate - 2.0 * away;
+            sum[0] += term.gain * above / below;
+            sum[1] -= term.gain * (self.lag * below + above * slope) / (below * below);
+        }
+        sum
+    }
+
+    fn polished(&self, start: f64) -> Option<f64> {
+        let mut square = start;
+        for _ in 0..POLISH {
+            let [value, slope] = self.sum(square);
+            let next = square - value / slope;
+            if !(next > 0.5 * start && next < 2.0 * start) {
+                return None;
+            }
+            let is_done = (next - square).abs() <= 4.0 * f64::EPSILON * square;
+            square = next;
+            if is_done {
+                return Some(square);
+            }
+        }
+        // Steps that only rounding makes go on for ever: they are small.
+        let [value, slope] = self.sum(square);
+        ((value / slope).abs() < 1e-9 * square).then_some(square)
+    }
+
+    /// The limit cutting stiffness: K = 0 is stable, so it is the smallest positive crossing.
+    pub fn limit(&self) -> Limit {
+        let positive: Vec<Crossing> =
+            self.crossings().into_iter().filter(|found| found.stiffness > 0.0).collect();
+        let mut count = self.unstable(Complex::new(0.0, 0.0));
+        let mut is_certified = count == 0;
+        for found in &positive {
+            let beside = |sign: f64| {
+                self.unstable(Complex::new(found.stiffness * (1.0 + sign * BESIDE), 0.0))
+            };
+            is_certified &= beside(-1.0) == count;
+            count = beside(1.0);
+        }
+        // Far beyond all crossings nothing changes any more.
+        let far = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
+        is_certified &= self.unstable(Complex::new(far, 0.0)) == count;
+        Limit { crossing: positive.first().copied(), is_certified }
+    }
+
+    /// Roots with a positive real part at a cutting stiffness, counted by eigenvalues.
+    pub fn unstable(&self, stiffness: Complex<f64>) -> usize {
+        // What is no number is not stable.
+        self.roots(stiffness).iter().filter(|root| !(root.re <= 0.0)).count()
+    }
+
+    /// All roots of the characteristic equation, 1/s: eigenvalues of the closed loop with the
+    /// displacement and speed of each term and the force as its state.
+    pub fn roots(&self, stiffness: Complex<f64>) -> Vec<Complex<f64>> {
+        let count = self.terms.len();
+        let size = 2 * count + usize::from(self.lag > 0.0);
+        // Time in the unit of the fastest term, forces in that of the stiffest: numbers near 1.
+        let time = self.terms.iter().map(Term::omega).fold(0.0, f64::max);
+        let gain = self.terms.iter().map(|term| term.gain.abs()).fold(0.0, f64::max);
+        let loop_gain = stiffness * gain / (time * time);
+        let real = |value: f64| Complex::new(value, 0.0);
+        let mut matrix = DMatrix::from_element(size, size, real(0.0));
+        for (j, term) in self.terms.iter().enumerate() {
+            let share = real(term.gain / gain);
+            matrix[(2 * j, 2 * j + 1)] = real(1.0);
+            matrix[(2 * j + 1, 2 * j)] = real(-term.square / (time * time));
+            matrix[(2 * j + 1, 2 * j + 1)] = real(-term.rate / time);
+            if self.lag > 0.0 {
+                matrix[(2 * j + 1, 2 * count)] = -share;
+                matrix[(2 * count, 2 * j)] = loop_gain / (self.lag * time);
+            } else {
+                (0..count).for_each(|i| matrix[(2 * j + 1, 2 * i)] -= share * loop_gain);
+            }
+        }
+        if self.lag > 0.0 {
+            matrix[(2 * count, 2 * count)] = real(-1.0 / (self.lag * time));
+        }
+        eigenvalues(matrix).into_iter().map(|root| root * time).collect()
+    }
+
+    /// The same loop with another lag.
+    pub fn with_lag(&self, lag: f64) -> Self {
+        Self { terms: self.terms.clone(), lag }
+    }
+
+    /// Lag and crossing at which the limit is least: there Re G is, so that the limit is
+    /// `-1/min Re G`. `None` where Re G is never below 0.
+    pub fn worst_lag(&self) -> Option<(f64, Crossing)> {
+        let mut best: Option<(f64, Crossing)> = None;
+        for omega in self.turning_points() {
+            let value = self.receptance(omega);
+            let lag = value.im / (omega * value.re);
+            let stiffness = -1.0 / value.re;
+            let is_less = best.is_none_or(|(_, least)| stiffness < least.stiffness);
+            if value.re < 0.0 && lag >= 0.0 && is_less {
+                best = Some((lag, Crossing { omega, stiffness }));
+            }
+        }
+        best
+    }
+
+    /// Frequencies at which the real part of the receptance is least or largest.
+    fn turning_points(&self) -> Vec<f64> {
+        let slope = |omega: f64| -> f64 {
+            let of = |term: &Term| {
+                let away = term.square - omega * omega;
+                let rate = term.rate * term.rate;
+                let below = away * away + rate * omega * omega;
+                term.gain * (away * (2.0 * away - rate) - below) / (below * below)
+            };
+            self.terms.iter().map(of).sum()
+        };
+        let grid = frequencies(&self.terms, GRID);
+        let pairs = grid.windows(2);
+        pairs.filter_map(|pair| root::between(slope, pair[0], pair[1])).collect()
+    }
+}
+
+/// Angular frequencies up to four times the highest of the terms, dense about each of them.
+pub(super) fn frequencies(terms: &[Term], count: usize) -> Vec<f64> {
+    let omegas: Vec<[f64; 2]> = terms.iter().map(|term| [term.omega(), term.rate]).collect();
+    super::grid::frequencies(&omegas, count, 400, 4.0)
+}
+
+fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            product[i + j] += x * y;
+        }
+    }
+    product
+}
+
+/// Roots of a polynomial by rising powers, from its companion matrix.
+fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
+    let most = coefficients.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+    let is_there = |c: &&f64| c.abs() > f64::EPSILON * most;
+    let degree = coefficients.iter().rev().position(|c| is_there(&c));
+    let Some(degree) = degree.map(|zeros| coefficients.len() - 1 - zeros) else { return vec![] };
+    if degree == 0 {
+        return vec![];
+    }
+    let mut companion = DMatrix::from_element(degree, degree, Complex::new(0.0, 0.0));
+    for k in 0..degree {
+        companion[(k, degree - 1)] = Complex::new(-coefficients[k] / coefficients[degree], 0.0);
+        if k > 0 {
+            companion[(k, k - 1)] = Complex::new(1.0, 0.0);
+        }
+    }
+    eigenvalues(companion)
+}
+
+/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
+const SCHUR_STEPS: usize = 200;
+
+/// Eigenvalues of a matrix; NaN where it has an entry that is no number.
+fn eigenvalues(matrix: DMatrix<Complex<f64>>) -> Vec<Complex<f64>> {
+    let size = matrix.nrows();
+    let is_finite = matrix.iter().all(|entry| entry.re.is_finite() && entry.im.is_finite());
+    let schur = is_finite.then(|| Schur::try_new(matrix, f64::EPSILON, SCHUR_STEPS * size));
+    match schur.flatten() {
+        // The diagonal of a complex Schur form.
+        Some(schur) => schur.unpack().1.diagonal().iter().copied().collect(),
+        None => vec![Complex::new(f64::NAN, f64::NAN); size],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polynomial_gives_its_roots_back() {
+        // (x - 2)(x² + 1).
+        let mut found = roots(&[-2.0, 1.0, -2.0, 1.0]);
+        found.sort_by(|a, b| a.im.total_cmp(&b.im));
+        for (root, (re, im)) in found.iter().zip([(0.0, -1.0), (2.0, 0.0), (0.0, 1.0)]) {
+            // Rounding of a companion matrix of order 3.
+            assert!((root - Complex::new(re, im)).modulus() < 1e-13, "{root}");
+        }
+        assert!(roots(&[1.0]).is_empty() && roots(&[]).is_empty());
+    }
+}

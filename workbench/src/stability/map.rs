@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Stable depths over spindle speeds, with more speeds where they change.
+
+use crate::stability::bands::{Band, bands};
+use crate::stability::floquet::Period;
+use crate::stability::process::{Process, Row};
+use rayon::prelude::*;
+
+/// Halvings of the distance of the first speeds.
+const ROUNDS: usize = 4;
+
+/// Neighbouring speeds need none between them where no border moves by more than this share of the
+/// largest depth.
+const STEP: f64 = 0.03;
+
+/// What is unstable at a spindle speed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Spindle speed, 1/min.
+    pub rpm: f64,
+    /// Unstable depths.
+    pub bands: Vec<Band>,
+}
+
+impl Column {
+    /// The depth up to which all is stable; `most` where no depth up to there is unstable.
+    pub fn stable_to(&self, most: f64) -> f64 {
+        self.bands.first().map_or(most, |band| band.low)
+    }
+}
+
+/// Stable and unstable depths over spindle speeds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StableMap {
+    /// The largest depth looked at, mm.
+    pub most: f64,
+    /// By rising speed.
+    pub columns: Vec<Column>,
+}
+
+impl StableMap {
+    /// Between two speeds (1/min), from `first` speeds on; `progress` hears the share that is done.
+    pub fn new(
+        rows: &[Row],
+        process: &Process,
+        [low, high]: [f64; 2],
+        most: f64,
+        first: usize,
+        progress: impl Fn(f64) + Sync,
+    ) -> Self {
+        let column =
+            |rpm: f64| Column { rpm, bands: bands(&Period::new(rows, process, rpm), most) };
+        let step = (high - low) / (first - 1) as f64;
+        let speeds: Vec<f64> = (0..first).map(|k| low + step * k as f64).collect();
+        let mut columns: Vec<Column> = speeds.into_par_iter().map(column).collect();
+        for round in 0..ROUNDS {
+            progress((round + 1) as f64 / (ROUNDS + 1) as f64);
+            let width = step / f64::from(1 << round);
+            let needed = columns.windows(2).filter(|pair| {
+                // Only where the last round has put one: a wider gap was even before.
+                let is_narrow = pair[1].rpm - pair[0].rpm < 1.5 * width;
+                is_narrow && !is_even(&pair[0], &pair[1], most)
+            });
+            let between: Vec<f64> = needed.map(|pair| (pair[0].rpm + pair[1].rpm) / 2.0).collect();
+            columns.extend(between.into_par_iter().map(column).collect::<Vec<_>>());
+            columns.sort_by(|a, b| a.rpm.total_cmp(&b.rpm));
+        }
+        Self { most, columns }
+    }
+
+    /// The speed with the largest depth up to which all is stable.
+    pub fn best(&self) -> &Column {
+        self.by_depth(true)
+    }
+
+    /// The speed with the least one.
+    pub fn worst(&self) -> &Column {
+        self.by_depth(false)
+    }
+
+    fn by_depth(&self, is_best: bool) -> &Column {
+        let key = |column: &&Column| column.stable_to(self.most);
+        let all = self.columns.iter();
+        let found = match is_best {
+            true => all.max_by(|a, b| key(a).total_cmp(&key(b))),
+            false => all.min_by(|a, b| key(a).total_cmp(&key(b))),
+        };
+        found.expect("a map has columns")
+    }
+}
+
+/// Whether the borders of two columns belong together and are near to each other.
+fn is_even(a: &Column, b: &Column, most: f64) -> bool {
+    let near = |x: f64, y: f64| (x - y).abs() <= STEP * most;
+    let pairs = a.bands.iter().zip(&b.bands);
+    a.bands.len() == b.bands.len()
+        && pairs.into_iter().all(|(a, b)| near(a.low, b.low) && near(a.high, b.high))
+}

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The machine at a pose as the cut meets it.
+
+use crate::dynamics::mode::Mode;
+use crate::dynamics::model::Model;
+use crate::dynamics::structure::Structure;
+use crate::read::machine::MachineConfig;
+use crate::stability::lobes::{Limit, Lobes};
+use crate::stability::process::{
+    AlongAxis, Process, Row, milling_rows, plane, turned, turning_rows,
+};
+use crate::stability::spindle::{NoSpindle, Nose};
+use crate::study::cutting::Turning;
+use crate::study::file::{Lacking, Study};
+use kinematics::{Fault, Pose, Vector3};
+use std::f64::consts::PI;
+
+/// Why a study does not say how a machine cuts.
+#[derive(Debug, thiserror::Error)]
+pub enum NoSetup {
+    /// Masses, springs or dampers are missing.
+    #[error(transparent)]
+    Lacking(#[from] Lacking),
+    /// No process.
+    #[error("the study has neither [cutting], a milling cutter, nor [turning]")]
+    Process,
+    /// Two of them.
+    #[error("the study has both [cutting] and [turning]; leave one of them out")]
+    Both,
+    /// A spindle that cannot be calculated.
+    #[error(transparent)]
+    Spindle(#[from] NoSpindle),
+}
+
+/// Why a machine does not vibrate at a pose, or not in a way that is known.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+pub enum NoModes {
+    /// It is not there.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// Something moves that nothing holds.
+    #[error("a singular pose: the legs do not hold the platform")]
+    Free,
+    /// No cutter plane.
+    #[error(transparent)]
+    Feed(#[from] AlongAxis),
+    /// A mode that loses nothing.
+    #[error(
+        "a mode at {0:.3} Hz has no damping; name damping_n_s_per_mm or damping_ratio of [legs]"
+    )]
+    Undamped(f64),
+}
+
+/// A machine with what its study says of masses and cutting.
+#[derive(Clone, Debug)]
+pub struct Setup<'a> {
+    config: &'a MachineConfig,
+    model: Model,
+    /// The process.
+    pub process: Process,
+    turning: Option<Turning>,
+    nose: Option<Nose>,
+}
+
+/// Feeds that a map looks at, between 0 and half a turn or a whole one: every ten degrees.
+const FEEDS: usize = 18;
+
+impl<'a> Setup<'a> {
+    /// Of a machine and its study.
+    ///
+    /// # Errors
+    /// See [`NoSetup`].
+    pub fn new(config: &'a MachineConfig, study: &Study) -> Result<Self, NoSetup> {
+        let process = match (&study.cutting, &study.turning) {
+            (Some(cutting), None) => Process::from(cutting),
+            (None, Some(turning)) => Process::from(turning),
+            (None, None) => return Err(NoSetup::Process),
+            (Some(_), Some(_)) => return Err(NoSetup::Both),
+        };
+        let nose = study.spindle.as_ref().map(|spindle| spindle.nose()).transpose()?;
+        let model = Model::of(config, study)?;
+        Ok(Self { config, model, process, turning: study.turning, nose })
+    }
+
+    /// Whether a milling cutter cuts.
+    pub fn is_milling(&self) -> bool {
+        self.turning.is_none()
+    }
+
+    /// Modes at the tool tip, those of the spindle among them. `tool` is that of the pose, as for
+    /// [`kinematics::Machine::at`].
+    ///
+    /// # Errors
+    /// See [`NoModes`].
+    pub fn modes(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Vec<Mode>, NoModes> {
+        let structure = Structure::at(self.config, &self.model, pose, tool)?;
+        let mut modes = structure.modes().ok_or(NoModes::Free)?;
+        let nose = self.nose.as_ref();
+        modes.extend(nose.map_or(vec![], |nose| nose.modes_across(&pose.rotation())));
+        match modes.iter().find(|mode| !(mode.zeta > 0.0)) {
+            Some(mode) => Err(NoModes::Undamped(mode.omega / (2.0 * PI))),
+            None => Ok(modes),
+        }
+    }
+
+    /// The modes as the process meets them, with a feed in machine axes, which turning does not
+    /// look at.
+    ///
+    /// # Errors
+    /// See [`NoModes`].
+    pub fn rows(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        feed: &Vector3<f64>,
+    ) -> Result<Vec<Row>, NoModes> {
+        let modes = self.modes(pose, tool)?;
+        if let Some(turning) = &self.turning {
+            return Ok(turning_rows(&modes, turning));
+        }
+        let axis = pose.rotation().column(2).into_owned();
+        Ok(milling_rows(&modes, &plane(&axis, feed)?))
+    }
+
+    /// The least zero-order limit at a pose over feeds in all directions: at a spindle speed, or
+    /// over all of them. `None` where every depth is stable.
+    ///
+    /// # Errors
+    /// See [`NoModes`].
+    pub fn least(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        rpm: Option<f64>,
+    ) -> Result<Option<Limit>, NoModes> {
+        let rows = self.rows(pose, tool, &pose.rotation().column(0).into_owned())?;
+        let lobes = Lobes::coarse(&rows, &self.process, rpm.unwrap_or(f64::INFINITY));
+        let limit = |lobes: &Lobes| match rpm {
+            Some(rpm) => lobes.limit(rpm),
+            None => lobes.floor(),
+        };
+        let limits = self.feeds().into_iter().filter_map(|angle| limit(&lobes.turned(angle)));
+        Ok(limits.min_by(|a, b| a.depth.total_cmp(&b.depth)))
+    }
+
+    /// The angle in the cutter plane, from the feed of `rows`, of the feed whose zero-order limit
+    /// over all speeds is least.
+    pub fn worst_feed(&self, rows: &[Row]) -> f64 {
+        let lobes = Lobes::coarse(rows, &self.process, f64::INFINITY);
+        let depth = |angle: &f64| lobes.turned(*angle).floor().map_or(f64::INFINITY, |l| l.depth);
+        let worst = self.feeds().into_iter().min_by(|a, b| depth(a).total_cmp(&depth(b)));
+        worst.unwrap_or_default()
+    }
+
+    /// Rows with the feed of [`Setup::worst_feed`].
+    pub fn at_worst_feed(&self, rows: &[Row]) -> Vec<Row> {
+        turned(rows, self.worst_feed(rows))
+    }
+
+    /// Angles of the feeds that are looked at. The opposite feed has the same limit where no force
+    /// acts along the axis: x and y change sign, and so do forces.
+    fn feeds(&self) -> Vec<f64> {
+        if self.turning.is_some() {
+            return vec![0.0];
+        }
+        let turns = if self.process.is_flat() { 1 } else { 2 };
+        (0..turns * FEEDS).map(|k| PI * k as f64 / FEEDS as f64).collect()
+    }
+}

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Cutting that meets the surface of the pass before: a cutter's teeth, or the one edge of a lathe.
+//!
+//! In the cutter plane x is the feed, y its normal, z the spindle axis; a tooth at angle φ from +y
+//! stands clockwise seen from +z, and the tool moves by u from where the pass before has cut. The
+//! force on the tool per millimetre of depth is `B(φ) (u - u')`, with u' one tooth earlier:
+//! `B = [-(Kt c + Kr s) ; Kt s - Kr c ; Ka] (s, c)`, s and c of φ (Altintas and Budak 1995).
+
+use crate::dynamics::mode::Mode;
+use crate::study::cutting::{Cutting, Turning};
+use nalgebra::{Complex, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
+use std::f64::consts::TAU;
+
+/// A mode as the process meets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Angular frequency, rad/s.
+    pub omega: f64,
+    /// Damping ratio.
+    pub zeta: f64,
+    /// What of the mode, normalised by mass, changes the chip: x and y, or the thickness, 1/√t.
+    pub motion: Vector2<f64>,
+    /// What of it the force works on: x, y and z, or along the force, 1/√t.
+    pub force: Vector3<f64>,
+}
+
+/// How force follows from the chip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Milling([f64; 3]),
+    Turning(f64),
+}
+
+/// A process with a delay of one tooth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Process {
+    /// Teeth, evenly spaced.
+    pub teeth: usize,
+    /// Angles at which a tooth enters and leaves, rad.
+    pub arc: [f64; 2],
+    kind: Kind,
+}
+
+impl From<&Cutting> for Process {
+    fn from(cutting: &Cutting) -> Self {
+        Self {
+            teeth: cutting.teeth.into(),
+            arc: [cutting.entry_deg.to_radians(), cutting.exit_deg.to_radians()],
+            kind: Kind::Milling(cutting.coefficients),
+        }
+    }
+}
+
+impl From<&Turning> for Process {
+    fn from(turning: &Turning) -> Self {
+        Self { teeth: 1, arc: [0.0, TAU], kind: Kind::Turning(turning.kf_n_per_mm2.0) }
+    }
+}
+
+impl Process {
+    /// Angle from tooth to tooth, rad.
+    pub fn pitch(&self) -> f64 {
+        TAU / self.teeth as f64
+    }
+
+    /// Whether no force acts along the spindle axis.
+    pub fn is_flat(&self) -> bool {
+        match self.kind {
+            Kind::Milling([_, _, axial]) => axial == 0.0,
+            Kind::Turning(_) => true,
+        }
+    }
+
+    /// Time from tooth to tooth at a spindle speed in 1/min, s.
+    pub fn delay(&self, rpm: f64) -> f64 {
+        60.0 / (self.teeth as f64 * rpm)
+    }
+
+    /// Force of a tooth in cut at an angle per depth and displacement, N/mm².
+    pub fn at(&self, angle: f64) -> Matrix3x2<f64> {
+        match self.kind {
+            Kind::Milling([kt, kr, ka]) => {
+                let (s, c) = angle.sin_cos();
+                let force = Vector3::new(-kt * c - kr * s, kt * s - kr * c, ka);
+                force * Vector2::new(s, c).transpose()
+            }
+            Kind::Turning(kf) => Matrix3x2::new(kf, 0.0, 0.0, 0.0, 0.0, 0.0),
+        }
+    }
+
+    /// Integral of [`Process::at`] between two angles of the cut, N/mm².
+    pub fn integral(&self, low: f64, high: f64) -> Matrix3x2<f64> {
+        match self.kind {
+            Kind::Milling([kt, kr, ka]) => {
+                // Of s s, s c, c c, s and c.
+                let of = |f: fn(f64) -> f64| f(high) - f(low);
+                let ss = of(|a| a / 2.0 - (2.0 * a).sin() / 4.0);
+                let sc = of(|a| -(2.0 * a).cos() / 4.0);
+                let cc = of(|a| a / 2.0 + (2.0 * a).sin() / 4.0);
+                let (s, c) = (of(|a| -a.cos()), of(f64::sin));
+                Matrix3x2::new(
+                    -kt * sc - kr * ss,
+                    -kt * cc - kr * sc,
+                    kt * ss - kr * sc,
+                    kt * sc - kr * cc,
+                    ka * s,
+                    ka * c,
+                )
+            }
+            Kind::Turning(_) => self.at(low) * (high - low),
+        }
+    }
+
+    /// The mean over a turn, all teeth: what the zero-order approximation takes, N/mm².
+    pub fn mean(&self) -> Matrix3x2<f64> {
+        self.integral(self.arc[0], self.arc[1]) / self.pitch()
+    }
+
+    /// The mean of all teeth while the first one turns from `low` to `high`.
+    pub fn mean_between(&self, low: f64, high: f64) -> Matrix3x2<f64> {
+        let teeth = self.teeth as i64;
+        let mut sum = Matrix3x2::zeros();
+        // Every tooth in this turn and the one before.
+        for tooth in -teeth..teeth {
+            let shift = self.pitch() * tooth as f64;
+            let [from, to] = [low, high].map(|a| (a + shift).clamp(self.arc[0], self.arc[1]));
+            if to > from {
+                sum += self.integral(from, to);
+            }
+        }
+        sum / (high - low)
+    }
+
+    /// Angles of the first tooth, from its entry on, between which the same teeth are in cut, over
+    /// one pitch; and which teeth these are, as shifts of the angle.
+    pub fn pieces(&self) -> Vec<Piece> {
+        let pitch = self.pitch();
+        let wide = self.arc[1] - self.arc[0];
+        let split = wide.rem_euclid(pitch);
+        let is_even = split.min(pitch - split) < 1e-9;
+        let edges = if is_even { vec![0.0, pitch] } else { vec![0.0, split, pitch] };
+        let piece = |pair: &[f64]| {
+            let middle = (pair[0] + pair[1]) / 2.0;
+            let shifts = (0..self.teeth).map(|tooth| pitch * tooth as f64);
+            let shifts = shifts.filter(|shift| middle + shift < wide).collect();
+            Piece { from: self.arc[0] + pair[0], to: self.arc[0] + pair[1], shifts }
+        };
+        edges.windows(2).map(piece).collect()
+    }
+}
+
+/// A stretch of a tooth period in which the same teeth cut.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// Angle of the first tooth at its start, rad.
+    pub from: f64,
+    /// At its end.
+    pub to: f64,
+    /// Angles by which the teeth in cut are ahead of the first one; none in free flight.
+    pub shifts: Vec<f64>,
+}
+
+/// A feed along the spindle axis.
+#[derive(Clone, Copy, Debug, thiserror::Error, PartialEq)]
+#[error("the feed is along the spindle axis: expected a feed across it")]
+pub struct AlongAxis;
+
+/// The sine of the least angle between feed and spindle axis.
+const ACROSS: f64 = 1e-6;
+
+/// Axes of the cutter plane in machine axes: the feed, projected across the spindle axis, its
+/// normal, and the spindle axis.
+///
+/// # Errors
+/// The feed has no direction across the axis.
+pub fn plane(axis: &Vector3<f64>, feed: &Vector3<f64>) -> Result<Matrix3<f64>, AlongAxis> {
+    let across = feed - axis * axis.dot(feed);
+    if !(across.norm() > ACROSS * feed.norm()) {
+        return Err(AlongAxis);
+    }
+    let x = across.normalize();
+    Ok(Matrix3::from_columns(&[x, axis.cross(&x), *axis]))
+}
+
+/// Modes in the cutter plane whose axes are the columns of `plane`.
+pub fn milling_rows(modes: &[Mode], plane: &Matrix3<f64>) -> Vec<Row> {
+    let row = |mode: &Mode| {
+        let force = plane.transpose() * mode.tip;
+        Row { omega: mode.omega, zeta: mode.zeta, motion: force.xy(), force }
+    };
+    modes.iter().map(row).collect()
+}
+
+/// The same modes with the feed turned by an angle in the cutter plane, rad.
+pub fn turned(rows: &[Row], angle: f64) -> Vec<Row> {
+    let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -angle);
+    let row = |row: &Row| {
+        let force = back * row.force;
+        let motion = (back * Vector3::new(row.motion.x, row.motion.y, 0.0)).xy();
+        Row { motion, force, ..*row }
+    };
+    rows.iter().map(row).collect()
+}
+
+/// Modes along the thickness and the force of a lathe's edge.
+pub fn turning_rows(modes: &[Mode], turning: &Turning) -> Vec<Row> {
+    let [thicker, force] = [turning.thicker.0, turning.force.0];
+    let row = |mode: &Mode| Row {
+        omega: mode.omega,
+        zeta: mode.zeta,
+        motion: Vector2::new(thicker.dot(&mode.tip), 0.0),
+        force: Vector3::new(force.dot(&mode.tip), 0.0, 0.0),
+    };
+    modes.iter().map(row).collect()
+}
+
+/// Displacement that changes the chip per force, at an angular frequency, mm/N.
+pub fn receptance(rows: &[Row], omega: f64) -> Matrix2x3<Complex<f64>> {
+    let mut sum = Matrix2x3::from_element(Complex::new(0.0, 0.0));
+    for row in rows {
+        let below =
+            Complex::new(row.omega * row.omega - omega * omega, 2.0 * row.zeta * row.omega * omega);
+        let share = below.inv();
+        for i in 0..2 {
+            for k in 0..3 {
+                sum[(i, k)] += share * (row.motion[i] * row.force[k]);
+            }
+        }
+    }
+    sum
+}

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Frequency responses of the loop, and what they say about its stability.
+
+use crate::stability::lag::{Lag, frequencies};
+use nalgebra::{Complex, ComplexField};
+use std::f64::consts::PI;
+
+/// What the loop answers at an angular frequency, mm/N.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Angular frequency, rad/s.
+    pub omega: f64,
+    /// The tool against the work while cutting, `W = G/(1 + K G/(1 + iωT))`.
+    pub cutting: Complex<f64>,
+    /// The same without cutting, G.
+    pub free: Complex<f64>,
+    /// Each term of G.
+    pub terms: Vec<Complex<f64>>,
+}
+
+/// How far a loop is from its limit of stability, at a cutting stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// Limit cutting stiffness over the given one; infinite without a limit.
+    pub gain: f64,
+    /// Angle that the open loop `K G/(1 + iωT)` may lag further where its amount is 1, rad; `None`
+    /// where it never is.
+    pub phase: Option<f64>,
+    /// Least distance of the open loop from -1.
+    pub distance: f64,
+    /// Index of oscillation: the largest amplitude of the closed loop over that at rest.
+    pub index: f64,
+    /// Angular frequency of the largest amplitude, rad/s.
+    pub peak: f64,
+    /// Angular frequency above which the amplitude stays below 1/√2 of that at rest, rad/s.
+    pub bandwidth: f64,
+    /// Rate at which the slowest root decays, 1/s; negative where it grows.
+    pub decay: f64,
+}
+
+/// A disturbance has died away when this share of it is left: e⁻³.
+const SETTLED: f64 = 3.0;
+
+impl Margins {
+    /// Time after which e⁻³ of a disturbance is left, s; `None` where it grows.
+    pub fn settling(&self) -> Option<f64> {
+        (self.decay > 0.0).then(|| SETTLED / self.decay)
+    }
+}
+
+/// Frequencies that a response is judged by.
+const COUNT: usize = 8000;
+
+impl Lag {
+    /// The response at a cutting stiffness (N/mm) and an angular frequency.
+    pub fn response(&self, stiffness: f64, omega: f64) -> Response {
+        let free = self.receptance(omega);
+        let cutting = free / (1.0 + self.open(stiffness, omega));
+        let terms = self.terms.iter().map(|term| term.at(omega)).collect();
+        Response { omega, cutting, free, terms }
+    }
+
+    /// Response of the whole to a force on one term alone, as equation 1 of paper 002 has it:
+    /// W times that term's share of G.
+    pub fn response_to(&self, term: usize, stiffness: f64, omega: f64) -> Complex<f64> {
+        self.terms[term].at(omega) / (1.0 + self.open(stiffness, omega))
+    }
+
+    fn open(&self, stiffness: f64, omega: f64) -> Complex<f64> {
+        self.receptance(omega) * stiffness / self.delay(omega)
+    }
+
+    /// Responses at frequencies from 0 up, dense about each term's.
+    pub fn responses(&self, stiffness: f64) -> Vec<Response> {
+        let grid = std::iter::once(0.0).chain(frequencies(&self.terms, COUNT));
+        grid.map(|omega| self.response(stiffness, omega)).collect()
+    }
+
+    /// Margins, index and speed at a cutting stiffness above 0.
+    pub fn margins(&self, stiffness: f64) -> Margins {
+        let limit = self.limit().crossing.map_or(f64::INFINITY, |limit| limit.stiffness);
+        let grid = frequencies(&self.terms, COUNT);
+        let amount = |omega: f64| self.response(stiffness, omega).cutting.modulus();
+        let rest = amount(0.0);
+        let peak = grid.iter().copied().max_by(|a, b| amount(*a).total_cmp(&amount(*b)));
+        let peak = peak.unwrap_or_default();
+        let open = |omega: f64| self.open(stiffness, omega);
+        let distances = grid.iter().map(|omega| (1.0 + open(*omega)).modulus());
+        let passes = |level: f64, of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            let rest = |omega: f64| of(omega) - level;
+            let pairs = grid.windows(2);
+            pairs.filter_map(|pair| super::root::between(rest, pair[0], pair[1])).collect()
+        };
+        let to_turn = |omega: f64| (open(omega).argument() + PI).rem_euclid(2.0 * PI);
+        let phases = passes(1.0, &|omega| open(omega).modulus()).into_iter().map(to_turn);
+        let roots = self.roots(Complex::new(stiffness, 0.0));
+        let last = passes(rest / 2.0_f64.sqrt(), &amount).last().copied();
+        Margins {
+            gain: limit / stiffness,
+            phase: phases.min_by(f64::total_cmp),
+            distance: distances.fold(f64::INFINITY, f64::min),
+            index: amount(peak).max(rest) / rest,
+            peak,
+            bandwidth: last.unwrap_or(f64::INFINITY),
+            decay: -roots.iter().map(|root| root.re).fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+}
+
+/// Angles without jumps by whole turns.
+pub fn unwrapped(angles: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut before: Option<f64> = None;
+    let mut next = |angle: f64| {
+        let turns = before.map_or(0.0, |before| ((before - angle) / (2.0 * PI)).round());
+        before = Some(angle + turns * 2.0 * PI);
+        angle + turns * 2.0 * PI
+    };
+    angles.into_iter().map(&mut next).collect()
+}

@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A spindle: a shaft on two elastic supports, and what its nose yields.
+//!
+//! The shaft is a beam of cylinders (Euler and Bernoulli: slender, no shear), cut into elements
+//! with cubic displacements, which are exact for forces at their ends. Each bearing is a spring
+//! against displacement, and against turning where its angular compliance is given; a compliance
+//! of 0 holds it rigidly. Damping is that of the bearings, projected on each mode, and a ratio of
+//! the shaft's own. N, mm, s, t.
+
+use crate::dynamics::mode::Mode;
+use crate::stability::lag::Term;
+use crate::study::spindle::{Section, Spindle};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix4};
+use std::f64::consts::{PI, TAU};
+
+/// Elements of the shaft are at most this share of its length: frequencies of the modes used are
+/// right to 1e-6.
+const ELEMENT: f64 = 1.0 / 48.0;
+
+/// What holds a shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Support {
+    /// mm/N.
+    linear: f64,
+    /// rad/(N mm); `None` where nothing resists turning.
+    angular: Option<f64>,
+    /// N s/mm.
+    damping: f64,
+}
+
+/// A spindle that cannot be calculated.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoSpindle {
+    /// A bearing beside the shaft.
+    #[error("[[spindle.bearings]] at_mm = {at}: the shaft is {length} mm long")]
+    Beside {
+        /// Its place.
+        at: f64,
+        /// Length of the shaft.
+        length: f64,
+    },
+    /// Two bearings at one place.
+    #[error("[[spindle.bearings]] at_mm = {0} twice: expected two places")]
+    Together(f64),
+    /// A bore as wide as its cylinder.
+    #[error("[[spindle.sections]] bore_mm = {bore}: the cylinder has a diameter of {outer} mm")]
+    Bore {
+        /// Its diameter.
+        bore: f64,
+        /// That of the cylinder.
+        outer: f64,
+    },
+    /// No cylinders.
+    #[error("[spindle] has no [[spindle.sections]]")]
+    Empty,
+    /// Modes that are none.
+    #[error("[spindle] modes = 0: expected 1 or more")]
+    Modeless,
+}
+
+/// A mode of the shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShaftMode {
+    /// Angular frequency, rad/s.
+    pub omega: f64,
+    /// Damping ratio.
+    pub zeta: f64,
+    /// Displacement of the nose in the mode that is normalised by mass, 1/√t.
+    pub nose: f64,
+}
+
+impl ShaftMode {
+    /// Logarithmic decrement: of neighbouring peaks as the vibration dies away; infinite where
+    /// there is no second one.
+    pub fn decrement(&self) -> f64 {
+        TAU * self.zeta / (1.0 - self.zeta * self.zeta).max(0.0).sqrt()
+    }
+}
+
+/// What the nose yields.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nose {
+    /// Displacement per force at the nose, at rest, mm/N.
+    pub compliance: f64,
+    /// The modes used, lowest first.
+    pub modes: Vec<ShaftMode>,
+}
+
+impl Nose {
+    /// The modes as terms of a receptance.
+    pub fn terms(&self) -> Vec<Term> {
+        let term = |mode: &ShaftMode| Term {
+            gain: mode.nose * mode.nose,
+            rate: 2.0 * mode.zeta * mode.omega,
+            square: mode.omega * mode.omega,
+        };
+        self.modes.iter().map(term).collect()
+    }
+
+    /// The modes at the tool tip, once along each of the two directions across the axis, which are
+    /// the first two columns of `axes`. The spindle's housing counts as held by the platform, whose
+    /// mass has the shaft's in it.
+    pub fn modes_across(&self, axes: &Matrix3<f64>) -> Vec<Mode> {
+        let mode = |mode: &ShaftMode, k: usize| Mode {
+            omega: mode.omega,
+            zeta: mode.zeta,
+            tip: axes.column(k) * mode.nose,
+        };
+        self.modes.iter().flat_map(|own| [mode(own, 0), mode(own, 1)]).collect()
+    }
+
+    /// The share of the compliance at rest that the modes used have.
+    pub fn share(&self) -> f64 {
+        let modal = |mode: &ShaftMode| (mode.nose / mode.omega).powi(2);
+        self.modes.iter().map(modal).sum::<f64>() / self.compliance
+    }
+}
+
+impl Spindle {
+    /// The same spindle with another length of its last cylinder, mm.
+    pub fn with_overhang(&self, length: f64) -> Self {
+        let mut other = self.clone();
+        if let Some(last) = other.sections.last_mut() {
+            last.length_mm.0 = length;
+        }
+        other
+    }
+
+    /// Length of the shaft, mm.
+    pub fn length(&self) -> f64 {
+        self.sections.iter().map(|section| section.length_mm.0).sum()
+    }
+
+    /// Compliance, frequencies and decrements at the nose.
+    ///
+    /// # Errors
+    /// See [`NoSpindle`].
+    pub fn nose(&self) -> Result<Nose, NoSpindle> {
+        self.check()?;
+        let shaft = Shaft::new(self);
+        Ok(shaft.nose(self.modes.into(), self.damping_ratio.0))
+    }
+
+    fn check(&self) -> Result<(), NoSpindle> {
+        if self.sections.is_empty() {
+            return Err(NoSpindle::Empty);
+        }
+        if self.modes == 0 {
+            return Err(NoSpindle::Modeless);
+        }
+        for Section { diameter_mm, bore_mm, .. } in &self.sections {
+            if !(bore_mm.0 < diameter_mm.0) {
+                return Err(NoSpindle::Bore { bore: bore_mm.0, outer: diameter_mm.0 });
+            }
+        }
+        let length = self.length();
+        for bearing in &self.bearings {
+            if !(bearing.at_mm.0 <= length) {
+                return Err(NoSpindle::Beside { at: bearing.at_mm.0, length });
+            }
+        }
+        let [first, second] = self.bearings.map(|bearing| bearing.at_mm.0);
+        if first == second { Err(NoSpindle::Together(first)) } else { Ok(()) }
+    }
+
+    /// Bending stiffness (N mm²) and mass per length (t/mm) of a cylinder.
+    fn cross_section(&self, section: &Section) -> [f64; 2] {
+        let [outer, bore] = [section.diameter_mm.0, section.bore_mm.0];
+        let bending = self.youngs_n_per_mm2.0 * PI / 64.0 * (outer.powi(4) - bore.powi(4));
+        // kg/m³ is 1e-12 t/mm³.
+        let area = PI / 4.0 * (outer.powi(2) - bore.powi(2));
+        [bending, self.density_kg_per_m3.0 * 1e-12 * area]
+    }
+}
+
+/// The matrices of a shaft, over displacement and turn of each node that is free to move.
+struct Shaft {
+    stiffness: DMatrix<f64>,
+    mass: DMatrix<f64>,
+    damping: DMatrix<f64>,
+    /// Row of the displacement of the nose.
+    nose: Option<usize>,
+}
+
+impl Shaft {
+    fn new(spindle: &Spindle) -> Self {
+        let nodes = nodes(spindle);
+        let size = 2 * nodes.len();
+        let mut stiffness = DMatrix::zeros(size, size);
+        let mut mass = DMatrix::zeros(size, size);
+        let mut damping = DMatrix::zeros(size, size);
+        for (k, pair) in nodes.windows(2).enumerate() {
+            let middle = (pair[0] + pair[1]) / 2.0;
+            let [bending, density] = spindle.cross_section(section_at(spindle, middle));
+            let length = pair[1] - pair[0];
+            let mut at = stiffness.fixed_view_mut::<4, 4>(2 * k, 2 * k);
+            at += beam_stiffness(length) * bending;
+            let mut at = mass.fixed_view_mut::<4, 4>(2 * k, 2 * k);
+            at += beam_mass(length) * density;
+        }
+        let mut held = vec![];
+        for bearing in &spindle.bearings {
+            let away = |node: &f64| (node - bearing.at_mm.0).abs();
+            let nearest =
+                (0..nodes.len()).min_by(|a, b| away(&nodes[*a]).total_cmp(&away(&nodes[*b])));
+            let row = 2 * nearest.unwrap_or_default();
+            let support = Support {
+                linear: bearing.compliance_um_per_n.0 * 1e-3,
+                // rad/(N m) is 1e-3 rad/(N mm).
+                angular: bearing.angular_rad_per_n_m.map(|value| value.0 * 1e-3),
+                damping: bearing.damping_n_s_per_mm.0,
+            };
+            match support.linear > 0.0 {
+                true => stiffness[(row, row)] += 1.0 / support.linear,
+                false => held.push(row),
+            }
+            match support.angular {
+                Some(angular) if angular > 0.0 => stiffness[(row + 1, row + 1)] += 1.0 / angular,
+                Some(_) => held.push(row + 1),
+                None => {}
+            }
+            damping[(row, row)] += support.damping;
+        }
+        let free: Vec<usize> = (0..size).filter(|row| !held.contains(row)).collect();
+        let kept = |matrix: DMatrix<f64>| matrix.select_rows(&free).select_columns(&free);
+        let nose = free.iter().position(|row| *row == size - 2);
+        Self { stiffness: kept(stiffness), mass: kept(mass), damping: kept(damping), nose }
+    }
+
+    fn nose(&self, modes: usize, own: f64) -> Nose {
+        let rigid = Nose { compliance: 0.0, modes: vec![] };
+        // Two supports hold a shaft; its nose may stand on a rigid one.
+        let (Some(nose), Some(solved), Some(root)) =
+            (self.nose, self.stiffness.clone().cholesky(), self.mass.clone().cholesky())
+        else {
+            return rigid;
+        };
+        let size = self.stiffness.nrows();
+        let mut force = DVector::zeros(size);
+        force[nose] = 1.0;
+        let compliance = solved.solve(&force)[nose];
+        // Largest eigenvalues of Lᵀ K⁻¹ L are the lowest frequencies, to all digits.
+        let root = root.l();
+        let yields = root.transpose() * solved.solve(&root);
+        let eigen = ((&yields + yields.transpose()) / 2.0).symmetric_eigen();
+        let mut order: Vec<usize> = (0..size).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let mode = |k: usize| {
+            let omega = eigen.eigenvalues[k].recip().sqrt();
+            // φ = K⁻¹ L y ω², with y the eigenvector.
+            let shape = solved.solve(&(&root * eigen.eigenvectors.column(k))) * (omega * omega);
+            let lost = shape.dot(&(&self.damping * &shape));
+            ShaftMode { omega, zeta: own + lost / (2.0 * omega), nose: shape[nose] }
+        };
+        Nose { compliance, modes: order.into_iter().take(modes).map(mode).collect() }
+    }
+}
+
+/// Ends of the elements: of cylinders, bearings, and what divides long pieces between them.
+fn nodes(spindle: &Spindle) -> Vec<f64> {
+    let mut ends = vec![0.0];
+    for section in &spindle.sections {
+        ends.push(ends[ends.len() - 1] + section.length_mm.0);
+    }
+    let length = spindle.length();
+    ends.extend(spindle.bearings.map(|bearing| bearing.at_mm.0));
+    ends.sort_by(f64::total_cmp);
+    // A bearing at the end of a cylinder: one node.
+    ends.dedup_by(|a, b| (*a - *b).abs() < 1e-9 * length);
+    let mut nodes = vec![ends[0]];
+    for pair in ends.windows(2) {
+        let count = ((pair[1] - pair[0]) / (ELEMENT * length)).ceil().max(1.0) as usize;
+        let share = |k: usize| pair[0] + (pair[1] - pair[0]) * k as f64 / count as f64;
+        nodes.extend((1..=count).map(share));
+    }
+    nodes
+}
+
+fn section_at(spindle: &Spindle, place: f64) -> &Section {
+    let mut end = 0.0;
+    let reaches = |section: &&Section| {
+        end += section.length_mm.0;
+        place < end
+    };
+    let last = &spindle.sections[spindle.sections.len() - 1];
+    spindle.sections.iter().find(reaches).unwrap_or(last)
+}
+
+/// Of displacement and turn at both ends, for a bending stiffness of 1.
+#[rustfmt::skip]
+fn beam_stiffness(l: f64) -> Matrix4<f64> {
+    Matrix4::new(
+        12.0,     6.0 * l,      -12.0,    6.0 * l,
+        6.0 * l,  4.0 * l * l,  -6.0 * l, 2.0 * l * l,
+        -12.0,    -6.0 * l,     12.0,     -6.0 * l,
+        6.0 * l,  2.0 * l * l,  -6.0 * l, 4.0 * l * l,
+    ) / l.powi(3)
+}
+
+/// The same for a mass per length of 1.
+#[rustfmt::skip]
+fn beam_mass(l: f64) -> Matrix4<f64> {
+    Matrix4::new(
+        156.0,     22.0 * l,      54.0,      -13.0 * l,
+        22.0 * l,  4.0 * l * l,   13.0 * l,  -3.0 * l * l,
+        54.0,      13.0 * l,      156.0,     -22.0 * l,
+        -13.0 * l, -3.0 * l * l,  -22.0 * l, 4.0 * l * l,
+    ) * (l / 420.0)
+}

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a study file says of the platform as a body.
+
+use crate::study::number::Positive;
+use kinematics::{Matrix3, Vector3};
+use serde::Deserialize;
+
+/// `[platform]`: what moves with the platform joints, spindle and tool included.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Platform {
+    /// Its mass.
+    pub mass_kg: Positive,
+    /// Its centre of mass in the platform frame.
+    pub centre_mm: Place,
+    /// Its tensor of inertia about the centre of mass, platform axes; products of inertia are
+    /// entered as the tensor has them, I_xy = −∫ x y dm.
+    pub inertia_kg_m2: Option<Inertia>,
+    /// Direction of the weight in the machine frame, any length; −Z where it is missing.
+    pub down: Option<Direction>,
+    /// Whether stiffness has the part of the weight and of the forces by which the legs bear it.
+    #[serde(default)]
+    pub geometric_stiffness: bool,
+}
+
+/// A place: three finite numbers.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "[f64; 3]")]
+pub struct Place(pub Vector3<f64>);
+
+/// A number that is none.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("{0}: expected a finite number")]
+pub struct NotFinite(f64);
+
+impl TryFrom<[f64; 3]> for Place {
+    type Error = NotFinite;
+
+    fn try_from(values: [f64; 3]) -> Result<Self, NotFinite> {
+        match values.into_iter().find(|value| !value.is_finite()) {
+            None => Ok(Self(values.into())),
+            Some(value) => Err(NotFinite(value)),
+        }
+    }
+}
+
+/// A unit vector.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "[f64; 3]")]
+pub struct Direction(pub Vector3<f64>);
+
+/// Three numbers that point nowhere.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("expected a direction: three finite numbers, not all 0")]
+pub struct NoDirection;
+
+impl TryFrom<[f64; 3]> for Direction {
+    type Error = NoDirection;
+
+    fn try_from(values: [f64; 3]) -> Result<Self, NoDirection> {
+        let largest = values.into_iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let scaled = Vector3::from(values) / largest;
+        match scaled.iter().all(|value| value.is_finite()) {
+            true => Ok(Self(scaled.normalize())),
+            false => Err(NoDirection),
+        }
+    }
+}
+
+/// A tensor of inertia that a body can have, kg m².
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "[[f64; 3]; 3]")]
+pub struct Inertia(pub Matrix3<f64>);
+
+/// Why no body has a tensor of inertia.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoBody {
+    /// A number is none.
+    #[error("expected finite numbers")]
+    NotFinite,
+    /// It is no tensor of inertia.
+    #[error("expected a symmetric tensor; found {0} and {1} on either side of the diagonal")]
+    Asymmetric(f64, f64),
+    /// A body that is light to turn about some axis, or not to turn at all.
+    #[error("no body has it: a principal moment of inertia is {0:.6}, expected more than 0")]
+    NotPositive(f64),
+    /// x² + y² is at most (y² + z²) + (z² + x²).
+    #[error(
+        "no body has it: of the principal moments of inertia {0:.6}, {1:.6} and {2:.6} the largest \
+         is more than the sum of the others; are products of inertia entered with their sign?"
+    )]
+    Triangle(f64, f64, f64),
+}
+
+/// By how much a tensor of inertia may break its rules, as a share of its largest moment: figures
+/// that people round to six digits.
+const ROUNDED: f64 = 1e-6;
+
+impl TryFrom<[[f64; 3]; 3]> for Inertia {
+    type Error = NoBody;
+
+    fn try_from(rows: [[f64; 3]; 3]) -> Result<Self, NoBody> {
+        let tensor = Matrix3::from(rows).transpose();
+        if !tensor.iter().all(|value| value.is_finite()) {
+            return Err(NoBody::NotFinite);
+        }
+        let size = tensor.amax();
+        for (i, k) in [(0, 1), (0, 2), (1, 2)] {
+            if (tensor[(i, k)] - tensor[(k, i)]).abs() > ROUNDED * size {
+                return Err(NoBody::Asymmetric(tensor[(i, k)], tensor[(k, i)]));
+            }
+        }
+        let tensor = (tensor + tensor.transpose()) / 2.0;
+        let mut moments: [f64; 3] = tensor.symmetric_eigenvalues().into();
+        moments.sort_by(f64::total_cmp);
+        let [least, middle, most] = moments;
+        if !(least > 0.0) {
+            return Err(NoBody::NotPositive(least));
+        }
+        if most > (least + middle) * (1.0 + ROUNDED) {
+            return Err(NoBody::Triangle(least, middle, most));
+        }
+        Ok(Self(tensor))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_inertia_that_no_body_has_is_refused_with_the_reason() {
+        let of = |rows: [[f64; 3]; 3]| Inertia::try_from(rows).unwrap_err().to_string();
+        let diagonal = |a, b, c| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
+        assert!(of(diagonal(0.4, 0.4, 0.9)).contains("more than the sum"));
+        assert!(of(diagonal(0.4, 0.4, -0.1)).contains("expected more than 0"));
+        assert!(of(diagonal(0.4, 0.0, 0.4)).contains("expected more than 0"));
+        assert!(of(diagonal(0.4, f64::NAN, 0.4)).contains("finite"));
+        let skew = [[0.4, 0.1, 0.0], [-0.1, 0.4, 0.0], [0.0, 0.0, 0.4]];
+        assert!(of(skew).contains("found 0.1 and -0.1"));
+        // Products of inertia as large as that would need a negative mass somewhere.
+        let coupled = [[0.4, 0.5, 0.0], [0.5, 0.4, 0.0], [0.0, 0.0, 0.4]];
+        assert!(of(coupled).contains("-0.1"));
+    }
+
+    #[test]
+    fn a_thin_rod_and_a_thin_plate_are_bodies() {
+        for rows in [[0.5, 0.5, 1.0], [0.3, 0.3, 1e-9]] {
+            let [a, b, c] = rows;
+            let tensor = [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
+            assert_eq!(Inertia::try_from(tensor).map(|i| i.0[(2, 2)]), Ok(c));
+        }
+    }
+}

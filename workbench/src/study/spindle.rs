@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `[spindle]` of a study: a shaft on two elastic supports.
+
+use crate::study::cutting::NotNegative;
+use crate::study::number::Positive;
+use serde::Deserialize;
+
+/// A shaft of cylinders on two bearings; lengths from its rear end to the nose or tool tip.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Spindle {
+    /// Young's modulus of the shaft.
+    pub youngs_n_per_mm2: Positive,
+    /// Its density.
+    pub density_kg_per_m3: Positive,
+    /// Damping ratio of the shaft itself, added to what the bearings dissipate.
+    pub damping_ratio: NotNegative,
+    /// Its cylinders from the rear end on; the last one is the overhang that commands change.
+    pub sections: Vec<Section>,
+    /// Its two bearings.
+    pub bearings: [Bearing; 2],
+    /// How many modes are used.
+    #[serde(default = "three")]
+    pub modes: u8,
+}
+
+fn three() -> u8 {
+    3
+}
+
+/// One of `[[spindle.sections]]`.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// Length.
+    pub length_mm: Positive,
+    /// Outer diameter.
+    pub diameter_mm: Positive,
+    /// Diameter of its bore.
+    #[serde(default)]
+    pub bore_mm: NotNegative,
+}
+
+/// One of `[[spindle.bearings]]`.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Bearing {
+    /// Distance from the rear end.
+    pub at_mm: NotNegative,
+    /// Displacement per force; 0 for a rigid bearing.
+    pub compliance_um_per_n: NotNegative,
+    /// Turn per moment; without it the shaft turns freely there.
+    pub angular_rad_per_n_m: Option<NotNegative>,
+    /// Force per speed.
+    #[serde(default)]
+    pub damping_n_s_per_mm: NotNegative,
+}
