@@ -145,7 +145,7 @@ fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
     };
     let cases = [
         ("[HAL]", "HALUI = halui", "[HAL]HALUI = halui"),
-        ("[RS274NGC]", "REMAP = M400 modalgroup=10 ngc=more", "[RS274NGC]REMAP"),
+        ("[RS274NGC]", "REMAP = M400 modalgroup=10 prolog=first ngc=more", "[RS274NGC]REMAP"),
         ("[EMCIO]", "DB_PROGRAM = ./tools.py", "[EMCIO]DB_PROGRAM"),
         ("[TASK]", "TASK = ./task.py", "[TASK]TASK = ./task.py"),
         ("[TRAJ]", "PLANNER_TYPE = 7", "[TRAJ]PLANNER_TYPE = 7"),
@@ -159,6 +159,44 @@ fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
         fs::write(copy.file("far.nml"), far).unwrap();
         copy.refuses(words);
     }
+}
+
+/// X in every cycle of a trace, without standstills.
+fn places_of_x(trace: &Path) -> Vec<f64> {
+    let mut reader = csv::Reader::from_path(trace).unwrap();
+    let x = |row: Result<csv::StringRecord, csv::Error>| row.unwrap()[2].parse().unwrap();
+    let mut all: Vec<f64> = reader.records().map(x).collect();
+    all.dedup();
+    all
+}
+
+#[test]
+fn a_code_remapped_to_a_subroutine_is_run() {
+    let remap = "REMAP = G88.1 modalgroup=1 argspec=xf ngc=further\nSUBROUTINE_PATH = programs";
+    let edit =
+        |text: String| text.replacen("\n[RS274NGC]\n", &format!("\n[RS274NGC]\n{remap}\n"), 1);
+    let copy = Copy::new(edit, "G21 G90 G61\nG88.1 X10 F600\nM2\n");
+    let further = "o<further> sub\nG1 X#<x> F#<f>\nG1 X[-#<x>]\no<further> endsub\nM2\n";
+    fs::write(copy.file("programs/further.ngc"), further).unwrap();
+    let found = [1, 2].map(|number| {
+        let trace = copy.file(&format!("{number}.csv"));
+        if number == 2 {
+            let plain = "G21 G90 G61\nG1 X10 F600\nG1 X-10\nM2\n";
+            fs::write(copy.file("programs/p.ngc"), plain).unwrap();
+        }
+        let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+            .arg("run")
+            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+            .arg("--trace")
+            .arg(&trace)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        places_of_x(&trace)
+    });
+    assert!(found[0] == found[1], "the code moves as the subroutine does");
+    let lowest = found[0].iter().copied().fold(0.0, f64::min);
+    assert_eq!((found[0].iter().copied().fold(0.0, f64::max), lowest), (10.0, -10.0));
 }
 
 #[test]

@@ -208,7 +208,6 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [
         ("EMCIO", "DB_PROGRAM", "a program of its own keeps the tools"),
-        ("RS274NGC", "REMAP", "remapped codes are not run"),
         ("HAL", "HALUI", "what HALUI does to a program hangs on other HAL files"),
         ("PYTHON", "TOPLEVEL", "it would be run"),
         ("TASK", "TASK", "only milltask is run"),
@@ -227,7 +226,20 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
             return Err(NotJudged::Asked(format!("[{section}]{key} = {value}"), why));
         }
     }
-    Ok(())
+    let mut remaps = config.ini.all("RS274NGC", "REMAP").into_iter();
+    match remaps.find(|entry| is_python(&entry.value)) {
+        Some(entry) => {
+            let key = format!("[RS274NGC]REMAP = {}", entry.value);
+            Err(NotJudged::Asked(key, "it runs Python of the user's"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Whether a remapped code is or calls Python, instead of a subroutine alone.
+fn is_python(remap: &str) -> bool {
+    let begins = ["py=", "python=", "prolog=", "epilog="];
+    remap.split_whitespace().any(|word| begins.iter().any(|begin| word.starts_with(begin)))
 }
 
 /// Whether a file of NML buffers has processes of other computers; the run has buffers of its own.
