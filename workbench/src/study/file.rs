@@ -6,7 +6,10 @@
 
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
+use crate::study::cutting::Cutting;
+use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
+use crate::study::number::{Positive, Ratio};
 use kinematics::{LegKind, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -20,6 +23,12 @@ use std::path::Path;
 pub struct Study {
     /// The platform as a body.
     pub platform: Option<Platform>,
+    /// A random force on the tool.
+    pub force: Option<Force>,
+    /// A milling cutter in its cut.
+    pub cutting: Option<Cutting>,
+    /// How it runs.
+    pub milling: Option<Milling>,
     /// The legs.
     pub legs: Legs,
     /// The joints of the table under the workpiece.
@@ -61,6 +70,16 @@ pub struct Legs {
     /// What moves across the leg with its platform joint: moment of inertia about the base joint
     /// over the square of the length, a third of the mass of a uniform rod.
     pub across_mass_kg: Option<Each>,
+    /// Largest force of a drive, along its joint.
+    pub max_force_n: Option<Each>,
+    /// Largest torque about the axis of an arm.
+    pub max_torque_n_m: Option<Each>,
+    /// Largest torque of the motor that turns the screw.
+    pub motor_torque_n_m: Option<Each>,
+    /// Travel per turn of the screw; that of the INI file where a strut has one.
+    pub screw_lead_mm: Option<Each>,
+    /// Share of its work that a screw passes on; 1 where it is missing.
+    pub screw_efficiency: Option<Share>,
 }
 
 /// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
@@ -98,6 +117,14 @@ pub struct Table {
     pub damping_n_s_per_mm: Option<Each>,
     /// Damping ratio of every axis, instead of its damper.
     pub damping_ratio: Option<Ratio>,
+    /// Largest force of each drive.
+    pub max_force_n: Option<Each>,
+    /// Largest torque of the motor that turns the screw.
+    pub motor_torque_n_m: Option<Each>,
+    /// Travel per turn of the screw.
+    pub screw_lead_mm: Option<Each>,
+    /// Share of its work that a screw passes on; 1 where it is missing.
+    pub screw_efficiency: Option<Share>,
 }
 
 /// `[limits]`.
@@ -180,42 +207,21 @@ pub enum Lacking {
     },
 }
 
-/// A number that is 0 or less, or none.
+/// No share of a whole.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected more than 0")]
-pub struct NotPositive(f64);
+#[error("{0}: expected more than 0, and 1 at most")]
+pub struct NoShare(f64);
 
-/// A finite number above 0.
+/// A share of a whole, which is not nothing.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "f64")]
-pub struct Positive(pub f64);
+pub struct Share(pub f64);
 
-impl TryFrom<f64> for Positive {
-    type Error = NotPositive;
+impl TryFrom<f64> for Share {
+    type Error = NoShare;
 
-    fn try_from(value: f64) -> Result<Self, NotPositive> {
-        match value > 0.0 && value.is_finite() {
-            true => Ok(Self(value)),
-            false => Err(NotPositive(value)),
-        }
-    }
-}
-
-/// No damping ratio of something that oscillates.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected more than 0 and less than 1")]
-pub struct NoRatio(f64);
-
-/// A damping ratio between 0 and 1.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct Ratio(pub f64);
-
-impl TryFrom<f64> for Ratio {
-    type Error = NoRatio;
-
-    fn try_from(value: f64) -> Result<Self, NoRatio> {
-        if value > 0.0 && value < 1.0 { Ok(Self(value)) } else { Err(NoRatio(value)) }
+    fn try_from(value: f64) -> Result<Self, NoShare> {
+        if value > 0.0 && value <= 1.0 { Ok(Self(value)) } else { Err(NoShare(value)) }
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a study file says of the platform as a body.
 
-use crate::study::file::Positive;
+use crate::study::number::Positive;
 use kinematics::{Matrix3, Vector3};
 use serde::Deserialize;
 

@@ -2,9 +2,13 @@
 //! Studies of a machine: what its design makes of stiffness, errors and room to move.
 
 pub mod body;
+pub mod cutting;
 pub mod file;
+pub mod forcing;
 mod law;
+pub mod map;
 pub mod masses;
+pub mod number;
 pub mod rods;
 pub mod sensitivity;
 pub mod slice;

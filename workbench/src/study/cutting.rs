@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The tables of a study that describe cutting: the tool, the chip, masses on springs, a spindle.
+
+use crate::study::masses::Direction;
+use crate::study::number::Positive;
+use serde::Deserialize;
+
+/// A number below 0, or none.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("{0}: expected 0 or more")]
+pub struct Negative(f64);
+
+/// A finite number, 0 or more.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
+#[serde(try_from = "f64")]
+pub struct NotNegative(pub f64);
+
+impl TryFrom<f64> for NotNegative {
+    type Error = Negative;
+
+    fn try_from(value: f64) -> Result<Self, Negative> {
+        match value >= 0.0 && value.is_finite() {
+            true => Ok(Self(value)),
+            false => Err(Negative(value)),
+        }
+    }
+}
+
+/// An angle that a cutting edge cannot have.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("{0}: expected an angle of 0 to 180 degrees")]
+pub struct NoAngle(f64);
+
+/// An angle from 0 to 180 degrees.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "f64")]
+pub struct Half(pub f64);
+
+impl TryFrom<f64> for Half {
+    type Error = NoAngle;
+
+    fn try_from(value: f64) -> Result<Self, NoAngle> {
+        match (0.0..=180.0).contains(&value) {
+            true => Ok(Self(value)),
+            false => Err(NoAngle(value)),
+        }
+    }
+}
+
+/// A cutter that cannot cut.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoCut {
+    /// No teeth.
+    #[error("teeth = 0: a cutter has one at least")]
+    Teeth,
+    /// Teeth that leave before they enter.
+    #[error(
+        "entry_deg = {0}, exit_deg = {1}: expected a tooth that enters before it leaves; a slot \
+         is from 0 to 180, half immersion up milling from 0 to 90, down milling from 90 to 180"
+    )]
+    Arc(f64, f64),
+}
+
+/// `[cutting]` as it is written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CuttingKeys {
+    teeth: u16,
+    entry_deg: Half,
+    exit_deg: Half,
+    kt_n_per_mm2: Positive,
+    kr_n_per_mm2: NotNegative,
+    #[serde(default)]
+    ka_n_per_mm2: NotNegative,
+    depth_mm: Option<Positive>,
+}
+
+/// `[cutting]`: a milling cutter in its cut. Angles count from the normal of the feed, in the
+/// sense of the turn.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "CuttingKeys")]
+pub struct Cutting {
+    /// Number of teeth, evenly spaced.
+    pub teeth: u16,
+    /// Where a tooth enters, degrees.
+    pub entry_deg: f64,
+    /// Where it leaves, degrees; more than `entry_deg`.
+    pub exit_deg: f64,
+    /// Tangential, radial and axial cutting coefficients, N/mm².
+    pub coefficients: [f64; 3],
+    /// Depth of cut of a program, mm.
+    pub depth_mm: Option<f64>,
+}
+
+impl TryFrom<CuttingKeys> for Cutting {
+    type Error = NoCut;
+
+    fn try_from(keys: CuttingKeys) -> Result<Self, NoCut> {
+        let [entry_deg, exit_deg] = [keys.entry_deg.0, keys.exit_deg.0];
+        if keys.teeth == 0 {
+            return Err(NoCut::Teeth);
+        }
+        if !(entry_deg < exit_deg) {
+            return Err(NoCut::Arc(entry_deg, exit_deg));
+        }
+        let depth_mm = keys.depth_mm.map(|depth| depth.0);
+        let coefficients = [keys.kt_n_per_mm2.0, keys.kr_n_per_mm2.0, keys.ka_n_per_mm2.0];
+        Ok(Self { teeth: keys.teeth, entry_deg, exit_deg, coefficients, depth_mm })
+    }
+}
+
+/// `[turning]`: a single edge that cuts a turning work.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Turning {
+    /// Cutting coefficient, N/mm².
+    pub kf_n_per_mm2: Positive,
+    /// Where the tool moves to when the chip becomes thicker.
+    pub thicker: Direction,
+    /// Where the cutting force pushes the tool.
+    pub force: Direction,
+}
+
+/// One of `[[links]]`: a mass on a spring and a damper.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Link {
+    /// What it is called in tables and plots.
+    pub name: String,
+    /// Mass.
+    pub mass_kg: Positive,
+    /// Force per speed.
+    pub damping_n_s_per_mm: Positive,
+    /// Force per displacement.
+    pub stiffness_n_per_um: Positive,
+}
+
+/// `[lag]`: a cutting force that follows the chip's thickness with a first-order lag.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct LagKeys {
+    /// Time constant of the cutting force.
+    pub time_constant_ms: NotNegative,
+}
+
+/// `[chip]`: what a millimetre of chip width makes of cutting stiffness (paper 002).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Chip {
+    /// The factor c; 1.4 is printed.
+    pub factor: Positive,
+    /// Chip ratio ζ.
+    pub ratio: Positive,
+    /// Tensile strength σ_b of the work.
+    pub strength_n_per_mm2: Positive,
+    /// Angle φ between the cutting edge and the feed, in plan.
+    pub angle_deg: Half,
+}
+
+/// `[overhang]`: compliance of the first link as a function of how far it stands out.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct Overhang {
+    /// a0, a1, a2 of the compliance `a0 + a1 l + a2 l²`, um/N, with l in mm.
+    pub compliance_um_per_n: [NotNegative; 3],
+    /// What the tool adds, `cantilever (l/at)³`, um/N.
+    pub cantilever_um_per_n: NotNegative,
+    /// The overhang at which it adds that, mm.
+    pub cantilever_at_mm: Positive,
+}
