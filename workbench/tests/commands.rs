@@ -724,6 +724,7 @@ Commands:
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
   stiffness    How stiffly the legs hold the tool
+  dynamics     How a machine vibrates
   workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
@@ -1060,6 +1061,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "rods",
         "sensitivity",
         "stiffness",
+        "dynamics",
         "workspace",
         "boxes",
         "random",

@@ -18,7 +18,7 @@ const ROOMS: [(&str, &[&str]); 12] = [
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("dynamics", &["read", "rows", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("draw", &["files", "program", "read", "study"]),
+    ("draw", &["dynamics", "files", "program", "read", "study"]),
 ];
 
 /// A file, by its room and its name; files of the library's own folder are rooms without names.

@@ -8,6 +8,7 @@ mod boxes;
 mod calibrate;
 mod check;
 mod completions;
+mod dynamics;
 mod failure;
 mod joints;
 mod man;
@@ -22,6 +23,7 @@ mod rows;
 mod run;
 mod sensitivity;
 mod stiffness;
+mod vibration;
 mod workspace;
 
 use clap::{Parser, Subcommand};
@@ -92,6 +94,7 @@ commands! {
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,
+    Dynamics => dynamics,
     Workspace => workspace,
     Boxes => boxes,
     Random => random,
