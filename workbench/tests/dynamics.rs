@@ -10,7 +10,7 @@ use kinematics::{
 use nalgebra::{Complex, DMatrix, RowDVector};
 use pkm::dynamics::chart::Chart;
 use pkm::dynamics::model::{Body, Model};
-use pkm::dynamics::response::squares;
+use pkm::dynamics::shapes::squares;
 use pkm::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
@@ -314,7 +314,7 @@ fn struts_along_the_edges_of_a_cube_give_the_closed_frequencies() {
     let found: Vec<f64> = squares.iter().map(|square| square.sqrt() / TAU).collect();
     close(&found, &golden().cube_hz, CLOSED);
     // Without legs nothing holds it.
-    let (free, _) = pkm::dynamics::response::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
+    let (free, _) = pkm::dynamics::shapes::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
     assert_eq!(free, [0.0; 6]);
 }
 
@@ -329,7 +329,7 @@ fn leg(chart: &Chart, base: &Vector3<f64>, anchor: &Vector3<f64>) -> LegAt {
     let span = anchor - base;
     let along = span.normalize();
     let row: RowDVector<f64> = along.transpose() * chart.displacement(anchor);
-    LegAt { anchor: *anchor, along, length: span.norm(), row, gain: 1.0 }
+    LegAt { anchor: *anchor, along, length: span.norm(), row, gain: 1.0, signed_gain: 1.0 }
 }
 
 #[test]
