@@ -413,24 +413,21 @@ fn arms_yield_by_their_angle() {
         })
         .collect();
     let letters = |text: &str| Letters::parse(text.as_bytes()).unwrap();
-    let geometry = Geometry::new(&legs, letters("XYZ"), letters("")).unwrap();
     let machine = [1, -1].into_iter().find_map(|side| {
-        let mut geometry = geometry.clone();
-        let legs: Vec<LegGeometry> = legs
-            .iter()
-            .map(|leg| match leg.kind {
-                LegKind::Crank(crank) => {
-                    LegGeometry { kind: LegKind::Crank(CrankGeometry { side, ..crank }), ..*leg }
-                }
-                _ => *leg,
-            })
-            .collect();
-        geometry = Geometry::of_layout(*geometry.layout(), |i| legs[i]);
+        let sided = |leg: &LegGeometry| match leg.kind {
+            LegKind::Crank(crank) => {
+                LegGeometry { kind: LegKind::Crank(CrankGeometry { side, ..crank }), ..*leg }
+            }
+            _ => *leg,
+        };
+        let legs: Vec<LegGeometry> = legs.iter().map(sided).collect();
+        let geometry = Geometry::new(&legs, letters("XYZ"), letters("")).unwrap();
         let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).unwrap();
         let pose = Pose::from_degrees([0.0, 0.0, z, 0.0, 0.0, 0.0]);
-        let at = machine.at(&pose, &NO_TOOL).unwrap();
         // Elbows outwards, as in the figures.
-        (at.segments()[0].base.x > base).then_some((machine.clone(), geometry))
+        let is_outwards =
+            machine.at(&pose, &NO_TOOL).is_ok_and(|at| at.segments()[0].base.x > base);
+        is_outwards.then_some((machine, geometry))
     });
     let (machine, geometry) = machine.unwrap();
     let config = MachineConfig { machine, geometry, units_per_mm: 1.0, ..config("rotary-delta") };

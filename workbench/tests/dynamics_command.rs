@@ -23,7 +23,7 @@ fn tells(answer: &str, exit: u8, words: &[&str]) {
 fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
     let bench = Bench::new().with("study.toml", STUDY);
     let words = "dynamics linear-delta.ini study.toml --grid 7 --plots drawn --response h.csv \
-                 --map map.csv --shake noise --trace trace.csv";
+                 --map map.csv --shake noise --trace trace.csv --spectrum s.csv";
     let answer = bench.answer(words, "");
     let told =
         ["modes: Hz", "compliance", "bear the weight", "ellipse in X and Y", "linear theory"];
@@ -35,6 +35,8 @@ fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
     assert!(read("map.csv").starts_with("x,y,z,lowest_hz,largest_swing_um_per_n\n"));
     assert!(read("map.csv").lines().count() > 60);
     assert!(read("trace.csv").starts_with("time,x_um,y_um,z_um\n0,"));
+    let head = "hz,x_um2_per_hz,y_um2_per_hz,z_um2_per_hz,x_linear_um2_per_hz,";
+    assert!(read("s.csv").starts_with(head) && read("s.csv").lines().count() > 400);
     let again = bench.answer(words, "");
     assert_eq!(answer, again, "equal seeds give equal motions");
 }
@@ -131,6 +133,7 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
     let files = bench.files();
     for (words, told) in [
         ("study.toml --trace t.csv", "--trace: nothing moves"),
+        ("study.toml --spectrum s.csv", "--spectrum: nothing moves"),
         ("study.toml --top 0", "--top 0: expected more than 0"),
         ("study.toml 900 0 0 0 0 0", "X900.0000"),
         ("study.toml 1 2", "found 2 numbers"),

@@ -279,6 +279,35 @@ fn energy_falls_by_the_work_of_the_dampers_whoever_takes_the_torque_of_the_threa
 }
 
 #[test]
+fn half_the_step_that_is_taken_changes_little_of_a_motion() {
+    let config = config("hexapod");
+    let model = model(&config, GENERAL, STRUTS);
+    let pose = with_tool(POSE_4, &TOOL);
+    let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
+    let step = Times::of(&structure, 0.0).unwrap().step;
+    let fastest = structure.shapes().unwrap().omegas[5] / TAU;
+    close(&[step * fastest], &[1.0 / 40.0], 1e-12);
+    let end = |step: f64, steps: usize| {
+        let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
+        let drives = simulation.drives(&pose, &TOOL).unwrap();
+        let mut motion = simulation.resting(&pose, &drives);
+        motion.velocity = Vector3::new(20.0, -30.0, 10.0);
+        motion.spin = Vector3::new(0.1, 0.2, -0.1);
+        let still = Drives::default();
+        for _ in 0..steps {
+            let rates = |motion: &Motion, _: f64| {
+                simulation.rates(motion, [&drives, &still], &Vector3::zeros())
+            };
+            motion = motion.after(step, rates).unwrap();
+        }
+        simulation.tip(&motion) - drives.tip
+    };
+    // Ten periods of the fastest mode: (2π/40)⁴/120 of a turn in each.
+    let (whole, half) = (end(step, 400), end(step / 2.0, 800));
+    assert!((whole - half).norm() < 1e-3 * half.norm(), "{whole} {half}");
+}
+
+#[test]
 fn a_random_force_shakes_the_tip_and_loads_the_struts_as_in_an_independent_calculation() {
     let golden = &GOLDEN;
     for (platform, pose, rms, legs, held, spread, density) in [

@@ -76,7 +76,7 @@ pub fn loads(
     let linear = &moved * &motion.acceleration + chart.bend(&body.centre, &motion.rate);
     let inertia = rotation * body.inertia * rotation.transpose();
     let force: Vector3<f64> = (linear - model.gravity) * body.mass;
-    let moment: Vector3<f64> = inertia * turning + speed.cross(&(inertia * &speed));
+    let moment: Vector3<f64> = inertia * turning + speed.cross(&(inertia * speed));
     let mut asked = moved.tr_mul(&force) + chart.turns().tr_mul(&moment);
     for (leg, own) in legs.iter().zip(&model.legs) {
         asked += leg_mass(&chart, leg, own) * &motion.acceleration;

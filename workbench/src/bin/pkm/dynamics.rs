@@ -5,11 +5,11 @@ use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
 use super::run::{Control, Progress};
 use super::vibration::{
-    Answer, EllipseAnswer, LinearAnswer, ModeAnswer, UM, of_record, roots, tell,
+    Answer, EllipseAnswer, LinearAnswer, ModeAnswer, Spectra, UM, of_record, response_header,
+    response_row, roots, tell,
 };
 use super::{Bar, MachineFile, Verdict, in_words};
 use kinematics::{Matrix3, Pose, Vector3};
-use nalgebra::Complex;
 use pkm::control::process;
 use pkm::control::row::Ending;
 use pkm::draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
@@ -105,6 +105,10 @@ pub struct Arguments {
     /// Writes the motion in time as CSV: seconds, and um of the tip from its command
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     trace: Option<PathBuf>,
+    /// Writes the spectrum of that motion as CSV: Hz, densities of the tip in um²/Hz, and under a random force
+    /// those of the linear theory
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    spectrum: Option<PathBuf>,
     #[command(flatten)]
     control: Control,
 }
@@ -177,8 +181,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 /// What the grammar of the command line lets pass.
 fn check(arguments: &Arguments) -> Result<(), Failure> {
-    if arguments.trace.is_some() && arguments.shake.is_none() && arguments.program.is_none() {
-        return Err(refused("--trace: nothing moves; name --shake or --program"));
+    let moves = arguments.shake.is_some() || arguments.program.is_some();
+    for (name, file) in [("--trace", &arguments.trace), ("--spectrum", &arguments.spectrum)] {
+        if file.is_some() && !moves {
+            return Err(refused(format!("{name}: nothing moves; name --shake or --program")));
+        }
     }
     match arguments.top {
         Some(top) if !(top > 0.0 && top.is_finite()) => {
@@ -361,6 +368,11 @@ impl Subject<'_> {
         let frequencies = frequencies(&modes, top);
         let response: Vec<_> = frequencies.iter().copied().filter_map(at).collect();
         let maps = self.arguments.map.as_ref().map(|_| self.maps()).transpose()?;
+        let force = linear.map(|(_, force)| force);
+        let is_asked = self.arguments.spectrum.is_some() || self.arguments.plots.is_some();
+        let spectra = record
+            .filter(|_| is_asked)
+            .map(|record| Spectra::of(&self.structure, record, force, &frequencies));
         let mut plots = vec![];
         if self.arguments.plots.is_some() {
             plots.push(of_response(&response)?);
@@ -370,17 +382,13 @@ impl Subject<'_> {
             if let Some(record) = record {
                 plots.push(of_trace(record, linear.map(|((covariance, ..), _)| covariance))?);
                 plots.push(of_deviation(record)?);
-                let expected = |hz: &f64| {
-                    let (_, force) = linear?;
-                    let found =
-                        self.structure.spectrum(&force.sigma_n.into(), &force.band.into(), *hz);
-                    Some(found?.diagonal())
-                };
-                let seen: Vec<f64> =
-                    frequencies.iter().copied().filter(|hz| *hz * record.step < 0.5).collect();
-                let expected: Vec<Vector3<f64>> = seen.iter().filter_map(expected).collect();
-                plots.push(of_spectrum(&seen, &record.spectrum(&seen), &expected)?);
             }
+            if let Some(Spectra { hz, found, linear }) = &spectra {
+                plots.push(of_spectrum(hz, found, linear)?);
+            }
+        }
+        if let (Some(file), Some(spectra)) = (&self.arguments.spectrum, &spectra) {
+            spectra.write(file)?;
         }
         if let Some(file) = &self.arguments.response {
             write_whole(file, &csv(&response_header(), response.iter().map(response_row)))?;
@@ -426,19 +434,4 @@ impl Subject<'_> {
             false => Ok(maps),
         }
     }
-}
-
-/// Elements of a symmetric receptance, in the order of their columns.
-const ELEMENTS: [(usize, usize, &str); 6] =
-    [(0, 0, "xx"), (1, 1, "yy"), (2, 2, "zz"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz")];
-
-fn response_header() -> Vec<String> {
-    let parts = |name: &str| [format!("{name}_re"), format!("{name}_im")];
-    let elements = ELEMENTS.iter().flat_map(|(_, _, name)| parts(name));
-    std::iter::once("hz".to_string()).chain(elements).collect()
-}
-
-fn response_row((hz, h): &(f64, Matrix3<Complex<f64>>)) -> Vec<f64> {
-    let element = |(i, k, _): &(usize, usize, &str)| [h[(*i, *k)].re, h[(*i, *k)].im];
-    std::iter::once(*hz).chain(ELEMENTS.iter().flat_map(element)).collect()
 }

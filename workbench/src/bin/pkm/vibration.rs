@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `pkm dynamics` tells, as text and as JSON.
+//! What `pkm dynamics` tells, as text, as JSON and as tables.
 
 use super::failure::Failure;
 use super::in_words;
-use kinematics::{Matrix3, Pose};
+use kinematics::{Matrix3, Pose, Vector3};
+use nalgebra::Complex;
 use pkm::dynamics::linear::Ellipse;
 use pkm::dynamics::record::Record;
+use pkm::dynamics::structure::Structure;
+use pkm::files::{csv, write_whole};
+use pkm::study::forcing::Force as Random;
 use serde::Serialize;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// um per mm.
 pub const UM: f64 = 1e3;
@@ -139,4 +143,65 @@ fn tell_ellipse(out: &mut impl Write, ellipse: &EllipseAnswer) -> Result<(), Fai
         "ellipse in X and Y"
     )?;
     Ok(())
+}
+
+/// Spectral densities of a motion, mm²/Hz.
+pub struct Spectra {
+    pub hz: Vec<f64>,
+    pub found: Vec<Vector3<f64>>,
+    /// By the linear theory; empty where there is none.
+    pub linear: Vec<Vector3<f64>>,
+}
+
+impl Spectra {
+    /// At those of some frequencies that a record can show.
+    pub fn of(
+        structure: &Structure,
+        record: &Record,
+        force: Option<&Random>,
+        frequencies: &[f64],
+    ) -> Self {
+        let hz: Vec<f64> =
+            frequencies.iter().copied().filter(|hz| *hz * record.step < 0.5).collect();
+        let expected = |hz: &f64| {
+            let force = force?;
+            let found = structure.spectrum(&force.sigma_n.into(), &force.band.into(), *hz)?;
+            Some(found.diagonal())
+        };
+        let linear = hz.iter().filter_map(expected).collect();
+        Self { found: record.spectrum(&hz), hz, linear }
+    }
+
+    /// As CSV.
+    pub fn write(&self, file: &Path) -> Result<(), Failure> {
+        let named = |of: &str| ["x", "y", "z"].map(|axis| format!("{axis}{of}_um2_per_hz"));
+        let mut header = vec!["hz".to_string()];
+        header.extend(named(""));
+        if !self.linear.is_empty() {
+            header.extend(named("_linear"));
+        }
+        let rows = self.hz.iter().enumerate().map(|(n, hz)| {
+            let densities = [self.found.get(n), self.linear.get(n)].into_iter().flatten();
+            let densities = densities.flat_map(|density| density.iter().map(|part| part * UM * UM));
+            std::iter::once(*hz).chain(densities).collect::<Vec<_>>()
+        });
+        Ok(write_whole(file, &csv(&header, rows))?)
+    }
+}
+
+/// Elements of a symmetric receptance, in the order of their columns.
+const ELEMENTS: [(usize, usize, &str); 6] =
+    [(0, 0, "xx"), (1, 1, "yy"), (2, 2, "zz"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz")];
+
+/// Names of what [`response_row`] gives.
+pub fn response_header() -> Vec<String> {
+    let parts = |name: &str| [format!("{name}_re"), format!("{name}_im")];
+    let elements = ELEMENTS.iter().flat_map(|(_, _, name)| parts(name));
+    std::iter::once("hz".to_string()).chain(elements).collect()
+}
+
+/// Hz, and a receptance.
+pub fn response_row((hz, h): &(f64, Matrix3<Complex<f64>>)) -> Vec<f64> {
+    let element = |(i, k, _): &(usize, usize, &str)| [h[(*i, *k)].re, h[(*i, *k)].im];
+    std::iter::once(*hz).chain(ELEMENTS.iter().flat_map(element)).collect()
 }
