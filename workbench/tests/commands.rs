@@ -724,6 +724,8 @@ Commands:
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
   stiffness    How stiffly the legs hold the tool
+  stability    How deep may be cut before it chatters
+  dynamics     How a machine vibrates
   workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
@@ -1076,6 +1078,8 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "rods",
         "sensitivity",
         "stiffness",
+        "stability",
+        "dynamics",
         "workspace",
         "boxes",
         "random",
@@ -1090,7 +1094,9 @@ fn every_subcommand_has_a_manual_page_and_completions() {
             assert!(bench.answer(&format!("completions {shell}"), "").contains(name), "{shell}");
         }
     }
-    assert!(bench.0.path().join("pages/pkm.1").exists());
+    for page in ["pkm", "pkm-stability-pose", "pkm-stability-lag"] {
+        assert!(bench.0.path().join(format!("pages/{page}.1")).exists());
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use kinematics::{
 use nalgebra::{Complex, DMatrix, RowDVector};
 use pkm::dynamics::chart::Chart;
 use pkm::dynamics::model::{Body, Model};
-use pkm::dynamics::response::squares;
+use pkm::dynamics::shapes::squares;
 use pkm::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
@@ -314,7 +314,7 @@ fn struts_along_the_edges_of_a_cube_give_the_closed_frequencies() {
     let found: Vec<f64> = squares.iter().map(|square| square.sqrt() / TAU).collect();
     close(&found, &golden().cube_hz, CLOSED);
     // Without legs nothing holds it.
-    let (free, _) = pkm::dynamics::response::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
+    let (free, _) = pkm::dynamics::shapes::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
     assert_eq!(free, [0.0; 6]);
 }
 
@@ -329,7 +329,7 @@ fn leg(chart: &Chart, base: &Vector3<f64>, anchor: &Vector3<f64>) -> LegAt {
     let span = anchor - base;
     let along = span.normalize();
     let row: RowDVector<f64> = along.transpose() * chart.displacement(anchor);
-    LegAt { anchor: *anchor, along, length: span.norm(), row, gain: 1.0 }
+    LegAt { anchor: *anchor, along, length: span.norm(), row, gain: 1.0, signed_gain: 1.0 }
 }
 
 #[test]
@@ -413,24 +413,21 @@ fn arms_yield_by_their_angle() {
         })
         .collect();
     let letters = |text: &str| Letters::parse(text.as_bytes()).unwrap();
-    let geometry = Geometry::new(&legs, letters("XYZ"), letters("")).unwrap();
     let machine = [1, -1].into_iter().find_map(|side| {
-        let mut geometry = geometry.clone();
-        let legs: Vec<LegGeometry> = legs
-            .iter()
-            .map(|leg| match leg.kind {
-                LegKind::Crank(crank) => {
-                    LegGeometry { kind: LegKind::Crank(CrankGeometry { side, ..crank }), ..*leg }
-                }
-                _ => *leg,
-            })
-            .collect();
-        geometry = Geometry::of_layout(*geometry.layout(), |i| legs[i]);
+        let sided = |leg: &LegGeometry| match leg.kind {
+            LegKind::Crank(crank) => {
+                LegGeometry { kind: LegKind::Crank(CrankGeometry { side, ..crank }), ..*leg }
+            }
+            _ => *leg,
+        };
+        let legs: Vec<LegGeometry> = legs.iter().map(sided).collect();
+        let geometry = Geometry::new(&legs, letters("XYZ"), letters("")).unwrap();
         let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).unwrap();
         let pose = Pose::from_degrees([0.0, 0.0, z, 0.0, 0.0, 0.0]);
-        let at = machine.at(&pose, &NO_TOOL).unwrap();
         // Elbows outwards, as in the figures.
-        (at.segments()[0].base.x > base).then_some((machine.clone(), geometry))
+        let is_outwards =
+            machine.at(&pose, &NO_TOOL).is_ok_and(|at| at.segments()[0].base.x > base);
+        is_outwards.then_some((machine, geometry))
     });
     let (machine, geometry) = machine.unwrap();
     let config = MachineConfig { machine, geometry, units_per_mm: 1.0, ..config("rotary-delta") };

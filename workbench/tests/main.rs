@@ -12,6 +12,8 @@ mod configs;
 mod control;
 mod course;
 mod dynamics;
+mod dynamics_command;
+mod dynamics_motion;
 mod golden;
 mod ini_cases;
 mod inivar;

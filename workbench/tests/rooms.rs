@@ -19,7 +19,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
     ("dynamics", &["read", "rows", "study"]),
     ("stability", &["dynamics", "read", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("draw", &["files", "program", "read", "stability", "study"]),
+    ("draw", &["dynamics", "files", "program", "read", "stability", "study"]),
 ];
 
 /// A file, by its room and its name; files of the library's own folder are rooms without names.

@@ -9,7 +9,8 @@ use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::rows::{length_rows, rate_map};
 use pkm::study::file::{Screw, Springs};
-use pkm::study::stiffness::{Map, Stiffness, with_platform};
+use pkm::study::map::Map;
+use pkm::study::stiffness::{Stiffness, with_platform};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -253,11 +254,11 @@ fn a_symmetric_machine_has_symmetric_maps() {
     let (low, high) = ([-100.0; 6], [100.0; 6]);
     // Mirrored, a right-hand thread is a left-hand one: only where no thread turns is it the same.
     let map = Map::over(&home, [0, 1], [&low, &high], 9, |pose| {
-        Some(self_locking(&config, pose, &NO_TOOL))
+        Some(self_locking(&config, pose, &NO_TOOL).least())
     });
     for j in 0..9 {
         for i in 0..9 {
-            let (here, mirrored) = (map.least[j * 9 + i], map.least[(8 - j) * 9 + i]);
+            let (here, mirrored) = (map.values[j * 9 + i], map.values[(8 - j) * 9 + i]);
             close(here[0], mirrored[0]);
             close(here[1], mirrored[1]);
         }

@@ -3,7 +3,7 @@
 //! them, and that number in every region.
 
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, FONT, Frame, SIZE, STYLES, axes, drawn};
+use crate::draw::sheet::{Chart, FONT, Frame, SIZE, STYLES, axes, drawn, legend};
 use crate::stability::partition::{Point, Window, regions};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -63,8 +63,8 @@ pub(super) fn partitioned(
     })
 }
 
-fn label(
-    chart: &mut Chart,
+fn label<'a, 'b: 'a>(
+    chart: &mut Chart<'a, 'b>,
     partition: &Partition,
     unstable: &(impl Fn([f64; 2]) -> usize + Sync),
 ) -> Result<(), DrawError> {
@@ -76,14 +76,21 @@ fn label(
         let text = region.unstable.to_string();
         chart.draw_series([Text::new(text, place, numbers.clone())])?;
     }
-    let words = (FONT, 14).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Bottom));
-    for ([x, y], text) in &partition.marks {
-        chart.draw_series([Circle::new((*x, *y), 4, BLACK.filled())])?;
-        let style = words.clone();
-        let beside = EmptyElement::at((*x, *y)) + Text::new(text.clone(), (7, -5), style);
-        chart.draw_series([beside])?;
+    let words = (FONT, 18).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Bottom));
+    // Letters beside the places: curves that cross there leave no room for more.
+    for (([x, y], text), letter) in partition.marks.iter().zip('a'..) {
+        let letter = letter.to_string();
+        let own = letter.clone();
+        let dot = EmptyElement::at((*x, *y))
+            + Circle::new((0, 0), 4, BLACK.filled())
+            + Text::new(letter.clone(), (7, -5), words.clone());
+        chart.draw_series([dot])?.label(text).legend(move |(x, y)| {
+            EmptyElement::at((x + 17, y))
+                + Circle::new((-6, 0), 4, BLACK.filled())
+                + Text::new(own.clone(), (2, -8), (FONT, 18).into_font())
+        });
     }
-    Ok(())
+    if partition.marks.is_empty() { Ok(()) } else { legend(chart) }
 }
 
 /// Strokes at even distances along a curve, on the side with fewer unstable roots.

@@ -5,7 +5,7 @@ use crate::draw::contour::contoured;
 use crate::draw::lines::{Line, drawn_lines};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::Frame;
-use crate::study::stiffness::Map;
+use crate::study::map::Map;
 use kinematics::Letter;
 
 /// Maps of the smallest stiffness of translation and of rotation in one plane.
@@ -16,7 +16,7 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
     let letters = map.plane.map(|k| Letter::ALL[k].name());
     let plane: String = letters.iter().collect();
     let of = |k: usize, what: &str, unit: &str, scale: f64| -> Result<Plot, DrawError> {
-        let values: Vec<f64> = map.least.iter().map(|least| least[k] * scale).collect();
+        let values: Vec<f64> = map.values.iter().map(|least| least[k] * scale).collect();
         let caption = format!("Smallest stiffness of {what} in the plane {plane}, in {unit}");
         let frame = Frame {
             title: &caption,

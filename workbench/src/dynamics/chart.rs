@@ -9,7 +9,7 @@
 use crate::read::machine::MachineConfig;
 use crate::rows::{Rows, rate_map};
 use kinematics::{At, Letter, Matrix3, Pose, Vector3};
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 /// The coordinates, and how points of the platform depend on them; mm and radians.
 #[derive(Clone, Debug)]
@@ -41,6 +41,11 @@ impl Chart {
     /// How many there are.
     pub fn count(&self) -> usize {
         self.coordinates.len()
+    }
+
+    /// The centre in the platform frame.
+    pub fn centre(&self) -> &Vector3<f64> {
+        &self.centre
     }
 
     /// Whether a coordinate is an angle.
@@ -81,6 +86,39 @@ impl Chart {
             k => self.rates.column(k - 3).into_owned(),
         };
         Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
+    }
+
+    /// Rates of the coordinates by the velocity of the centre and the angular velocity.
+    pub fn rates(&self, speed: &Vector3<f64>, omega: &Vector3<f64>) -> DVector<f64> {
+        let angles = self.rates.try_inverse().map_or(Vector3::repeat(f64::NAN), |map| map * omega);
+        let rate = |k: &usize| if *k < 3 { speed[*k] } else { angles[*k - 3] };
+        DVector::from_iterator(self.count(), self.coordinates.iter().map(rate))
+    }
+
+    /// What the rates of the coordinates add to the acceleration of a point of the platform.
+    pub fn bend(&self, point: &Vector3<f64>, rates: &DVector<f64>) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for i in 0..self.count() {
+            for k in 0..self.count() {
+                sum += self.curvature(point, i, k) * (rates[i] * rates[k]);
+            }
+        }
+        sum
+    }
+
+    /// What they add to the angular acceleration.
+    pub fn turning(&self, rates: &DVector<f64>) -> Vector3<f64> {
+        let mut of_angles = Vector3::zeros();
+        for (k, rate) in self.coordinates.iter().zip(rates.iter()).filter(|(k, _)| **k >= 3) {
+            of_angles[k - 3] = *rate;
+        }
+        let [a, b, c]: [f64; 3] = of_angles.into();
+        let ((sb, cb), (sc, cc)) = (self.angles.y.sin_cos(), self.angles.z.sin_cos());
+        // Rates of the axes of A and B; that of C stands still.
+        let of_a =
+            Vector3::new(-cc * sb, -sc * sb, -cb) * b + Vector3::new(-sc, cc, 0.0) * (cb * c);
+        let of_b = Vector3::new(-cc, -sc, 0.0) * c;
+        of_a * a + of_b * b
     }
 
     /// Rows over X Y Z A B C of the tool tip (machine units and radians, see [`crate::rows`]) as

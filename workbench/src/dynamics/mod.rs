@@ -5,10 +5,26 @@
 //! al. 2011), equations 9 to 14, about the centre of mass; any book on vibrations for the rest.
 //!
 //! [`model`] takes masses, springs and dampers from a study; [`chart`] are the coordinates of the
-//! platform at a pose; [`structure`] has the matrices, [`response`] what follows from them.
+//! platform at a pose; [`structure`] has the matrices, [`shapes`] their modes, [`response`]
+//! what follows from them. [`noise`] and
+//! [`milling`] are forces; [`linear`] is what noise does by the linear theory, [`simulation`] what any
+//! force and the [`drives`] of a program do in time, on [`rotation`]s; a [`run`] is all
+//! of it, and a [`record`] what is seen.
+//! [`loads`] are the forces of the drives, and [`capacity`] what drives can do.
 
+pub mod capacity;
 pub mod chart;
+pub mod drives;
+pub mod linear;
+pub mod loads;
+pub mod milling;
 pub mod mode;
 pub mod model;
+pub mod noise;
+pub mod record;
 pub mod response;
+pub mod rotation;
+pub mod run;
+pub mod shapes;
+pub mod simulation;
 pub mod structure;

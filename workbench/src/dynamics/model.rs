@@ -136,6 +136,15 @@ impl Model {
     }
 }
 
+impl Model {
+    /// The same with drives that have no mass: rod and drive are one spring.
+    pub fn without_drive_masses(&self) -> Self {
+        let mut model = self.clone();
+        model.legs.iter_mut().for_each(|leg| leg.drive = None);
+        model
+    }
+}
+
 /// Refuses a value that is given in two ways, and one that is given in none.
 fn one_of(
     section: &'static str,

@@ -2,48 +2,16 @@
 //! What a structure does of itself and under a force that swings: modes, poles, receptance.
 
 use crate::dynamics::mode::Mode;
+use crate::dynamics::shapes::Shapes;
 use crate::dynamics::structure::Structure;
 use nalgebra::{Complex, DMatrix, DVector, Matrix3};
+use std::f64::consts::TAU;
 
-/// Squares of frequencies below this share of the largest are those of motions that nothing holds:
-/// rounding of an eigenvalue.
-const HELD: f64 = 1e-13;
+/// Even steps of a response.
+const EVEN: u32 = 400;
 
-/// Modes without damping.
-#[derive(Clone, Debug)]
-pub struct Shapes {
-    /// Angular frequencies, smallest first, rad/s.
-    pub omegas: Vec<f64>,
-    /// Their shapes in the structure's coordinates, columns; ΦᵀMΦ = 1.
-    pub vectors: DMatrix<f64>,
-}
-
-impl Shapes {
-    /// Of K φ = ω² M φ; `None` where something moves that nothing holds.
-    pub fn of(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>) -> Option<Self> {
-        let (squares, vectors) = squares(mass, stiffness)?;
-        let most = *squares.last()?;
-        let is_held = squares.iter().all(|square| *square > HELD * most);
-        let omegas = squares.iter().map(|square| square.sqrt()).collect();
-        is_held.then_some(Self { omegas, vectors })
-    }
-}
-
-/// Squares of the angular frequencies, smallest first, and shapes that are normalised by mass; `None`
-/// where the mass is no positive definite matrix.
-pub fn squares(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>) -> Option<(Vec<f64>, DMatrix<f64>)> {
-    // With M = LLᵀ a problem that is symmetric: L⁻¹ K L⁻ᵀ.
-    let lower = mass.clone().cholesky()?.l();
-    let half = lower.solve_lower_triangular(stiffness)?;
-    let whole = lower.solve_lower_triangular(&half.transpose())?;
-    let eigen = ((&whole + whole.transpose()) / 2.0).symmetric_eigen();
-    let mut order: Vec<usize> = (0..mass.nrows()).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let columns: Vec<DVector<f64>> =
-        order.iter().map(|k| eigen.eigenvectors.column(*k).into_owned()).collect();
-    let vectors = lower.tr_solve_lower_triangular(&DMatrix::from_columns(&columns))?;
-    Some((order.iter().map(|k| eigen.eigenvalues[*k]).collect(), vectors))
-}
+/// Steps on either side of a mode: up to sinh 4.5, 45 of its widths.
+const BESIDE: i32 = 30;
 
 impl Structure {
     /// Modes without damping; `None` where something moves that nothing holds.
@@ -97,5 +65,30 @@ impl Structure {
             .iter()
             .all(|value| value.re.is_finite())
             .then(|| found.fixed_view::<3, 3>(0, 0).into())
+    }
+}
+
+/// Frequencies in Hz at which a response shows its peaks: even ones from 0 to `top`, and more about every
+/// mode, as far apart as its width.
+pub fn frequencies(modes: &[Mode], top: f64) -> Vec<f64> {
+    let even = (0..=EVEN).map(|k| top * f64::from(k) / f64::from(EVEN));
+    let about = modes.iter().flat_map(|mode| {
+        let (middle, width) = (mode.omega / TAU, mode.zeta * mode.omega / TAU);
+        (-BESIDE..=BESIDE).map(move |k| middle + width * (0.15 * f64::from(k)).sinh())
+    });
+    let mut all: Vec<f64> = even.chain(about).filter(|hz| (0.0..=top).contains(hz)).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+impl Structure {
+    /// The lowest natural frequency in Hz, and the largest displacement of the tip per force on it that
+    /// swings with one of the natural frequencies, whichever way it points, mm/N.
+    pub fn softest(&self) -> Option<[f64; 2]> {
+        let shapes = self.shapes()?;
+        let peak = |omega: &f64| Some(self.receptance(*omega)?.singular_values().max());
+        let peaks: Option<Vec<f64>> = shapes.omegas.iter().map(peak).collect();
+        Some([shapes.omegas.first()? / TAU, peaks?.into_iter().fold(0.0, f64::max)])
     }
 }

@@ -15,7 +15,8 @@
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model, Spring};
-use crate::dynamics::response::Shapes;
+use crate::dynamics::shapes::Shapes;
+use crate::read::legs::drive_rate;
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
@@ -54,8 +55,10 @@ pub struct LegAt {
     pub length: f64,
     /// Change of its length per coordinate of the chart, with the nut's turn where that bears force.
     pub row: RowDVector<f64>,
-    /// Change of its length per mm or radian of its joint.
+    /// Amount of the change of its length per mm or radian of its joint.
     pub gain: f64,
+    /// The same with its sign: how far the platform anchor goes along the leg.
+    pub signed_gain: f64,
 }
 
 /// The tool tip in the platform frame, mm, by the tool vector in machine units.
@@ -88,12 +91,16 @@ pub fn legs(
             LegKind::Crank(_) => gains[i].to_degrees() / per_mm,
             LegKind::Strut(_) | LegKind::Slider(_) => gains[i],
         };
+        let sign = drive_rate(leg, segment).map_or(1.0, |rate| rate.dot(&span).signum());
+        // Rows of joints grow with the joint, and those of lengths towards the platform.
+        let turned = if screw == Screw::Backdrivable { sign } else { 1.0 };
         LegAt {
             anchor: Vector3::from(leg.platform) / per_mm,
             along: span.normalize(),
             length: span.norm(),
-            row: rows.row(i).into_owned(),
+            row: rows.row(i) * turned,
             gain,
+            signed_gain: gain * sign,
         }
     });
     Ok(leg.collect())
@@ -219,22 +226,28 @@ pub fn body_mass(chart: &Chart, body: &Body, rotation: &Matrix3<f64>) -> DMatrix
 }
 
 /// What a leg adds to it.
-fn leg_mass(chart: &Chart, at: &LegAt, leg: &Leg) -> DMatrix<f64> {
+pub(crate) fn leg_mass(chart: &Chart, at: &LegAt, leg: &Leg) -> DMatrix<f64> {
     let moved = chart.displacement(&at.anchor);
     let along = at.along * at.along.transpose();
     let mass = along * leg.axial + (Matrix3::identity() - along) * leg.across;
     moved.tr_mul(&(mass * &moved))
 }
 
+/// Stiffness of legs whose drives have no mass, over the coordinates of a chart.
+pub(crate) fn stiffness(legs: &[LegAt], model: &Model, count: usize) -> DMatrix<f64> {
+    let mut stiffness = DMatrix::zeros(count, count);
+    for (leg, own) in legs.iter().zip(&model.legs) {
+        stiffness += leg.row.tr_mul(&leg.row) * own.spring.along(leg.gain);
+    }
+    stiffness
+}
+
 /// Forces by which the legs bear the weight; zeros where they do not hold the platform.
 fn bearing(chart: &Chart, model: &Model, legs: &[LegAt]) -> Vec<f64> {
     let weight = chart.displacement(&model.body.centre).tr_mul(&model.gravity) * model.body.mass;
     let k = |i: usize| model.legs[i].spring.along(legs[i].gain);
-    let mut stiffness = DMatrix::zeros(chart.count(), chart.count());
-    for (i, leg) in legs.iter().enumerate() {
-        stiffness += leg.row.tr_mul(&leg.row) * k(i);
-    }
-    let sag = stiffness.cholesky().map(|factors| factors.solve(&weight));
+    let sag =
+        stiffness(legs, model, chart.count()).cholesky().map(|factors| factors.solve(&weight));
     let force =
         |(i, leg): (usize, &LegAt)| sag.as_ref().map_or(0.0, |sag| -k(i) * (&leg.row * sag)[0]);
     legs.iter().enumerate().map(force).collect()
@@ -268,6 +281,11 @@ pub fn geometric(
     stiffness
 }
 
+/// Whether a leg is a strut whose nut turns.
+pub(crate) fn has_lead(config: &MachineConfig, leg: usize) -> bool {
+    matches!(config.geometry.legs()[leg].kind, LegKind::Strut(strut) if strut.lead != 0.0)
+}
+
 /// Second derivatives of the corrections for turning nuts, by central differences of their rows.
 fn nut_curvatures(
     config: &MachineConfig,
@@ -279,6 +297,10 @@ fn nut_curvatures(
     let radius = config.machine.radius() / per_mm;
     let count = chart.count();
     let mut bends = vec![DMatrix::zeros(count, count); config.legs()];
+    let turns = |i: usize| has_lead(config, i);
+    if !(0..config.legs()).any(turns) {
+        return Ok(bends);
+    }
     for k in 0..count {
         let step = STEP * if chart.is_angle(k) { 1.0 } else { radius };
         let side = |by: f64| -> Result<DMatrix<f64>, Fault> {
@@ -288,7 +310,7 @@ fn nut_curvatures(
             Ok(Chart::of(config, &at).rows(&rows, &tip, per_mm))
         };
         let change: DMatrix<f64> = (side(step)? - side(-step)?) / (2.0 * step);
-        for (i, bend) in bends.iter_mut().enumerate() {
+        for (i, bend) in bends.iter_mut().enumerate().filter(|(i, _)| turns(*i)) {
             // Half from either side of the diagonal.
             let half = change.row(i) / 2.0;
             let mut row = bend.row_mut(k);

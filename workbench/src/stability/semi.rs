@@ -4,6 +4,7 @@
 //! Over a step the delayed displacement is linear and the direction of the force its exact mean.
 //! The error falls with the square of the number of steps.
 
+use crate::dynamics::noise::exponential;
 use crate::stability::process::{Process, Row};
 use nalgebra::{ComplexField, DMatrix, Schur};
 use std::f64::consts::TAU;
@@ -64,34 +65,4 @@ fn propagators(law: &DMatrix<f64>, step: f64) -> [DMatrix<f64>; 3] {
     }
     let power = exponential(&(block * step));
     [0, 1, 2].map(|k| power.view((0, k * size), (size, size)).into_owned())
-}
-
-/// Powers of the series: of a matrix of norm below 1/2 what follows is below rounding.
-const POWERS: usize = 16;
-
-/// `e^M` by its series, for M halved until it is small, squared as often. (The library's own
-/// exponential is not part of its build without the standard library, which the core needs.)
-fn exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let halvings = (2.0 * matrix.norm()).log2().ceil().max(0.0) as i32;
-    let small = matrix * 0.5_f64.powi(halvings);
-    let mut term = DMatrix::identity(matrix.nrows(), matrix.ncols());
-    let mut sum = term.clone();
-    for power in 1..=POWERS {
-        term = term * &small / power as f64;
-        sum += &term;
-    }
-    (0..halvings).fold(sum, |power, _| &power * &power)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_exponential_of_a_turn_is_the_turn() {
-        let turn = exponential(&DMatrix::from_row_slice(2, 2, &[0.0, -7.0, 7.0, 0.0]));
-        let (s, c) = 7.0_f64.sin_cos();
-        // Four squarings of a matrix that is right to rounding.
-        assert!((turn - DMatrix::from_row_slice(2, 2, &[c, -s, s, c])).norm() < 1e-13);
-    }
 }

@@ -7,6 +7,7 @@
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
+use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
 use crate::study::number::{Positive, Ratio};
 use crate::study::spindle::Spindle;
@@ -23,6 +24,12 @@ use std::path::Path;
 pub struct Study {
     /// The platform as a body.
     pub platform: Option<Platform>,
+    /// A random force on the tool.
+    pub force: Option<Force>,
+    /// A milling cutter in its cut.
+    pub cutting: Option<Cutting>,
+    /// How it runs.
+    pub milling: Option<Milling>,
     /// The legs.
     pub legs: Legs,
     /// The joints of the table under the workpiece.
@@ -31,8 +38,6 @@ pub struct Study {
     pub limits: Limits,
     /// A motion of the control point.
     pub law: Option<Law>,
-    /// A milling cutter in its cut.
-    pub cutting: Option<Cutting>,
     /// A single edge that cuts a turning work.
     pub turning: Option<Turning>,
     /// Masses on springs between tool and work.
@@ -78,6 +83,16 @@ pub struct Legs {
     /// What moves across the leg with its platform joint: moment of inertia about the base joint
     /// over the square of the length, a third of the mass of a uniform rod.
     pub across_mass_kg: Option<Each>,
+    /// Largest force of a drive, along its joint.
+    pub max_force_n: Option<Each>,
+    /// Largest torque about the axis of an arm.
+    pub max_torque_n_m: Option<Each>,
+    /// Largest torque of the motor that turns the screw.
+    pub motor_torque_n_m: Option<Each>,
+    /// Travel per turn of the screw; that of the INI file where a strut has one.
+    pub screw_lead_mm: Option<Each>,
+    /// Share of its work that a screw passes on; 1 where it is missing.
+    pub screw_efficiency: Option<Share>,
 }
 
 /// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
@@ -115,6 +130,14 @@ pub struct Table {
     pub damping_n_s_per_mm: Option<Each>,
     /// Damping ratio of every axis, instead of its damper.
     pub damping_ratio: Option<Ratio>,
+    /// Largest force of each drive.
+    pub max_force_n: Option<Each>,
+    /// Largest torque of the motor that turns the screw.
+    pub motor_torque_n_m: Option<Each>,
+    /// Travel per turn of the screw.
+    pub screw_lead_mm: Option<Each>,
+    /// Share of its work that a screw passes on; 1 where it is missing.
+    pub screw_efficiency: Option<Share>,
 }
 
 /// `[limits]`.
@@ -195,6 +218,24 @@ pub enum Lacking {
         /// How many the list has.
         found: usize,
     },
+}
+
+/// No share of a whole.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("{0}: expected more than 0, and 1 at most")]
+pub struct NoShare(f64);
+
+/// A share of a whole, which is not nothing.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "f64")]
+pub struct Share(pub f64);
+
+impl TryFrom<f64> for Share {
+    type Error = NoShare;
+
+    fn try_from(value: f64) -> Result<Self, NoShare> {
+        if value > 0.0 && value <= 1.0 { Ok(Self(value)) } else { Err(NoShare(value)) }
+    }
 }
 
 /// One positive number for all of them, or one for each.

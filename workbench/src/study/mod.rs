@@ -4,7 +4,9 @@
 pub mod body;
 pub mod cutting;
 pub mod file;
+pub mod forcing;
 mod law;
+pub mod map;
 pub mod masses;
 pub mod number;
 pub mod rods;

@@ -4,6 +4,7 @@
 use super::{close, golden, number, rows};
 use crate::commands::Bench;
 use crate::shipped;
+use pkm::stability::system::Adjustment;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -87,6 +88,22 @@ fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
         close(chip(1.3).width(stiffness), expected[1], 1e-12);
     }
     close(chip(1.4).depth(3823.0), number(golden("dpartition", "chip_t_opt_1p4")), 1e-12);
+}
+
+#[test]
+fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
+    let study = pkm::study::file::Study::parse(&example("paper-002.toml")).unwrap();
+    for expected in rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms") {
+        let stiffness = study.overhang.unwrap().stiffness(expected[0]);
+        close(1.0 / stiffness, expected[1], 1e-12);
+        close(stiffness, expected[2], 1e-12);
+        let own = Adjustment::of(&study, Some(expected[0])).unwrap().lag;
+        let limit = own.limit();
+        let crossing = limit.crossing.unwrap();
+        close(crossing.omega, expected[3], 1e-9);
+        close(crossing.stiffness, expected[4], 1e-9);
+        assert!(limit.is_certified);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod boxes;
 mod calibrate;
 mod check;
 mod completions;
+mod dynamics;
 mod failure;
 mod joints;
 mod man;
@@ -23,6 +24,7 @@ mod run;
 mod sensitivity;
 mod stability;
 mod stiffness;
+mod vibration;
 mod workspace;
 
 use clap::{Parser, Subcommand};
@@ -94,6 +96,7 @@ commands! {
     Sensitivity => sensitivity,
     Stiffness => stiffness,
     Stability => stability,
+    Dynamics => dynamics,
     Workspace => workspace,
     Boxes => boxes,
     Random => random,

@@ -12,7 +12,8 @@ use pkm::files::{Locate, csv, write_whole};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::{Springs, Study};
-use pkm::study::stiffness::{Ellipsoid, Map, Stiffness, with_platform};
+use pkm::study::map::Map;
+use pkm::study::stiffness::{Ellipsoid, Stiffness, with_platform};
 use pkm::study::workspace::Workspace;
 use std::io::Write;
 use std::path::PathBuf;
@@ -99,7 +100,7 @@ fn draw(
         let reached = |place: &Vector3<f64>| workspace.check(place).is_ok();
         let at = |pose: &Pose| Stiffness::at(config, pose, tool, springs).ok().flatten();
         Map::over(pose, [across, up], [&range.low, &range.high], arguments.grid.into(), |pose| {
-            at(pose).filter(|_| reached(&pose.position))
+            at(pose).filter(|_| reached(&pose.position)).map(|found| found.least())
         })
     };
     let maps = [[0, 1], [0, 2], [1, 2]].map(map);
@@ -108,7 +109,9 @@ fn draw(
     }
     if let Some(file) = &arguments.csv {
         let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
-        write_whole(file, &csv(&header, maps.iter().flat_map(Map::rows)))?;
+        let rows = maps.iter().flat_map(Map::rows);
+        let rows = rows.map(|[x, y, z, push, turn]| [x, y, z, push * 1e-3, turn * 1e-3]);
+        write_whole(file, &csv(&header, rows))?;
     }
     let Some(folder) = &arguments.plots else { return Ok(()) };
     let mut plots = vec![];

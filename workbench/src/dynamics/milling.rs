@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The force of a milling cutter on its tool, with its teeth and the changing thickness of the chip.
+//!
+//! X along the feed, Z along the tool axis, Y = Z × X. A tooth at the angle φ from Y, clockwise seen
+//! from +Z, cuts a chip h = f sin φ thick between entry and exit, with forces along, into and across
+//! its path F = a (K h + Ke); on the tool (-Ft cos φ - Fr sin φ, Ft sin φ - Fr cos φ, Fa). A helix is a
+//! pile of slices, each of which lags the one below.
+
+use crate::study::cutting::Cutting;
+use crate::study::forcing;
+use kinematics::{Matrix3, Vector3};
+use std::f64::consts::TAU;
+
+/// A cutter in its cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Milling {
+    /// Number of teeth, evenly spaced.
+    pub teeth: u16,
+    /// Turns per second.
+    pub speed: f64,
+    /// mm per tooth.
+    pub feed: f64,
+    /// Depth of cut along the tool axis, mm.
+    pub depth: f64,
+    /// Where a tooth enters and leaves, radians.
+    pub arc: [f64; 2],
+    /// Tangential, radial and axial coefficients, N/mm².
+    pub cutting: [f64; 3],
+    /// The same of the edge, N/mm.
+    pub edge: [f64; 3],
+    /// Angle by which the top of the cut lags its bottom, radians; 0 for straight teeth.
+    pub lag: f64,
+}
+
+impl Milling {
+    /// Of the tables `[cutting]` and `[milling]` of a study, at a depth of cut in mm.
+    pub fn of(cutter: &Cutting, run: &forcing::Milling, depth: f64) -> Self {
+        let helix = run.helix_deg.map_or(0.0, |angle| angle.0).to_radians();
+        Self {
+            teeth: cutter.teeth,
+            speed: run.speed_rpm.0 / 60.0,
+            feed: run.feed_mm.0,
+            depth,
+            arc: [cutter.entry_deg, cutter.exit_deg].map(f64::to_radians),
+            cutting: cutter.coefficients,
+            edge: [run.kte_n_per_mm, run.kre_n_per_mm, run.kae_n_per_mm].map(|edge| edge.0),
+            lag: 2.0 * depth * helix.tan() / run.diameter_mm.0,
+        }
+    }
+}
+
+/// Slices of a helix: angles apart by a hundredth of its lag.
+const SLICES: usize = 100;
+
+impl Milling {
+    /// Force on the tool, N, with the first tooth at an angle; feed, across, along the tool axis.
+    pub fn force(&self, angle: f64) -> Vector3<f64> {
+        let slices = if self.lag == 0.0 { 1 } else { SLICES };
+        let mut sum = Vector3::zeros();
+        for slice in 0..slices {
+            let lag = self.lag * (slice as f64 + 0.5) / slices as f64;
+            for tooth in 0..self.teeth {
+                let pitch = TAU * f64::from(tooth) / f64::from(self.teeth);
+                sum += self.of_edge((angle + pitch - lag).rem_euclid(TAU)) / slices as f64;
+            }
+        }
+        sum
+    }
+
+    /// Of one straight tooth.
+    fn of_edge(&self, angle: f64) -> Vector3<f64> {
+        let [entry, exit] = self.arc;
+        if !(entry <= angle && angle <= exit) {
+            return Vector3::zeros();
+        }
+        let (sin, cos) = angle.sin_cos();
+        let force = |k: usize| self.depth * (self.cutting[k] * self.feed * sin + self.edge[k]);
+        let (along, into, axial) = (force(0), force(1), force(2));
+        Vector3::new(-along * cos - into * sin, along * sin - into * cos, axial)
+    }
+
+    /// Force on the tool at a time in seconds, in the frame that `feed` and the tool axis span; machine
+    /// axes.
+    pub fn at(&self, time: f64, frame: &Matrix3<f64>) -> Vector3<f64> {
+        frame * self.force(TAU * self.speed * time)
+    }
+
+    /// Teeth per second, Hz.
+    pub fn tooth_frequency(&self) -> f64 {
+        self.speed * f64::from(self.teeth)
+    }
+}
+
+/// Feed, across and tool axis as columns, by a direction of the feed in machine axes and the platform's
+/// orientation; `None` where the feed points along the tool.
+pub fn frame(feed: &Vector3<f64>, rotation: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let axis: Vector3<f64> = rotation.column(2).into();
+    let level = feed - axis * axis.dot(feed);
+    let x = level.try_normalize(1e-9 * feed.norm())?;
+    Some(Matrix3::from_columns(&[x, axis.cross(&x), axis]))
+}

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Simulations from their start to their end: at a pose under a force, or along a program.
+
+use crate::dynamics::drives::Drives;
+use crate::dynamics::milling::Milling;
+use crate::dynamics::model::Model;
+use crate::dynamics::noise::Noise;
+use crate::dynamics::record::Record;
+use crate::dynamics::rotation::Motion;
+use crate::dynamics::simulation::Simulation;
+use crate::dynamics::structure::Structure;
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Matrix3, Pose, Vector3};
+use std::f64::consts::TAU;
+
+/// Steps in a period of the fastest mode or force: the error of the fourth order is below a
+/// thousandth of it in ten periods.
+const STEPS_PER_PERIOD: f64 = 40.0;
+
+/// Time constants of the slowest mode after which a start is forgotten: e^-5.
+const FORGOTTEN: f64 = 5.0;
+
+/// Steps of a simulation, which take minutes and, as a record, half a gigabyte.
+const MOST_STEPS: f64 = 2e7;
+
+/// A force on the tool tip.
+#[derive(Clone, Debug)]
+pub enum Force {
+    /// None.
+    None,
+    /// One that does not change, N.
+    Steady(Vector3<f64>),
+    /// Random, sampled at the steps.
+    Noise(Noise),
+    /// Of a cutter, in a frame of feed, across and tool axis.
+    Milling(Milling, Matrix3<f64>),
+}
+
+impl Force {
+    fn now(&self, time: f64) -> Vector3<f64> {
+        match self {
+            Self::None => Vector3::zeros(),
+            Self::Steady(force) => *force,
+            Self::Noise(noise) => noise.force(),
+            Self::Milling(milling, frame) => milling.at(time, frame),
+        }
+    }
+
+    fn step(&mut self) {
+        if let Self::Noise(noise) = self {
+            noise.step();
+        }
+    }
+}
+
+/// Why a simulation ends before its time.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Ended {
+    /// The machine cannot stand where it is moved to.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// The legs do not hold the platform.
+    #[error("a singular pose: the legs do not hold the platform")]
+    Singular,
+    /// It would take too long.
+    #[error(
+        "{steps:.0} steps: {warm_up:.3} s until the start is forgotten, and {seconds} s, are more than \
+         {MOST_STEPS:.0} steps; name more damping, lower frequencies or fewer seconds"
+    )]
+    Long {
+        /// All of them.
+        steps: f64,
+        /// Seconds until the start is forgotten.
+        warm_up: f64,
+        /// Seconds after it.
+        seconds: f64,
+    },
+    /// The motion grows beyond all bounds.
+    #[error("{0:.4} s: the motion grows beyond all bounds")]
+    Unbound(f64),
+}
+
+/// Times of a simulation, seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Times {
+    /// One step.
+    pub step: f64,
+    /// Until the start is forgotten.
+    pub warm_up: f64,
+}
+
+impl Times {
+    /// Of a structure, under a force of frequencies up to `reach` in Hz; `None` where nothing holds it.
+    pub fn of(structure: &Structure, reach: f64) -> Option<Self> {
+        let fastest = structure.shapes()?.omegas.last()?.max(TAU * reach) / TAU;
+        let decay = structure
+            .modes()?
+            .iter()
+            .map(|mode| mode.zeta * mode.omega)
+            .fold(f64::INFINITY, f64::min);
+        Some(Self { step: 1.0 / (STEPS_PER_PERIOD * fastest), warm_up: FORGOTTEN / decay })
+    }
+}
+
+/// A simulation that goes on.
+struct Going<'a> {
+    simulation: Simulation<'a>,
+    motion: Motion,
+    force: Force,
+    time: f64,
+}
+
+impl Going<'_> {
+    /// One step, under drives by the share of the step.
+    fn step(&mut self, step: f64, drives: impl Fn(f64) -> [Drives; 2]) -> Result<(), Ended> {
+        let force = self.force.now(self.time);
+        let simulation = &mut self.simulation;
+        self.motion = self.motion.after(step, |motion, share| {
+            let [drives, moving] = &drives(share);
+            simulation.rates(motion, [drives, moving], &force)
+        })?;
+        self.time += step;
+        self.force.step();
+        let is_finite = self.motion.place.iter().chain(&self.motion.spin).all(|v| v.is_finite());
+        if is_finite { Ok(()) } else { Err(Ended::Unbound(self.time)) }
+    }
+
+    fn off(&self, drives: &Drives) -> Vector3<f64> {
+        self.simulation.tip(&self.motion) - drives.tip
+    }
+}
+
+/// A machine that stands at a pose under a force, for `seconds` after the start is forgotten; `see` is
+/// shown the share that is done.
+///
+/// # Errors
+/// See [`Ended`].
+pub fn standing(
+    config: &MachineConfig,
+    model: &Model,
+    (pose, tool): (&Pose, &Vector3<f64>),
+    force: Force,
+    (times, seconds): (&Times, f64),
+    see: impl Fn(f64),
+) -> Result<Record, Ended> {
+    let steps = (times.warm_up + seconds) / times.step;
+    if !(steps <= MOST_STEPS) {
+        return Err(Ended::Long { steps, warm_up: times.warm_up, seconds });
+    }
+    let mut simulation = Simulation::new(config, model, pose, tool)?.ok_or(Ended::Singular)?;
+    let drives = simulation.drives(pose, tool)?;
+    let motion = simulation.resting(pose, &drives);
+    let mut going = Going { simulation, motion, force, time: 0.0 };
+    let still = Drives::default();
+    let count = |time: f64| (time / times.step).ceil() as usize;
+    let (before, after) = (count(times.warm_up), count(seconds));
+    let mut record = Record { step: times.step, ..Record::default() };
+    for k in 0..before + after {
+        if k >= before {
+            record.see(going.off(&drives), &going.simulation.forces);
+        }
+        going.step(times.step, |_| [drives, still])?;
+        see(k as f64 / (before + after) as f64);
+    }
+    Ok(record)
+}
+
+/// A machine that follows the servo cycles of a program.
+pub struct Follower<'a> {
+    config: &'a MachineConfig,
+    model: Model,
+    force: Option<Force>,
+    /// Steps in a servo cycle.
+    steps: usize,
+    going: Option<Going<'a>>,
+    /// The last commands, oldest first.
+    window: Vec<(Drives, Vector3<f64>)>,
+    /// What was seen, once a servo cycle.
+    pub record: Record,
+}
+
+impl<'a> Follower<'a> {
+    /// Under a force too; `step` is the longest one in seconds.
+    pub fn new(config: &'a MachineConfig, model: &Model, force: Force, step: f64) -> Self {
+        Self {
+            config,
+            model: model.clone(),
+            force: Some(force),
+            steps: (config.period / step).ceil() as usize,
+            going: None,
+            window: vec![],
+            record: Record { step: config.period, ..Record::default() },
+        }
+    }
+
+    /// Steps in a servo cycle.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Takes the commanded pose of a servo cycle, machine units, and the tool vector there.
+    ///
+    /// # Errors
+    /// See [`Ended`].
+    pub fn see(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Ended> {
+        if self.going.is_none() {
+            self.start(pose, tool)?;
+        }
+        let Some(going) = &mut self.going else { return Ok(()) };
+        let command = (going.simulation.drives(pose, tool)?, *tool);
+        if self.window.is_empty() {
+            self.window = vec![command; 3];
+        }
+        self.window.push(command);
+        self.cycle()
+    }
+
+    fn start(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Ended> {
+        let simulation = Simulation::new(self.config, &self.model, pose, tool)?;
+        let mut simulation = simulation.ok_or(Ended::Singular)?;
+        let drives = simulation.drives(pose, tool)?;
+        let motion = simulation.resting(pose, &drives);
+        let force = self.force.take().unwrap_or(Force::None);
+        self.going = Some(Going { simulation, motion, force, time: 0.0 });
+        Ok(())
+    }
+
+    /// Simulates between the middle two of the last four commands.
+    fn cycle(&mut self) -> Result<(), Ended> {
+        let (Some(going), [(a, _), (b, tool), (c, _), (d, _)]) =
+            (&mut self.going, &self.window[..])
+        else {
+            return Ok(());
+        };
+        let (period, steps) = (self.config.period, self.steps);
+        going.simulation.hold(tool);
+        self.record.see(going.off(b), &going.simulation.forces);
+        for k in 0..steps {
+            let drives = |share: f64| {
+                Drives::between([a, b, c, d], (k as f64 + share) / steps as f64, period)
+            };
+            going.step(period / steps as f64, drives)?;
+        }
+        self.window.remove(0);
+        Ok(())
+    }
+
+    /// The last two cycles: the last command stays.
+    ///
+    /// # Errors
+    /// See [`Ended`].
+    pub fn finish(mut self) -> Result<Record, Ended> {
+        for _ in 0..2 {
+            if let Some(last) = self.window.last().copied() {
+                self.window.push(last);
+                self.cycle()?;
+            }
+        }
+        Ok(self.record)
+    }
+}

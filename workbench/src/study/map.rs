@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Maps of what a machine is like over a plane.
+
+use kinematics::Pose;
+
+/// Two values on a grid in a plane of two coordinates.
+#[derive(Clone, Debug)]
+pub struct Map {
+    /// Numbers of the coordinates across and up.
+    pub plane: [usize; 2],
+    /// Values of the coordinates along the two sides.
+    pub sides: [Vec<f64>; 2],
+    /// The place that the plane goes through.
+    pub place: [f64; 3],
+    /// The values, row by row upwards; NaN where there are none.
+    pub values: Vec<[f64; 2]>,
+}
+
+impl Map {
+    /// `count` by `count` places between the `corners`, at one orientation.
+    pub fn over(
+        pose: &Pose,
+        plane: [usize; 2],
+        [low, high]: [&[f64; 6]; 2],
+        count: usize,
+        at: impl Fn(&Pose) -> Option<[f64; 2]>,
+    ) -> Self {
+        let side = |k: usize| -> Vec<f64> {
+            let share = |n: usize| n as f64 / (count - 1) as f64;
+            (0..count).map(|n| low[k] + (high[k] - low[k]) * share(n)).collect()
+        };
+        let sides = plane.map(side);
+        let [across, up] = &sides;
+        let values = up.iter().flat_map(|up| across.iter().map(move |x| (up, x)));
+        let values = values.map(|(up, x)| {
+            let mut pose = *pose;
+            (pose.position[plane[0]], pose.position[plane[1]]) = (*x, *up);
+            at(&pose).unwrap_or([f64::NAN; 2])
+        });
+        let values = values.collect();
+        Self { plane, place: pose.position.into(), values, sides }
+    }
+
+    /// Whether there are no values at all.
+    pub fn is_empty(&self) -> bool {
+        self.values.iter().all(|[value, _]| value.is_nan())
+    }
+
+    /// Places that have values, with them: X, Y, Z, and both.
+    pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> + '_ {
+        let count = self.sides[0].len();
+        let reached = self.values.iter().enumerate().filter(|(_, values)| !values[0].is_nan());
+        reached.map(move |(n, [first, second])| {
+            let mut place = self.place;
+            place[self.plane[0]] = self.sides[0][n % count];
+            place[self.plane[1]] = self.sides[1][n / count];
+            let [x, y, z] = place;
+            [x, y, z, *first, *second]
+        })
+    }
+}
