@@ -601,7 +601,8 @@ fn a_cut_shakes_the_tip_by_its_harmonics_times_the_receptance() {
     let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
     let cutter = cutter([0.0, PI], 0.0);
     let turn = 1.0 / cutter.tooth_frequency();
-    let times = Times { step: turn / 200.0, warm_up: 0.6 };
+    let times = Times { warm_up: 0.6, ..Times::of(&structure, cutter.reach()).unwrap() };
+    close(&[times.step], &[turn / 200.0], 1e-12);
     let force = Force::Milling(cutter, Matrix3::identity());
     let record =
         standing(&config, &model, (&pose, &TOOL), force, (&times, 10.0 * turn), |_| ()).unwrap();

@@ -49,6 +49,10 @@ impl Milling {
     }
 }
 
+/// Harmonics of the tooth frequency that a simulation follows: with 40 steps in the shortest of them a tooth
+/// enters and leaves within a two-hundredth of a tooth's time.
+const HARMONICS: f64 = 5.0;
+
 /// Slices of a helix: angles apart by a hundredth of its lag.
 const SLICES: usize = 100;
 
@@ -88,6 +92,11 @@ impl Milling {
     /// Teeth per second, Hz.
     pub fn tooth_frequency(&self) -> f64 {
         self.speed * f64::from(self.teeth)
+    }
+
+    /// The highest frequency that matters in it, Hz.
+    pub fn reach(&self) -> f64 {
+        HARMONICS * self.tooth_frequency()
     }
 }
 

@@ -241,7 +241,7 @@ impl Subject<'_> {
             }
             Some(Shake::Milling) => {
                 let (milling, seconds) = self.milling()?;
-                Ok((milling.tooth_frequency(), seconds))
+                Ok((milling.reach(), seconds))
             }
         }
     }
