@@ -206,19 +206,22 @@ impl Lag {
     pub fn limit(&self) -> Limit {
         let positive: Vec<Crossing> =
             self.crossings().into_iter().filter(|found| found.stiffness > 0.0).collect();
-        let mut count = self.unstable(Complex::new(0.0, 0.0));
-        let mut is_certified = count == 0;
-        for found in &positive {
-            let beside = |sign: f64| {
-                self.unstable(Complex::new(found.stiffness * (1.0 + sign * BESIDE), 0.0))
-            };
-            is_certified &= beside(-1.0) == count;
-            count = beside(1.0);
-        }
-        // Far beyond all crossings nothing changes any more.
-        let far = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
-        is_certified &= self.unstable(Complex::new(far, 0.0)) == count;
+        let is_certified = self.agrees(&positive);
         Limit { crossing: positive.first().copied(), is_certified }
+    }
+
+    /// Whether numbers of unstable roots agree with these being all positive crossings: above one
+    /// as many as below the next, none at 0, and far beyond all as many as above the last.
+    fn agrees(&self, positive: &[Crossing]) -> bool {
+        let at = |stiffness: f64| self.unstable(Complex::new(stiffness, 0.0));
+        let mut count = 0;
+        let mut agrees = at(0.0) == count;
+        for Crossing { stiffness, .. } in positive {
+            agrees &= at(stiffness * (1.0 - BESIDE)) == count;
+            count = at(stiffness * (1.0 + BESIDE));
+        }
+        let far = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
+        agrees && at(far) == count
     }
 
     /// Roots with a positive real part at a cutting stiffness, counted by eigenvalues.
@@ -358,5 +361,19 @@ mod tests {
             assert!((root - Complex::new(re, im)).modulus() < 1e-13, "{root}");
         }
         assert!(roots(&[1.0]).is_empty() && roots(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_crossing_that_is_left_out_is_noticed() {
+        // Paper 002's links with a lag of 30 ms: three crossings.
+        let terms = vec![Term::link(2.27, 13.96, 38_900.0), Term::link(8.65, 38.51, 93_000.0)];
+        let lag = Lag { terms, lag: 0.03 };
+        let all = lag.crossings();
+        assert!(all.len() == 3 && lag.agrees(&all));
+        for left in 0..3 {
+            let mut some = all.clone();
+            some.remove(left);
+            assert!(!lag.agrees(&some), "{left}");
+        }
     }
 }
