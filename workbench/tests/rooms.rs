@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 11] = [
+const ROOMS: [(&str, &[&str]); 12] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -16,8 +16,9 @@ const ROOMS: [(&str, &[&str]); 11] = [
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
+    ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("draw", &["files", "program", "read", "study"]),
+    ("draw", &["curve", "files", "program", "read", "study"]),
 ];
 
 /// A file, by its room and its name; files of the library's own folder are rooms without names.

@@ -11,6 +11,7 @@ mod completions;
 mod failure;
 mod joints;
 mod man;
+mod path;
 mod pose;
 mod poses;
 mod preflight;
@@ -89,6 +90,7 @@ commands! {
     Pose => pose,
     Run => run,
     Replay => replay,
+    Path => path,
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,
