@@ -5,6 +5,7 @@
 pub mod calibrate;
 pub mod check;
 pub mod control;
+pub mod curve;
 pub mod draw;
 pub mod dynamics;
 pub mod files;

@@ -721,6 +721,7 @@ Commands:
   pose         Poses of joint values (forward kinematics)
   run          Runs a program by LinuxCNC itself, without hardware and faster than the machine
   replay       Writes the joint values that a program asks for
+  path         Programs along curves, and what they ask of the joints
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
   stiffness    How stiffly the legs hold the tool

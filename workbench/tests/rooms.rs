@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 13] = [
+const ROOMS: [(&str, &[&str]); 14] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -16,10 +16,11 @@ const ROOMS: [(&str, &[&str]); 13] = [
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
+    ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("dynamics", &["read", "rows", "study"]),
     ("stability", &["dynamics", "read", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("draw", &["dynamics", "files", "program", "read", "stability", "study"]),
+    ("draw", &["curve", "dynamics", "files", "program", "read", "stability", "study"]),
 ];
 
 /// A file, by its room and its name; files of the library's own folder are rooms without names.

@@ -3,7 +3,7 @@
 
 use pkm::program::findings::Preflight;
 use pkm::program::interpreter::Move;
-use pkm::program::preflight::Flight;
+use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,5 @@ pub fn config(machine: &str) -> MachineConfig {
 
 /// Follows all moves of a program.
 pub fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
-    let mut flight = Flight::new(config).unwrap();
-    moves.iter().for_each(|step| flight.see(step));
-    flight.finish().unwrap()
+    preflight(config, moves).unwrap()
 }

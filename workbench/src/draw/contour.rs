@@ -61,7 +61,11 @@ fn rounded(value: f64) -> f64 {
 
 /// Pieces of an isoline: where the value, linear on the triangles between four places of the grid
 /// and their middle, is the level. Nothing where a corner is NaN.
-fn isoline([across, up]: &[Vec<f64>; 2], values: &[f64], level: f64) -> Vec<[(f64, f64); 2]> {
+pub(super) fn isoline(
+    [across, up]: &[Vec<f64>; 2],
+    values: &[f64],
+    level: f64,
+) -> Vec<[(f64, f64); 2]> {
     let mut pieces = vec![];
     for j in 1..up.len() {
         for i in 1..across.len() {

@@ -6,6 +6,7 @@
 
 mod contour;
 pub mod course;
+pub mod curve;
 pub mod dynamics;
 pub mod ellipsoid;
 mod lines;

@@ -60,6 +60,16 @@ impl<'a> Flight<'a> {
     }
 }
 
+/// Follows all moves of a program.
+///
+/// # Errors
+/// A tool vector that the machine cannot take.
+pub fn preflight(config: &MachineConfig, moves: &[Move]) -> Result<Preflight, Fault> {
+    let mut flight = Flight::new(config)?;
+    moves.iter().for_each(|step| flight.see(step));
+    flight.finish()
+}
+
 /// What LinuxCNC makes of a program in time; `see` is shown every servo cycle, and ends the run where
 /// it breaks.
 pub fn timed(
@@ -326,7 +336,7 @@ mod tests {
             });
         }
         let timing = Timing::of(config, loads.finish(), outcome);
-        Flight::new(config).unwrap().finish().unwrap().with_time(config, Time::Judged(timing))
+        preflight(config, &[]).unwrap().with_time(config, Time::Judged(timing))
     }
 
     fn finished() -> Outcome {
@@ -376,7 +386,7 @@ mod tests {
     #[test]
     fn time_that_is_not_judged_breaks_nothing() {
         let config = config();
-        let found = Flight::new(&config).unwrap().finish().unwrap();
+        let found = preflight(&config, &[]).unwrap();
         let told = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
         assert!(told.fits() && told.time == Time::NotJudged("no LinuxCNC".into()));
     }

@@ -4,120 +4,9 @@
 //! A [`Jet`] holds the coefficients of f(x + s e_k + t e_j) for s⁰ to s² and t⁰, t¹,
 //! each as an interval that holds it for every x of a box. The coefficient of s²t is
 //! ½ ∂_k ∂_k ∂_j f, also where j = k.
-//!
-//! Interval ends are rounded to nearest, not outwards; who proves with them keeps a
-//! margin above rounding.
 
+use crate::proof::interval::Interval;
 use std::ops::{Add, Mul, Neg, Sub};
-
-/// Numbers from `low` to `high`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-}
-
-impl Interval {
-    /// One number.
-    pub(crate) const fn point(x: f64) -> Self {
-        Self { low: x, high: x }
-    }
-
-    /// Of two numbers in order.
-    pub(crate) const fn new(low: f64, high: f64) -> Self {
-        Self { low, high }
-    }
-
-    /// All numbers: nothing is known.
-    const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
-
-    /// Largest magnitude; infinite where it is not known.
-    pub(crate) fn magnitude(self) -> f64 {
-        let magnitude = self.low.abs().max(self.high.abs());
-        if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
-    }
-
-    fn middle(self) -> f64 {
-        0.5 * (self.low + self.high)
-    }
-
-    /// Products of equal numbers: never negative, unlike `self * self`.
-    fn squared(self) -> Self {
-        let (a, b) = (self.low * self.low, self.high * self.high);
-        let low = if self.low <= 0.0 && self.high >= 0.0 { 0.0 } else { a.min(b) };
-        Self::new(low, a.max(b))
-    }
-
-    /// 1 / self; everything where self may be 0.
-    fn inverse(self) -> Self {
-        if self.low > 0.0 || self.high < 0.0 {
-            Self::new(1.0 / self.high, 1.0 / self.low)
-        } else {
-            Self::ALL
-        }
-    }
-
-    fn sqrt(self) -> Self {
-        Self::new(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt())
-    }
-
-    /// Sines of angles (radians) no further apart than a half turn.
-    fn sin(self) -> Self {
-        let (a, b) = (self.low.sin(), self.high.sin());
-        // Extremes lie at odd quarter turns.
-        let quarter = std::f64::consts::FRAC_PI_2;
-        let first = ((self.low / quarter - 1.0) / 2.0).ceil() as i64;
-        let last = ((self.high / quarter - 1.0) / 2.0).floor() as i64;
-        let mut range = Self::new(a.min(b), a.max(b));
-        for n in first..=last.min(first + 1) {
-            if n % 2 == 0 {
-                range.high = 1.0;
-            } else {
-                range.low = -1.0;
-            }
-        }
-        range
-    }
-}
-
-impl Add for Interval {
-    type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Self::new(self.low + o.low, self.high + o.high)
-    }
-}
-
-impl Neg for Interval {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self::new(-self.high, -self.low)
-    }
-}
-
-impl Sub for Interval {
-    type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        self + -o
-    }
-}
-
-impl Mul for Interval {
-    type Output = Self;
-    fn mul(self, o: Self) -> Self {
-        let is_zero = |i: Self| i.low == 0.0 && i.high == 0.0;
-        if is_zero(self) || is_zero(o) {
-            return Self::point(0.0);
-        }
-        let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
-        if products.iter().any(|p| p.is_nan()) {
-            return Self::ALL;
-        }
-        let [a, b, c, d] = products;
-        Self::new(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
-    }
-}
 
 /// Taylor coefficients by powers of s (first index) and t (second one).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -315,14 +204,6 @@ mod tests {
             assert!(wide.low < expected && expected < wide.high, "{wide:?} {expected}");
             assert!(wide.magnitude() < 10.0, "{wide:?}");
         }
-    }
-
-    #[test]
-    fn a_sine_over_a_crest_reaches_one() {
-        assert_eq!(Interval::new(1.0, 2.0).sin().high, 1.0);
-        assert_eq!(Interval::new(-2.0, -1.0).sin().low, -1.0);
-        assert_eq!(Interval::new(4.0, 5.0).sin().low, -1.0);
-        assert!(Interval::new(0.1, 0.2).sin().high < 0.2);
     }
 
     #[test]

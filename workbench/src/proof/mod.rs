@@ -7,6 +7,7 @@ pub mod boxes;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;
+pub mod interval;
 mod jet;
 pub mod one_to_one;
 pub mod reach;

@@ -18,7 +18,8 @@
 //! the core's own; the third derivatives are bounded by interval arithmetic on the
 //! equations of the legs, written here once more.
 
-use crate::proof::jet::{Interval, Jet};
+use crate::proof::interval::Interval;
+use crate::proof::jet::Jet;
 use crate::read::boxes::Claim;
 use kinematics::{
     BOX_TOLERANCE, Fault, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS,

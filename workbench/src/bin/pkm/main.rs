@@ -12,6 +12,7 @@ mod dynamics;
 mod failure;
 mod joints;
 mod man;
+mod path;
 mod pose;
 mod poses;
 mod preflight;
@@ -92,6 +93,7 @@ commands! {
     Pose => pose,
     Run => run,
     Replay => replay,
+    Path => path,
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,

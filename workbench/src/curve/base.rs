@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Curves in parts, each over a range of its own parameter.
+
+use crate::curve::expression::{Expression, Trouble};
+use crate::curve::implicit::{Chord, Families};
+use crate::curve::spline::Spline;
+use crate::curve::taylor::Taylor;
+use crate::proof::interval::Interval;
+use std::sync::Arc;
+
+/// Of how many coordinates the arc length of a curve is: x and y of a family, all of a curve in
+/// space.
+pub(super) const PLANE: usize = 2;
+
+/// Coordinates and the parameter t of a curve; those of a family have no z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// x, y and z, mm.
+    pub at: [Taylor; 3],
+    /// The parameter.
+    pub t: Taylor,
+}
+
+/// How a part of a curve is given.
+#[derive(Clone, Debug)]
+pub enum Form {
+    /// x = f(t), y = g(t); each coordinate with the t of its own drive.
+    Explicit(Arc<Explicit>),
+    /// Over a chord of a curve that two families make.
+    Implicit(Arc<Families>, Chord),
+    /// A span of a spline.
+    Spline(Arc<Spline>, usize),
+}
+
+/// x = f(t_X), y = g(t_Y), with t_X and t_Y of t.
+#[derive(Clone, Debug)]
+pub struct Explicit {
+    /// f and g.
+    pub both: [Expression; 2],
+    /// t_X and t_Y.
+    pub own: [Expression; 2],
+}
+
+impl Explicit {
+    fn at(&self, t: Taylor) -> Result<[Taylor; 2], Trouble> {
+        let of = |k: usize| self.both[k].at(&[self.own[k].at(&[t])?]);
+        Ok([of(0)?, of(1)?])
+    }
+
+    /// x and y at a parameter, where they have values.
+    pub fn point(&self, t: f64) -> Option<[f64; 2]> {
+        Some(self.at(Taylor::constant(t)).ok()?.map(|x| x.value.middle()))
+    }
+}
+
+/// A part of a curve.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// How it is given.
+    pub form: Form,
+    /// The ends of its parameter.
+    pub range: [f64; 2],
+}
+
+impl Part {
+    /// The curve over a range of the parameter; `None` where it cannot be enclosed, and a shorter
+    /// range may.
+    ///
+    /// # Errors
+    /// As [`Expression::at`].
+    pub fn at(&self, over: Interval) -> Result<Option<Place>, Trouble> {
+        let zero = Taylor::constant(0.0);
+        Ok(match &self.form {
+            Form::Explicit(explicit) => {
+                let t = Taylor::variable(over);
+                let [x, y] = explicit.at(t)?;
+                Some(Place { at: [x, y, zero], t })
+            }
+            Form::Implicit(families, chord) => {
+                chord.at(families, over)?.map(|[x, y, t]| Place { at: [x, y, zero], t })
+            }
+            Form::Spline(spline, span) => {
+                let t = Taylor::variable(over);
+                Some(Place { at: spline.at(*span, t), t })
+            }
+        })
+    }
+
+    /// Coordinates that the arc length is of.
+    pub(super) fn dimensions(&self) -> usize {
+        if matches!(self.form, Form::Spline(..)) { PLANE + 1 } else { PLANE }
+    }
+
+    /// Speed of the arc length at a point.
+    pub(super) fn speed(&self, at: f64) -> Result<f64, Trouble> {
+        let Some(place) = self.at(Interval::point(at))? else { return Ok(f64::NAN) };
+        let squares = place.at[..self.dimensions()].iter().map(|x| x.first.middle().powi(2));
+        Ok(squares.sum::<f64>().sqrt())
+    }
+}

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The other way round: laws of the joints in, path of the tool out, by forward kinematics from each
+//! place to the next.
+
+use crate::curve::expression::{Expression, ExpressionError, Trouble};
+use crate::curve::file::{CarriageKeys, PathFile};
+use crate::curve::taylor::Taylor;
+use crate::files;
+use crate::limits;
+use crate::read::machine::MachineConfig;
+use crate::read::tools;
+use kinematics::{Fault, Joints, MAX_JOINTS, Vector3};
+use std::ops::ControlFlow;
+
+/// Why joints give no path.
+#[derive(Debug, thiserror::Error)]
+pub enum CarriageError {
+    /// The keys.
+    #[error("[carriages]: {0}")]
+    Keys(String),
+    /// An expression.
+    #[error("[carriages] laws_mm_or_deg {joint}: {error}")]
+    Expression {
+        /// Number of the joint.
+        joint: usize,
+        /// What is wrong.
+        error: ExpressionError,
+    },
+    /// No value at some time.
+    #[error("[carriages] laws_mm_or_deg {joint}: at t = {t}: {trouble}")]
+    Trouble {
+        /// Number of the joint.
+        joint: usize,
+        /// Seconds.
+        t: f64,
+        /// What.
+        trouble: Trouble,
+    },
+    /// The joints have no pose.
+    #[error("at t = {t}: {fault}")]
+    Fault {
+        /// Seconds.
+        t: f64,
+        /// Why.
+        fault: Fault,
+    },
+    /// A limit of the machine.
+    #[error("at t = {t}: {text}")]
+    Leaves {
+        /// Seconds.
+        t: f64,
+        /// Which limit.
+        text: String,
+    },
+    /// The tool table.
+    #[error(transparent)]
+    Table(#[from] tools::TableError),
+}
+
+/// A place of the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Seconds.
+    pub t: f64,
+    /// Joint values.
+    pub joints: Joints,
+    /// x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
+    /// By how much the joints do not belong to one pose, where there are more than needed.
+    pub residual: f64,
+}
+
+/// The path of the tool tip for the laws of a file, a place for every servo cycle.
+///
+/// # Errors
+/// See [`CarriageError`].
+pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<Place>, CarriageError> {
+    let missing = || CarriageError::Keys("missing".into());
+    let keys = file.carriages.as_ref().ok_or_else(missing)?;
+    let laws = laws(config, file, keys)?;
+    let tool = tool(config, file)?;
+    let [first, last] = keys.t_s;
+    if !(first < last && first.is_finite() && last.is_finite()) {
+        let text = format!("t_s: {first} to {last}: expected the smaller one first");
+        return Err(CarriageError::Keys(text));
+    }
+    let count = ((last - first) / config.period).ceil();
+    if count > MOST_PLACES {
+        return Err(CarriageError::Keys(format!("t_s: more than {MOST_PLACES} servo cycles")));
+    }
+    let mut seed = config.home_pose();
+    let mut all = vec![];
+    for n in 0..=count as usize {
+        let t = first + (last - first) * n as f64 / count;
+        let joints = joints(config, &laws, t)?;
+        let found = config.machine.forward(&joints, &seed, &tool, &config.solver);
+        let found = found.map_err(|fault| CarriageError::Fault { t, fault })?;
+        seed = found.pose;
+        check(config, t, &seed, &tool)?;
+        all.push(Place { t, joints, pose: seed.to_degrees(), residual: found.residual });
+    }
+    Ok(all)
+}
+
+/// An hour of servo cycles.
+const MOST_PLACES: f64 = 3.6e6;
+
+fn laws(
+    config: &MachineConfig,
+    file: &PathFile,
+    keys: &CarriageKeys,
+) -> Result<Vec<Expression>, CarriageError> {
+    let (given, count) = (keys.laws_mm_or_deg.len(), config.joints.len());
+    if given != count {
+        let text = format!("laws_mm_or_deg: expected {count}, one a joint; found {given}");
+        return Err(CarriageError::Keys(text));
+    }
+    let law = |(joint, law): (usize, &crate::curve::file::Formula)| {
+        Expression::parse(&law.0, &["t"], &file.parameters)
+            .map_err(|error| CarriageError::Expression { joint, error })
+    };
+    keys.laws_mm_or_deg.iter().enumerate().map(law).collect()
+}
+
+fn tool(config: &MachineConfig, file: &PathFile) -> Result<Vector3<f64>, CarriageError> {
+    let Some(number) = file.program.tool else { return Ok(config.spindle) };
+    let all = tools::read(config)?;
+    let found = all.iter().find(|tool| tool.number == i64::from(number));
+    let missing = || CarriageError::Keys(format!("tool {number} is not in the tool table"));
+    Ok(config.spindle + found.ok_or_else(missing)?.offset)
+}
+
+/// Joint values at a time, within their limits.
+fn joints(config: &MachineConfig, laws: &[Expression], t: f64) -> Result<Joints, CarriageError> {
+    let mut joints = [0.0; MAX_JOINTS];
+    for (joint, law) in laws.iter().enumerate() {
+        let found = law.at(&[Taylor::constant(t)]);
+        let found = found.map_err(|trouble| CarriageError::Trouble { joint, t, trouble })?;
+        let own = &config.joints[joint];
+        let is_arm = config.unit(own.kind) == "degrees";
+        joints[joint] = found.value.middle() * if is_arm { 1.0 } else { config.units_per_mm };
+    }
+    Ok(joints)
+}
+
+fn check(
+    config: &MachineConfig,
+    t: f64,
+    pose: &kinematics::Pose,
+    tool: &Vector3<f64>,
+) -> Result<(), CarriageError> {
+    let at = config.machine.at(pose, tool).map_err(|fault| CarriageError::Fault { t, fault })?;
+    let mut broken = None;
+    let _ = at.margins(&limits::of(config), |margin| match margin.is_kept() {
+        true => ControlFlow::Continue(()),
+        false => {
+            broken = Some(limits::sentence(config, &margin));
+            ControlFlow::Break(())
+        }
+    });
+    broken.map_or(Ok(()), |text| Err(CarriageError::Leaves { t, text }))
+}
+
+/// The places as CSV: seconds, joints, pose and residual.
+pub fn csv(config: &MachineConfig, places: &[Place]) -> String {
+    let count = config.joints.len();
+    let mut header = vec!["t".to_string()];
+    header.extend((0..count).map(|i| format!("joint_{i}")));
+    header.extend(["x", "y", "z", "a", "b", "c", "residual"].map(String::from));
+    let row = |place: &Place| {
+        let numbers = [place.t].into_iter().chain(place.joints.into_iter().take(count));
+        numbers.chain(place.pose).chain([place.residual]).map(|x| x + 0.0).collect::<Vec<_>>()
+    };
+    files::csv(&header, places.iter().map(row))
+}

@@ -1,0 +1,490 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Expressions of a path file: parsed once, evaluated with their derivatives.
+//!
+//! Numbers, names, `+ - * / ^`, parentheses and functions, as mathematics writes them: `-t^2` is
+//! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
+
+use crate::curve::taylor::Taylor;
+use crate::proof::interval::Interval;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use winnow::ascii::{alpha1, float, multispace0};
+use winnow::combinator::{
+    Infix, Prefix, alt, cut_err, delimited, dispatch, expression, fail, opt, peek, preceded,
+    separated,
+};
+use winnow::error::{ContextError, StrContext, StrContextValue};
+use winnow::prelude::*;
+use winnow::token::{any, one_of, take_while};
+
+/// Functions of one argument.
+const FUNCTIONS: [(&str, Unary); 13] = [
+    ("sin", Unary::Sin),
+    ("cos", Unary::Cos),
+    ("tan", Unary::Tan),
+    ("asin", Unary::Asin),
+    ("acos", Unary::Acos),
+    ("atan", Unary::Atan),
+    ("sinh", Unary::Sinh),
+    ("cosh", Unary::Cosh),
+    ("tanh", Unary::Tanh),
+    ("asinh", Unary::Asinh),
+    ("exp", Unary::Exp),
+    ("ln", Unary::Ln),
+    ("sqrt", Unary::Sqrt),
+];
+
+/// These two bound the stack.
+const DEEPEST: usize = 64;
+const LONGEST: usize = 1000;
+/// Variables of any expression, at most.
+const SLOTS: usize = 6;
+
+/// An expression that cannot be read.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExpressionError {
+    /// Not the grammar: where, from 1, and what was expected.
+    #[error("\"{text}\", character {at}: {expected}")]
+    Malformed {
+        /// The expression.
+        text: String,
+        /// The character, from 1.
+        at: usize,
+        /// What was expected.
+        expected: String,
+    },
+    /// A name that nothing gives a value.
+    #[error("\"{text}\": the name {name} is unknown; known are {known}")]
+    Unknown {
+        /// The expression.
+        text: String,
+        /// The name.
+        name: String,
+        /// What may stand there.
+        known: String,
+    },
+}
+
+/// Why an expression has no value.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Trouble {
+    /// A divisor is 0.
+    #[error("\"{0}\" divides by 0")]
+    Division(String),
+    /// A function has no real value there.
+    #[error("\"{text}\" has no real value: {function} of {argument}")]
+    Complex {
+        /// The expression.
+        text: String,
+        /// The function.
+        function: &'static str,
+        /// Of what.
+        argument: f64,
+    },
+    /// No bound in a range however short.
+    #[error("the path has no bound there: a pole, a divisor of 0 or a jump of an angle")]
+    Pole,
+    /// Larger than any number.
+    #[error("\"{0}\" is larger than any number")]
+    Overflow(String),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Unary {
+    Negative,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Asinh,
+    Exp,
+    Ln,
+    Sqrt,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Binary {
+    Plus,
+    Minus,
+    Times,
+    Over,
+    Power,
+    Angle,
+}
+
+/// As it was read: names are still words.
+#[derive(Clone, Debug, PartialEq)]
+enum Tree {
+    Number(f64),
+    Name(String),
+    Slot(usize),
+    Unary(Unary, Box<Tree>),
+    Binary(Binary, Box<Tree>, Box<Tree>),
+}
+
+/// An expression whose names all have a value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expression {
+    text: String,
+    tree: Tree,
+}
+
+impl Expression {
+    /// Reads an expression of these variables, in the order in which values are given, and of
+    /// named numbers.
+    ///
+    /// # Errors
+    /// See [`ExpressionError`].
+    pub fn parse(
+        text: &str,
+        variables: &[&str],
+        numbers: &BTreeMap<String, f64>,
+    ) -> Result<Self, ExpressionError> {
+        let malformed = |at: usize, expected: String| ExpressionError::Malformed {
+            text: text.into(),
+            at: text[..at].chars().count() + 1,
+            expected,
+        };
+        if let Some((at, told)) = too_much(text) {
+            return Err(malformed(at, told));
+        }
+        let whole = delimited(multispace0, sum, multispace0);
+        let mut tree = { whole }.parse(text).map_err(|error| {
+            let told = error.inner().to_string();
+            let told = if told.is_empty() { "expected an operator".into() } else { told };
+            malformed(error.offset(), told.replace('\n', "; "))
+        })?;
+        resolve(&mut tree, variables, numbers).map_err(|name| ExpressionError::Unknown {
+            text: text.into(),
+            name,
+            known: known(variables, numbers),
+        })?;
+        Ok(Self { text: text.into(), tree })
+    }
+
+    /// A number.
+    pub fn constant(value: f64) -> Self {
+        Self { text: value.to_string(), tree: Tree::Number(value) }
+    }
+
+    /// Its value and derivatives for those of the variables.
+    ///
+    /// # Errors
+    /// See [`Trouble`]. Over a range only what holds for all of it is one; what may happen
+    /// somewhere in it makes the result unbounded.
+    pub fn at(&self, variables: &[Taylor]) -> Result<Taylor, Trouble> {
+        let found = self.of(&self.tree, variables)?;
+        match found.value.is_point() && !found.value.low.is_finite() {
+            true => Err(Trouble::Overflow(self.text.clone())),
+            false => Ok(found),
+        }
+    }
+
+    /// Whether any variable occurs in it.
+    pub(super) fn is_variable(&self) -> bool {
+        (0..SLOTS).any(|slot| self.uses(slot))
+    }
+
+    /// Whether a variable occurs in it.
+    pub(super) fn uses(&self, slot: usize) -> bool {
+        fn uses(tree: &Tree, slot: usize) -> bool {
+            match tree {
+                Tree::Slot(own) => *own == slot,
+                Tree::Unary(_, of) => uses(of, slot),
+                Tree::Binary(_, a, b) => uses(a, slot) || uses(b, slot),
+                Tree::Number(_) | Tree::Name(_) => false,
+            }
+        }
+        uses(&self.tree, slot)
+    }
+
+    fn of(&self, tree: &Tree, variables: &[Taylor]) -> Result<Taylor, Trouble> {
+        Ok(match tree {
+            Tree::Number(value) => Taylor::constant(*value),
+            Tree::Slot(slot) => variables[*slot],
+            // Names have become numbers or slots.
+            Tree::Name(_) => Taylor::constant(f64::NAN),
+            Tree::Unary(function, of) => self.unary(*function, self.of(of, variables)?)?,
+            Tree::Binary(operator, a, b) => {
+                self.binary(*operator, self.of(a, variables)?, self.of(b, variables)?)?
+            }
+        })
+    }
+
+    fn unary(&self, function: Unary, of: Taylor) -> Result<Taylor, Trouble> {
+        let inside = |name, range: Interval| match meets(of.value, range) {
+            true => Ok(()),
+            false => Err(self.complex(name, of.value.middle())),
+        };
+        Ok(match function {
+            Unary::Negative => -of,
+            Unary::Sin => of.sin(),
+            Unary::Cos => of.cos(),
+            Unary::Tan => of.sin() / of.cos(),
+            Unary::Atan => of.atan(),
+            Unary::Sinh => of.sinh(),
+            Unary::Cosh => of.cosh(),
+            Unary::Tanh => of.tanh(),
+            Unary::Asinh => of.asinh(),
+            Unary::Exp => of.exp(),
+            Unary::Asin => {
+                inside("asin", Interval::new(-1.0, 1.0))?;
+                of.asin()
+            }
+            Unary::Acos => {
+                inside("acos", Interval::new(-1.0, 1.0))?;
+                of.acos()
+            }
+            Unary::Sqrt => {
+                inside("sqrt", Interval::new(0.0, f64::INFINITY))?;
+                of.sqrt()
+            }
+            Unary::Ln => {
+                inside("ln", Interval::new(f64::MIN_POSITIVE, f64::INFINITY))?;
+                of.ln()
+            }
+        })
+    }
+
+    fn binary(&self, operator: Binary, a: Taylor, b: Taylor) -> Result<Taylor, Trouble> {
+        Ok(match operator {
+            Binary::Plus => a + b,
+            Binary::Minus => a - b,
+            Binary::Times => a * b,
+            Binary::Over if is_zero(&b) => return Err(Trouble::Division(self.text.clone())),
+            Binary::Over => a / b,
+            Binary::Angle => Taylor::angle(a, b),
+            Binary::Power => return self.power(a, b),
+        })
+    }
+
+    fn power(&self, base: Taylor, exponent: Taylor) -> Result<Taylor, Trouble> {
+        let integer = exponent.as_constant().filter(|n| n.fract() == 0.0 && n.abs() < 1e3);
+        match (integer, exponent.as_constant()) {
+            (Some(n), _) if n < 0.0 && is_zero(&base) => Err(Trouble::Division(self.text.clone())),
+            (Some(n), _) => Ok(base.powi(n as i32)),
+            (None, _) if base.value.high < 0.0 => Err(self.complex("a power", base.value.middle())),
+            (None, Some(n)) => Ok(base.powf(n)),
+            (None, None) => Ok((base.ln() * exponent).exp()),
+        }
+    }
+
+    fn complex(&self, function: &'static str, argument: f64) -> Trouble {
+        Trouble::Complex { text: self.text.clone(), function, argument }
+    }
+}
+
+fn is_zero(of: &Taylor) -> bool {
+    of.value == Interval::ZERO
+}
+
+fn meets(a: Interval, b: Interval) -> bool {
+    // What is no number is told where it was made.
+    !(a.high < b.low || a.low > b.high)
+}
+
+/// Where an expression is too long, or its parentheses are too deep.
+fn too_much(text: &str) -> Option<(usize, String)> {
+    if text.len() > LONGEST {
+        return Some((0, format!("more than {LONGEST} characters")));
+    }
+    let mut depth = 0_usize;
+    let deep = text.char_indices().find(|(_, c)| {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth > DEEPEST
+    });
+    deep.map(|(at, _)| (at, format!("more than {DEEPEST} parentheses in each other")))
+}
+
+/// Names of the variables and numbers, and of the functions.
+fn known(variables: &[&str], numbers: &BTreeMap<String, f64>) -> String {
+    let names = variables.iter().copied().chain(numbers.keys().map(String::as_str)).chain(["pi"]);
+    let names = names.chain(FUNCTIONS.iter().map(|(name, _)| *name)).chain(["atan2"]);
+    names.collect::<Vec<_>>().join(", ")
+}
+
+fn resolve(
+    tree: &mut Tree,
+    variables: &[&str],
+    numbers: &BTreeMap<String, f64>,
+) -> Result<(), String> {
+    match tree {
+        Tree::Name(name) => {
+            *tree = if let Some(slot) = variables.iter().position(|own| own == name) {
+                Tree::Slot(slot)
+            } else if let Some(value) = numbers.get(name.as_str()) {
+                Tree::Number(*value)
+            } else if name == "pi" {
+                Tree::Number(PI)
+            } else {
+                return Err(name.clone());
+            };
+            Ok(())
+        }
+        Tree::Unary(_, of) => resolve(of, variables, numbers),
+        Tree::Binary(_, a, b) => {
+            resolve(a, variables, numbers)?;
+            resolve(b, variables, numbers)
+        }
+        Tree::Number(_) | Tree::Slot(_) => Ok(()),
+    }
+}
+
+type Input<'a> = &'a str;
+
+const OPERAND: StrContextValue = StrContextValue::Description("a number, a name or (");
+
+fn sum(input: &mut Input) -> ModalResult<Tree> {
+    expression(spaced(operand))
+        .prefix(spaced(
+            // Looked at first: what fails has to leave its place.
+            preceded(
+                peek(one_of(['-', '+'])),
+                dispatch! {any;
+                    '-' => Prefix(6, |_: &mut _, a| Ok(Tree::Unary(Unary::Negative, Box::new(a)))),
+                    '+' => Prefix(6, |_: &mut _, a| Ok(a)),
+                    _ => fail,
+                },
+            )
+            .context(StrContext::Expected(OPERAND)),
+        ))
+        .infix(spaced(dispatch! {any;
+            '+' => Infix::Left(3, |_: &mut _, a, b| Ok(both(Binary::Plus, a, b))),
+            '-' => Infix::Left(3, |_: &mut _, a, b| Ok(both(Binary::Minus, a, b))),
+            '*' => Infix::Left(5, |_: &mut _, a, b| Ok(both(Binary::Times, a, b))),
+            '/' => Infix::Left(5, |_: &mut _, a, b| Ok(both(Binary::Over, a, b))),
+            '^' => Infix::Right(9, |_: &mut _, a, b| Ok(both(Binary::Power, a, b))),
+            _ => fail,
+        }))
+        .parse_next(input)
+}
+
+fn both(operator: Binary, a: Tree, b: Tree) -> Tree {
+    Tree::Binary(operator, Box::new(a), Box::new(b))
+}
+
+/// With blanks before it.
+fn spaced<'a, T>(
+    parser: impl ModalParser<Input<'a>, T, ContextError>,
+) -> impl ModalParser<Input<'a>, T, ContextError> {
+    preceded(multispace0, parser)
+}
+
+fn operand(input: &mut Input) -> ModalResult<Tree> {
+    let number = preceded(peek(any.verify(char::is_ascii_digit)), float);
+    alt((number.map(Tree::Number), call_or_name, in_parentheses)).parse_next(input)
+}
+
+fn in_parentheses(input: &mut Input) -> ModalResult<Tree> {
+    preceded('(', cut_err((sum, spaced(')')).map(|(tree, _)| tree)))
+        .context(StrContext::Expected(StrContextValue::CharLiteral(')')))
+        .parse_next(input)
+}
+
+fn call_or_name(input: &mut Input) -> ModalResult<Tree> {
+    let word = (alpha1, take_while(0.., |c: char| c.is_ascii_alphanumeric() || c == '_'));
+    let name = word.take().parse_next(input)?.to_string();
+    let arguments = separated(1..=2, sum, spaced(','));
+    let arguments = preceded(spaced('('), cut_err((arguments, spaced(')')).map(|(list, _)| list)));
+    let arguments: Option<Vec<Tree>> = opt(arguments).parse_next(input)?;
+    let function = FUNCTIONS.iter().find(|(own, _)| *own == name).map(|(_, function)| *function);
+    match (function, arguments) {
+        (Some(function), Some(mut list)) if list.len() == 1 => {
+            Ok(Tree::Unary(function, Box::new(list.remove(0))))
+        }
+        (None, Some(mut list)) if name == "atan2" && list.len() == 2 => {
+            let x = list.remove(1);
+            Ok(both(Binary::Angle, list.remove(0), x))
+        }
+        (None, None) => Ok(Tree::Name(name)),
+        _ => cut_err(fail)
+            .context(StrContext::Expected(StrContextValue::Description(
+                "a known function with its arguments, such as sin(t) or atan2(y, x)",
+            )))
+            .parse_next(input),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers() -> BTreeMap<String, f64> {
+        BTreeMap::from([("R_1".into(), 3.0)])
+    }
+
+    fn value(text: &str) -> f64 {
+        let expression = Expression::parse(text, &["t", "s"], &numbers()).unwrap();
+        let at = |x| Taylor::constant(x);
+        expression.at(&[at(2.0), at(5.0)]).unwrap().value.middle()
+    }
+
+    #[test]
+    fn expressions_mean_what_mathematics_means() {
+        for (text, expected) in [
+            ("-t^2", -4.0),
+            ("2^3^t", 512.0),
+            ("2^-1", 0.5),
+            ("6/2/3", 1.0),
+            ("1 - 2 - 3", -4.0),
+            ("-t*s + R_1", -7.0),
+            (" ( t + s ) * 2e-1 ", 1.4),
+            ("--t", 2.0),
+            ("atan2(t, -t)", 0.75 * PI),
+            ("sqrt(t^2) + cos(pi)", 1.0),
+            ("t^0.5*t^0.5", 2.0000000000000004),
+            ("t^s", 32.00000000000001),
+            ("(-t)^3", -8.0),
+            ("tan(1)/tan(1) * ln(exp(3))", 3.0),
+        ] {
+            assert!((value(text) - expected).abs() < 1e-13, "{text}: {}", value(text));
+        }
+    }
+
+    #[test]
+    fn what_is_no_expression_is_told_with_its_place() {
+        for (text, expected) in [
+            ("2*", "character 3: expected a number, a name or ("),
+            ("2 t", "character 3: expected an operator"),
+            ("(2 + t", "character 7"),
+            ("sin + 1", "a known function with its arguments"),
+            ("sin(1, 2)", "a known function with its arguments"),
+            ("foo(1)", "a known function with its arguments"),
+            ("q + t", "the name q is unknown; known are t, s, R_1, pi, sin"),
+            ("", "character 1: expected a number"),
+            ("é", "character 1"),
+        ] {
+            let told = Expression::parse(text, &["t", "s"], &numbers()).unwrap_err().to_string();
+            assert!(told.contains(expected), "{text}: {told}");
+        }
+        for long in ["(".repeat(100), "-".repeat(2000)] {
+            assert!(Expression::parse(&long, &[], &numbers()).is_err());
+        }
+    }
+
+    #[test]
+    fn what_has_no_value_is_told_with_its_cause() {
+        for (text, expected) in [
+            ("1/(t - 2)", "divides by 0"),
+            ("sqrt(t - 5)", "sqrt of -3"),
+            ("(t - 5)^0.5", "a power of -3"),
+            ("asin(t)", "asin of 2"),
+            ("ln(t - 2)", "ln of 0"),
+            ("(t-2)^-1", "divides by 0"),
+            ("exp(1e9)", "larger than any number"),
+        ] {
+            let expression = Expression::parse(text, &["t"], &numbers()).unwrap();
+            let told = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();
+            assert!(told.contains(expected), "{text}: {told}");
+        }
+    }
+}

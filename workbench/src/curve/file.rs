@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The path file: a TOML file with units in the keys, so that a value without its unit is an
+//! unknown key.
+
+use crate::curve::operation::Operation;
+use crate::files::{AtFile, Locate};
+use crate::study::number::Positive;
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The file.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PathFile {
+    /// Where the file is, for those that it names.
+    #[serde(skip)]
+    pub folder: PathBuf,
+    /// Names that stand for numbers in all expressions.
+    pub parameters: BTreeMap<String, f64>,
+    /// A curve.
+    pub curve: Option<CurveKeys>,
+    /// What goes on along it.
+    pub laws: LawKeys,
+    /// Parameters of the drives.
+    pub split: SplitKeys,
+    /// How far a program may be from the curve.
+    pub tolerance: Option<Tolerance>,
+    /// The program around the path.
+    pub program: ProgramKeys,
+    /// Laws of the joints, in place of a curve: the path of the tool is what comes out.
+    pub carriages: Option<CarriageKeys>,
+    /// Typical paths, in place of a curve.
+    pub operation: Vec<Operation>,
+}
+
+/// `[curve]`: one of three ways, which share the range of t.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CurveKeys {
+    /// x = f(t).
+    pub x_mm: Option<Formula>,
+    /// y = g(t).
+    pub y_mm: Option<Formula>,
+    /// α(x, y, t), which is 0 on the curve.
+    pub alpha: Option<Formula>,
+    /// β(x, y, t), which is 0 on the curve.
+    pub beta: Option<Formula>,
+    /// x and y at the start, which choose the branch.
+    pub start_mm: Option<[f64; 2]>,
+    /// First and last t.
+    pub t: Option<[Formula; 2]>,
+    /// Smallest and largest t on the way; without them those of the range.
+    pub t_bounds: Option<[Formula; 2]>,
+    /// At a turning point of t.
+    pub follow: Follow,
+    /// The curve ends after this length in x and y.
+    pub length_mm: Option<Positive>,
+    /// A CSV file with the columns x, y, z and perhaps weight: control points of a spline.
+    pub points: Option<PathBuf>,
+    /// Degree of the spline.
+    pub degree: Option<usize>,
+    /// Knots of the spline.
+    pub knots: Option<Vec<f64>>,
+    /// An SVG file: its paths.
+    pub svg: Option<PathBuf>,
+    /// Size of the drawing's unit.
+    pub svg_unit_mm: Option<Positive>,
+}
+
+/// What happens at a turning point of t.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Follow {
+    /// The curve goes on, and t goes back.
+    #[default]
+    Arc,
+    /// The curve ends.
+    T,
+}
+
+/// `[laws]`, of t, s (arc length, mm), u (its share), x, y and z.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LawKeys {
+    /// Height.
+    pub z_mm: Option<Formula>,
+    /// Tilt A.
+    pub a_deg: Option<Formula>,
+    /// Tilt B.
+    pub b_deg: Option<Formula>,
+    /// Rotation C.
+    pub c_deg: Option<Formula>,
+    /// A vector along the tool axis, in place of the angles.
+    pub normal: Option<[Formula; 3]>,
+    /// Speed of the tool tip, by t, s and u.
+    pub speed_mm_per_s: Option<Formula>,
+    /// Angular speed where the tip stands.
+    pub turn_deg_per_s: Option<Positive>,
+}
+
+/// `[split]`: the parameter of each drive, by t.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SplitKeys {
+    /// That of X.
+    pub t_x: Option<Formula>,
+    /// That of Y.
+    pub t_y: Option<Formula>,
+    /// That of Z.
+    pub t_z: Option<Formula>,
+    /// That of A.
+    pub t_a: Option<Formula>,
+    /// That of B.
+    pub t_b: Option<Formula>,
+}
+
+/// `[tolerance]`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tolerance {
+    /// Largest distance of the programmed path from the curve.
+    pub chord_mm: Positive,
+    /// Largest error of an angle.
+    #[serde(default = "Tolerance::angle")]
+    pub angle_deg: Positive,
+}
+
+impl Tolerance {
+    fn angle() -> Positive {
+        Positive(0.01)
+    }
+}
+
+/// `[carriages]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CarriageKeys {
+    /// First and last second.
+    pub t_s: [f64; 2],
+    /// One law of t for every joint: lengths in mm, angles of arms in degrees.
+    pub laws_mm_or_deg: Vec<Formula>,
+}
+
+/// `[program]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProgramKeys {
+    /// What a program is called in its first line.
+    pub title: Option<String>,
+    /// T of the tool; without it the spindle is empty.
+    pub tool: Option<u32>,
+    /// Speed of the spindle.
+    pub spindle_rpm: Option<Positive>,
+    /// X Y Z of the work's zero in the machine.
+    pub zero_mm: [f64; 3],
+    /// Straight lines, or arcs where the curve is as near to them.
+    pub moves: Moves,
+    /// How feeds are written.
+    pub feed: Feed,
+    /// P of G64, how far LinuxCNC may round corners; without it chord_mm.
+    pub blend_mm: Option<Positive>,
+    /// Height from which the tool goes down to the start, and to which it goes up at the end.
+    pub clear_z_mm: Option<f64>,
+    /// The same for tools that come from the side.
+    pub clear_x_mm: Option<f64>,
+}
+
+/// Kinds of moves.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Moves {
+    /// G1.
+    #[default]
+    Lines,
+    /// G2 and G3 where an arc is as near, else G1.
+    Arcs,
+}
+
+/// Ways to write feeds.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum Feed {
+    /// G94: F in mm per minute, in degrees per minute where the tip stands.
+    #[default]
+    PerMinute,
+    /// G93: F is one over the minutes of the move.
+    InverseTime,
+}
+
+/// An expression, or a number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Formula(pub String);
+
+impl<'de> Deserialize<'de> for Formula {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(FormulaVisitor)
+    }
+}
+
+struct FormulaVisitor;
+
+impl Visitor<'_> for FormulaVisitor {
+    type Value = Formula;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or an expression as text")
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Formula, E> {
+        match value.is_finite() {
+            true => Ok(Formula(format!("{value:?}"))),
+            false => Err(E::custom(format!("{value}: expected a finite number"))),
+        }
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Formula, E> {
+        self.visit_f64(value as f64)
+    }
+
+    fn visit_str<E: Error>(self, value: &str) -> Result<Formula, E> {
+        Ok(Formula(value.into()))
+    }
+}
+
+/// A path file that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum PathFileError {
+    /// No file that can be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// Not what a path file is: line and key are told.
+    #[error(transparent)]
+    Malformed(#[from] AtFile<toml::de::Error>),
+}
+
+impl PathFile {
+    /// Reads a path file.
+    ///
+    /// # Errors
+    /// See [`PathFileError`].
+    pub fn read(file: &Path) -> Result<Self, PathFileError> {
+        let text = std::fs::read_to_string(file).at(file)?;
+        let folder = file.parent().unwrap_or(Path::new("")).into();
+        Ok(Self { folder, ..Self::parse(&text).at(file)? })
+    }
+
+    /// A path file from its text.
+    ///
+    /// # Errors
+    /// As [`PathFile::read`].
+    pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text)
+    }
+}

@@ -1,0 +1,439 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Programs for LinuxCNC, written line by line, with the moves that they make on a machine.
+
+use crate::curve::file::{Feed, ProgramKeys};
+use crate::curve::piece::{Arc, DECIMALS};
+use crate::curve::planes::PLANES;
+use crate::program::interpreter::{Move, MoveKind};
+use crate::read::machine::MachineConfig;
+use crate::read::tools;
+use kinematics::Letter;
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+/// Decimals of a feed.
+const FEED_DECIMALS: usize = 4;
+/// Largest distance of an arc from the moves that stand for it when limits are judged, mm.
+const ARC_ERROR: f64 = 1e-3;
+/// How much a held coordinate may be off, mm and degrees.
+const HELD: f64 = 1e-6;
+/// The work coordinate system of these programs: the last one, so that the operator's G54 stays.
+const SYSTEM: [&str; 2] = ["P9", "G59.3"];
+
+/// What a machine cannot do.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// The machine holds a coordinate that the path moves.
+    #[error("{file}: the machine holds {letter} at {held}; the path asks for {asked} at t = {t}")]
+    Held {
+        /// Its INI file.
+        file: String,
+        /// The coordinate.
+        letter: char,
+        /// Where it is.
+        held: f64,
+        /// Where the path wants it.
+        asked: f64,
+        /// There.
+        t: f64,
+    },
+    /// No such tool.
+    #[error("[program] tool: {tool} is not in the machine's tool table")]
+    NoTool {
+        /// T.
+        tool: u32,
+    },
+    /// The tool table.
+    #[error(transparent)]
+    Table(#[from] tools::TableError),
+    /// Neither of the two keys, where one is needed, or both.
+    #[error("[program]: {0}")]
+    Clear(&'static str),
+}
+
+/// A program being written.
+pub struct Writer<'a> {
+    config: &'a MachineConfig,
+    keys: &'a ProgramKeys,
+    /// Offset of the tool, machine units.
+    pub tool: [f64; 3],
+    has_tool: bool,
+    text: String,
+    lines: u32,
+    /// Where the machine is, in work coordinates; nothing before the first move.
+    at: [Option<f64>; 6],
+    feed: Option<f64>,
+    plane: usize,
+    /// The moves as motion receives them.
+    pub moves: Vec<Move>,
+    /// The parameter t that a line ends at.
+    pub places: Vec<(u32, f64)>,
+}
+
+/// A number as a word has it.
+pub(super) fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    match text {
+        "-0" => "0".into(),
+        text => text.into(),
+    }
+}
+
+impl<'a> Writer<'a> {
+    /// A program's head: its comments, modes, work zero, tool and spindle.
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn begin(
+        config: &'a MachineConfig,
+        keys: &'a ProgramKeys,
+        comments: &[String],
+        blend: f64,
+    ) -> Result<Self, SetupError> {
+        if keys.clear_z_mm.is_some() && keys.clear_x_mm.is_some() {
+            return Err(SetupError::Clear("clear_z_mm and clear_x_mm exclude each other"));
+        }
+        let mut writer = Self {
+            config,
+            keys,
+            tool: [0.0; 3],
+            has_tool: false,
+            text: String::new(),
+            lines: 0,
+            at: [None; 6],
+            feed: None,
+            plane: 0,
+            moves: vec![],
+            places: vec![],
+        };
+        for comment in comments {
+            writer.line(&format!("; {comment}"));
+        }
+        writer.line("G21 G17 G40 G49 G80 G90 G94 M52 P1");
+        writer.line(&format!("G64 P{}", number(blend, DECIMALS)));
+        let level: String = writer.tilts().iter().map(|k| format!(" {}0", name(*k))).collect();
+        let zero = [0, 1, 2].map(|k| format!("{}{}", name(k), number(keys.zero_mm[k], DECIMALS)));
+        writer.line(&format!("G10 L2 {} {}{level} R0", SYSTEM[0], zero.join(" ")));
+        writer.line(SYSTEM[1]);
+        if let Some(tool) = keys.tool {
+            writer.take(tool)?;
+        }
+        if let Some(speed) = keys.spindle_rpm {
+            writer.spin_at(speed.0);
+        }
+        Ok(writer)
+    }
+
+    /// Changes the tool.
+    ///
+    /// # Errors
+    /// It is not in the tool table.
+    pub fn take(&mut self, tool: u32) -> Result<(), SetupError> {
+        let all = tools::read(self.config)?;
+        let found = all.iter().find(|found| found.number == i64::from(tool));
+        let found = found.ok_or(SetupError::NoTool { tool })?.offset.into();
+        if self.has_tool {
+            self.line("G49");
+        }
+        (self.tool, self.has_tool) = (found, true);
+        // The machine stands where it stood; the words for that place are others now.
+        self.at[..3].fill(None);
+        self.line(&format!("T{tool} M6"));
+        self.line("G43");
+        Ok(())
+    }
+
+    /// Turns the spindle, or stops it at 0.
+    pub fn spin_at(&mut self, speed: f64) {
+        match speed == 0.0 {
+            true => self.line("M5"),
+            false => self.line(&format!("S{} M3", number(speed, FEED_DECIMALS))),
+        }
+    }
+
+    /// Whether the program has moved anything.
+    pub(super) fn has_moved(&self) -> bool {
+        !self.moves.is_empty()
+    }
+
+    /// Lines so far.
+    pub fn lines(&self) -> u32 {
+        self.lines
+    }
+
+    /// Where the tool is, in work coordinates.
+    pub(super) fn pose(&self) -> [f64; 6] {
+        self.at.map(|value| value.unwrap_or(0.0))
+    }
+
+    /// The keys that it follows.
+    pub fn keys(&self) -> &'a ProgramKeys {
+        self.keys
+    }
+
+    /// A line as it is.
+    pub fn line(&mut self, text: &str) {
+        self.text.push_str(text);
+        self.text.push('\n');
+        self.lines += 1;
+    }
+
+    /// Coordinates that the machine moves.
+    fn moved(&self) -> Vec<usize> {
+        let layout = self.config.machine.layout();
+        (0..6).filter(|k| !layout.is_held(Letter::ALL[*k])).collect()
+    }
+
+    fn tilts(&self) -> Vec<usize> {
+        self.moved().into_iter().filter(|k| *k > 2).collect()
+    }
+
+    /// A pose in work coordinates as the machine has it.
+    pub(super) fn in_machine(&self, pose: &[f64; 6]) -> [f64; 6] {
+        in_machine(self.config, self.keys, &self.tool, pose)
+    }
+
+    /// Refuses a pose that asks for a coordinate that the machine holds.
+    ///
+    /// # Errors
+    /// See [`SetupError::Held`].
+    pub fn check(&self, pose: &[f64; 6], t: f64) -> Result<(), SetupError> {
+        let (there, home) = (self.in_machine(pose), self.config.home);
+        let held = (0..6).filter(|k| self.config.machine.layout().is_held(Letter::ALL[*k]));
+        for k in held {
+            if (there[k] - home[k]).abs() > HELD {
+                let (file, letter) = (self.config.file.display().to_string(), name(k));
+                return Err(SetupError::Held { file, letter, held: home[k], asked: there[k], t });
+            }
+        }
+        Ok(())
+    }
+
+    /// Words of the coordinates that change.
+    fn words(&mut self, pose: &[f64; 6], of: &[usize]) -> String {
+        let mut words = String::new();
+        for k in self.moved() {
+            let value = round(pose[k]);
+            if of.contains(&k) && self.at[k] != Some(value) {
+                self.at[k] = Some(value);
+                // Text takes everything.
+                let _ = write!(words, " {}{}", name(k), number(value, DECIMALS));
+            }
+        }
+        words
+    }
+
+    fn go(&mut self, kind: MoveKind, feed: f64) {
+        let pose = self.at.map(|value| value.unwrap_or(0.0));
+        let mut end = self.in_machine(&pose);
+        for k in 0..6 {
+            if self.at[k].is_none() {
+                end[k] = self.moves.last().map_or(self.config.home[k], |last| last.end[k]);
+            }
+        }
+        let units = self.config.units_per_mm;
+        self.moves.push(Move {
+            kind,
+            line: self.lines + 1,
+            end,
+            feed: feed * units / 60.0,
+            angular_feed: feed / 60.0,
+            tool: self.tool,
+            file: 0,
+        });
+    }
+
+    /// G0 of some coordinates of a pose.
+    pub fn rapid(&mut self, pose: &[f64; 6], of: &[usize]) {
+        let words = self.words(pose, of);
+        if !words.is_empty() {
+            self.go(MoveKind::Rapid, 0.0);
+            self.line(&format!("G0{words}"));
+        }
+    }
+
+    /// From wherever the machine is to a pose: by way of the clear height, the last of it at the
+    /// feed.
+    pub fn approach(&mut self, pose: &[f64; 6], feed: f64) {
+        match self.clear() {
+            None => self.rapid(pose, &[0, 1, 2, 3, 4, 5]),
+            Some((axis, height)) => {
+                let mut above = *pose;
+                above[axis] = height;
+                self.rapid(&above, &[axis]);
+                let others: Vec<usize> = (0..6).filter(|k| *k != axis).collect();
+                self.rapid(&above, &others);
+                self.feed_to(pose, feed, None);
+            }
+        }
+    }
+
+    /// Lifts the tool to the clear height.
+    pub fn lift(&mut self) {
+        if let Some((axis, height)) = self.clear() {
+            let mut above = [0.0; 6];
+            above[axis] = height;
+            self.rapid(&above, &[axis]);
+        }
+    }
+
+    fn clear(&self) -> Option<(usize, f64)> {
+        let keys = self.keys;
+        keys.clear_z_mm.map(|z| (2, z)).or(keys.clear_x_mm.map(|x| (0, x)))
+    }
+
+    /// Whether the tool can be lifted.
+    pub fn can_lift(&self) -> bool {
+        self.clear().is_some()
+    }
+
+    /// G1 at a feed per minute; `minutes` in place of it for inverse time.
+    pub fn feed_to(&mut self, pose: &[f64; 6], feed: f64, minutes: Option<f64>) {
+        self.straight(pose, &[0, 1, 2, 3, 4, 5], feed, minutes);
+    }
+
+    /// G1 of some coordinates of a pose, at a feed per minute.
+    pub fn cut(&mut self, pose: &[f64; 6], of: &[usize], feed: f64) {
+        self.straight(pose, of, feed, None);
+    }
+
+    fn straight(&mut self, pose: &[f64; 6], of: &[usize], feed: f64, minutes: Option<f64>) {
+        let words = self.words(pose, of);
+        if words.is_empty() {
+            return;
+        }
+        self.go(MoveKind::Feed, feed);
+        let feed = self.feed_word(feed, minutes);
+        self.line(&format!("G1{words}{feed}"));
+    }
+
+    /// G2 or G3 to some coordinates of a pose, with whole turns if they are not 0.
+    pub fn arc_to(
+        &mut self,
+        pose: &[f64; 6],
+        of: &[usize],
+        arc: &Arc,
+        turns: u32,
+        feed: f64,
+        minutes: Option<f64>,
+    ) {
+        if self.plane != arc.plane {
+            self.plane = arc.plane;
+            self.line(["G17", "G18", "G19"][arc.plane]);
+        }
+        let before = self.at;
+        let from: [f64; 6] = std::array::from_fn(|k| before[k].unwrap_or(pose[k]));
+        let to = pose.map(round);
+        let kind = if arc.is_left { "G3" } else { "G2" };
+        let axes = PLANES[arc.plane];
+        let centre = [0, 1].map(|k| {
+            let offset = arc.centre[k] - from[axes[k]];
+            format!(" {}{}", ['I', 'J', 'K'][axes[k]], number(offset, DECIMALS))
+        });
+        for place in arc_places(&from, &to, arc, turns) {
+            of.iter().for_each(|k| self.at[*k] = Some(place[*k]));
+            self.go(MoveKind::Feed, feed);
+        }
+        self.at = before;
+        // Without a word of its plane an arc has no end.
+        self.at[axes[0]] = None;
+        self.at[axes[1]] = None;
+        let words = self.words(pose, of);
+        let feed = self.feed_word(feed, minutes);
+        let turns = if turns > 1 { format!(" P{turns}") } else { String::new() };
+        self.line(&format!("{kind}{words}{}{turns}{feed}", centre.concat()));
+    }
+
+    /// F where it changes; inverse time needs one in every line.
+    fn feed_word(&mut self, feed: f64, minutes: Option<f64>) -> String {
+        let value = minutes.map_or(feed, |minutes| 1.0 / minutes);
+        let text = number(value, FEED_DECIMALS);
+        let same = self.feed == Some(value) && minutes.is_none();
+        self.feed = minutes.is_none().then_some(value);
+        if same { String::new() } else { format!(" F{text}") }
+    }
+
+    /// Changes how feeds are written.
+    pub fn feed_mode(&mut self, feed: Feed) {
+        self.line(if feed == Feed::InverseTime { "G93" } else { "G94" });
+        self.feed = None;
+    }
+
+    /// Says that the line before ends at t.
+    pub fn note(&mut self, t: f64) {
+        self.places.push((self.lines, t));
+    }
+
+    /// The tail, and the program.
+    pub fn end(mut self) -> (String, Vec<Move>, Vec<(u32, f64)>) {
+        self.lift();
+        if self.keys.spindle_rpm.is_some() {
+            self.line("M5");
+        }
+        let tilts = self.tilts();
+        self.rapid(&[0.0; 6], &tilts);
+        if self.has_tool {
+            self.line("G49");
+        }
+        if self.plane != 0 {
+            self.line("G17");
+        }
+        self.line("G54");
+        self.line("M2");
+        (self.text, self.moves, self.places)
+    }
+}
+
+fn name(k: usize) -> char {
+    Letter::ALL[k].name()
+}
+
+fn round(value: f64) -> f64 {
+    let scale = 10_f64.powi(DECIMALS as i32);
+    (value * scale).round() / scale + 0.0
+}
+
+/// A pose in work coordinates as motion has it: in machine units, with the tool's offset.
+pub(super) fn in_machine(
+    config: &MachineConfig,
+    keys: &ProgramKeys,
+    tool: &[f64; 3],
+    pose: &[f64; 6],
+) -> [f64; 6] {
+    std::array::from_fn(|k| match k {
+        0..3 => (pose[k] + keys.zero_mm[k]) * config.units_per_mm + tool[k],
+        _ => pose[k],
+    })
+}
+
+/// Places along an arc, the last one its end.
+fn arc_places(from: &[f64; 6], to: &[f64; 6], arc: &Arc, turns: u32) -> Vec<[f64; 6]> {
+    let [first, second, across] = PLANES[arc.plane];
+    let angle = |pose: &[f64; 6]| (pose[second] - arc.centre[1]).atan2(pose[first] - arc.centre[0]);
+    let radius = (from[first] - arc.centre[0]).hypot(from[second] - arc.centre[1]);
+    let start = angle(from);
+    let side = if arc.is_left { 1.0 } else { -1.0 };
+    let turn = ((angle(to) - start) * side).rem_euclid(2.0 * PI);
+    // The end of a whole turn lies at its start, give or take the last decimal.
+    let is_whole = turns > 0 && !(1e-3..2.0 * PI - 1e-3).contains(&turn);
+    let turn = if is_whole { 0.0 } else { turn } + 2.0 * PI * f64::from(turns);
+    let turn = side * turn;
+    let step = (8.0 * ARC_ERROR / radius.max(ARC_ERROR)).sqrt();
+    let count = (turn.abs() / step).ceil().max(1.0);
+    // Places at every quarter of a whole turn.
+    let quarters = 4.0 * f64::from(turns);
+    let count = if is_whole { (count / quarters).ceil() * quarters } else { count };
+    let place = |n: f64| {
+        let share = n / count;
+        let mut pose: [f64; 6] = std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
+        let (sin, cos) = (start + turn * share).sin_cos();
+        pose[first] = arc.centre[0] + radius * cos;
+        pose[second] = arc.centre[1] + radius * sin;
+        pose[across] = from[across] + (to[across] - from[across]) * share;
+        pose
+    };
+    let mut places: Vec<[f64; 6]> = (1..count as usize).map(|n| place(n as f64)).collect();
+    places.push(*to);
+    places
+}

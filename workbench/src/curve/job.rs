@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A job of typical paths: its program, and what the joints do along every operation (paper 003,
+//! table 2: joints over the length of the path; figure 8: their changes by operation).
+
+use crate::curve::file::PathFile;
+use crate::curve::gcode::{SetupError, Writer};
+use crate::curve::operation::{Element, Operation, OperationError};
+use crate::curve::piece::Arc;
+use crate::curve::planes::PLANES;
+use crate::files;
+use crate::program::interpreter::{Move, MoveKind};
+use crate::program::path::{Along, along};
+use crate::program::preflight::preflight;
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Joints, Pose, Vector3};
+
+/// Largest distance of the places of a table, mm.
+const APART_MM: f64 = 1.0;
+/// And in degrees, where the tip stands.
+const APART_DEG: f64 = 0.5;
+
+/// Why a job cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// The keys.
+    #[error("{0}")]
+    Keys(&'static str),
+    /// An operation.
+    #[error(transparent)]
+    Operation(#[from] OperationError),
+    /// The program's keys.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// A limit of the machine.
+    #[error("[[operation]] {number}, {name}: {text}")]
+    Leaves {
+        /// The operation, from 1.
+        number: usize,
+        /// Its kind.
+        name: &'static str,
+        /// Which limit.
+        text: String,
+    },
+    /// A tool, or a pose out of reach.
+    #[error("[[operation]] {number}: {fault}")]
+    Fault {
+        /// The operation, from 1.
+        number: usize,
+        /// Why.
+        fault: Fault,
+    },
+}
+
+/// What the joints do along an operation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Done {
+    /// The operation.
+    pub name: &'static str,
+    /// Poses in the machine, machine units and degrees, with the joints there.
+    pub places: Vec<([f64; 6], Joints)>,
+    /// Length so far and changes of the joints since the operation's start.
+    pub along: Vec<Along>,
+}
+
+/// A job that a machine can do.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The program.
+    pub program: String,
+    /// Every operation but changes of the tool.
+    pub done: Vec<Done>,
+}
+
+/// The job of a file on a machine.
+///
+/// # Errors
+/// See [`JobError`].
+pub fn job(config: &MachineConfig, file: &PathFile) -> Result<Job, JobError> {
+    let tolerance = file.tolerance.ok_or(JobError::Keys("[tolerance] chord_mm: missing"))?;
+    let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
+    let title = file.program.title.clone().unwrap_or("Typical paths".into());
+    let comments = [title, "made by pkm path".into()];
+    let mut writer = Writer::begin(config, &file.program, &comments, blend)?;
+    let mut parts = vec![];
+    for (n, operation) in file.operation.iter().enumerate() {
+        let elements = operation.elements(n + 1, tolerance.chord_mm.0)?;
+        writer.line(&format!("; {}: {}", n + 1, operation.name()));
+        let (line, first) = (writer.lines() + 1, writer.moves.len());
+        for element in &elements {
+            write(&mut writer, element)?;
+        }
+        parts.push(Part { line, moves: first..writer.moves.len() });
+    }
+    let (program, moves, _) = writer.end();
+    check(config, &file.operation, &parts, &moves)?;
+    let mut done = vec![];
+    for (n, (operation, part)) in file.operation.iter().zip(&parts).enumerate() {
+        if !matches!(operation, Operation::Tool(_)) {
+            let fault = |fault| JobError::Fault { number: n + 1, fault };
+            let places = places(config, &moves, part.moves.clone()).map_err(fault)?;
+            let along = along(places.iter().copied());
+            done.push(Done { name: operation.name(), places, along });
+        }
+    }
+    Ok(Job { program, done })
+}
+
+/// Lines and moves of an operation.
+struct Part {
+    line: u32,
+    moves: std::ops::Range<usize>,
+}
+
+fn write(writer: &mut Writer, element: &Element) -> Result<(), SetupError> {
+    match element {
+        Element::Rapid(to) => {
+            let (pose, named) = named(to);
+            writer.rapid(&pose, &named);
+        }
+        Element::Cut(to, feed) => {
+            let (pose, named) = named(to);
+            writer.cut(&pose, &named, *feed);
+        }
+        Element::Turn { plane, end, level, centre, is_left, turns, feed } => {
+            let mut pose = writer.pose();
+            let [first, second, across] = PLANES[*plane];
+            [pose[first], pose[second]] = *end;
+            pose[across] = level.unwrap_or(pose[across]);
+            let arc = Arc { plane: *plane, centre: *centre, is_left: *is_left, length: 0.0 };
+            let named = if level.is_some() { &PLANES[*plane][..] } else { &PLANES[*plane][..2] };
+            writer.arc_to(&pose, named, &arc, *turns, *feed, None);
+        }
+        Element::Tool(change) => {
+            let [x, y, z] = change.park_mm;
+            let park = [x, y, z, 0.0, 0.0, 0.0];
+            if writer.has_moved() {
+                writer.rapid(&park, &[0, 1, 2]);
+                writer.rapid(&park, &[3, 4, 5]);
+            }
+            if let Some(tool) = change.tool {
+                writer.take(tool)?;
+                // All coordinates by name: what follows may name some of them alone.
+                writer.rapid(&park, &[0, 1, 2, 3, 4, 5]);
+            }
+            if let Some(speed) = change.spindle_rpm {
+                writer.spin_at(speed);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn named(to: &[Option<f64>; 6]) -> ([f64; 6], Vec<usize>) {
+    (to.map(|value| value.unwrap_or(0.0)), (0..6).filter(|k| to[*k].is_some()).collect())
+}
+
+fn check(
+    config: &MachineConfig,
+    operations: &[Operation],
+    parts: &[Part],
+    moves: &[Move],
+) -> Result<(), JobError> {
+    let found = preflight(config, moves).map_err(|fault| JobError::Fault { number: 1, fault })?;
+    let Some(first) = found.breaks.iter().min_by_key(|broken| broken.line) else { return Ok(()) };
+    let at = parts.iter().rposition(|part| part.line <= first.line).unwrap_or(0);
+    let (number, name, text) = (at + 1, operations[at].name(), first.text.clone());
+    Err(JobError::Leaves { number, name, text })
+}
+
+/// Places along moves, and the joints there.
+fn places(
+    config: &MachineConfig,
+    moves: &[Move],
+    range: std::ops::Range<usize>,
+) -> Result<Vec<([f64; 6], Joints)>, Fault> {
+    let mut all = vec![];
+    // The way to an operation is none of it.
+    let first = range.clone().find(|n| moves[*n].kind == MoveKind::Feed).unwrap_or(range.start);
+    let mut from = if first > 0 { moves[first - 1].end } else { config.home };
+    for step in &moves[first..range.end] {
+        let tool = config.spindle + Vector3::from(step.tool);
+        let joints = |pose: [f64; 6]| -> Result<_, Fault> {
+            Ok((pose, config.machine.inverse(&Pose::from_degrees(pose), &tool)?))
+        };
+        if all.is_empty() {
+            all.push(joints(from)?);
+        }
+        let change: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
+        let size = |of: &[f64]| of.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let count = (size(&change[..3]) / (APART_MM * config.units_per_mm))
+            .max(size(&change[3..]) / APART_DEG)
+            .ceil()
+            .max(1.0);
+        for n in 1..=count as usize {
+            let share = n as f64 / count;
+            all.push(joints(std::array::from_fn(|k| from[k] + share * change[k]))?);
+        }
+        from = step.end;
+    }
+    Ok(all)
+}
+
+/// The places of all operations as CSV, machine units and degrees.
+pub fn csv(config: &MachineConfig, job: &Job) -> String {
+    let count = config.joints.len();
+    let mut header: Vec<String> =
+        ["operation", "kind", "length", "x", "y", "z", "a", "b", "c"].map(String::from).into();
+    header.extend((0..count).map(|i| format!("joint_{i}")));
+    header.extend((0..count).map(|i| format!("change_{i}")));
+    let rows = job.done.iter().enumerate().flat_map(|(n, done)| {
+        done.places.iter().zip(&done.along).map(move |((pose, joints), along)| {
+            let names = [(n + 1).to_string(), done.name.into(), along.length.to_string()];
+            let numbers = pose.iter().chain(&joints[..count]).chain(&along.change[..count]);
+            names.into_iter().chain(numbers.map(|x| (x + 0.0).to_string())).collect::<Vec<_>>()
+        })
+    });
+    files::csv(&header, rows)
+}

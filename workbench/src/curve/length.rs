@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Arc length by Gauss-Legendre quadrature, and the place where it has a value by Newton's steps.
+
+use crate::curve::base::{Form, Part};
+use crate::curve::expression::Trouble;
+
+/// Places and weights of the rule of ten points on −1 to 1, one half of them.
+const RULE: [[f64; 2]; 5] = [
+    [0.148_874_338_981_631_2, 0.295_524_224_714_752_87],
+    [0.433_395_394_129_247_2, 0.269_266_719_309_996_35],
+    [0.679_409_568_299_024_4, 0.219_086_362_515_982_04],
+    [0.865_063_366_688_984_5, 0.149_451_349_150_580_6],
+    [0.973_906_528_517_171_7, 0.066_671_344_308_688_14],
+];
+/// Error of an integral, as a share of the whole: some roundings of a point of the curve.
+const ERROR: f64 = 1e-13;
+/// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the square of
+/// that.
+const HALVINGS: u32 = 40;
+/// Nodes between which lengths are kept.
+const NODES: usize = 64;
+/// Newton's steps to a length.
+const NEWTON: usize = 60;
+
+fn rule(part: &Part, [a, b]: [f64; 2]) -> Result<f64, Trouble> {
+    let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+    let mut sum = 0.0;
+    for [place, weight] in RULE {
+        sum += weight * (part.speed(middle - half * place)? + part.speed(middle + half * place)?);
+    }
+    Ok(half * sum)
+}
+
+/// The integral over a range, of which one rule gives `whole`, to within an error.
+fn halved(
+    part: &Part,
+    [a, b]: [f64; 2],
+    whole: f64,
+    error: f64,
+    left: u32,
+) -> Result<f64, Trouble> {
+    let middle = 0.5 * (a + b);
+    let halves = [rule(part, [a, middle])?, rule(part, [middle, b])?];
+    let sum = halves[0] + halves[1];
+    if left == 0 || !((sum - whole).abs() > error) {
+        return Ok(sum);
+    }
+    let [first, second] = halves;
+    Ok(halved(part, [a, middle], first, error, left - 1)?
+        + halved(part, [middle, b], second, error, left - 1)?)
+}
+
+/// Length of a part between two parameters.
+pub(super) fn between(part: &Part, range: [f64; 2]) -> Result<f64, Trouble> {
+    if range[0] == range[1] {
+        return Ok(0.0);
+    }
+    let whole = rule(part, range)?;
+    halved(part, range, whole, ERROR * whole.abs(), HALVINGS)
+}
+
+/// Lengths of a part at nodes of its range.
+#[derive(Clone, Debug)]
+pub struct Lengths {
+    /// Parameters, and the lengths from the curve's start.
+    nodes: Vec<[f64; 2]>,
+}
+
+impl Lengths {
+    /// Of a part that begins at a length.
+    pub(super) fn of(part: &Part, start: f64) -> Result<Self, Trouble> {
+        let [a, b] = part.range;
+        let count = if matches!(part.form, Form::Implicit(..)) { 1 } else { NODES };
+        let mut nodes = vec![[a, start]];
+        for k in 1..=count {
+            let [last, length] = nodes[k - 1];
+            let next = if k == count { b } else { a + (b - a) * k as f64 / count as f64 };
+            nodes.push([next, length + between(part, [last, next])?]);
+        }
+        Ok(Self { nodes })
+    }
+
+    /// The length at the end.
+    pub(super) fn end(&self) -> f64 {
+        self.nodes[self.nodes.len() - 1][1]
+    }
+
+    /// The length at a parameter.
+    pub(super) fn at(&self, part: &Part, at: f64) -> Result<f64, Trouble> {
+        let next = self.nodes.partition_point(|node| node[0] <= at).clamp(1, self.nodes.len() - 1);
+        let [from, length] = self.nodes[next - 1];
+        Ok(length + between(part, [from, at])?)
+    }
+
+    /// The parameter at a length.
+    pub(super) fn parameter(&self, part: &Part, length: f64) -> Result<f64, Trouble> {
+        let next = self.nodes.partition_point(|node| node[1] < length);
+        let next = next.clamp(1, self.nodes.len() - 1);
+        let ([mut low, _], [mut high, _]) = (self.nodes[next - 1], self.nodes[next]);
+        let mut at = 0.5 * (low + high);
+        for _ in 0..NEWTON {
+            let error = self.at(part, at)? - length;
+            *(if error > 0.0 { &mut high } else { &mut low }) = at;
+            let newton = at - error / part.speed(at)?;
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            if (next - at).abs() <= 1e-15 * (1.0 + at.abs()) {
+                return Ok(next);
+            }
+            at = next;
+        }
+        Ok(at)
+    }
+}

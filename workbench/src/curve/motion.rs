@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What happens at the ends of the pieces of a curve, and how long each takes.
+
+use crate::curve::piece::Piece;
+use crate::curve::whole::{Curve, CurveError, Here};
+
+/// Below this share of its speed by the parameter along the whole curve the tip stands.
+const STANDS: f64 = 1e-9;
+
+/// A place of the curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// The curve's parameter.
+    pub t: f64,
+    /// Arc length so far, mm: in x and y of families.
+    pub s: f64,
+    /// x y z in mm, a b c in degrees, in work coordinates.
+    pub pose: [f64; 6],
+    /// Direction of the tip's motion, of length 1; none at a cusp and where the tip stands.
+    pub tangent: Option<[f64; 3]>,
+    /// Change of the pose, mm/s and degrees/s, at the programmed speed; none without one, and at
+    /// a cusp.
+    pub rate: Option<[f64; 6]>,
+}
+
+/// How fast to go where.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Angular speed where the tip stands, degrees/s.
+    pub turn: Option<f64>,
+}
+
+/// The places where pieces begin and end: one more than pieces of a curve without gaps; a gap
+/// has one on either side.
+///
+/// # Errors
+/// See [`CurveError`].
+pub fn nodes(curve: &Curve, pieces: &[Piece], pace: &Pace) -> Result<Vec<[Node; 2]>, CurveError> {
+    let pair = |piece: &Piece| {
+        let node = |at| node(curve, piece.part, at, pace);
+        Ok([node(piece.range[0])?, node(piece.range[1])?])
+    };
+    pieces.iter().map(pair).collect()
+}
+
+/// One place.
+///
+/// # Errors
+/// See [`CurveError`].
+pub fn node(curve: &Curve, part: usize, at: f64, pace: &Pace) -> Result<Node, CurveError> {
+    let here = curve.at(part, at)?;
+    let slope = here.pose.map(|x| x.first.middle());
+    let speed = norm(&slope[..3]);
+    let [from, to] = curve.parts[part].range;
+    let moves = speed * (to - from) > STANDS * (curve.length + 1.0);
+    let by_time = match (moves, curve.speed(part, at)?, pace.turn) {
+        (true, Some(wanted), _) => Some(wanted / speed),
+        (false, _, Some(turn)) if norm(&slope[3..]) > 0.0 => Some(turn / norm(&slope[3..])),
+        _ => None,
+    };
+    Ok(Node {
+        t: here.t.value.middle(),
+        s: curve.length_at(part, at)?,
+        pose: values(&here),
+        tangent: moves.then(|| [slope[0], slope[1], slope[2]].map(|x| x / speed)),
+        rate: by_time.map(|by_time| slope.map(|x| x * by_time)),
+    })
+}
+
+fn values(here: &Here) -> [f64; 6] {
+    here.pose.map(|x| x.value.middle())
+}
+
+fn norm(of: &[f64]) -> f64 {
+    of.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Length of a piece as LinuxCNC takes it: of the tip, or in degrees where that stands.
+pub(super) fn length(piece: &Piece, [from, to]: &[Node; 2]) -> (f64, bool) {
+    let change: [f64; 6] = std::array::from_fn(|k| to.pose[k] - from.pose[k]);
+    let straight = norm(&change[..3]);
+    match (&piece.arc, straight > 0.0) {
+        (Some(arc), _) => (arc.length, true),
+        (None, true) => (straight, true),
+        (None, false) => (norm(&change[3..]), false),
+    }
+}
+
+/// Seconds that a piece takes.
+///
+/// # Errors
+/// No law says how fast.
+pub fn seconds(
+    curve: &Curve,
+    piece: &Piece,
+    ends: &[Node; 2],
+    pace: &Pace,
+) -> Result<f64, CurveError> {
+    let (length, moves) = length(piece, ends);
+    let missing = |key: &str| {
+        let t = ends[0].t;
+        CurveError::Keys(format!("[laws] {key}: missing, needed at t = {t}"))
+    };
+    if !moves {
+        return pace.turn.map(|turn| length / turn).ok_or_else(|| missing("turn_deg_per_s"));
+    }
+    let [from, to] = piece.range;
+    let slowness = |at: f64| -> Result<f64, CurveError> {
+        let speed = curve.speed(piece.part, at)?;
+        speed.map(|speed| 1.0 / speed).ok_or_else(|| missing("speed_mm_per_s"))
+    };
+    // Simpson's rule for the time per length.
+    let mean = (slowness(from)? + 4.0 * slowness(0.5 * (from + to))? + slowness(to)?) / 6.0;
+    Ok(length * mean)
+}

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! From a path file to a program and to what it asks of a machine.
+
+use crate::curve::file::{Feed, PathFile};
+use crate::curve::gcode::{SetupError, Writer};
+use crate::curve::motion::{Node, Pace, length, nodes, seconds};
+use crate::curve::piece::{Piece, Wanted};
+use crate::curve::pieces::pieces;
+use crate::curve::route_error::RouteError;
+use crate::curve::table::{Row, rows};
+use crate::curve::whole::{Curve, CurveError};
+use crate::program::interpreter::Move;
+use crate::program::preflight::preflight;
+use crate::read::machine::MachineConfig;
+
+/// All coordinates.
+const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+/// Ends of pieces that are farther apart than this are a gap, mm and degrees.
+const GAP: f64 = 1e-6;
+
+/// A path that a machine can take.
+#[derive(Clone, Debug)]
+pub struct Route {
+    /// The curve.
+    pub curve: Curve,
+    /// Its pieces.
+    pub pieces: Vec<Piece>,
+    /// The program.
+    pub program: String,
+    /// Places and joints, one row for the end of every piece and for every start.
+    pub rows: Vec<Row>,
+    /// Seconds at the programmed speeds, without acceleration.
+    pub seconds: f64,
+}
+
+/// The route of a file on a machine.
+///
+/// # Errors
+/// See [`RouteError`].
+pub fn route(config: &MachineConfig, file: &PathFile) -> Result<Route, RouteError> {
+    let curve = Curve::of(file)?;
+    let missing = || CurveError::Keys("[tolerance] chord_mm: missing".into());
+    let tolerance = file.tolerance.ok_or_else(missing)?;
+    let wanted = Wanted::new(&tolerance, file.program.moves)?;
+    let pieces = pieces(&curve, &wanted)?;
+    let pace = Pace { turn: file.laws.turn_deg_per_s.map(|turn| turn.0) };
+    let ends = nodes(&curve, &pieces, &pace)?;
+    let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
+    let title = file.program.title.clone().unwrap_or("Path along a curve".into());
+    let told = format!("within {} mm of the curve, made by pkm path", tolerance.chord_mm.0);
+    let mut writer = Writer::begin(config, &file.program, &[title, told], blend)?;
+    let seconds = write(&mut writer, &curve, &pieces, &ends, &pace)?;
+    let tool = writer.tool;
+    let rows = rows(config, &file.program, &nodes_once(&ends), tool)?;
+    let (program, moves, places) = writer.end();
+    check(config, &moves, &places)?;
+    Ok(Route { curve, pieces, program, rows, seconds })
+}
+
+/// Whether two nodes are one place.
+fn meet(a: &Node, b: &Node) -> bool {
+    (0..6).all(|k| (a.pose[k] - b.pose[k]).abs() <= GAP)
+}
+
+/// Starts and ends without those that come twice.
+fn nodes_once(ends: &[[Node; 2]]) -> Vec<Node> {
+    let mut all: Vec<Node> = vec![];
+    for [start, end] in ends {
+        if !all.last().is_some_and(|last| meet(last, start)) {
+            all.push(start.clone());
+        }
+        all.push(end.clone());
+    }
+    all
+}
+
+fn write(
+    writer: &mut Writer,
+    curve: &Curve,
+    pieces: &[Piece],
+    ends: &[[Node; 2]],
+    pace: &Pace,
+) -> Result<f64, RouteError> {
+    let mode = writer.keys().feed;
+    let mut last: Option<&Node> = None;
+    let mut whole = 0.0;
+    for (piece, ends) in pieces.iter().zip(ends) {
+        let [start, end] = ends;
+        writer.check(&end.pose, end.t)?;
+        let time = seconds(curve, piece, ends, pace)?;
+        let feed = length(piece, ends).0 / time * 60.0;
+        whole += time;
+        if !last.is_some_and(|last| meet(last, start)) {
+            writer.check(&start.pose, start.t)?;
+            begin(writer, start, last.is_some(), feed, mode)?;
+        }
+        let minutes = (mode == Feed::InverseTime).then_some(time / 60.0);
+        match &piece.arc {
+            Some(arc) => writer.arc_to(&end.pose, &ALL, arc, 0, feed, minutes),
+            None => writer.feed_to(&end.pose, feed, minutes),
+        }
+        writer.note(end.t);
+        last = Some(end);
+    }
+    if mode == Feed::InverseTime {
+        writer.feed_mode(Feed::PerMinute);
+    }
+    Ok(whole)
+}
+
+/// To the start of the curve, or over a gap in it.
+fn begin(
+    writer: &mut Writer,
+    start: &Node,
+    is_gap: bool,
+    feed: f64,
+    mode: Feed,
+) -> Result<(), RouteError> {
+    if is_gap {
+        if !writer.can_lift() {
+            let text = "the curve has a gap: clear_z_mm or clear_x_mm says how the tool crosses it";
+            return Err(SetupError::Clear(text).into());
+        }
+        if mode == Feed::InverseTime {
+            writer.feed_mode(Feed::PerMinute);
+        }
+        writer.lift();
+    }
+    writer.approach(&start.pose, feed);
+    writer.note(start.t);
+    if mode == Feed::InverseTime {
+        writer.feed_mode(mode);
+    }
+    Ok(())
+}
+
+/// Follows the program's moves against the limits of the machine.
+fn check(config: &MachineConfig, moves: &[Move], places: &[(u32, f64)]) -> Result<(), RouteError> {
+    let found = preflight(config, moves).map_err(|fault| RouteError::Fault {
+        t: places.first().map_or(0.0, |place| place.1),
+        fault,
+    })?;
+    let Some(first) = found.breaks.iter().min_by_key(|broken| broken.line) else { return Ok(()) };
+    let (line, text) = (first.line, first.text.clone());
+    match places.iter().find(|place| place.0 == line) {
+        Some((_, t)) => Err(RouteError::Leaves { t: *t, text }),
+        None => Err(RouteError::Beside { line, text }),
+    }
+}

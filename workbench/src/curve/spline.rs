@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Rational B-splines in space, by de Boor's algorithm with derivatives.
+
+use crate::curve::taylor::Taylor;
+
+/// A spline that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SplineError {
+    /// Too few points.
+    #[error("a spline of degree {degree} needs {} points or more; found {points}", degree + 1)]
+    Points {
+        /// Its degree.
+        degree: usize,
+        /// How many points there are.
+        points: usize,
+    },
+    /// Another number of knots.
+    #[error("expected {expected} knots, one for each point and {more} more; found {found}", more = expected - points)]
+    Knots {
+        /// How many there must be.
+        expected: usize,
+        /// How many points there are.
+        points: usize,
+        /// How many knots there are.
+        found: usize,
+    },
+    /// Knots that fall.
+    #[error("knot {0} is smaller than that before it")]
+    Order(usize),
+    /// A weight that is 0 or less.
+    #[error("weight {value} of point {point}: expected more than 0")]
+    Weight {
+        /// The point, from 1.
+        point: usize,
+        /// The weight.
+        value: f64,
+    },
+    /// A knot so often that the curve has a gap.
+    #[error("knot {0} repeats more often than the degree: the curve has a gap there")]
+    Gap(f64),
+    /// Degree 0.
+    #[error("degree 0: expected 1 or more")]
+    Degree,
+}
+
+/// A rational B-spline.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spline {
+    degree: usize,
+    knots: Vec<f64>,
+    /// x, y, z times the weight, and the weight.
+    points: Vec<[f64; 4]>,
+}
+
+impl Spline {
+    /// Of control points with weights; without knots those that clamp it to its ends and are
+    /// evenly spaced between.
+    ///
+    /// # Errors
+    /// See [`SplineError`].
+    pub fn new(
+        degree: usize,
+        points: &[[f64; 3]],
+        weights: Option<&[f64]>,
+        knots: Option<Vec<f64>>,
+    ) -> Result<Self, SplineError> {
+        let count = points.len();
+        if degree == 0 {
+            return Err(SplineError::Degree);
+        }
+        if count <= degree {
+            return Err(SplineError::Points { degree, points: count });
+        }
+        let knots = knots.unwrap_or_else(|| clamped(degree, count));
+        let expected = count + degree + 1;
+        if knots.len() != expected {
+            return Err(SplineError::Knots { expected, points: count, found: knots.len() });
+        }
+        if let Some(k) = (1..expected).find(|k| !(knots[*k] >= knots[k - 1])) {
+            return Err(SplineError::Order(k + 1));
+        }
+        let inside = 1..expected - degree - 1;
+        let gap = inside.into_iter().find(|k| {
+            knots[*k] == knots[k + degree] && knots[*k] > knots[degree] && knots[*k] < knots[count]
+        });
+        if let Some(k) = gap {
+            return Err(SplineError::Gap(knots[k]));
+        }
+        let weight = |k: usize| weights.map_or(1.0, |all| all[k]);
+        if let Some(k) = (0..count).find(|k| !(weight(*k) > 0.0 && weight(*k).is_finite())) {
+            return Err(SplineError::Weight { point: k + 1, value: weight(k) });
+        }
+        let weighted = |(k, p): (usize, &[f64; 3])| {
+            let w = weight(k);
+            [p[0] * w, p[1] * w, p[2] * w, w]
+        };
+        let points = points.iter().enumerate().map(weighted).collect();
+        Ok(Self { degree, knots, points })
+    }
+
+    /// Spans that have a length, with their ends.
+    pub fn spans(&self) -> Vec<(usize, [f64; 2])> {
+        let ends = |k: usize| [self.knots[k], self.knots[k + 1]];
+        let spans = (self.degree..self.points.len()).map(|k| (k, ends(k)));
+        spans.filter(|(_, [a, b])| a < b).collect()
+    }
+
+    /// Coordinates at a parameter of a span.
+    pub fn at(&self, span: usize, t: Taylor) -> [Taylor; 3] {
+        let degree = self.degree;
+        let mut points: Vec<[Taylor; 4]> =
+            (0..=degree).map(|j| self.points[j + span - degree].map(Taylor::constant)).collect();
+        for level in 1..=degree {
+            for j in (level..=degree).rev() {
+                let low = self.knots[j + span - degree];
+                let high = self.knots[j + 1 + span - level];
+                let share = (t - Taylor::constant(low)) * (1.0 / (high - low));
+                points[j] = std::array::from_fn(|k| {
+                    points[j - 1][k] + (points[j][k] - points[j - 1][k]) * share
+                });
+            }
+        }
+        let [x, y, z, w] = points[degree];
+        match w.as_constant() {
+            Some(1.0) => [x, y, z],
+            _ => [x / w, y / w, z / w],
+        }
+    }
+}
+
+/// Knots from 0 to 1.
+fn clamped(degree: usize, count: usize) -> Vec<f64> {
+    let spans = count - degree;
+    let knot = |k: usize| (k.saturating_sub(degree).min(spans)) as f64 / spans as f64;
+    (0..count + degree + 1).map(knot).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::proof::interval::Interval;
+    use std::f64::consts::FRAC_1_SQRT_2;
+
+    /// Of some ten operations with numbers up to 10.
+    const ROUNDING: f64 = 1e-13;
+
+    fn point(t: f64) -> Taylor {
+        Taylor::variable(Interval::point(t))
+    }
+
+    #[test]
+    fn a_rational_quadratic_is_a_quarter_of_a_circle() {
+        let points = [[10.0, 0.0, 3.0], [10.0, 10.0, 3.0], [0.0, 10.0, 3.0]];
+        let spline = Spline::new(2, &points, Some(&[1.0, FRAC_1_SQRT_2, 1.0]), None).unwrap();
+        assert_eq!(spline.spans(), [(2, [0.0, 1.0])]);
+        for k in 0..=10 {
+            let [x, y, z] = spline.at(2, point(f64::from(k) / 10.0));
+            let (a, b) = (x.value.middle(), y.value.middle());
+            let off = (a.hypot(b) - 10.0).abs().max((z.value.middle() - 3.0).abs());
+            assert!(off < ROUNDING, "{off}");
+            // Tangents stand square to radii.
+            assert!((a * x.first.middle() + b * y.first.middle()).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_spline_begins_and_ends_at_its_end_points_and_has_two_derivatives_at_its_knots() {
+        let points: Vec<[f64; 3]> =
+            (0..7).map(|k| [f64::from(k), f64::from(k * k % 5), f64::from(3 - k % 3)]).collect();
+        let spline = Spline::new(3, &points, None, None).unwrap();
+        let spans = spline.spans();
+        assert_eq!(spans.len(), 4);
+        let ends = [(0, 0), (spans.len() - 1, 6)];
+        for (span, end) in ends {
+            let at = spline.at(spans[span].0, point(if span == 0 { 0.0 } else { 1.0 }));
+            assert_eq!(at.map(|x| x.value.middle()), points[end]);
+        }
+        for pair in spans.windows(2) {
+            let [before, after] = [0, 1].map(|k| spline.at(pair[k].0, point(pair[1].1[0])));
+            for (a, b) in before.iter().zip(after) {
+                assert!((a.value.middle() - b.value.middle()).abs() < 1e-13);
+                assert!((a.first.middle() - b.first.middle()).abs() < 1e-12);
+                assert!((a.second.middle() - b.second.middle()).abs() < 1e-10);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_spline_is_told() {
+        let points = [[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]];
+        let of = |degree, weights: Option<&[f64]>, knots| {
+            Spline::new(degree, &points, weights, knots).unwrap_err()
+        };
+        assert_eq!(of(0, None, None), SplineError::Degree);
+        assert_eq!(of(4, None, None), SplineError::Points { degree: 4, points: 4 });
+        assert_eq!(
+            of(1, None, Some(vec![0.0, 1.0])),
+            SplineError::Knots { expected: 6, points: 4, found: 2 }
+        );
+        let knots = vec![0.0, 0.0, 2.0, 1.0, 3.0, 3.0];
+        assert_eq!(of(1, None, Some(knots)), SplineError::Order(4));
+        let knots = vec![0.0, 0.0, 1.0, 1.0, 2.0, 2.0];
+        assert_eq!(of(1, None, Some(knots)), SplineError::Gap(1.0));
+        let weights = [1.0, 0.0, 1.0, 1.0];
+        assert_eq!(of(1, Some(&weights), None), SplineError::Weight { point: 2, value: 0.0 });
+    }
+}

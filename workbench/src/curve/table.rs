@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a path asks of the joints: positions and rates, and how it is shared by table and platform.
+
+use crate::curve::file::ProgramKeys;
+use crate::curve::gcode::in_machine;
+use crate::curve::motion::Node;
+use crate::curve::route_error::RouteError;
+use crate::files;
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
+
+/// A place of the path, and the machine there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The place.
+    pub node: Node,
+    /// Joint values.
+    pub joints: Joints,
+    /// Their rates per second, where the node has a rate.
+    pub rates: Option<Joints>,
+    /// x y z of the platform's centre, which the table and the platform share (machine units): a
+    /// table takes x and y, the platform z.
+    pub centre: [f64; 3],
+}
+
+/// The machine at all nodes.
+///
+/// # Errors
+/// A pose out of reach, or a joint that cannot be as fast.
+pub fn rows(
+    config: &MachineConfig,
+    keys: &ProgramKeys,
+    nodes: &[Node],
+    tool: [f64; 3],
+) -> Result<Vec<Row>, RouteError> {
+    nodes.iter().map(|node| row(config, keys, node, tool)).collect()
+}
+
+fn row(
+    config: &MachineConfig,
+    keys: &ProgramKeys,
+    node: &Node,
+    tool: [f64; 3],
+) -> Result<Row, RouteError> {
+    let fault = |fault| RouteError::Fault { t: node.t, fault };
+    let pose = Pose::from_degrees(in_machine(config, keys, &tool, &node.pose));
+    let tool = config.spindle + Vector3::from(tool);
+    let at = config.machine.at(&pose, &tool).map_err(fault)?;
+    let units = config.units_per_mm;
+    let scaled = |rate: &[f64; 6]| -> [f64; 6] {
+        std::array::from_fn(|k| if k < 3 { rate[k] * units } else { rate[k] })
+    };
+    let rates =
+        node.rate.as_ref().map(|rate| at.rates(&scaled(rate))).transpose().map_err(fault)?;
+    if let Some(rates) = &rates {
+        check_speeds(config, node.t, rates)?;
+    }
+    let lever = at.rotation() * (tool + Vector3::from(config.geometry.centre));
+    // The pose's position is the platform's where it is level: the tip and the tool's offset.
+    let centre = (pose.position - tool + lever).into();
+    Ok(Row { node: node.clone(), joints: *at.joints(), rates, centre })
+}
+
+fn check_speeds(config: &MachineConfig, t: f64, rates: &Joints) -> Result<(), RouteError> {
+    let fast =
+        config.joints.iter().zip(rates).find(|(joint, rate)| rate.abs() > joint.max_velocity);
+    match fast {
+        None => Ok(()),
+        Some((joint, rate)) => Err(RouteError::TooFast {
+            t,
+            joint: joint.name.clone(),
+            speed: rate.abs(),
+            most: joint.max_velocity,
+        }),
+    }
+}
+
+/// The rows as CSV: place, tangent, joints and rates, then the split of the path.
+pub fn csv(config: &MachineConfig, rows: &[Row]) -> String {
+    let count = config.joints.len();
+    let mut header: Vec<String> =
+        ["t", "s", "x", "y", "z", "a", "b", "c", "tangent_x", "tangent_y", "tangent_z"]
+            .map(String::from)
+            .into();
+    header.extend((0..count).map(|i| format!("joint_{i}")));
+    header.extend((0..count).map(|i| format!("rate_{i}")));
+    header.extend(["centre_x", "centre_y", "centre_z"].map(String::from));
+    let cell = |value: Option<f64>| value.map_or(String::new(), |value| (value + 0.0).to_string());
+    let cells = |row: &Row| {
+        let node = &row.node;
+        let numbers = [node.t, node.s].into_iter().chain(node.pose).map(Some);
+        let tangent = (0..3).map(|k| node.tangent.map(|tangent| tangent[k]));
+        let joints = (0..count).map(|i| Some(row.joints[i]));
+        let rates = (0..count).map(|i| row.rates.map(|rates: [f64; MAX_JOINTS]| rates[i]));
+        let centre = row.centre.into_iter().map(Some);
+        numbers
+            .chain(tangent)
+            .chain(joints)
+            .chain(rates)
+            .chain(centre)
+            .map(cell)
+            .collect::<Vec<_>>()
+    };
+    files::csv(&header, rows.iter().map(cells))
+}

@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Continuation: the curve that two families make, followed from a point, with every step proved.
+//!
+//! Pseudo-arclength in (x, y, w), w being t in units of its range: a step goes along the tangent
+//! T = ∇α × ∇β, and Newton's steps lead back to the curve in the plane across it. It counts only
+//! where Krawczyk's operator shows that over the chord the curve is one and has one tangent, so
+//! that no step can change to another branch, and none can pass a singular point.
+
+use crate::curve::base::{Form, Part};
+use crate::curve::expression::Trouble;
+use crate::curve::implicit::{Chord, Families};
+use crate::proof::interval::Interval;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// First step, as a share of the size of the start point.
+const FIRST: f64 = 1e-3;
+/// Smallest step, as the same share: below it the curve has no one tangent.
+const LEAST: f64 = 1e-9;
+/// Cosine of the largest turn of the tangent in a step, 15 degrees.
+const MOST_TURN: f64 = 0.965_925_826_289_068_3;
+/// The step grows where the tangent has turned by less than a third of that.
+const LITTLE_TURN: f64 = 0.996_194_698_091_745_5;
+/// Newton's steps that a good prediction needs.
+const FEW: usize = 4;
+/// Steps before a curve counts as endless.
+const STEPS: usize = 200_000;
+/// Bisections of a chord.
+const BISECTIONS: usize = 200;
+
+/// Where t has a largest or smallest value along the curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turning {
+    /// x and y, mm.
+    pub at: [f64; 2],
+    /// t there.
+    pub t: f64,
+}
+
+/// What to follow.
+#[derive(Clone, Debug)]
+pub struct Wanted {
+    /// x and y near the start, mm.
+    pub start: [f64; 2],
+    /// t at the start, and where t ends.
+    pub t: [f64; 2],
+    /// Smallest and largest t on the way.
+    pub bounds: [f64; 2],
+    /// Whether a turning point of t ends the curve.
+    pub stops_at_turning: bool,
+}
+
+/// A curve that was followed.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// Its parts.
+    pub parts: Vec<Part>,
+    /// Where t turns back.
+    pub turnings: Vec<Turning>,
+    /// Whether it comes back to its start.
+    pub is_closed: bool,
+}
+
+/// Why a curve cannot be followed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TraceError {
+    /// An expression has no value.
+    #[error("near x {:.6} y {:.6} t {t:.6}: {trouble}", .at[0], .at[1])]
+    Trouble {
+        /// x and y.
+        at: [f64; 2],
+        /// t.
+        t: f64,
+        /// What.
+        trouble: Trouble,
+    },
+    /// No point of both families at the start.
+    #[error("the families have no real branch near start_mm [{}, {}] at t = {t}: give a start that lies on both curves", .at[0], .at[1])]
+    NoBranch {
+        /// x and y.
+        at: [f64; 2],
+        /// t.
+        t: f64,
+    },
+    /// Branches meet, or the families touch.
+    #[error("singular point near x {:.6} y {:.6} t {t:.6}: the curves of both families touch or branches cross there; end the range of t before it, or choose another start", .at[0], .at[1])]
+    Singular {
+        /// x and y.
+        at: [f64; 2],
+        /// t.
+        t: f64,
+    },
+    /// No end after many steps.
+    #[error("the curve has no end within {STEPS} steps; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, or length_mm", .at[0], .at[1])]
+    Endless {
+        /// x and y.
+        at: [f64; 2],
+        /// t.
+        t: f64,
+    },
+}
+
+/// The way along the curve.
+struct Walk<'a> {
+    families: &'a Arc<Families>,
+    wanted: &'a Wanted,
+    size: f64,
+    trace: Trace,
+}
+
+/// Follows the curve; `most` is the length in x and y after which it may end.
+///
+/// # Errors
+/// See [`TraceError`].
+pub fn trace(families: &Arc<Families>, wanted: &Wanted, most: f64) -> Result<Trace, TraceError> {
+    let trace = Trace { parts: vec![], turnings: vec![], is_closed: false };
+    let [x, y] = wanted.start;
+    let guess = Vector3::new(x, y, wanted.t[0] / families.t_unit);
+    let size = 1.0 + guess.xy().amax();
+    let mut walk = Walk { families, wanted, size, trace };
+    let (start, tangent) = walk.begin(guess)?;
+    walk.follow(start, tangent, most)?;
+    Ok(walk.trace)
+}
+
+impl Walk<'_> {
+    fn place(&self, point: &Vector3<f64>) -> ([f64; 2], f64) {
+        ([point.x, point.y], point.z * self.families.t_unit)
+    }
+
+    fn trouble(&self, point: &Vector3<f64>) -> impl Fn(Trouble) -> TraceError + use<> {
+        let (at, t) = self.place(point);
+        move |trouble| TraceError::Trouble { at, t, trouble }
+    }
+
+    fn singular(&self, point: &Vector3<f64>) -> TraceError {
+        let (at, t) = self.place(point);
+        TraceError::Singular { at, t }
+    }
+
+    /// The point of the curve at the start's t, and the tangent along which t goes to its end.
+    fn begin(&self, guess: Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
+        let [t, end] = self.wanted.t;
+        let no_branch = TraceError::NoBranch { at: self.wanted.start, t };
+        let trouble = self.trouble(&guess);
+        let found = self.families.in_plane(guess, &Vector3::z(), guess.z).map_err(&trouble)?;
+        let start = match found {
+            Some((start, _)) => start,
+            // Where t turns back just there, its plane does not cut the curve; the guess may lie on it.
+            None if self.is_on(&guess).map_err(&trouble)? => guess,
+            None => return Err(no_branch),
+        };
+        let tangent = self.tangent(&start)?;
+        let forward = tangent.z * (end - t) >= 0.0;
+        Ok((start, if forward { tangent } else { -tangent }))
+    }
+
+    fn is_on(&self, point: &Vector3<f64>) -> Result<bool, Trouble> {
+        let (values, gradients) = self.families.at(point)?;
+        let is_zero =
+            |(value, row): (f64, Vector3<f64>)| value.abs() <= 1e-12 * self.size * row.norm();
+        Ok(values.into_iter().zip(gradients).all(is_zero))
+    }
+
+    fn tangent(&self, point: &Vector3<f64>) -> Result<Vector3<f64>, TraceError> {
+        let (_, [a, b]) = self.families.at(point).map_err(self.trouble(point))?;
+        let across = a.cross(&b);
+        match across.norm() > LEAST * a.norm() * b.norm() {
+            true => Ok(across.normalize()),
+            false => Err(self.singular(point)),
+        }
+    }
+
+    fn follow(
+        &mut self,
+        start: Vector3<f64>,
+        tangent: Vector3<f64>,
+        most: f64,
+    ) -> Result<(), TraceError> {
+        let (mut point, mut direction, mut step) = (start, tangent, FIRST * self.size);
+        let mut length = 0.0;
+        for _ in 0..STEPS {
+            let (next, turned) = self.step(&point, &direction, &mut step)?;
+            if self.comes_back(&start, &tangent, &point, &next) {
+                let part = self.proved(&point, &start).map_err(self.trouble(&point))?;
+                let part = part.ok_or_else(|| self.singular(&point))?;
+                self.ends(part, &direction, &tangent);
+                self.trace.is_closed = true;
+                return Ok(());
+            }
+            let part = self.proved(&point, &next).map_err(self.trouble(&point))?;
+            let Some(part) = part else {
+                step *= 0.5;
+                if step < LEAST * self.size {
+                    return Err(self.singular(&point));
+                }
+                continue;
+            };
+            if self.ends(part, &direction, &turned) {
+                return Ok(());
+            }
+            length += (next - point).xy().norm();
+            if length >= most {
+                return Ok(());
+            }
+            if direction.dot(&turned) > LITTLE_TURN {
+                step *= 1.5;
+            }
+            (point, direction) = (next, turned);
+        }
+        let (at, t) = self.place(&point);
+        Err(TraceError::Endless { at, t })
+    }
+
+    /// A step along the tangent and back to the curve, as long as may be.
+    fn step(
+        &self,
+        point: &Vector3<f64>,
+        direction: &Vector3<f64>,
+        step: &mut f64,
+    ) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
+        loop {
+            let guess = point + direction * *step;
+            // Where an expression has no value beyond the curve's end, a shorter step may have one.
+            let found = self.families.in_plane(guess, direction, direction.dot(&guess));
+            if let Ok(Some((next, steps))) = &found
+                && *steps <= FEW
+                && let Ok(tangent) = self.tangent(next)
+            {
+                let turned = if tangent.dot(direction) < 0.0 { -tangent } else { tangent };
+                if turned.dot(direction) > MOST_TURN {
+                    return Ok((*next, turned));
+                }
+            }
+            *step *= 0.5;
+            if *step < LEAST * self.size {
+                found.map_err(self.trouble(point))?;
+                return Err(self.singular(point));
+            }
+        }
+    }
+
+    /// The part between two points of the curve, where it can be proved to be one.
+    fn proved(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Result<Option<Part>, Trouble> {
+        let (chord, length) = Chord::between(*from, *to);
+        let proof = chord.at(self.families, Interval::new(0.0, length))?;
+        let form = Form::Implicit(self.families.clone(), chord);
+        Ok(proof.map(|_| Part { form, range: [0.0, length] }))
+    }
+
+    /// Whether the curve passes its start between two points.
+    fn comes_back(
+        &self,
+        start: &Vector3<f64>,
+        tangent: &Vector3<f64>,
+        point: &Vector3<f64>,
+        next: &Vector3<f64>,
+    ) -> bool {
+        let before = tangent.dot(&(point - start));
+        let after = tangent.dot(&(next - start));
+        let length = (next - point).norm();
+        let aside = (start - point).cross(&(next - point)).norm() / length;
+        // The start lies beside the chord by no more than the curve does.
+        before < 0.0 && after >= 0.0 && aside < 0.1 * length && self.trace.parts.len() > 2
+    }
+
+    /// Adds a part; whether the curve ends in it.
+    fn ends(&mut self, mut part: Part, before: &Vector3<f64>, after: &Vector3<f64>) -> bool {
+        let turning = (before.z * after.z < 0.0).then(|| self.turning(&part));
+        let stop = turning.filter(|_| self.wanted.stops_at_turning);
+        part.range[1] = stop.unwrap_or(part.range[1]);
+        let bound = self.bound(&part, turning);
+        part.range[1] = bound.unwrap_or(part.range[1]);
+        if let Some(turning) = turning.filter(|at| *at <= part.range[1]) {
+            self.note_turning(&part, turning);
+        }
+        self.trace.parts.push(part);
+        bound.is_some() || stop.is_some()
+    }
+
+    fn note_turning(&mut self, part: &Part, at: f64) {
+        let found = self.at(part, at);
+        self.trace.turnings.extend(found);
+    }
+
+    fn at(&self, part: &Part, at: f64) -> Option<Turning> {
+        let place = part.at(Interval::point(at)).ok().flatten()?;
+        let [x, y, _] = place.at.map(|x| x.value.middle());
+        Some(Turning { at: [x, y], t: place.t.value.middle() })
+    }
+
+    /// Where dt changes its sign within a part whose ends differ in it.
+    fn turning(&self, part: &Part) -> f64 {
+        let slope = |at: f64| {
+            let place = part.at(Interval::point(at)).ok().flatten();
+            place.map_or(f64::NAN, |place| place.t.first.middle())
+        };
+        let rises = slope(part.range[0]) > 0.0;
+        bisected(part.range, |at| (slope(at) > 0.0) == rises)
+    }
+
+    /// Where t first leaves its bounds within a part, in which it may turn back once.
+    fn bound(&self, part: &Part, turning: Option<f64>) -> Option<f64> {
+        let [low, high] = self.wanted.bounds;
+        // Rounding of t where it only touches a bound.
+        let room = 1e-12 * self.families.t_unit;
+        let inside = |at: f64| {
+            self.at(part, at).is_some_and(|found| (low - room..=high + room).contains(&found.t))
+        };
+        let [start, end] = part.range;
+        let outside = turning.into_iter().chain([end]).find(|at| *at <= end && !inside(*at))?;
+        Some(bisected([start, outside], inside))
+    }
+}
+
+/// The place in a range up to which a condition holds.
+fn bisected([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        *(if holds(middle) { &mut low } else { &mut high }) = middle;
+    }
+    low
+}

@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A whole curve with its laws: poses of the tool tip, with derivatives, over every part of it.
+
+use crate::curve::base::{Explicit, Form, Part};
+use crate::curve::expression::{Expression, ExpressionError, Trouble};
+use crate::curve::file::{CurveKeys, Follow, Formula, PathFile};
+use crate::curve::implicit::Families;
+use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
+use crate::curve::length::Lengths;
+use crate::curve::taylor::Taylor;
+use crate::curve::trace::{TraceError, Turning, Wanted, trace};
+use crate::proof::interval::Interval;
+use std::sync::Arc;
+
+/// Halvings of a range that may hold a pole: 1e-12 of it is left.
+const HALVINGS: u32 = 40;
+
+/// A pose of the tool tip in work coordinates, with its derivatives by the part's parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Here {
+    /// x y z in mm, a b c in degrees.
+    pub pose: [Taylor; 6],
+    /// The curve's parameter.
+    pub t: Taylor,
+}
+
+/// A curve that cannot be made or evaluated.
+#[derive(Debug, thiserror::Error)]
+pub enum CurveError {
+    /// A key is missing or does not fit the others.
+    #[error("{0}")]
+    Keys(String),
+    /// An expression of a key.
+    #[error("{key}: {error}")]
+    Expression {
+        /// The key.
+        key: String,
+        /// What is wrong with it.
+        error: ExpressionError,
+    },
+    /// No value at some t.
+    #[error("at t = {t}: {trouble}")]
+    Trouble {
+        /// Where.
+        t: f64,
+        /// What.
+        trouble: Trouble,
+    },
+    /// The families cannot be followed.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// A free-form curve cannot be read.
+    #[error(transparent)]
+    Free(#[from] crate::curve::free::FreeError),
+}
+
+/// A curve.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Its parts, in order; each begins where the one before ends, or the tool is lifted between.
+    pub parts: Vec<Part>,
+    lengths: Vec<Lengths>,
+    /// The laws along it.
+    pub laws: Laws,
+    /// Its arc length in mm: in x and y of families, in space of free-form curves.
+    pub length: f64,
+    /// Where t turns back.
+    pub turnings: Vec<Turning>,
+    /// Whether it ends where it begins.
+    pub is_closed: bool,
+    uses_length: bool,
+}
+
+/// Reads the expressions of a file.
+struct Reader<'a>(&'a PathFile);
+
+impl Reader<'_> {
+    fn read(&self, key: &str, of: &Formula, names: &[&str]) -> Result<Expression, CurveError> {
+        let known = &self.0.parameters;
+        Expression::parse(&of.0, names, known)
+            .map_err(|error| CurveError::Expression { key: key.into(), error })
+    }
+
+    fn or(
+        &self,
+        key: &str,
+        of: Option<&Formula>,
+        otherwise: &str,
+        names: &[&str],
+    ) -> Result<Expression, CurveError> {
+        self.read(key, of.unwrap_or(&Formula(otherwise.into())), names)
+    }
+
+    fn number(&self, key: &str, of: &Formula) -> Result<f64, CurveError> {
+        let found = self.read(key, of, &[])?.at(&[]);
+        found
+            .map(|found| found.value.middle())
+            .map_err(|trouble| CurveError::Keys(format!("{key}: {trouble}")))
+    }
+
+    fn laws(&self, is_plane: bool) -> Result<Laws, CurveError> {
+        let (keys, split) = (&self.0.laws, &self.0.split);
+        if !is_plane && keys.z_mm.is_some() {
+            return Err(CurveError::Keys("[laws] z_mm: a curve in space has its own z".into()));
+        }
+        let own = |key: &str, of: &Option<Formula>| self.or(key, of.as_ref(), "t", &["t"]);
+        let z = is_plane
+            .then(|| self.or("[laws] z_mm", keys.z_mm.as_ref(), "0", &NAMES[..5]))
+            .transpose()?;
+        let speed = keys.speed_mm_per_s.as_ref();
+        Ok(Laws {
+            z,
+            tilt: self.tilt()?,
+            own: [
+                own("[split] t_z", &split.t_z)?,
+                own("[split] t_a", &split.t_a)?,
+                own("[split] t_b", &split.t_b)?,
+                own("t_c", &None)?,
+            ],
+            speed: speed
+                .map(|law| self.read("[laws] speed_mm_per_s", law, &SPEED_NAMES))
+                .transpose()?,
+        })
+    }
+
+    fn tilt(&self) -> Result<Tilt, CurveError> {
+        let keys = &self.0.laws;
+        let angle = |key: &str, of: &Option<Formula>| self.or(key, of.as_ref(), "0", &NAMES);
+        let has_angles = [&keys.a_deg, &keys.b_deg, &keys.c_deg].iter().any(|key| key.is_some());
+        match &keys.normal {
+            Some(_) if has_angles => {
+                Err(CurveError::Keys("[laws]: give normal, or a_deg b_deg c_deg, not both".into()))
+            }
+            Some([x, y, z]) => {
+                let of = |law| self.read("[laws] normal", law, &NAMES);
+                Ok(Tilt::Normal([of(x)?, of(y)?, of(z)?]))
+            }
+            None => Ok(Tilt::Angles([
+                angle("[laws] a_deg", &keys.a_deg)?,
+                angle("[laws] b_deg", &keys.b_deg)?,
+                angle("[laws] c_deg", &keys.c_deg)?,
+            ])),
+        }
+    }
+
+    fn range(&self, keys: &CurveKeys) -> Result<[f64; 2], CurveError> {
+        let missing = || CurveError::Keys("[curve] t: missing; expected [first, last]".into());
+        let [first, last] = keys.t.as_ref().ok_or_else(missing)?;
+        let range = [self.number("[curve] t", first)?, self.number("[curve] t", last)?];
+        match range[0] == range[1] {
+            true => Err(CurveError::Keys(format!("[curve] t: {} twice: no curve", range[0]))),
+            false => Ok(range),
+        }
+    }
+
+    fn explicit(&self, keys: &CurveKeys, x: &Formula, y: &Formula) -> Result<Part, CurveError> {
+        let split = &self.0.split;
+        let own = |key: &str, of: &Option<Formula>| self.or(key, of.as_ref(), "t", &["t"]);
+        let both = [self.read("[curve] x_mm", x, &["t"])?, self.read("[curve] y_mm", y, &["t"])?];
+        let own = [own("[split] t_x", &split.t_x)?, own("[split] t_y", &split.t_y)?];
+        let [first, last] = self.range(keys)?;
+        if !(first < last) {
+            let text = format!("[curve] t: {first} to {last}: expected the smaller one first");
+            return Err(CurveError::Keys(text));
+        }
+        Ok(Part { form: Form::Explicit(Arc::new(Explicit { both, own })), range: [first, last] })
+    }
+
+    fn families(&self, keys: &CurveKeys) -> Result<(Arc<Families>, Wanted), CurveError> {
+        let missing = |key: &str| CurveError::Keys(format!("[curve] {key}: missing"));
+        if self.0.split.t_x.is_some() || self.0.split.t_y.is_some() {
+            let text = "[split] t_x, t_y: families give x and y together; only t_z, t_a and t_b \
+                        may differ";
+            return Err(CurveError::Keys(text.into()));
+        }
+        let names = ["x", "y", "t"];
+        let alpha = keys.alpha.as_ref().ok_or_else(|| missing("alpha"))?;
+        let beta = keys.beta.as_ref().ok_or_else(|| missing("beta"))?;
+        let both =
+            [self.read("[curve] alpha", alpha, &names)?, self.read("[curve] beta", beta, &names)?];
+        let t = self.range(keys)?;
+        let bounds = match &keys.t_bounds {
+            Some([low, high]) => {
+                [self.number("[curve] t_bounds", low)?, self.number("[curve] t_bounds", high)?]
+            }
+            None => [t[0].min(t[1]), t[0].max(t[1])],
+        };
+        let start = keys.start_mm.ok_or_else(|| missing("start_mm"))?;
+        let stops_at_turning = keys.follow == Follow::T;
+        let families = Families { both, t_unit: (t[1] - t[0]).abs() };
+        Ok((Arc::new(families), Wanted { start, t, bounds, stops_at_turning }))
+    }
+}
+
+impl Curve {
+    /// The curve of a file.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn of(file: &PathFile) -> Result<Self, CurveError> {
+        let keys = file.curve.as_ref().ok_or_else(|| CurveError::Keys("no [curve]".into()))?;
+        let reader = Reader(file);
+        let (mut turnings, mut is_closed) = (vec![], false);
+        let is_free = keys.points.is_some() || keys.svg.is_some();
+        let parts = match (&keys.x_mm, &keys.y_mm, is_free) {
+            (Some(x), Some(y), false) if keys.alpha.is_none() && keys.beta.is_none() => {
+                vec![reader.explicit(keys, x, y)?]
+            }
+            (None, None, false) if keys.alpha.is_some() || keys.beta.is_some() => {
+                let (families, wanted) = reader.families(keys)?;
+                let most = keys.length_mm.map_or(f64::INFINITY, |most| most.0);
+                let found = trace(&families, &wanted, most)?;
+                (turnings, is_closed) = (found.turnings, found.is_closed);
+                found.parts
+            }
+            (None, None, true) if keys.alpha.is_none() && keys.beta.is_none() => {
+                crate::curve::free::parts(keys, &file.folder)?
+            }
+            _ => {
+                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or points, or svg";
+                return Err(CurveError::Keys(text.into()));
+            }
+        };
+        let laws = reader.laws(keys.points.is_none())?;
+        let mut curve = Self {
+            parts,
+            lengths: vec![],
+            uses_length: laws.use_length(),
+            laws,
+            length: 0.0,
+            turnings,
+            is_closed,
+        };
+        curve.measure()?;
+        if let Some(most) = keys.length_mm {
+            curve.cut(most.0)?;
+        }
+        (0..curve.parts.len()).try_for_each(|k| curve.check(k, curve.parts[k].range, HALVINGS))?;
+        Ok(curve)
+    }
+
+    fn measure(&mut self) -> Result<(), CurveError> {
+        for part in &self.parts {
+            let lengths = Lengths::of(part, self.length)
+                .map_err(|trouble| CurveError::Trouble { t: first_trouble(part), trouble })?;
+            self.length = lengths.end();
+            self.lengths.push(lengths);
+        }
+        match self.length > 0.0 && self.length.is_finite() {
+            true => Ok(()),
+            false => Err(CurveError::Keys("[curve]: it has no length".into())),
+        }
+    }
+
+    /// Shows that the pose has a bound everywhere in a range: no pole lies between places at which it
+    /// has a value.
+    fn check(&self, part: usize, [from, to]: [f64; 2], left: u32) -> Result<(), CurveError> {
+        let found = self.over(part, Interval::new(from, to))?;
+        let is_bounded = |here: &Here| here.pose.iter().all(|x| x.value.magnitude().is_finite());
+        if found.as_ref().is_some_and(is_bounded) {
+            return Ok(());
+        }
+        let middle = 0.5 * (from + to);
+        if left == 0 {
+            self.at(part, middle)?;
+            return Err(self.trouble(part, middle, Trouble::Pole));
+        }
+        self.check(part, [from, middle], left - 1)?;
+        self.check(part, [middle, to], left - 1)
+    }
+
+    /// Ends the curve after a length.
+    fn cut(&mut self, most: f64) -> Result<(), CurveError> {
+        if most >= self.length {
+            return Ok(());
+        }
+        let (part, at) = self.at_length(most)?;
+        self.parts.truncate(part + 1);
+        self.parts[part].range[1] = at;
+        self.is_closed = false;
+        (self.lengths, self.length) = (vec![], 0.0);
+        self.measure()
+    }
+
+    /// Part and parameter at an arc length.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn at_length(&self, length: f64) -> Result<(usize, f64), CurveError> {
+        let ends = self.lengths.iter().position(|lengths| lengths.end() >= length);
+        let part = ends.unwrap_or(self.parts.len() - 1);
+        let at = self.lengths[part].parameter(&self.parts[part], length);
+        Ok((part, at.map_err(|trouble| self.trouble(part, f64::NAN, trouble))?))
+    }
+
+    /// The arc length at a parameter of a part.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn length_at(&self, part: usize, at: f64) -> Result<f64, CurveError> {
+        let found = self.lengths[part].at(&self.parts[part], at);
+        found.map_err(|trouble| self.trouble(part, at, trouble))
+    }
+
+    /// Poses over a range of a part's parameter; `None` where they cannot be enclosed.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn over(&self, part: usize, over: Interval) -> Result<Option<Here>, CurveError> {
+        let trouble = |trouble| self.trouble(part, over.middle(), trouble);
+        let own = &self.parts[part];
+        let Some(place) = own.at(over).map_err(trouble)? else { return Ok(None) };
+        let length = match self.uses_length {
+            true => {
+                let ends = [self.length_at(part, over.low)?, self.length_at(part, over.high)?];
+                laws::length(&place, own.dimensions(), ends)
+            }
+            false => Taylor::constant(0.0),
+        };
+        let pose = self.laws.pose(&place, length, self.length).map_err(trouble)?;
+        Ok(Some(Here { pose, t: place.t }))
+    }
+
+    /// The pose at a parameter of a part.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn at(&self, part: usize, at: f64) -> Result<Here, CurveError> {
+        let unsure = || {
+            let text = format!("part {part} of the curve cannot be evaluated at {at}");
+            CurveError::Keys(text)
+        };
+        self.over(part, Interval::point(at))?.ok_or_else(unsure)
+    }
+
+    /// Speed of the tool tip where the file names one, mm/s.
+    ///
+    /// # Errors
+    /// See [`CurveError`]; a speed of 0 or less is one.
+    pub fn speed(&self, part: usize, at: f64) -> Result<Option<f64>, CurveError> {
+        let Some(law) = &self.laws.speed else { return Ok(None) };
+        let t = self.t(part, at);
+        let length = self.length_at(part, at)?;
+        let slots = [t, length, length / self.length].map(Taylor::constant);
+        let trouble = |trouble| CurveError::Trouble { t, trouble };
+        let speed = law.at(&slots).map_err(trouble)?.value.middle();
+        match speed > 0.0 {
+            true => Ok(Some(speed)),
+            false => Err(CurveError::Keys(format!(
+                "[laws] speed_mm_per_s: {speed} at t = {t}: expected more than 0"
+            ))),
+        }
+    }
+
+    fn t(&self, part: usize, at: f64) -> f64 {
+        let place = self.parts[part].at(Interval::point(at)).ok().flatten();
+        place.map_or(at, |place| place.t.value.middle())
+    }
+
+    fn trouble(&self, part: usize, at: f64, trouble: Trouble) -> CurveError {
+        CurveError::Trouble { t: self.t(part, at), trouble }
+    }
+}
+
+/// The first of many places of a part that has no value.
+fn first_trouble(part: &Part) -> f64 {
+    const PLACES: usize = 4096;
+    let [a, b] = part.range;
+    let place = |k: usize| a + (b - a) * k as f64 / PLACES as f64;
+    (0..=PLACES).map(place).find(|at| part.at(Interval::point(*at)).is_err()).unwrap_or(f64::NAN)
+}
