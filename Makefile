@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-programs fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -83,10 +83,13 @@ calibration-demo: install
 	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
 	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
 
-test: check install prove counts
+# Much of this keeps one core busy: linking the module, valgrind, HAL starting again and again.
+TWO := $(MAKE) --no-print-directory --jobs=2 --output-sync=line
+
+test: setup
+	$(TWO) check install prove counts test-programs
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	fuzz/run.sh
-	tests/cases/ini/run.py
+	$(TWO) fuzz-short ini-cases
 	$(HOST_BUILD) --bin pkm --bin judge
 	tests/live/live_test.py --judge target/host/judge
 	tests/live/traces_test.py
@@ -94,6 +97,16 @@ test: check install prove counts
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+
+test-programs: setup
+	$(CARGO) test --profile host $(LOCKED) --no-run --quiet
+
+fuzz-short: setup
+	fuzz/run.sh
+
+# With the module that is installed.
+ini-cases:
+	tests/cases/ini/run.py
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
 # programs with the guard on.
