@@ -15,6 +15,8 @@ KINDS = {
     linuxcnc.NML_DISPLAY: "text", linuxcnc.OPERATOR_DISPLAY: "text",
 }
 POLL_SECONDS = 0.01
+# Many of the task's cycles of 10 ms, for a computer that has much else to do.
+TELLING_SECONDS = 5
 AXES = "xyzabc"
 
 
@@ -194,6 +196,15 @@ class Machine:
     def error_texts(self):
         self.poll()
         return [text for kind, text in self.messages if kind == "error"]
+
+    def told(self, part):
+        """Errors with this part that the operator is shown, waited for: a text comes later than the pins
+        of the servo cycle that found its cause, by way of LinuxCNC's task."""
+        def found():
+            return [text.strip() for text in self.error_texts() if part in text]
+
+        self.wait(found, TELLING_SECONDS, f"an error with {part!r}")
+        return found()
 
 
 class Progress:

@@ -226,9 +226,7 @@ def reason_of(machine, code):
 
 def reasons_of(machine, code):
     """All messages that tell the operator this code."""
-    texts = [text.strip() for text in machine.error_texts() if f"[code {code}]" in text]
-    assert texts, f"code {code} is not told to the operator; messages: {machine.messages}"
-    return texts
+    return machine.told(f"[code {code}]")
 
 
 def goes_on(machine, block):
@@ -265,9 +263,7 @@ def refused_program(machine: Machine, out, path, lines, joint, most):
     assert moved > 1, f"the good moves before were not made: the farthest joint moved by {moved}"
     furthest = max(watch.way(joint))
     assert furthest <= most, f"joint {joint} went to {furthest}, beyond its limit {most}"
-    reasons = [text for text in machine.error_texts() if f"joint {joint}" in text]
-    assert reasons, f"no message names joint {joint}; messages: {machine.messages}"
-    return {"reason": reasons[0].strip()}
+    return {"reason": machine.told(f"joint {joint}")[0]}
 
 
 def refused_switch_back(machine: Machine, out, block):
@@ -458,11 +454,11 @@ def refused_geometry(machine: Machine, out):
         assert machine.is_on(), f"{what} geometry: the machine went off"
     moved = watch.stop()
     assert moved < 1e-9, f"a joint moved by {moved}"
-    assert machine.error_texts(), "no reason shown to the operator"
+    texts = machine.told("pkmkins")
     machine.set("pkmkins.base.2.x", repr(old))
     machine.pause(0.1)
     assert not machine.get("pkmkins.geometry-changed"), "geometry-changed after restoring the pin"
-    return {"moved": moved, "messages_seen": machine.error_texts()}
+    return {"moved": moved, "messages_seen": texts}
 
 
 def refused_geometry_in_a_move(machine: Machine, out):
@@ -517,8 +513,7 @@ def feedback_jump(machine: Machine, out, joint, jump, after):
     watch.recorder.stop()
     # At this feed a strut moves 10 mm/s at most, and a drive brakes within a millimetre.
     assert moved < 10, f"a drive ran {moved} on after the jump of joint {joint}"
-    texts = machine.error_texts()
-    assert any("following error" in text for text in texts), texts
+    texts = machine.told("following error")
     halcmd("net", signal, pin)
     machine.pause(0.2)
     machine.turn_on()
@@ -536,7 +531,7 @@ def new_geometry(machine: Machine, out):
     old = machine.get("pkmkins.base.2.x")
     apply(machine, "pkmkins.base.2.x", "nan")
     assert machine.get("pkmkins.geometry-hash") == old_hash, "a geometry with NaN was taken"
-    assert any("leg 2" in text for text in machine.error_texts()), f"messages: {machine.messages}"
+    machine.told("leg 2")
     apply(machine, "pkmkins.base.2.x", repr(old + 0.25))
     taken = machine.get("pkmkins.geometry-hash")
     assert taken != old_hash, "a good geometry was refused with the machine off"
@@ -560,9 +555,8 @@ def no_iterations(machine: Machine, out):
     machine.pause(0.5)
     moved = watch.stop()
     assert machine.get("pkmkins.fault") < 0, "no fault with limit-iterations 0"
-    assert any("iterations" in text for text in machine.error_texts()), f"messages: {machine.messages}"
     assert moved < 1e-9, f"a joint moved by {moved}"
-    return {"moved": moved, "messages_seen": machine.error_texts(), "on": machine.is_on()}
+    return {"moved": moved, "messages_seen": machine.told("iterations"), "on": machine.is_on()}
 
 
 def tool_pin_nan(machine: Machine, out):
@@ -575,8 +569,7 @@ def tool_pin_nan(machine: Machine, out):
     moved = watch.stop()
     assert moved < 1e-9, f"a joint moved by {moved}"
     assert machine.get("pkmkins.fault") < 0, "no fault with a tool offset of NaN"
-    assert machine.error_texts(), "no reason shown to the operator"
-    return {"moved": moved, "messages_seen": machine.error_texts(), "on": machine.is_on()}
+    return {"moved": moved, "messages_seen": machine.told("pkmkins"), "on": machine.is_on()}
 
 
 def tool_out_of_reach(machine: Machine, out, tilt, tool, code, after):
@@ -665,10 +658,7 @@ def unguarded(machine: Machine, out, start, path, lines):
     machine.command.program_open(path)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: not machine.is_on(), 30, "machine off by a following error")
-    machine.pause(0.1)
-    told = [text for text in machine.error_texts() if "following error" in text]
-    assert told, f"no following error: {machine.messages}"
-    return {"reason": told[0].strip()}
+    return {"reason": machine.told("following error")[0]}
 
 
 def guarded(machine: Machine, out, start, path, lines, limits, feed, acceleration,
@@ -732,8 +722,7 @@ def weak_drive(machine: Machine, out):
     machine.set_mode(linuxcnc.MODE_MDI)
     machine.command.mdi("G1 F3000 X60")
     machine.wait(lambda: not machine.is_on(), 10, "machine off by a following error")
-    assert any("following error" in text for text in machine.error_texts()), machine.messages
-    return {"messages_seen": machine.error_texts()}
+    return {"messages_seen": machine.told("following error")}
 
 
 def assert_close(found, wanted, tolerance, what):
