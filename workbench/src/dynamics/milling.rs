@@ -41,7 +41,7 @@ impl Milling {
             speed: run.speed_rpm.0 / 60.0,
             feed: run.feed_mm.0,
             depth,
-            arc: [cutter.entry_deg, cutter.exit_deg].map(f64::to_radians),
+            arc: cutter.arc(),
             cutting: cutter.coefficients,
             edge: [run.kte_n_per_mm, run.kre_n_per_mm, run.kae_n_per_mm].map(|edge| edge.0),
             lag: 2.0 * depth * helix.tan() / run.diameter_mm.0,
@@ -77,10 +77,9 @@ impl Milling {
         if !(entry <= angle && angle <= exit) {
             return Vector3::zeros();
         }
-        let (sin, cos) = angle.sin_cos();
-        let force = |k: usize| self.depth * (self.cutting[k] * self.feed * sin + self.edge[k]);
-        let (along, into, axial) = (force(0), force(1), force(2));
-        Vector3::new(-along * cos - into * sin, along * sin - into * cos, axial)
+        let force =
+            |k: usize| self.depth * (self.cutting[k] * self.feed * angle.sin() + self.edge[k]);
+        on_tool([0, 1, 2].map(force), angle)
     }
 
     /// Force on the tool at a time in seconds, in the frame that `feed` and the tool axis span; machine
@@ -100,11 +99,20 @@ impl Milling {
     }
 }
 
-/// Feed, across and tool axis as columns, by a direction of the feed in machine axes and the platform's
-/// orientation; `None` where the feed points along the tool.
-pub fn frame(feed: &Vector3<f64>, rotation: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-    let axis: Vector3<f64> = rotation.column(2).into();
+/// What a tooth at an angle does to the tool by its forces along, into and across its path: feed, across,
+/// along the tool axis.
+pub fn on_tool([along, into, axial]: [f64; 3], angle: f64) -> Vector3<f64> {
+    let (sin, cos) = angle.sin_cos();
+    Vector3::new(-along * cos - into * sin, along * sin - into * cos, axial)
+}
+
+/// The sine of the least angle between feed and tool axis: below it a feed has no direction across.
+const ACROSS: f64 = 1e-6;
+
+/// Feed, across and tool axis as columns, by a direction of the feed and the tool axis in machine axes;
+/// `None` where the feed points along the tool.
+pub fn frame(feed: &Vector3<f64>, axis: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let level = feed - axis * axis.dot(feed);
-    let x = level.try_normalize(1e-9 * feed.norm())?;
-    Some(Matrix3::from_columns(&[x, axis.cross(&x), axis]))
+    let x = level.try_normalize(ACROSS * feed.norm())?;
+    Some(Matrix3::from_columns(&[x, axis.cross(&x), *axis]))
 }

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The machine at a pose as the cut meets it.
 
+use crate::dynamics::milling::frame;
 use crate::dynamics::mode::Mode;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::Structure;
 use crate::read::machine::MachineConfig;
 use crate::stability::lobes::{Limit, Lobes};
-use crate::stability::process::{
-    AlongAxis, Process, Row, milling_rows, plane, turned, turning_rows,
-};
+use crate::stability::process::{AlongAxis, Process, Row, milling_rows, turned, turning_rows};
 use crate::stability::spindle::{NoSpindle, Nose};
 use crate::study::cutting::Turning;
 use crate::study::file::{Lacking, Study};
@@ -119,7 +118,7 @@ impl<'a> Setup<'a> {
             return Ok(turning_rows(&modes, turning));
         }
         let axis = pose.rotation().column(2).into_owned();
-        Ok(milling_rows(&modes, &plane(&axis, feed)?))
+        Ok(milling_rows(&modes, &frame(feed, &axis).ok_or(AlongAxis)?))
     }
 
     /// The least zero-order limit at a pose over feeds in all directions: at a spindle speed, or

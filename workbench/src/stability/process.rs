@@ -6,6 +6,7 @@
 //! force on the tool per millimetre of depth is `B(φ) (u - u')`, with u' one tooth earlier:
 //! `B = [-(Kt c + Kr s) ; Kt s - Kr c ; Ka] (s, c)`, s and c of φ (Altintas and Budak 1995).
 
+use crate::dynamics::milling::on_tool;
 use crate::dynamics::mode::Mode;
 use crate::study::cutting::{Cutting, Turning};
 use nalgebra::{Complex, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
@@ -45,7 +46,7 @@ impl From<&Cutting> for Process {
     fn from(cutting: &Cutting) -> Self {
         Self {
             teeth: cutting.teeth.into(),
-            arc: [cutting.entry_deg.to_radians(), cutting.exit_deg.to_radians()],
+            arc: cutting.arc(),
             kind: Kind::Milling(cutting.coefficients),
         }
     }
@@ -79,10 +80,9 @@ impl Process {
     /// Force of a tooth in cut at an angle per depth and displacement, N/mm².
     pub fn at(&self, angle: f64) -> Matrix3x2<f64> {
         match self.kind {
-            Kind::Milling([kt, kr, ka]) => {
+            Kind::Milling(coefficients) => {
                 let (s, c) = angle.sin_cos();
-                let force = Vector3::new(-kt * c - kr * s, kt * s - kr * c, ka);
-                force * Vector2::new(s, c).transpose()
+                on_tool(coefficients, angle) * Vector2::new(s, c).transpose()
             }
             Kind::Turning(kf) => Matrix3x2::new(kf, 0.0, 0.0, 0.0, 0.0, 0.0),
         }
@@ -164,23 +164,6 @@ pub struct Piece {
 #[derive(Clone, Copy, Debug, thiserror::Error, PartialEq)]
 #[error("the feed is along the spindle axis: expected a feed across it")]
 pub struct AlongAxis;
-
-/// The sine of the least angle between feed and spindle axis.
-const ACROSS: f64 = 1e-6;
-
-/// Axes of the cutter plane in machine axes: the feed, projected across the spindle axis, its
-/// normal, and the spindle axis.
-///
-/// # Errors
-/// The feed has no direction across the axis.
-pub fn plane(axis: &Vector3<f64>, feed: &Vector3<f64>) -> Result<Matrix3<f64>, AlongAxis> {
-    let across = feed - axis * axis.dot(feed);
-    if !(across.norm() > ACROSS * feed.norm()) {
-        return Err(AlongAxis);
-    }
-    let x = across.normalize();
-    Ok(Matrix3::from_columns(&[x, axis.cross(&x), *axis]))
-}
 
 /// Modes in the cutter plane whose axes are the columns of `plane`.
 pub fn milling_rows(modes: &[Mode], plane: &Matrix3<f64>) -> Vec<Row> {

@@ -92,6 +92,13 @@ pub struct Cutting {
     pub depth_mm: Option<f64>,
 }
 
+impl Cutting {
+    /// Where a tooth enters and leaves, radians.
+    pub fn arc(&self) -> [f64; 2] {
+        [self.entry_deg, self.exit_deg].map(f64::to_radians)
+    }
+}
+
 impl TryFrom<CuttingKeys> for Cutting {
     type Error = NoCut;
 

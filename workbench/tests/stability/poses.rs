@@ -4,12 +4,13 @@
 
 use super::{close, golden, row, rows};
 use nalgebra::{Complex, ComplexField, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use pkm::dynamics::milling::frame;
 use pkm::dynamics::mode::Mode;
 use pkm::stability::bands::{bands, first_limit};
 use pkm::stability::floquet::Period;
 use pkm::stability::lag::{Lag, Term};
 use pkm::stability::lobes::{Limit, Lobes};
-use pkm::stability::process::{Process, Row, milling_rows, plane, receptance};
+use pkm::stability::process::{Process, Row, milling_rows, receptance};
 use pkm::stability::semi;
 use pkm::study::file::Study;
 use std::f64::consts::TAU;
@@ -86,7 +87,7 @@ fn modes(pose: &[f64; 6]) -> Vec<Mode> {
 /// In the cutter plane, with the feed along the platform's x.
 fn in_plane(pose: &[f64; 6]) -> Vec<Row> {
     let turn = rotation(pose);
-    let axes = plane(&turn.column(2).into_owned(), &turn.column(0).into_owned()).unwrap();
+    let axes = frame(&turn.column(0).into_owned(), &turn.column(2).into_owned()).unwrap();
     milling_rows(&modes(pose), &axes)
 }
 
@@ -253,7 +254,7 @@ fn a_lag_at_the_tip_is_worst_at_twice_the_regenerative_floor() {
 
 #[test]
 fn a_feed_along_the_spindle_axis_is_refused() {
-    assert!(plane(&Vector3::z(), &Vector3::new(0.0, 0.0, -1.0)).is_err());
-    let axes = plane(&Vector3::z(), &Vector3::new(0.0, 2.0, 1.0)).unwrap();
+    assert!(frame(&Vector3::new(0.0, 0.0, -1.0), &Vector3::z()).is_none());
+    let axes = frame(&Vector3::new(0.0, 2.0, 1.0), &Vector3::z()).unwrap();
     assert_eq!(axes, Matrix3::from_columns(&[Vector3::y(), -Vector3::x(), Vector3::z()]));
 }

@@ -266,7 +266,7 @@ impl Subject<'_> {
                 let (milling, _) = self.milling()?;
                 let feed = self.study.milling.and_then(|run| run.feed);
                 let feed = feed.map_or(Vector3::x(), |feed| feed.0);
-                let frame = frame(&feed, &self.pose.rotation());
+                let frame = frame(&feed, &self.pose.rotation().column(2).into_owned());
                 let frame = frame.ok_or_else(|| {
                     refused("feed of [milling] points along the tool axis; name one across it")
                 })?;
