@@ -187,6 +187,9 @@ fn a_program_is_judged_at_its_spindle_speeds() {
     assert_eq!(float(&found["worst"]["stable_to_mm"]), least);
     close(float(&found["margin"]), least / 0.01, 1e-12);
     assert!(float(&found["best_stable_to_mm"]) >= least);
+    // A move that was not looked at may be the one that chatters.
+    let few = "stability program linear-delta.ini cut.ngc study.toml --deepest 3 --places 2";
+    says(&bench.answer(few, ""), 2, &["stable at every place", "1 feed moves; --places 3"]);
     // Deeper than the limit at some line.
     let bench = bench.with("study.toml", &format!("{DELTA}depth_mm = 2.5\n"));
     let answer =

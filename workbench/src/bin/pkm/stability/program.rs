@@ -2,13 +2,13 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words, moves};
+use super::super::{Bar, MachineFile, Verdict, in_words};
 use super::{Format, Speeds, setup};
 use kinematics::{Pose, Vector3};
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_path;
 use pkm::files::{Locate, csv, write_whole};
-use pkm::program::interpreter::{Move, MoveKind};
+use pkm::program::interpreter::{self, Move, MoveKind, Patience};
 use pkm::read::machine::MachineConfig;
 use pkm::stability::path::{Best, Depth, Path, Stop};
 use pkm::stability::speeds;
@@ -31,8 +31,9 @@ use std::path::PathBuf;
 ///
 /// mm, 1/min.
 ///
-/// Exit status: 0, 1 where the depth of cut is beyond the limit at some line, 2 where that could
-/// not be judged: a program without a spindle speed, input or output that failed.
+/// Exit status: 0, 1 where the depth of cut is beyond the limit at some place, 2 where that could
+/// not be judged: feed moves that were not looked at, a program without a spindle speed, input or
+/// output that failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -126,19 +127,27 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         }
     }
     out.flush()?;
-    let is_beyond = answer.margin.is_some_and(|margin| !(margin > 1.0));
-    Ok(if is_beyond { Verdict::Misfit } else { Verdict::Fits })
+    Ok(match answer.margin {
+        Some(margin) if !(margin > 1.0) => Verdict::Misfit,
+        Some(_) if answer.places < answer.feed_moves => Verdict::Unjudged,
+        _ => Verdict::Fits,
+    })
 }
 
 /// Ends of the feed moves, as many as are asked for, and how many moves there are.
 fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
     let program = &arguments.program;
-    let moves = moves(config, program)?;
+    // Told before the interpreter, in the system's words.
+    let text = std::fs::read(program).at(program)?;
+    let mut moves = vec![];
+    let patience = Patience::default();
+    let files = interpreter::each(config, program, None, &patience, |step| moves.push(*step))?;
     let speeds = match arguments.rpm {
         Some(rpm) => speeds::Speeds::of(rpm),
         None => {
-            let text = std::fs::read(program).at(program)?;
-            speeds::Speeds::read(&String::from_utf8_lossy(&text)).at(program)?
+            let read = |file: &PathBuf| std::fs::read_to_string(file).at(file);
+            let subroutines = files[1..].iter().map(read).collect::<Result<Vec<_>, _>>()?;
+            speeds::Speeds::read(&String::from_utf8_lossy(&text), &subroutines).at(program)?
         }
     };
     let pairs = moves.windows(2).filter(|pair| is_cut(&pair[0], &pair[1]));
@@ -248,8 +257,12 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         at_least(*stable_to_mm)
     )?;
     if let (Some(depth), Some(margin)) = (answer.depth_mm, answer.margin) {
-        let word = if margin > 1.0 { "stable" } else { "unstable" };
+        let word = if margin > 1.0 { "stable at every place" } else { "unstable" };
         writeln!(out, "  depth of cut  {depth} mm: {word}, margin {margin:.3}")?;
+        if places < moves {
+            let rest = moves - places;
+            writeln!(out, "  not judged    {rest} feed moves; --places {moves} looks at all ends")?;
+        }
     }
     if let (Some(rpm), Some(depth)) = (answer.best_rpm, answer.best_stable_to_mm) {
         writeln!(
