@@ -147,7 +147,10 @@ pub fn why(found: &Preflight, rows: &[LimitRow]) -> String {
     let broken = rows.iter().filter(|row| !row.breaks.is_empty()).count();
     let rest = match broken {
         1 if rows.iter().all(|row| row.is_judged) => "All other limits are kept.".into(),
-        1 => "No other limit is left before; behind it not everything is judged.".into(),
+        1 => {
+            "The other limits of the path are kept; what depends on time is not judged to its end."
+                .into()
+        }
         more => format!("{more} limits are broken in all."),
     };
     format!(
