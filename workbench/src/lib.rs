@@ -6,6 +6,7 @@ pub mod calibrate;
 pub mod check;
 pub mod control;
 pub mod curve;
+pub mod cut;
 pub mod draw;
 pub mod dynamics;
 pub mod files;

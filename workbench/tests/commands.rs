@@ -727,6 +727,7 @@ Commands:
   stiffness    How stiffly the legs hold the tool
   stability    How deep may be cut before it chatters
   dynamics     How a machine vibrates
+  cut          What a program asks of a machine while it cuts
   workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
@@ -1037,7 +1038,7 @@ all/c.ngc  not judged    FOLDER/all/c.ngc:2: Two g codes used from same modal gr
 }
 
 /// Names of all fields of a JSON value.
-fn fields(value: &serde_json::Value, names: &mut Vec<String>) {
+pub fn fields(value: &serde_json::Value, names: &mut Vec<String>) {
     match value {
         serde_json::Value::Object(map) => map.iter().for_each(|(name, value)| {
             names.push(name.clone());
@@ -1081,6 +1082,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "stiffness",
         "stability",
         "dynamics",
+        "cut",
         "workspace",
         "boxes",
         "random",

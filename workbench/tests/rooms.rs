@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 14] = [
+const ROOMS: [(&str, &[&str]); 15] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -19,8 +19,9 @@ const ROOMS: [(&str, &[&str]); 14] = [
     ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("dynamics", &["read", "rows", "study"]),
     ("stability", &["dynamics", "read", "study"]),
+    ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("draw", &["curve", "dynamics", "files", "program", "read", "stability", "study"]),
+    ("draw", &["curve", "cut", "dynamics", "files", "program", "read", "stability", "study"]),
 ];
 
 /// A file, by its room and its name; files of the library's own folder are rooms without names.

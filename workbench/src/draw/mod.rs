@@ -7,6 +7,7 @@
 mod contour;
 pub mod course;
 pub mod curve;
+pub mod cut;
 pub mod dynamics;
 pub mod ellipsoid;
 mod lines;

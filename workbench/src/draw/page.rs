@@ -203,7 +203,7 @@ fn limit(row: &LimitRow) -> Markup {
     }
 }
 
-fn drawing(figure: &Figure) -> Markup {
+pub(super) fn drawing(figure: &Figure) -> Markup {
     let name = html! { title { (figure.title) } desc { (figure.about) } }.into_string();
     // The name of a drawing is its first child.
     let svg =

@@ -9,8 +9,8 @@ use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::{LegAt, leg_mass, legs, stiffness, tip};
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Pose, Vector3};
-use nalgebra::DVector;
+use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Matrix3, Pose, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// What acts on the tool tip, machine axes: N and N mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,35 +63,80 @@ pub fn loads(
     moving: &Moving,
     wrench: &Wrench,
 ) -> Result<Option<Loads>, Fault> {
-    let at = config.machine.at(&moving.pose, &moving.tool)?;
-    let chart = Chart::of(config, &at);
-    let legs = legs(config, &at, &moving.tool, model.screw)?;
-    let tip = tip(config, &moving.tool);
-    let motion = PlatformMotion::of(config, &chart, &tip, moving);
-    let rotation = at.rotation();
-    let body = &model.body;
-    let moved = chart.displacement(&body.centre);
-    let speed = chart.turns() * &motion.rate;
-    let turning = chart.turns() * &motion.acceleration + chart.turning(&motion.rate);
-    let linear = &moved * &motion.acceleration + chart.bend(&body.centre, &motion.rate);
-    let inertia = rotation * body.inertia * rotation.transpose();
-    let force: Vector3<f64> = (linear - model.gravity) * body.mass;
-    let moment: Vector3<f64> = inertia * turning + speed.cross(&(inertia * speed));
-    let mut asked = moved.tr_mul(&force) + chart.turns().tr_mul(&moment);
-    for (leg, own) in legs.iter().zip(&model.legs) {
-        asked += leg_mass(&chart, leg, own) * &motion.acceleration;
+    let held = Held::at(config, model, &moving.pose, &moving.tool)?;
+    Ok(held.map(|held| held.loads(moving, wrench)))
+}
+
+/// A machine at a pose, ready for any motion and wrench there.
+pub struct Held<'a> {
+    config: &'a MachineConfig,
+    model: &'a Model,
+    chart: Chart,
+    legs: Vec<LegAt>,
+    /// The tool tip in the platform frame, mm.
+    tip: Vector3<f64>,
+    rotation: Matrix3<f64>,
+    /// What the legs' masses add to that of the platform.
+    carried: DMatrix<f64>,
+    /// Of the legs' stiffness.
+    factors: Cholesky<f64, Dyn>,
+}
+
+impl<'a> Held<'a> {
+    /// At a pose; `None` where the legs do not hold the platform.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::at`].
+    pub fn at(
+        config: &'a MachineConfig,
+        model: &'a Model,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Option<Self>, Fault> {
+        let at = config.machine.at(pose, tool)?;
+        let chart = Chart::of(config, &at);
+        let legs = legs(config, &at, tool, model.screw)?;
+        let count = chart.count();
+        let mut carried = DMatrix::zeros(count, count);
+        for (leg, own) in legs.iter().zip(&model.legs) {
+            carried += leg_mass(&chart, leg, own);
+        }
+        let Some(factors) = stiffness(&legs, model, count).cholesky() else { return Ok(None) };
+        let (tip, rotation) = (tip(config, tool), at.rotation());
+        Ok(Some(Self { config, model, chart, legs, tip, rotation, carried, factors }))
     }
-    asked -= chart.displacement(&tip).tr_mul(&wrench.force);
-    asked -= chart.turns().tr_mul(&wrench.moment);
-    let Some(factors) = stiffness(&legs, model, chart.count()).cholesky() else { return Ok(None) };
-    let yielded = factors.solve(&asked);
-    let along: Vec<f64> = legs
-        .iter()
-        .zip(&model.legs)
-        .map(|(leg, own)| own.spring.along(leg.gain) * (&leg.row * &yielded)[0])
-        .collect();
-    let drives = drives(config, model, moving, wrench, &legs, &along);
-    Ok(Some(Loads { legs: along, drives }))
+
+    /// Forces of the drives under a motion that passes this pose with this tool.
+    pub fn loads(&self, moving: &Moving, wrench: &Wrench) -> Loads {
+        let (chart, body) = (&self.chart, &self.model.body);
+        let motion = PlatformMotion::of(self.config, chart, &self.tip, moving);
+        let moved = chart.displacement(&body.centre);
+        let turns = chart.turns();
+        let speed = &turns * &motion.rate;
+        let turning = &turns * &motion.acceleration + chart.turning(&motion.rate);
+        let linear = &moved * &motion.acceleration + chart.bend(&body.centre, &motion.rate);
+        let inertia = self.rotation * body.inertia * self.rotation.transpose();
+        let force: Vector3<f64> = (linear - self.model.gravity) * body.mass;
+        let moment: Vector3<f64> = inertia * turning + speed.cross(&(inertia * speed));
+        let mut asked = moved.tr_mul(&force) + turns.tr_mul(&moment);
+        asked += &self.carried * &motion.acceleration;
+        asked -= chart.displacement(&self.tip).tr_mul(&wrench.force);
+        asked -= turns.tr_mul(&wrench.moment);
+        let yielded = self.factors.solve(&asked);
+        let along: Vec<f64> = self
+            .legs
+            .iter()
+            .zip(self.springs())
+            .map(|(leg, spring)| spring * (&leg.row * &yielded)[0])
+            .collect();
+        let drives = drives(self.config, self.model, moving, wrench, &self.legs, &along);
+        Loads { legs: along, drives }
+    }
+
+    /// Stiffness of every leg along it, N/mm.
+    pub fn springs(&self) -> impl Iterator<Item = f64> + '_ {
+        self.legs.iter().zip(&self.model.legs).map(|(leg, own)| own.spring.along(leg.gain))
+    }
 }
 
 /// The platform's coordinates in motion, mm and radians.

@@ -8,6 +8,7 @@ mod boxes;
 mod calibrate;
 mod check;
 mod completions;
+mod cut;
 mod dynamics;
 mod failure;
 mod joints;
@@ -99,6 +100,7 @@ commands! {
     Stiffness => stiffness,
     Stability => stability,
     Dynamics => dynamics,
+    Cut => cut,
     Workspace => workspace,
     Boxes => boxes,
     Random => random,

@@ -4,7 +4,7 @@
 mod lag;
 mod map;
 mod pose;
-mod program;
+pub mod program;
 mod spindle;
 
 use super::Verdict;
@@ -56,7 +56,7 @@ fn setup<'a>(config: &'a MachineConfig, study: &Study, file: &Path) -> Result<Se
 }
 
 /// What every answer ends with.
-const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
+pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
                      proportional to damping\nand inverse to the coefficients, and the answer is as \
                      good as they are.";
 
@@ -64,7 +64,7 @@ const WORTH: &str = "Damping and cutting coefficients are those of the study: th
 const LARGEST: f64 = 1e9;
 
 /// A number above 0 of the command line.
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && value < LARGEST => Ok(value),
         _ => Err("expected a number above 0, and below 1e9".into()),
@@ -75,7 +75,7 @@ fn positive(text: &str) -> Result<f64, String> {
 const DEEPEST: f64 = 1000.0;
 
 /// A depth of the command line, mm.
-fn depth(text: &str) -> Result<f64, String> {
+pub fn depth(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && value <= DEEPEST => Ok(value),
         _ => Err(format!("expected a depth above 0, and at most {DEEPEST} mm")),

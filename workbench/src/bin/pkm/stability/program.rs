@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stability program`.
 
-use super::super::failure::{Failure, refused};
+use super::super::failure::Failure;
 use super::super::{Bar, MachineFile, Verdict, in_words};
 use super::{Format, Speeds, setup};
-use kinematics::{Pose, Vector3};
+use kinematics::Pose;
+use pkm::cut::program;
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_path;
 use pkm::files::{Locate, csv, write_whole};
-use pkm::program::interpreter::{self, Move, MoveKind, Patience};
+use pkm::program::interpreter::{self, Move, Patience};
 use pkm::read::machine::MachineConfig;
 use pkm::stability::path::{Best, Depth, Path, Stop};
 use pkm::stability::speeds;
 use pkm::study::file::Study;
 use serde::Serialize;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{self, PathBuf};
 
 /// Which line of a program comes nearest to chatter
 ///
@@ -137,50 +138,29 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 /// Ends of the feed moves, as many as are asked for, and how many moves there are.
 fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
     let program = &arguments.program;
+    let (moves, speeds) = read(arguments.rpm, config, program)?;
+    Ok(program::stops(config, &moves, &speeds, arguments.places as usize).at(program)?)
+}
+
+/// A program's moves and spindle speeds: one for all lines, or those of its S words and of the
+/// subroutines that it runs.
+pub fn read(
+    rpm: Option<f64>,
+    config: &MachineConfig,
+    program: &path::Path,
+) -> Result<(Vec<Move>, speeds::Speeds), Failure> {
     // Told before the interpreter, in the system's words.
     let text = std::fs::read(program).at(program)?;
     let mut moves = vec![];
     let patience = Patience::default();
     let files = interpreter::each(config, program, None, &patience, |step| moves.push(*step))?;
-    let speeds = match arguments.rpm {
-        Some(rpm) => speeds::Speeds::of(rpm),
-        None => {
-            let read = |file: &PathBuf| std::fs::read_to_string(file).at(file);
-            let subroutines = files[1..].iter().map(read).collect::<Result<Vec<_>, _>>()?;
-            speeds::Speeds::read(&String::from_utf8_lossy(&text), &subroutines).at(program)?
-        }
-    };
-    let pairs = moves.windows(2).filter(|pair| is_cut(&pair[0], &pair[1]));
-    let all: Vec<&[Move]> = pairs.collect();
-    if all.is_empty() {
-        return Err(refused(format!("{}: the program has no feed moves", program.display())));
+    if let Some(rpm) = rpm {
+        return Ok((moves, speeds::Speeds::of(rpm)));
     }
-    let most = arguments.places as usize;
-    let chosen: Vec<usize> = match all.len() <= most {
-        true => (0..all.len()).collect(),
-        false => (0..most).map(|k| k * all.len() / most).collect(),
-    };
-    let stop = |k: usize| -> Result<Stop, Failure> {
-        let (from, step) = (&all[k][0], &all[k][1]);
-        let feed = Vector3::from_fn(|i, _| step.end[i] - from.end[i]);
-        Ok(Stop {
-            line: step.line,
-            pose: Pose::from_degrees(step.end),
-            tool: config.spindle + Vector3::from(step.tool),
-            // A move of rotary axes alone feeds nowhere: the worst feed counts, as in a plunge.
-            feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
-            rpm: speeds.at(step.line).at(program)?,
-        })
-    };
-    Ok((chosen.into_iter().map(stop).collect::<Result<_, _>>()?, all.len()))
-}
-
-fn is_cut(from: &Move, step: &Move) -> bool {
-    step.kind == MoveKind::Feed && step.end != from.end
-}
-
-fn axis(end: &[f64; 6]) -> Vector3<f64> {
-    Pose::from_degrees(*end).rotation().column(2).into_owned()
+    let read = |file: &PathBuf| std::fs::read_to_string(file).at(file);
+    let subroutines = files[1..].iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let speeds = speeds::Speeds::read(&String::from_utf8_lossy(&text), &subroutines).at(program)?;
+    Ok((moves, speeds))
 }
 
 fn answer(

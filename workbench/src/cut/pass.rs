@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! One pass over the servo cycles of a program.
+//!
+//! Of every few cycles of a line, the one with the largest acceleration is judged, with the largest
+//! speed among them. What is kept grows with the lines of the program, not with its cycles.
+
+use crate::control::row::Row;
+use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
+use crate::cut::program::{Line, cuts};
+use crate::program::interpreter::Move;
+use crate::read::machine::MachineConfig;
+use kinematics::Vector3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Cycles of which one is judged.
+const WINDOW: u64 = 10;
+
+/// Moments that are judged together.
+const BATCH: usize = 1024;
+
+/// A row that is faster than the programmed feed by this share is one of a rapid move: LinuxCNC keeps
+/// the feed to rounding.
+const FASTER: f64 = 1.001;
+
+/// What one line asks for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OfLine {
+    /// Servo cycles.
+    pub cycles: u64,
+    /// Largest feed per tooth, mm.
+    pub chip: f64,
+    /// Largest force on the tool, N.
+    pub force: f64,
+    /// The drive with the largest share of what it can do, and the share.
+    pub drive: Option<(usize, f64)>,
+    /// Largest amount of the deflection by the mean cutting force, mm.
+    pub deflection: f64,
+    /// The same by inertia.
+    pub lag: f64,
+}
+
+/// The largest value of its kind, and where.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Peak {
+    /// The value.
+    pub value: f64,
+    /// The moment.
+    pub judged: Judged,
+}
+
+/// What a pass has found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// By line.
+    pub lines: BTreeMap<u32, OfLine>,
+    /// Largest feed per tooth, force on the tool, deflection, lag by inertia.
+    pub peaks: [Option<Peak>; 4],
+    /// By drive: the load that is largest by its amount, and where.
+    pub drives: Vec<Option<Peak>>,
+    /// Cycles in which the program cuts.
+    pub cutting: u64,
+    /// Moments that were judged.
+    pub judged: u64,
+}
+
+/// Takes rows.
+pub struct Pass<'a> {
+    subject: &'a Subject<'a>,
+    program: &'a BTreeMap<u32, Line>,
+    /// The last two rows, if they belong together.
+    before: Vec<Row>,
+    /// Moment of the window, its acceleration, and cycles of the window.
+    window: Option<(Moment, f64, u64)>,
+    batch: Vec<Moment>,
+    found: Found,
+}
+
+impl<'a> Pass<'a> {
+    /// Before the first row.
+    pub fn new(subject: &'a Subject<'a>, program: &'a BTreeMap<u32, Line>) -> Self {
+        let found = Found { drives: vec![None; subject.drives.len()], ..Found::default() };
+        Self { subject, program, before: vec![], window: None, batch: vec![], found }
+    }
+
+    /// Takes the row of a servo cycle.
+    ///
+    /// # Errors
+    /// A moment that cannot be judged, with its line.
+    pub fn see(&mut self, row: &Row) -> Result<(), (u32, NoMoment)> {
+        let follows = |last: &Row| last.cycle + 1 == row.cycle && last.tool == row.tool;
+        if !row.flags.on || row.flags.tool_busy || !self.before.last().is_none_or(follows) {
+            self.before.clear();
+        }
+        if row.flags.on && !row.flags.tool_busy {
+            self.before.push(*row);
+        }
+        let [a, b, c] = self.before[..] else { return Ok(()) };
+        self.before.remove(0);
+        self.take([&a, &b, &c])
+    }
+
+    fn take(&mut self, rows: [&Row; 3]) -> Result<(), (u32, NoMoment)> {
+        let config = self.subject.config;
+        let moment = self.moment(rows);
+        let acceleration = acceleration(config, &moment.poses);
+        let line = self.found.lines.entry(moment.line).or_default();
+        line.cycles += 1;
+        self.found.cutting += u64::from(moment.rpm.is_some());
+        let belongs = |(own, _, cycles): &(Moment, f64, u64)| {
+            own.line == moment.line && own.rpm == moment.rpm && *cycles < WINDOW
+        };
+        if !self.window.as_ref().is_some_and(belongs) {
+            self.close()?;
+        }
+        match &mut self.window {
+            None => self.window = Some((moment, acceleration, 1)),
+            Some((own, most, cycles)) => {
+                let speed = own.speed.max(moment.speed);
+                if acceleration > *most {
+                    (*own, *most) = (moment, acceleration);
+                }
+                own.speed = speed;
+                *cycles += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn moment(&self, rows: [&Row; 3]) -> Moment {
+        let config = self.subject.config;
+        let [from, row, to] = rows;
+        let feed = Vector3::from_fn(|k, _| to.pose[k] - from.pose[k]);
+        let rate = feed.norm() / (2.0 * config.period);
+        let moves = from.pose != to.pose;
+        let line = self.program.get(&row.line);
+        let cuts = line.filter(|line| moves && rate <= line.feed * FASTER);
+        Moment {
+            line: row.line,
+            poses: rows.map(|row| row.pose),
+            tool: row.tool.into(),
+            speed: rate.min(line.map_or(rate, |line| line.feed)) / config.units_per_mm,
+            feed,
+            rpm: cuts.map(|line| line.rpm),
+        }
+    }
+
+    fn close(&mut self) -> Result<(), (u32, NoMoment)> {
+        self.batch.extend(self.window.take().map(|(moment, _, _)| moment));
+        if self.batch.len() >= BATCH { self.judge() } else { Ok(()) }
+    }
+
+    fn judge(&mut self) -> Result<(), (u32, NoMoment)> {
+        let subject = self.subject;
+        let judge = |moment: &Moment| subject.judge(moment).map_err(|error| (moment.line, error));
+        let all: Vec<Judged> = self.batch.par_iter().map(judge).collect::<Result<_, _>>()?;
+        self.batch.clear();
+        all.iter().for_each(|judged| self.found.add(subject, judged));
+        Ok(())
+    }
+
+    /// Everything, after the last row.
+    ///
+    /// # Errors
+    /// As [`Pass::see`].
+    pub fn finish(mut self) -> Result<Found, (u32, NoMoment)> {
+        self.close()?;
+        self.judge()?;
+        Ok(self.found)
+    }
+
+    /// The starts and ends of the feed moves at their feeds, without inertia: what is known where
+    /// LinuxCNC cannot run the program.
+    ///
+    /// # Errors
+    /// As [`Pass::see`].
+    pub fn of_moves(mut self, moves: &[Move]) -> Result<Found, (u32, NoMoment)> {
+        let config = self.subject.config;
+        for [from, step] in cuts(moves) {
+            let Some(line) = self.program.get(&step.line) else { continue };
+            let feed = Vector3::from_fn(|k, _| step.end[k] - from.end[k]);
+            // Rotary axes alone feed nowhere, and a feed by the turn is not known here.
+            let is_known = feed.norm() > 0.0 && step.feed.is_finite();
+            for end in [from.end, step.end] {
+                self.batch.push(Moment {
+                    line: step.line,
+                    poses: [end; 3],
+                    tool: config.spindle + Vector3::from(step.tool),
+                    speed: if is_known { step.feed / config.units_per_mm } else { 0.0 },
+                    feed,
+                    rpm: Some(line.rpm),
+                });
+            }
+            if self.batch.len() >= BATCH {
+                self.judge()?;
+            }
+        }
+        self.finish()
+    }
+}
+
+/// The largest share that a coordinate's acceleration has of what the machine allows.
+fn acceleration(config: &MachineConfig, [a, b, c]: &[[f64; 6]; 3]) -> f64 {
+    let share = |k: usize| {
+        let limits = [config.max_linear_acceleration, config.max_angular_acceleration];
+        (a[k] - 2.0 * b[k] + c[k]).abs() / limits[k / 3]
+    };
+    (0..6).map(share).fold(0.0, f64::max)
+}
+
+impl Found {
+    fn add(&mut self, subject: &Subject, judged: &Judged) {
+        self.judged += 1;
+        // A rapid move leaves no surface behind.
+        let lag = judged.chip.map_or(0.0, |_| judged.lag.norm());
+        let (chip, deflection) = (judged.chip.unwrap_or_default(), judged.deflection.norm());
+        let line = self.lines.entry(judged.line).or_default();
+        line.chip = line.chip.max(chip);
+        line.force = line.force.max(judged.force);
+        line.deflection = line.deflection.max(deflection);
+        line.lag = line.lag.max(lag);
+        if let Some((drive, share)) = subject.hardest(&judged.drives)
+            && line.drive.is_none_or(|(_, most)| share > most)
+        {
+            line.drive = Some((drive, share));
+        }
+        let values = [chip, judged.force, deflection, lag];
+        for (peak, value) in self.peaks.iter_mut().zip(values) {
+            note(peak, value, judged);
+        }
+        for (peak, [low, high]) in self.drives.iter_mut().zip(&judged.drives) {
+            note(peak, if low.abs() > high.abs() { *low } else { *high }, judged);
+        }
+    }
+}
+
+fn note(peak: &mut Option<Peak>, value: f64, judged: &Judged) {
+    if peak.as_ref().is_none_or(|peak| value.abs() > peak.value.abs()) {
+        *peak = Some(Peak { value, judged: judged.clone() });
+    }
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Places along a program where that is computed which takes longer: vibration under the teeth,
+//! resolution, stability.
+
+use crate::cut::moment::{NoMoment, Subject, cutter_frame};
+use crate::cut::teeth::{HARMONICS, Teeth};
+use crate::dynamics::structure::Structure;
+use crate::read::machine::MachineConfig;
+use crate::stability::path::Stop;
+use crate::study::sensitivity::Sensitivity;
+use kinematics::Vector3;
+use nalgebra::Complex;
+use std::f64::consts::TAU;
+
+/// What is known of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// How far the tool swings from its mean under the teeth, mm.
+    pub vibration: f64,
+    /// How far it may be off in X, Y, Z where every drive is off by half a step, mm; `None` where the
+    /// INI file names no steps.
+    pub resolution: Option<[f64; 3]>,
+}
+
+/// Keys of `[JOINT_N]` with steps or counts per joint unit, the first one that is there counts.
+const SCALES: [&str; 4] = ["STEP_SCALE", "STEPGEN_SCALE", "SCALE", "INPUT_SCALE"];
+
+/// Half a step of every drive in joint units; `None` where one of them is not known.
+pub fn half_steps(config: &MachineConfig) -> Option<Vec<f64>> {
+    let half = |joint: usize| {
+        let section = format!("JOINT_{joint}");
+        let scale = SCALES.iter().find_map(|key| config.ini.first(&section, key))?;
+        let scale: f64 = scale.value.split_whitespace().next()?.parse().ok()?;
+        (scale != 0.0 && scale.is_finite()).then(|| 0.5 / scale.abs())
+    };
+    (0..config.joints.len()).map(half).collect()
+}
+
+impl Subject<'_> {
+    /// Looks at a place, with its feed per tooth in mm.
+    ///
+    /// # Errors
+    /// See [`NoMoment`].
+    pub fn look(
+        &self,
+        stop: &Stop,
+        chip: f64,
+        half_steps: Option<&[f64]>,
+    ) -> Result<Place, NoMoment> {
+        let structure = Structure::at(self.config, &self.model, &stop.pose, &stop.tool)?;
+        let frame = cutter_frame(&stop.feed, &stop.pose).map(|value| Complex::new(value, 0.0));
+        let tooth = TAU * f64::from(self.teeth.count) * stop.rpm / 60.0;
+        let mut swings: Vec<Vector3<Complex<f64>>> = vec![];
+        for harmonic in 1..=HARMONICS {
+            let receptance = structure.receptance(tooth * harmonic as f64);
+            let receptance = receptance.ok_or(NoMoment::Singular)?;
+            swings.push(receptance * (frame * self.teeth.harmonic(chip, harmonic)));
+        }
+        let resolution = half_steps.map(|steps| self.resolution(stop, steps)).transpose()?;
+        Ok(Place { vibration: Teeth::swing(&swings), resolution })
+    }
+
+    fn resolution(&self, stop: &Stop, steps: &[f64]) -> Result<[f64; 3], NoMoment> {
+        let length = self.config.machine.radius();
+        let found = Sensitivity::at(self.config, &stop.pose, &stop.tool, length)?;
+        let [x, y, z, ..] = found.ok_or(NoMoment::Singular)?.worst(steps);
+        Ok([x, y, z].map(|error| error / self.config.units_per_mm))
+    }
+}

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Which lines of a program cut, and where stability is looked at.
+
+use crate::program::interpreter::{Move, MoveKind};
+use crate::read::machine::MachineConfig;
+use crate::stability::path::Stop;
+use crate::stability::speeds::{NoSpeeds, Speeds};
+use kinematics::{Pose, Vector3};
+use std::collections::BTreeMap;
+
+/// A line that cuts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Its largest feed, machine units per second; infinite where the spindle sets it.
+    pub feed: f64,
+    /// Spindle speed, 1/min.
+    pub rpm: f64,
+}
+
+/// Why a program cuts nothing that is known.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NoCut {
+    /// It only goes fast.
+    #[error("the program has no feed moves")]
+    NoFeed,
+    /// Its spindle speed is not known.
+    #[error(transparent)]
+    Speeds(#[from] NoSpeeds),
+}
+
+/// The feed moves among the moves of a program: where each starts, and the move.
+pub fn cuts(moves: &[Move]) -> impl Iterator<Item = [&Move; 2]> {
+    let pairs = moves.windows(2).map(|pair| [&pair[0], &pair[1]]);
+    pairs.filter(|[from, step]| step.kind == MoveKind::Feed && step.end != from.end)
+}
+
+/// The lines with feed moves.
+///
+/// # Errors
+/// See [`NoCut`].
+pub fn lines(moves: &[Move], speeds: &Speeds) -> Result<BTreeMap<u32, Line>, NoCut> {
+    let mut lines = BTreeMap::new();
+    for [_, step] in cuts(moves) {
+        let rpm = speeds.at(step.line)?;
+        let line = lines.entry(step.line).or_insert(Line { feed: step.feed, rpm });
+        line.feed = line.feed.max(step.feed);
+    }
+    if lines.is_empty() { Err(NoCut::NoFeed) } else { Ok(lines) }
+}
+
+/// Ends of the feed moves, evenly chosen where there are more than `most`, and how many moves there are.
+///
+/// # Errors
+/// See [`NoCut`].
+pub fn stops(
+    config: &MachineConfig,
+    moves: &[Move],
+    speeds: &Speeds,
+    most: usize,
+) -> Result<(Vec<Stop>, usize), NoCut> {
+    let all: Vec<[&Move; 2]> = cuts(moves).collect();
+    if all.is_empty() {
+        return Err(NoCut::NoFeed);
+    }
+    let count = all.len().min(most);
+    let stop = |k: usize| -> Result<Stop, NoCut> {
+        let [from, step] = all[k * all.len() / count];
+        let feed = Vector3::from_fn(|i, _| step.end[i] - from.end[i]);
+        Ok(Stop {
+            line: step.line,
+            pose: Pose::from_degrees(step.end),
+            tool: config.spindle + Vector3::from(step.tool),
+            // A move of rotary axes alone feeds nowhere: the worst feed counts, as in a plunge.
+            feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
+            rpm: speeds.at(step.line)?,
+        })
+    };
+    Ok(((0..count).map(stop).collect::<Result<_, _>>()?, all.len()))
+}
+
+fn axis(end: &[f64; 6]) -> Vector3<f64> {
+    Pose::from_degrees(*end).rotation().column(2).into_owned()
+}

@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The answer about a program: what JSON shows, and what text and page are made of.
+
+use crate::cut::moment::Subject;
+use crate::cut::pass::{Found, OfLine, Peak};
+use crate::cut::place::Place;
+use crate::cut::program::Line;
+use crate::stability::path::{Depth, Stop};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Version of the fields.
+pub const VERSION: u32 = 1;
+
+/// Lines that are named as the worst.
+const WORST: usize = 10;
+
+/// um per mm.
+const UM: f64 = 1e3;
+
+/// N mm per N m.
+const MM_PER_M: f64 = 1e3;
+
+/// The answer.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// [`VERSION`].
+    pub version: u32,
+    /// The machine's INI file.
+    pub machine: PathBuf,
+    /// The program.
+    pub program: PathBuf,
+    /// Whether every drive can do it and every feed move is stable; none where that was not looked at
+    /// throughout and nothing else is wrong.
+    pub fits: Option<bool>,
+    /// Seconds from start to end; none where they are not known.
+    pub seconds: Option<f64>,
+    /// Those of feed moves.
+    pub cutting_seconds: Option<f64>,
+    /// Why time and inertia are not judged.
+    pub not_judged: Option<String>,
+    /// What LinuxCNC said as it stopped the program.
+    pub stopped: Option<String>,
+    /// Depth of cut of the study, mm.
+    pub depth_mm: f64,
+    /// Moments that were judged.
+    pub moments: u64,
+    /// Feed per tooth, mm.
+    pub chip_mm: Option<Most>,
+    /// Force on the tool, N.
+    pub force_n: Option<Most>,
+    /// How far the mean cutting force moves the tool, um.
+    pub deflection_um: Option<Most>,
+    /// How far inertia moves the tool, um.
+    pub inertia_um: Option<Most>,
+    /// How far the tool swings under the teeth, um.
+    pub vibration_um: Option<Most>,
+    /// How far the tool may be off in X, Y, Z where every drive is off by half a step; none without steps.
+    pub resolution_um: Option<[f64; 3]>,
+    /// Every drive, legs, then table axes.
+    pub drives: Vec<Drive>,
+    /// Stability along the program.
+    pub stability: Stability,
+    /// The lines that come nearest to what the machine can do, the worst first.
+    pub worst_lines: Vec<LineReport>,
+    /// Every line that cuts.
+    pub lines: Vec<LineReport>,
+}
+
+/// A largest value, and where.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Most {
+    /// The value.
+    pub value: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// X Y Z A B C there, machine units and degrees.
+    pub pose: [f64; 6],
+}
+
+/// A drive.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Drive {
+    /// Its joint.
+    pub name: String,
+    /// N, or Nm of an arm.
+    pub unit: &'static str,
+    /// The load that is largest by its amount, towards growing joint values.
+    pub load: f64,
+    /// Line of the program.
+    pub line: u32,
+    /// X Y Z A B C there.
+    pub pose: [f64; 6],
+    /// The largest load that it can do, where the study names one.
+    pub limit: Option<f64>,
+    /// Torque of its motor, Nm, where the study names one.
+    pub motor_torque_n_m: Option<f64>,
+    /// What the motor can do, Nm.
+    pub motor_limit_n_m: Option<f64>,
+    /// The larger share of both limits.
+    pub share: Option<f64>,
+}
+
+/// Stability.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stability {
+    /// Places that were looked at.
+    pub places: usize,
+    /// Feed moves of the program.
+    pub feed_moves: usize,
+    /// Largest depth that was looked at, mm.
+    pub deepest_mm: f64,
+    /// Line with the least limit.
+    pub line: u32,
+    /// X Y Z A B C there.
+    pub pose: [f64; 6],
+    /// Spindle speed there, 1/min.
+    pub rpm: f64,
+    /// The depth up to which all is stable there, mm.
+    pub stable_to_mm: f64,
+    /// That over the depth of cut.
+    pub margin: f64,
+}
+
+/// A line that cuts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LineReport {
+    /// The line.
+    pub line: u32,
+    /// The largest of its drive's share and the depth of cut over the limit: beyond 1 it cannot be cut.
+    pub share: f64,
+    /// Seconds of the line; none where they are not known. This and what follows from the motion is none
+    /// where LinuxCNC makes the line one move with its neighbours, too.
+    pub seconds: Option<f64>,
+    /// Spindle speed, 1/min.
+    pub rpm: f64,
+    /// Largest feed per tooth, mm.
+    pub chip_mm: Option<f64>,
+    /// Largest force on the tool, N.
+    pub force_n: Option<f64>,
+    /// The drive with the largest share of what it can do.
+    pub drive: Option<String>,
+    /// That share.
+    pub drive_share: Option<f64>,
+    /// How far the mean cutting force moves the tool, um.
+    pub deflection_um: Option<f64>,
+    /// How far inertia does, um.
+    pub inertia_um: Option<f64>,
+    /// How far the tool swings under the teeth, um; none where no place was looked at.
+    pub vibration_um: Option<f64>,
+    /// The depth up to which all is stable, mm; none where no place was looked at.
+    pub stable_to_mm: Option<f64>,
+    /// That over the depth of cut.
+    pub margin: Option<f64>,
+}
+
+/// Places with what was found there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Looked {
+    /// Stop, limit depth, and the rest.
+    pub places: Vec<(Stop, Depth, Place)>,
+    /// Feed moves of the program.
+    pub feed_moves: usize,
+    /// Largest depth that was looked at, mm.
+    pub deepest: f64,
+}
+
+/// How the run of a program ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Run {
+    /// At its end, after so many seconds.
+    Finished(f64),
+    /// LinuxCNC stopped it after so many seconds, and said so.
+    Stopped(f64, String),
+    /// LinuxCNC could not run it.
+    NotJudged(String),
+}
+
+/// The answer about a program.
+pub fn report(
+    subject: &Subject,
+    program: PathBuf,
+    depth_mm: f64,
+    lines: &BTreeMap<u32, Line>,
+    found: &Found,
+    looked: &Looked,
+    run: &Run,
+) -> Report {
+    let config = subject.config;
+    let seconds = match run {
+        Run::Finished(seconds) | Run::Stopped(seconds, _) => Some(*seconds),
+        Run::NotJudged(_) => None,
+    };
+    let period = seconds.map(|_| config.period);
+    let lines: Vec<LineReport> = lines
+        .iter()
+        .map(|(number, line)| {
+            let own = found.lines.get(number);
+            of_line(subject, *number, line, own, looked, depth_mm, period)
+        })
+        .collect();
+    let drives = drives(subject, found);
+    let stability = stability(looked, depth_mm);
+    let is_above = drives.iter().filter_map(|drive| drive.share).any(|share| share > 1.0);
+    let is_whole = stability.places == stability.feed_moves
+        && drives.iter().all(|drive| drive.share.is_some());
+    let fits = match run {
+        _ if is_above || !(stability.margin > 1.0) => Some(false),
+        Run::Stopped(..) => Some(false),
+        Run::Finished(_) if is_whole => Some(true),
+        Run::Finished(_) | Run::NotJudged(_) => None,
+    };
+    let [chip, force, deflection, lag] = &found.peaks;
+    Report {
+        version: VERSION,
+        machine: config.file.clone(),
+        program,
+        fits,
+        seconds,
+        cutting_seconds: period.map(|period| found.cutting as f64 * period),
+        not_judged: if let Run::NotJudged(why) = run { Some(why.clone()) } else { None },
+        stopped: if let Run::Stopped(_, why) = run { Some(why.clone()) } else { None },
+        depth_mm,
+        moments: found.judged,
+        chip_mm: most(chip, 1.0),
+        force_n: most(force, 1.0),
+        deflection_um: most(deflection, UM),
+        inertia_um: seconds.and_then(|_| most(lag, UM)),
+        vibration_um: vibration(looked),
+        resolution_um: resolution(looked),
+        drives,
+        stability,
+        worst_lines: worst(&lines),
+        lines,
+    }
+}
+
+fn worst(lines: &[LineReport]) -> Vec<LineReport> {
+    let mut worst = lines.to_vec();
+    worst.sort_by(|a, b| b.share.total_cmp(&a.share));
+    worst.truncate(WORST);
+    worst
+}
+
+fn most(peak: &Option<Peak>, scale: f64) -> Option<Most> {
+    let peak = peak.as_ref()?;
+    let (line, pose) = (peak.judged.line, peak.judged.pose);
+    Some(Most { value: peak.value * scale, line, pose })
+}
+
+fn of_line(
+    subject: &Subject,
+    number: u32,
+    line: &Line,
+    own: Option<&OfLine>,
+    looked: &Looked,
+    depth: f64,
+    period: Option<f64>,
+) -> LineReport {
+    let places = || looked.places.iter().filter(|(stop, ..)| stop.line == number);
+    let stable_to = places().map(|(_, depth, _)| depth.stable_to).reduce(f64::min);
+    let vibration = places().map(|(_, _, place)| place.vibration * UM).reduce(f64::max);
+    let drive = own.and_then(|own| own.drive);
+    let drive_share = drive.map(|(_, share)| share);
+    let share = drive_share.into_iter().chain(stable_to.map(|limit| depth / limit));
+    LineReport {
+        line: number,
+        share: share.fold(0.0, f64::max),
+        seconds: period.and_then(|period| Some(own?.cycles as f64 * period)),
+        rpm: line.rpm,
+        chip_mm: own.map(|own| own.chip),
+        force_n: own.map(|own| own.force),
+        drive: drive.map(|(drive, _)| subject.config.joints[drive].name.clone()),
+        drive_share,
+        deflection_um: own.map(|own| own.deflection * UM),
+        inertia_um: period.and(own).map(|own| own.lag * UM),
+        vibration_um: vibration,
+        stable_to_mm: stable_to,
+        margin: stable_to.map(|limit| limit / depth),
+    }
+}
+
+fn drives(subject: &Subject, found: &Found) -> Vec<Drive> {
+    let drive = |(i, peak): (usize, &Option<Peak>)| {
+        let peak = peak.as_ref()?;
+        let (scale, unit) = if subject.is_arm(i) { (MM_PER_M, "Nm") } else { (1.0, "N") };
+        let own = &subject.drives[i];
+        Some(Drive {
+            name: subject.config.joints[i].name.clone(),
+            unit,
+            load: peak.value / scale,
+            line: peak.judged.line,
+            pose: peak.judged.pose,
+            limit: own.most.map(|most| most / scale),
+            motor_torque_n_m: own.motor.map(|motor| motor.torque_of(peak.value) / MM_PER_M),
+            motor_limit_n_m: own.motor.map(|motor| motor.torque / MM_PER_M),
+            share: own.share(peak.value),
+        })
+    };
+    found.drives.iter().enumerate().filter_map(drive).collect()
+}
+
+fn stability(looked: &Looked, depth: f64) -> Stability {
+    let least = looked.places.iter().min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
+    let (stop, limit, _) = least.expect("a program with feed moves has places");
+    Stability {
+        places: looked.places.len(),
+        feed_moves: looked.feed_moves,
+        deepest_mm: looked.deepest,
+        line: stop.line,
+        pose: stop.pose.to_degrees(),
+        rpm: stop.rpm,
+        stable_to_mm: limit.stable_to,
+        margin: limit.stable_to / depth,
+    }
+}
+
+fn vibration(looked: &Looked) -> Option<Most> {
+    let most = looked.places.iter().max_by(|a, b| a.2.vibration.total_cmp(&b.2.vibration));
+    most.map(|(stop, _, place)| Most {
+        value: place.vibration * UM,
+        line: stop.line,
+        pose: stop.pose.to_degrees(),
+    })
+}
+
+fn resolution(looked: &Looked) -> Option<[f64; 3]> {
+    let all = looked.places.iter().filter_map(|(_, _, place)| place.resolution);
+    let most = all.reduce(|a, b| std::array::from_fn(|k| a[k].max(b[k])));
+    most.map(|most| most.map(|value| value * UM))
+}

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The force of a milling cutter while one tooth takes the place of the next.
+
+use crate::dynamics::milling::Milling;
+use crate::study::cutting::Cutting;
+use crate::study::forcing;
+use kinematics::Vector3;
+use nalgebra::Complex;
+use std::f64::consts::TAU;
+
+/// Angles in a pitch: the force of a tooth that enters or leaves is off by a two-hundredth of its time.
+const ANGLES: usize = 200;
+
+/// Harmonics of the tooth frequency: as many as ten angles a period show.
+pub const HARMONICS: usize = ANGLES / 10;
+
+/// Forces on the tool at even angles of a pitch, in the frame of [`crate::dynamics::milling::frame`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Teeth {
+    /// Number of them.
+    pub count: u16,
+    /// N for each mm of feed per tooth.
+    per_chip: Vec<Vector3<f64>>,
+    /// Of the edges alone, N.
+    edge: Vec<Vector3<f64>>,
+}
+
+impl Teeth {
+    /// Of a cutter at a depth of cut in mm; `run` has its edge and helix, where a study names them.
+    pub fn of(cutter: &Cutting, run: Option<&forcing::Milling>, depth: f64) -> Self {
+        let plain = Milling {
+            teeth: cutter.teeth,
+            speed: 0.0,
+            feed: 0.0,
+            depth,
+            arc: cutter.arc(),
+            cutting: cutter.coefficients,
+            edge: [0.0; 3],
+            lag: 0.0,
+        };
+        let milling = run.map_or(plain, |run| Milling::of(cutter, run, depth));
+        let forces = |milling: Milling| -> Vec<Vector3<f64>> {
+            let pitch = TAU / f64::from(cutter.teeth);
+            let angle = |k: usize| pitch * (k as f64 + 0.5) / ANGLES as f64;
+            (0..ANGLES).map(|k| milling.force(angle(k))).collect()
+        };
+        Self {
+            count: cutter.teeth,
+            per_chip: forces(Milling { feed: 1.0, edge: [0.0; 3], ..milling }),
+            edge: forces(Milling { feed: 0.0, ..milling }),
+        }
+    }
+
+    /// Feed per tooth in mm, by the speed along the path in mm/s and the spindle speed in 1/min.
+    pub fn chip(&self, speed: f64, rpm: f64) -> f64 {
+        speed * 60.0 / (f64::from(self.count) * rpm)
+    }
+
+    /// Forces at all angles, N, by the feed per tooth in mm.
+    pub fn forces(&self, chip: f64) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        self.per_chip.iter().zip(&self.edge).map(move |(force, edge)| force * chip + edge)
+    }
+
+    /// Their mean.
+    pub fn mean(&self, chip: f64) -> Vector3<f64> {
+        self.forces(chip).sum::<Vector3<f64>>() / ANGLES as f64
+    }
+
+    /// The largest amount of them.
+    pub fn peak(&self, chip: f64) -> f64 {
+        self.forces(chip).map(|force| force.norm()).fold(0.0, f64::max)
+    }
+
+    /// The part of the force that swings `harmonic` times a pitch: its complex amplitude, so that the
+    /// force is the real part of the sum of amplitude times e^(i harmonic angle).
+    pub fn harmonic(&self, chip: f64, harmonic: usize) -> Vector3<Complex<f64>> {
+        let part = |(k, force): (usize, Vector3<f64>)| {
+            let turn = turn(-phase(k, harmonic)) * (2.0 / ANGLES as f64);
+            force.map(|value| turn * value)
+        };
+        self.forces(chip).enumerate().map(part).sum()
+    }
+
+    /// The largest amount of a motion that is made of such amplitudes, the first of the tooth frequency.
+    pub fn swing(amplitudes: &[Vector3<Complex<f64>>]) -> f64 {
+        let at = |k: usize| {
+            let turned = amplitudes.iter().zip(1..).map(|(amplitude, harmonic)| {
+                let turn = turn(phase(k, harmonic));
+                amplitude.map(|value| (value * turn).re)
+            });
+            turned.sum::<Vector3<f64>>().norm()
+        };
+        (0..ANGLES).map(at).fold(0.0, f64::max)
+    }
+}
+
+fn phase(k: usize, harmonic: usize) -> f64 {
+    TAU * (k as f64 + 0.5) * harmonic as f64 / ANGLES as f64
+}
+
+fn turn(angle: f64) -> Complex<f64> {
+    let (sin, cos) = angle.sin_cos();
+    Complex::new(cos, sin)
+}

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The page about a program as it cuts.
+
+use crate::cut::report::{Drive, LineReport, Most, Report};
+use crate::draw::lines::Line;
+use crate::draw::margins::Figure;
+use crate::draw::over::{Over, drawn_over, highest, lowest};
+use crate::draw::page::{drawing, page};
+use crate::draw::plot::DrawError;
+use maud::{Markup, html};
+
+/// Shares are drawn up to here: a single one would hide all others.
+const MOST_SHARE: f64 = 2.0;
+
+/// The page; `program` and `machine` are names, `why` is the verdict in a sentence, `notes` are what is
+/// not known.
+///
+/// # Errors
+/// As [`DrawError`].
+pub fn of_cut(
+    report: &Report,
+    [program, machine]: [&str; 2],
+    why: &str,
+    notes: &[String],
+) -> Result<String, DrawError> {
+    let figures = figures(report)?;
+    let body = html! {
+        (verdict(report, why))
+        (peaks(report))
+        (drives(&report.drives))
+        (worst(&report.worst_lines))
+        h2 { "What is not known" }
+        ul { @for note in notes { li { (note) } } }
+        @for figure in &figures { (drawing(figure)) }
+    };
+    Ok(page(&format!("Cutting {program} on {machine}"), &body))
+}
+
+fn verdict(report: &Report, why: &str) -> Markup {
+    let [sign, words, class] = match report.fits {
+        Some(true) => ["\u{2713}", "The machine can cut the program", "fits"],
+        Some(false) => ["\u{2717}", "The machine cannot cut the program", "misfit"],
+        None => ["?", "Not judged", "open"],
+    };
+    html! {
+        div class={ "verdict " (class) } role="status" {
+            h2 { span aria-hidden="true" { (sign) " " } (words) }
+            p { (why) }
+        }
+    }
+}
+
+fn row(name: &str, meaning: &str, value: &str, place: &str) -> Markup {
+    html! { tr {
+        th scope="row" { (name) small { (meaning) } }
+        td class="number" { (value) }
+        td { (place) }
+    } }
+}
+
+fn peaks(report: &Report) -> Markup {
+    let peak = |name: &str, meaning: &str, unit: &str, most: &Option<Most>| {
+        let Some(most) = most else { return html! {} };
+        let line = format!("line {}", most.line);
+        row(name, meaning, &format!("{:.4} {unit}", most.value), &line)
+    };
+    let stability = &report.stability;
+    let seconds = report.seconds.map(|seconds| format!("{seconds:.3} s"));
+    let cutting =
+        report.cutting_seconds.map(|seconds| format!("{seconds:.3} s of it in feed moves"));
+    let [seconds, cutting] = [seconds, cutting].map(Option::unwrap_or_default);
+    let resolution = report.resolution_um.map(|error| error.map(|value| format!("{value:.3}")));
+    html! {
+        h2 { "The largest values" }
+        table {
+            thead { tr {
+                th scope="col" { "what" }
+                th scope="col" class="number" { "value" }
+                th scope="col" { "where" }
+            } }
+            tbody {
+                @if report.seconds.is_some() {
+                    (row("time", "from start to end", &seconds, &cutting))
+                }
+                (peak("chip load", "feed of each tooth", "mm", &report.chip_mm))
+                (peak("force on the tool", "the largest in a turn", "N", &report.force_n))
+                (peak("deflection", "how far the mean force moves the tool", "um", &report.deflection_um))
+                (peak("inertia", "how far speeding up and braking move the tool", "um", &report.inertia_um))
+                (peak("vibration", "how far the tool swings under the teeth", "um", &report.vibration_um))
+                (row("limit depth", "up to which nothing chatters",
+                    &format!("{:.4} mm", stability.stable_to_mm), &format!("line {}", stability.line)))
+                (row("stability margin", "limit depth over depth of cut",
+                    &format!("{:.3}", stability.margin), &format!("{} mm are cut", report.depth_mm)))
+                @if let Some(error) = resolution {
+                    (row("resolution", "X, Y, Z off by half a step of every drive",
+                        &format!("{} um", error.join(", ")), ""))
+                }
+            }
+        }
+    }
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or(String::new(), |value| format!("{value:.digits$}"))
+}
+
+fn drives(drives: &[Drive]) -> Markup {
+    let head = ["largest load", "allowed", "motor, Nm", "motor allows", "share"];
+    html! {
+        h2 { "The drives" }
+        table {
+            thead { tr {
+                th scope="col" { "drive" }
+                @for head in head { th scope="col" class="number" { (head) } }
+                th scope="col" { "where" }
+            } }
+            tbody { @for drive in drives {
+                tr class=[drive.share.is_some_and(|share| share > 1.0).then_some("broken")] {
+                    th scope="row" { (drive.name) }
+                    td class="number" { (format!("{:.1} {}", drive.load, drive.unit)) }
+                    td class="number" { (number(drive.limit, 1)) }
+                    td class="number" { (number(drive.motor_torque_n_m, 3)) }
+                    td class="number" { (number(drive.motor_limit_n_m, 3)) }
+                    td class="number" { (number(drive.share, 3)) }
+                    td { "line " (drive.line) }
+                }
+            } }
+        }
+    }
+}
+
+fn worst(lines: &[LineReport]) -> Markup {
+    let head = [
+        "share",
+        "chip, mm",
+        "force, N",
+        "share of a drive",
+        "deflection, um",
+        "inertia, um",
+        "vibration, um",
+        "margin",
+    ];
+    html! {
+        h2 { "The worst lines" }
+        table {
+            thead { tr {
+                th scope="col" { "line" }
+                @for head in head { th scope="col" class="number" { (head) } }
+            } }
+            tbody { @for line in lines {
+                tr class=[(line.share > 1.0).then_some("broken")] {
+                    th scope="row" { (line.line) }
+                    td class="number" { (number(Some(line.share), 3)) }
+                    td class="number" { (number(line.chip_mm, 4)) }
+                    td class="number" { (number(line.force_n, 1)) }
+                    td class="number" { (number(line.drive_share, 3)) " " (line.drive.as_deref().unwrap_or_default()) }
+                    td class="number" { (number(line.deflection_um, 3)) }
+                    td class="number" { (number(line.inertia_um, 3)) }
+                    td class="number" { (number(line.vibration_um, 3)) }
+                    td class="number" { (number(line.margin, 3)) }
+                }
+            } }
+        }
+    }
+}
+
+/// Points of the lines of a program.
+fn points(lines: &[LineReport], of: impl Fn(&LineReport) -> Option<f64>) -> Vec<(f64, f64)> {
+    lines.iter().filter_map(|line| Some((f64::from(line.line), of(line)?))).collect()
+}
+
+fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
+    let lines = &report.lines;
+    let end = lines.last().map_or(1.0, |line| f64::from(line.line));
+    let figure = |title: &str, about: &str, y: &str, limits: &[f64], lines: Vec<Line>| {
+        let lines: Vec<Line> = lines.into_iter().filter(|line| !line.points.is_empty()).collect();
+        if lines.is_empty() {
+            return Ok(None);
+        }
+        let over = Over { x: "line of the program", end, y, limits, marks: &[] };
+        let svg = drawn_over(&over, &lines)?;
+        Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
+    };
+    let high = |name: &str, of: &dyn Fn(&LineReport) -> Option<f64>| Line {
+        name: name.into(),
+        points: highest(&points(lines, of)),
+    };
+    let shares = vec![
+        high("drive", &|line| line.drive_share.map(|share| share.min(MOST_SHARE))),
+        high("depth of cut", &|line| line.margin.map(|margin| (1.0 / margin).min(MOST_SHARE))),
+    ];
+    let yields = vec![
+        high("deflection", &|line| line.deflection_um),
+        high("inertia", &|line| line.inertia_um),
+        high("vibration", &|line| line.vibration_um),
+    ];
+    let limits = points(lines, |line| line.stable_to_mm);
+    let all = [
+        figure(
+            "Shares of what the machine can do",
+            "The load of the hardest drive over what it can do, and the depth of cut over the depth at \
+             which the cut begins to chatter. Good: below the thick black line at 1. What is above 2 is \
+             drawn there.",
+            "share",
+            &[1.0],
+            shares,
+        )?,
+        figure(
+            "How far the tool is moved",
+            "By the mean cutting force, by speeding up and braking, and by the teeth one after the other.",
+            "um",
+            &[],
+            yields,
+        )?,
+        figure(
+            "Depth up to which nothing chatters",
+            "At the programmed spindle speeds. Good: above the thick black line, the depth of cut.",
+            "depth in mm",
+            &[report.depth_mm],
+            vec![Line { name: "limit".into(), points: lowest(&limits) }],
+        )?,
+    ];
+    Ok(all.into_iter().flatten().collect())
+}
