@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! positions a second of a study of the workspace, stability in the cut, and programs judged before cutting. Times are printed, never asserted; what stays are the ratios of one run.
+//! positions a second of a study of the workspace, stability in the cut, and programs judged before
+//! cutting. Times are printed, never asserted; what stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
 use pkm::control::process::Options;
@@ -22,6 +23,7 @@ use std::fs;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::Command;
 use std::time::Instant;
 
 /// Lines of the long program.
@@ -201,6 +203,45 @@ fn stability(configs: &Path, cores: &[ThreadPool]) {
     row("limit depths at 10,000 poses, 18 feeds each", &|| drop(black_box(places())));
 }
 
+/// At 600 mm/min a row of 80 mm takes eight seconds.
+const HOUR_ROWS: u32 = 440;
+
+/// About an hour of milling: a surface of waves, in rows of lines of two millimetres.
+fn hour_of_milling() -> String {
+    let mut text = String::from("G21 G90 G64 P0.01\nS9000 M3\nG0 X-40 Y-40 Z220\n");
+    for row in 0..HOUR_ROWS {
+        let y = 80.0 * f64::from(row) / f64::from(HOUR_ROWS) - 40.0;
+        for k in 0..=40 {
+            let x =
+                if row % 2 == 0 { 2.0 * f64::from(k) - 40.0 } else { 40.0 - 2.0 * f64::from(k) };
+            let z = 220.0 + 3.0 * (x * 0.08).sin() * (y * 0.05).cos();
+            let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F600");
+        }
+    }
+    text + "M5\nM2\n"
+}
+
+/// The cutting report of an hour of program, as the command writes it.
+fn cutting_report(configs: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("hour.ngc");
+    fs::write(&program, hour_of_milling()).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+    command.arg("cut").arg(configs.join("hexapod/hexapod.ini")).arg(program);
+    command.arg(configs.join("hexapod/cut.toml")).args(["--format", "json"]);
+    let (output, seconds) = seconds_of(|| command.output().unwrap());
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    println!("\n`pkm cut` of a long program on the hexapod, LinuxCNC's run of it included:\n");
+    println!("| machine's time | moments judged | places of stability | wall time |");
+    println!("|--:|--:|--:|--:|");
+    println!(
+        "| {:.0} s | {} | {} | {seconds:.1} s |",
+        found["seconds"].as_f64().unwrap(),
+        found["moments"],
+        found["stability"]["places"]
+    );
+}
+
 /// A result, and how long it took.
 fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
@@ -254,5 +295,6 @@ fn main() {
     println!("| answer | {} |", columns.join(" | "));
     println!("|---|{}", "--:|".repeat(columns.len()));
     stability(&configs, &cores);
+    cutting_report(&configs);
     programs(&configs);
 }
