@@ -12,6 +12,7 @@ mod configs;
 mod control;
 mod course;
 mod curve;
+mod drawings;
 mod dynamics;
 mod dynamics_command;
 mod dynamics_motion;

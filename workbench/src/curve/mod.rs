@@ -5,12 +5,16 @@
 mod arcs;
 pub mod base;
 pub mod carriages;
+pub mod dxf;
+pub mod element;
+pub mod ellipse;
 pub mod expression;
 pub mod file;
 pub mod free;
 pub mod gcode;
 pub mod implicit;
 pub mod job;
+pub mod join;
 pub mod laws;
 pub mod length;
 pub mod motion;

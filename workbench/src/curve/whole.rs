@@ -4,6 +4,7 @@
 use crate::curve::base::{Explicit, Form, Part};
 use crate::curve::expression::{Expression, ExpressionError, Trouble};
 use crate::curve::file::{CurveKeys, Follow, Formula, PathFile};
+use crate::curve::free::{FreeError, free};
 use crate::curve::implicit::Families;
 use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
 use crate::curve::length::Lengths;
@@ -51,7 +52,7 @@ pub enum CurveError {
     Trace(#[from] TraceError),
     /// A free-form curve cannot be read.
     #[error(transparent)]
-    Free(#[from] crate::curve::free::FreeError),
+    Free(#[from] FreeError),
 }
 
 /// A curve.
@@ -201,7 +202,8 @@ impl Curve {
         let keys = file.curve.as_ref().ok_or_else(|| CurveError::Keys("no [curve]".into()))?;
         let reader = Reader(file);
         let (mut turnings, mut is_closed) = (vec![], false);
-        let is_free = keys.points.is_some() || keys.svg.is_some();
+        let is_free = [&keys.points, &keys.svg, &keys.dxf].iter().any(|file| file.is_some());
+        let mut is_plane = true;
         let parts = match (&keys.x_mm, &keys.y_mm, is_free) {
             (Some(x), Some(y), false) if keys.alpha.is_none() && keys.beta.is_none() => {
                 vec![reader.explicit(keys, x, y)?]
@@ -214,14 +216,16 @@ impl Curve {
                 found.parts
             }
             (None, None, true) if keys.alpha.is_none() && keys.beta.is_none() => {
-                crate::curve::free::parts(keys, &file.folder)?
+                let found = free(keys, &file.folder)?;
+                is_plane = found.is_plane;
+                found.parts
             }
             _ => {
-                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or points, or svg";
+                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or one of points, svg and dxf";
                 return Err(CurveError::Keys(text.into()));
             }
         };
-        let laws = reader.laws(keys.points.is_none())?;
+        let laws = reader.laws(is_plane)?;
         let mut curve = Self {
             parts,
             lengths: vec![],
