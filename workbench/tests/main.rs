@@ -25,6 +25,7 @@ mod mobility;
 mod offsets;
 mod page;
 mod path;
+mod path_refusals;
 mod preflight;
 mod random_program;
 mod replay;

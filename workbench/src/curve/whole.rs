@@ -245,8 +245,8 @@ impl Curve {
 
     fn measure(&mut self) -> Result<(), CurveError> {
         for part in &self.parts {
-            let lengths = Lengths::of(part, self.length)
-                .map_err(|trouble| CurveError::Trouble { t: first_trouble(part), trouble })?;
+            let lengths =
+                Lengths::of(part, self.length).map_err(|trouble| first_trouble(part, trouble))?;
             self.length = lengths.end();
             self.lengths.push(lengths);
         }
@@ -266,7 +266,8 @@ impl Curve {
         }
         let middle = 0.5 * (from + to);
         if left == 0 {
-            self.at(part, middle)?;
+            // Where one of them has no value, that is the reason.
+            [from, middle, to].into_iter().try_for_each(|at| self.at(part, at).map(drop))?;
             return Err(self.trouble(part, middle, Trouble::Pole));
         }
         self.check(part, [from, middle], left - 1)?;
@@ -366,10 +367,14 @@ impl Curve {
     }
 }
 
-/// The first of many places of a part that has no value.
-fn first_trouble(part: &Part) -> f64 {
+/// The first of many places of a part that has no value; of one whose length has none.
+fn first_trouble(part: &Part, of_length: Trouble) -> CurveError {
     const PLACES: usize = 4096;
     let [a, b] = part.range;
     let place = |k: usize| a + (b - a) * k as f64 / PLACES as f64;
-    (0..=PLACES).map(place).find(|at| part.at(Interval::point(*at)).is_err()).unwrap_or(f64::NAN)
+    let mut troubles = (0..=PLACES).map(place).filter_map(|t| {
+        let trouble = part.at(Interval::point(t)).err()?;
+        Some(CurveError::Trouble { t, trouble })
+    });
+    troubles.next().unwrap_or(CurveError::Trouble { t: f64::NAN, trouble: of_length })
 }
