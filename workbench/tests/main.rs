@@ -19,6 +19,7 @@ mod dynamics_motion;
 mod golden;
 mod ini_cases;
 mod inivar;
+mod installed;
 mod interpreter;
 mod lathe_loops;
 mod mobility;
