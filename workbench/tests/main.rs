@@ -23,6 +23,7 @@ mod installed;
 mod interpreter;
 mod lathe_loops;
 mod mobility;
+mod ngcgui;
 mod offsets;
 mod page;
 mod path;

@@ -26,18 +26,18 @@ static GOLDEN: LazyLock<Golden> =
     LazyLock::new(|| toml::from_str(include_str!("cutting_path.toml")).unwrap());
 
 /// An operation, and how a program asks for it: as a subroutine, and as a G-code in its plane.
-struct Typical {
+pub struct Typical {
     machine: &'static str,
     zero: [f64; 3],
     operation: &'static str,
-    call: &'static str,
+    pub call: &'static str,
     code: &'static str,
 }
 
 const PYRAMID: [f64; 3] = [0.0, 0.0, 220.0];
 const LATHE: [f64; 3] = [0.0, 450.0, 1000.0];
 
-const TYPICAL: [Typical; 16] = [
+pub const TYPICAL: [Typical; 16] = [
     Typical {
         machine: "pyramid",
         zero: PYRAMID,
@@ -196,12 +196,12 @@ fn level(program: &str) -> String {
     found.map_or(String::new(), |line| format!("{line}\n"))
 }
 
-fn subroutines() -> PathBuf {
+pub fn subroutines() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../subroutines").canonicalize().unwrap()
 }
 
 /// The machine with the subroutines on its path, and these lines.
-fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
+pub fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
     let folder = tempfile::tempdir().unwrap();
     for file in fs::read_dir(ini(machine).parent().unwrap()).unwrap() {
         let file = file.unwrap().path();
@@ -226,7 +226,7 @@ fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
 const CODES: &str = "#INCLUDE PLACE/remap.inc\n";
 
 /// Moves that move something.
-fn read(config: &MachineConfig, text: &str) -> Vec<Move> {
+pub fn read(config: &MachineConfig, text: &str) -> Vec<Move> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
     fs::write(&file, text).unwrap();
