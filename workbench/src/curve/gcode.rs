@@ -62,7 +62,7 @@ pub struct Writer<'a> {
     lines: u32,
     /// Where the machine is, in work coordinates; nothing before the first move.
     at: [Option<f64>; 6],
-    feed: Option<f64>,
+    feed: Option<String>,
     plane: usize,
     /// The moves as motion receives them.
     pub moves: Vec<Move>,
@@ -349,9 +349,10 @@ impl<'a> Writer<'a> {
     fn feed_word(&mut self, feed: f64, minutes: Option<f64>) -> String {
         let value = minutes.map_or(feed, |minutes| 1.0 / minutes);
         let text = number(value, FEED_DECIMALS);
-        let same = self.feed == Some(value) && minutes.is_none();
-        self.feed = minutes.is_none().then_some(value);
-        if same { String::new() } else { format!(" F{text}") }
+        let word = format!(" F{text}");
+        let same = self.feed.as_ref() == Some(&word) && minutes.is_none();
+        self.feed = minutes.is_none().then(|| word.clone());
+        if same { String::new() } else { word }
     }
 
     /// Changes how feeds are written.
