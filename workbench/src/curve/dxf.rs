@@ -147,16 +147,12 @@ fn strand((number, entity): &(usize, &Entity), unit: f64) -> Result<Strand, DxfE
     let (kind, found) = curves(&entity.specific, entity.common.elevation, unit);
     let (layer, handle) = (&entity.common.layer, entity.common.handle.as_string());
     let name = format!("entity {number} ({kind} {handle} on layer {layer})");
-    match found {
-        Ok(elements) if elements.is_empty() => {
-            Err(DxfError::Entity { name, text: "it has no length".into() })
-        }
-        Ok(elements) if !elements.iter().all(Element::is_finite) => {
-            Err(DxfError::Entity { name, text: "a number is too large".into() })
-        }
-        Ok(elements) => Ok(Strand { name, elements }),
-        Err(text) => Err(DxfError::Entity { name, text }),
+    let refused = |text: String| DxfError::Entity { name: name.clone(), text };
+    let elements = found.map_err(refused)?;
+    if !elements.iter().all(Element::is_finite) {
+        return Err(refused("a number is too large".into()));
     }
+    Strand::new(name.clone(), elements).ok_or_else(|| refused("it has no length".into()))
 }
 
 /// What an entity is called, and its curves.

@@ -27,21 +27,21 @@ pub enum JoinError {
 /// Elements end to end: what one entity of a drawing holds.
 #[derive(Clone, Debug)]
 pub struct Strand {
-    /// What it is called in messages.
-    pub name: String,
-    /// One or more.
-    pub elements: Vec<Element>,
+    name: String,
+    elements: Vec<Element>,
+    /// First and last place, which many others are compared with.
+    ends: [Vector3<f64>; 2],
 }
 
 impl Strand {
-    /// First and last place.
-    pub fn ends(&self) -> [Vector3<f64>; 2] {
-        let last = &self.elements[self.elements.len() - 1];
-        [self.elements[0].ends()[0], last.ends()[1]]
+    /// One or more elements, and what they are called in messages; nothing of none.
+    pub fn new(name: String, elements: Vec<Element>) -> Option<Self> {
+        let ends = [elements.first()?.ends()[0], elements.last()?.ends()[1]];
+        Some(Self { name, elements, ends })
     }
 
     fn is_closed(&self, within: f64) -> bool {
-        let [start, end] = self.ends();
+        let [start, end] = self.ends;
         (start - end).norm() <= within
     }
 }
@@ -87,18 +87,19 @@ fn extend(
     loop {
         let end = chain[chain.len() - 1].ends()[1];
         let reached = |strand: &Strand| {
-            let near = |k: usize| (strand.ends()[k] - end).norm() <= within;
+            let near = |k: usize| (strand.ends[k] - end).norm() <= within;
             !strand.is_closed(within) && (near(0) || near(1))
         };
         let Some(next) = left.iter_mut().find(|next| next.as_ref().is_some_and(reached)) else {
             return Ok(());
         };
         let Some(mut next) = next.take() else { return Ok(()) };
-        let [start, other] = next.ends();
+        let [start, other] = next.ends;
         if (other - end).norm() < (start - end).norm() {
             next.elements = turned(next.elements);
+            next.ends.reverse();
         }
-        line(chain, next.ends()[0])?;
+        line(chain, next.ends[0])?;
         chain.append(&mut next.elements);
     }
 }
@@ -122,7 +123,7 @@ fn line(chain: &mut Vec<Element>, to: Vector3<f64>) -> Result<(), JoinError> {
 fn check_branches(strands: &[Strand], within: f64) -> Result<(), JoinError> {
     let open = strands.iter().filter(|strand| !strand.is_closed(within));
     let ends: Vec<(&Strand, Vector3<f64>)> =
-        open.flat_map(|strand| strand.ends().map(|end| (strand, end))).collect();
+        open.flat_map(|strand| strand.ends.map(|end| (strand, end))).collect();
     for (_, at) in &ends {
         let near = ends.iter().filter(|(_, end)| (end - at).norm() <= within);
         let names: Vec<&str> = near.map(|(strand, _)| strand.name.as_str()).collect();
@@ -139,10 +140,7 @@ mod tests {
 
     fn line(name: &str, a: [f64; 2], b: [f64; 2]) -> Strand {
         let place = |p: [f64; 2]| Vector3::new(p[0], p[1], 0.0);
-        Strand {
-            name: name.into(),
-            elements: vec![Element::bezier(&[place(a), place(b)]).unwrap()],
-        }
+        Strand::new(name.into(), vec![Element::bezier(&[place(a), place(b)]).unwrap()]).unwrap()
     }
 
     fn places(elements: &[Element]) -> Vec<[f64; 2]> {
