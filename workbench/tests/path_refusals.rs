@@ -198,6 +198,8 @@ fn drawings() -> Vec<Case> {
             drawing("dxf = 'a.dxf'\nsvg = 'a.svg'"),
             &["[curve]: expected one of points, svg and dxf"],
         ),
+        case(drawing("svg = 'a.svg'\ndxf_unit_mm = 1"), &["[curve] dxf_unit_mm: only beside dxf"]),
+        fine("t = [0, 1]", "t = [0, 1]\ndegree = 2", &["[curve] degree: only beside points"]),
         of_dxf(dxf(0, LINE), &["[curve] dxf_unit_mm: missing", "$INSUNITS", "Unitless"]),
         of_dxf("hello\n".into(), &["a.dxf", "the line EOF is missing"]),
         of_dxf(dxf(4, LINE).replace("0\nEOF\n", ""), &["the line EOF is missing"]),

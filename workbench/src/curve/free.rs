@@ -85,6 +85,29 @@ pub struct Free {
     pub is_plane: bool,
 }
 
+/// Keys that say how a file is read, where no such file is named.
+///
+/// # Errors
+/// [`FreeError::Keys`] with the first of them.
+pub fn check_keys(keys: &CurveKeys) -> Result<(), FreeError> {
+    let (points, svg, dxf) = (keys.points.is_some(), keys.svg.is_some(), keys.dxf.is_some());
+    let all = [
+        ("degree", keys.degree.is_some(), "points", points),
+        ("knots", keys.knots.is_some(), "points", points),
+        ("svg_unit_mm", keys.svg_unit_mm.is_some(), "svg", svg),
+        ("dxf_layer", keys.dxf_layer.is_some(), "dxf", dxf),
+        ("dxf_handles", keys.dxf_handles.is_some(), "dxf", dxf),
+        ("dxf_unit_mm", keys.dxf_unit_mm.is_some(), "dxf", dxf),
+        ("dxf_join_mm", keys.dxf_join_mm.is_some(), "dxf", dxf),
+    ];
+    match all.iter().find(|(_, is_given, _, has_file)| *is_given && !has_file) {
+        Some((key, _, file, _)) => {
+            Err(FreeError::Keys(format!("[curve] {key}: only beside {file}, which is missing")))
+        }
+        None => Ok(()),
+    }
+}
+
 /// The curve that a file holds.
 ///
 /// # Errors

@@ -4,7 +4,7 @@
 use crate::curve::base::{Explicit, Form, Part};
 use crate::curve::expression::{Expression, ExpressionError, Trouble};
 use crate::curve::file::{CurveKeys, Follow, Formula, PathFile};
-use crate::curve::free::{FreeError, free};
+use crate::curve::free::{FreeError, check_keys, free};
 use crate::curve::implicit::Families;
 use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
 use crate::curve::length::Lengths;
@@ -200,6 +200,7 @@ impl Curve {
     /// See [`CurveError`].
     pub fn of(file: &PathFile) -> Result<Self, CurveError> {
         let keys = file.curve.as_ref().ok_or_else(|| CurveError::Keys("no [curve]".into()))?;
+        check_keys(keys)?;
         let reader = Reader(file);
         let (mut turnings, mut is_closed) = (vec![], false);
         let is_free = [&keys.points, &keys.svg, &keys.dxf].iter().any(|file| file.is_some());
