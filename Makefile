@@ -21,8 +21,11 @@ APT_IS_NEW_ENOUGH = $(call IS_NEW_ENOUGH,apt-cache show --no-all-versions cargo-
 # Where LinuxCNC looks for modules and for LIB: files.
 MODULES := /usr/lib/linuxcnc/modules
 HALLIB := /usr/share/linuxcnc/hallib
+# Its folders that end in _lib are linked into a user's nc_files by LinuxCNC's configuration picker.
+NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
+SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
 
 # LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
 VIRTUAL := target/virtual/libpkmkins-virtual.so
@@ -63,7 +66,7 @@ help:
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
-	@echo "make install    the module and its HAL files into LinuxCNC's folders (DESTDIR honoured)"
+	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
 	@echo "make uninstall-pkm  takes exactly these away"
@@ -241,20 +244,24 @@ header:
 install: setup module virtual
 	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
-	@echo "pkmkins: installing into $(DESTDIR)$(MODULES) and $(DESTDIR)$(HALLIB)"
+	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB) and $(DESTDIR)$(NGC_LIB)"
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	put() { $$root install -m 644 "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
-	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" && \
+	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" && \
 	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
 	put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" && \
-	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done
+	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done && \
+	for f in $(SUBROUTINES); do put $$f "$(DESTDIR)$(NGC_LIB)/$${f##*/}" || exit 1; done
 
 uninstall:
 	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before uninstalling"; exit 1; fi
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
-	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))")
+	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))") \
+	    $(foreach f,$(SUBROUTINES),"$(DESTDIR)$(NGC_LIB)/$(notdir $(f))") && \
+	if [ -d "$(DESTDIR)$(NGC_LIB)" ]; then \
+	    $$root rmdir --ignore-fail-on-non-empty "$(DESTDIR)$(NGC_LIB)"; fi
 
 # Apart from `install`: the computer that plans need not be the one that cuts.
 install-pkm:

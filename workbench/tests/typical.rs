@@ -26,18 +26,18 @@ static GOLDEN: LazyLock<Golden> =
     LazyLock::new(|| toml::from_str(include_str!("cutting_path.toml")).unwrap());
 
 /// An operation, and how a program asks for it: as a subroutine, and as a G-code in its plane.
-struct Typical {
+pub struct Typical {
     machine: &'static str,
     zero: [f64; 3],
     operation: &'static str,
-    call: &'static str,
+    pub call: &'static str,
     code: &'static str,
 }
 
 const PYRAMID: [f64; 3] = [0.0, 0.0, 220.0];
 const LATHE: [f64; 3] = [0.0, 450.0, 1000.0];
 
-const TYPICAL: [Typical; 16] = [
+pub const TYPICAL: [Typical; 16] = [
     Typical {
         machine: "pyramid",
         zero: PYRAMID,
@@ -196,12 +196,12 @@ fn level(program: &str) -> String {
     found.map_or(String::new(), |line| format!("{line}\n"))
 }
 
-fn subroutines() -> PathBuf {
+pub fn subroutines() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../subroutines").canonicalize().unwrap()
 }
 
 /// The machine with the subroutines on its path, and these lines.
-fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
+pub fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
     let folder = tempfile::tempdir().unwrap();
     for file in fs::read_dir(ini(machine).parent().unwrap()).unwrap() {
         let file = file.unwrap().path();
@@ -226,7 +226,7 @@ fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
 const CODES: &str = "#INCLUDE PLACE/remap.inc\n";
 
 /// Moves that move something.
-fn read(config: &MachineConfig, text: &str) -> Vec<Move> {
+pub fn read(config: &MachineConfig, text: &str) -> Vec<Move> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
     fs::write(&file, text).unwrap();
@@ -463,31 +463,55 @@ fn small_typical_paths_pass_preflight_on_every_machine() {
 }
 
 /// Path files beside the configurations, with whether they are jobs.
-const SHIPPED: [(&str, &str, bool); 5] = [
+const SHIPPED: [(&str, &str, bool); 8] = [
     ("pyramid", "cycloid", false),
     ("pyramid", "two-pencils", false),
     ("pyramid", "loxodrome", false),
     ("four-rod-lathe", "stepped-shaft", true),
     ("four-rod-lathe", "milling", true),
+    ("four-rod-lathe", "circles", true),
+    ("four-rod-lathe", "helices", true),
+    ("linear-delta", "twisted-vase", false),
 ];
+
+/// The machines whose programs are made from the path files of the same names.
+const MADE: [&str; 2] = ["four-rod-lathe", "linear-delta"];
+
+fn written(machine: &str, name: &str, is_job: bool) -> String {
+    let config = config(machine);
+    let file = PathFile::read(&folder(machine).join(format!("paths/{name}.toml"))).unwrap();
+    match is_job {
+        true => job(&config, &file).unwrap_or_else(|e| panic!("{name}: {e}")).program,
+        false => route(&config, &file).unwrap_or_else(|e| panic!("{name}: {e}")).program,
+    }
+}
+
+#[test]
+fn programs_of_the_configurations_that_have_a_path_file_are_what_the_command_writes() {
+    for (machine, name, is_job) in SHIPPED.iter().filter(|(machine, ..)| MADE.contains(machine)) {
+        let shipped = folder(machine).join(format!("programs/{name}.ngc"));
+        let (shipped, written) =
+            (fs::read_to_string(shipped).unwrap(), written(machine, name, *is_job));
+        assert!(
+            shipped == written,
+            "pkm path of {machine}/paths/{name}.toml writes another program"
+        );
+    }
+}
 
 #[test]
 fn paths_beside_the_configurations_pass_preflight() {
     for (machine, name, is_job) in SHIPPED {
         let config = config(machine);
-        let file = folder(machine).join(format!("paths/{name}.toml"));
-        let file = PathFile::read(&file).unwrap();
-        let program = match is_job {
-            true => job(&config, &file).unwrap_or_else(|e| panic!("{name}: {e}")).program,
-            false => route(&config, &file).unwrap_or_else(|e| panic!("{name}: {e}")).program,
-        };
+        let program = written(machine, name, is_job);
         let place = tempfile::tempdir().unwrap();
         let place = place.path().join("path.ngc");
         fs::write(&place, program).unwrap();
         assert_passes(&config, &place);
     }
     let count = |machine: &str| fs::read_dir(folder(machine).join("paths")).unwrap().count();
-    assert_eq!(count("pyramid") + count("four-rod-lathe"), SHIPPED.len());
+    let all = ["pyramid", "four-rod-lathe", "linear-delta"].map(count);
+    assert_eq!(all.iter().sum::<usize>(), SHIPPED.len());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Curves in parts, each over a range of its own parameter.
 
+use crate::curve::ellipse::Ellipse;
 use crate::curve::expression::{Expression, Trouble};
 use crate::curve::implicit::{Chord, Families};
 use crate::curve::spline::Spline;
@@ -30,6 +31,8 @@ pub enum Form {
     Implicit(Arc<Families>, Chord),
     /// A span of a spline.
     Spline(Arc<Spline>, usize),
+    /// An arc of a drawing.
+    Ellipse(Ellipse),
 }
 
 /// x = f(t_X), y = g(t_Y), with t_X and t_Y of t.
@@ -83,12 +86,19 @@ impl Part {
                 let t = Taylor::variable(over);
                 Some(Place { at: spline.at(*span, t), t })
             }
+            Form::Ellipse(ellipse) => {
+                let t = Taylor::variable(over);
+                Some(Place { at: ellipse.at(t), t })
+            }
         })
     }
 
     /// Coordinates that the arc length is of.
     pub(super) fn dimensions(&self) -> usize {
-        if matches!(self.form, Form::Spline(..)) { PLANE + 1 } else { PLANE }
+        match self.form {
+            Form::Spline(..) | Form::Ellipse(_) => PLANE + 1,
+            Form::Explicit(_) | Form::Implicit(..) => PLANE,
+        }
     }
 
     /// Speed of the arc length at a point.

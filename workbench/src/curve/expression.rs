@@ -4,39 +4,12 @@
 //! Numbers, names, `+ - * / ^`, parentheses and functions, as mathematics writes them: `-t^2` is
 //! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
 
+use crate::curve::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
 use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use winnow::ascii::{alpha1, float, multispace0};
-use winnow::combinator::{
-    Infix, Prefix, alt, cut_err, delimited, dispatch, expression, fail, opt, peek, preceded,
-    separated,
-};
-use winnow::error::{ContextError, StrContext, StrContextValue};
-use winnow::prelude::*;
-use winnow::token::{any, one_of, take_while};
 
-/// Functions of one argument.
-const FUNCTIONS: [(&str, Unary); 13] = [
-    ("sin", Unary::Sin),
-    ("cos", Unary::Cos),
-    ("tan", Unary::Tan),
-    ("asin", Unary::Asin),
-    ("acos", Unary::Acos),
-    ("atan", Unary::Atan),
-    ("sinh", Unary::Sinh),
-    ("cosh", Unary::Cosh),
-    ("tanh", Unary::Tanh),
-    ("asinh", Unary::Asinh),
-    ("exp", Unary::Exp),
-    ("ln", Unary::Ln),
-    ("sqrt", Unary::Sqrt),
-];
-
-/// These two bound the stack.
-const DEEPEST: usize = 64;
-const LONGEST: usize = 1000;
 /// Variables of any expression, at most.
 const SLOTS: usize = 6;
 
@@ -89,44 +62,6 @@ pub enum Trouble {
     Overflow(String),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Unary {
-    Negative,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Tanh,
-    Asinh,
-    Exp,
-    Ln,
-    Sqrt,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Binary {
-    Plus,
-    Minus,
-    Times,
-    Over,
-    Power,
-    Angle,
-}
-
-/// As it was read: names are still words.
-#[derive(Clone, Debug, PartialEq)]
-enum Tree {
-    Number(f64),
-    Name(String),
-    Slot(usize),
-    Unary(Unary, Box<Tree>),
-    Binary(Binary, Box<Tree>, Box<Tree>),
-}
-
 /// An expression whose names all have a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
@@ -150,15 +85,7 @@ impl Expression {
             at: text[..at].chars().count() + 1,
             expected,
         };
-        if let Some((at, told)) = too_much(text) {
-            return Err(malformed(at, told));
-        }
-        let whole = delimited(multispace0, sum, multispace0);
-        let mut tree = { whole }.parse(text).map_err(|error| {
-            let told = error.inner().to_string();
-            let told = if told.is_empty() { "expected an operator".into() } else { told };
-            malformed(error.offset(), told.replace('\n', "; "))
-        })?;
+        let mut tree = grammar::parse(text).map_err(|(at, expected)| malformed(at, expected))?;
         resolve(&mut tree, variables, numbers).map_err(|name| ExpressionError::Unknown {
             text: text.into(),
             name,
@@ -288,23 +215,6 @@ fn meets(a: Interval, b: Interval) -> bool {
     !(a.high < b.low || a.low > b.high)
 }
 
-/// Where an expression is too long, or its parentheses are too deep.
-fn too_much(text: &str) -> Option<(usize, String)> {
-    if text.len() > LONGEST {
-        return Some((0, format!("more than {LONGEST} characters")));
-    }
-    let mut depth = 0_usize;
-    let deep = text.char_indices().find(|(_, c)| {
-        match c {
-            '(' => depth += 1,
-            ')' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        depth > DEEPEST
-    });
-    deep.map(|(at, _)| (at, format!("more than {DEEPEST} parentheses in each other")))
-}
-
 /// Names of the variables and numbers, and of the functions.
 fn known(variables: &[&str], numbers: &BTreeMap<String, f64>) -> String {
     let names = variables.iter().copied().chain(numbers.keys().map(String::as_str)).chain(["pi"]);
@@ -336,81 +246,6 @@ fn resolve(
             resolve(b, variables, numbers)
         }
         Tree::Number(_) | Tree::Slot(_) => Ok(()),
-    }
-}
-
-type Input<'a> = &'a str;
-
-const OPERAND: StrContextValue = StrContextValue::Description("a number, a name or (");
-
-fn sum(input: &mut Input) -> ModalResult<Tree> {
-    expression(spaced(operand))
-        .prefix(spaced(
-            // Looked at first: what fails has to leave its place.
-            preceded(
-                peek(one_of(['-', '+'])),
-                dispatch! {any;
-                    '-' => Prefix(6, |_: &mut _, a| Ok(Tree::Unary(Unary::Negative, Box::new(a)))),
-                    '+' => Prefix(6, |_: &mut _, a| Ok(a)),
-                    _ => fail,
-                },
-            )
-            .context(StrContext::Expected(OPERAND)),
-        ))
-        .infix(spaced(dispatch! {any;
-            '+' => Infix::Left(3, |_: &mut _, a, b| Ok(both(Binary::Plus, a, b))),
-            '-' => Infix::Left(3, |_: &mut _, a, b| Ok(both(Binary::Minus, a, b))),
-            '*' => Infix::Left(5, |_: &mut _, a, b| Ok(both(Binary::Times, a, b))),
-            '/' => Infix::Left(5, |_: &mut _, a, b| Ok(both(Binary::Over, a, b))),
-            '^' => Infix::Right(9, |_: &mut _, a, b| Ok(both(Binary::Power, a, b))),
-            _ => fail,
-        }))
-        .parse_next(input)
-}
-
-fn both(operator: Binary, a: Tree, b: Tree) -> Tree {
-    Tree::Binary(operator, Box::new(a), Box::new(b))
-}
-
-/// With blanks before it.
-fn spaced<'a, T>(
-    parser: impl ModalParser<Input<'a>, T, ContextError>,
-) -> impl ModalParser<Input<'a>, T, ContextError> {
-    preceded(multispace0, parser)
-}
-
-fn operand(input: &mut Input) -> ModalResult<Tree> {
-    let number = preceded(peek(any.verify(char::is_ascii_digit)), float);
-    alt((number.map(Tree::Number), call_or_name, in_parentheses)).parse_next(input)
-}
-
-fn in_parentheses(input: &mut Input) -> ModalResult<Tree> {
-    preceded('(', cut_err((sum, spaced(')')).map(|(tree, _)| tree)))
-        .context(StrContext::Expected(StrContextValue::CharLiteral(')')))
-        .parse_next(input)
-}
-
-fn call_or_name(input: &mut Input) -> ModalResult<Tree> {
-    let word = (alpha1, take_while(0.., |c: char| c.is_ascii_alphanumeric() || c == '_'));
-    let name = word.take().parse_next(input)?.to_string();
-    let arguments = separated(1..=2, sum, spaced(','));
-    let arguments = preceded(spaced('('), cut_err((arguments, spaced(')')).map(|(list, _)| list)));
-    let arguments: Option<Vec<Tree>> = opt(arguments).parse_next(input)?;
-    let function = FUNCTIONS.iter().find(|(own, _)| *own == name).map(|(_, function)| *function);
-    match (function, arguments) {
-        (Some(function), Some(mut list)) if list.len() == 1 => {
-            Ok(Tree::Unary(function, Box::new(list.remove(0))))
-        }
-        (None, Some(mut list)) if name == "atan2" && list.len() == 2 => {
-            let x = list.remove(1);
-            Ok(both(Binary::Angle, list.remove(0), x))
-        }
-        (None, None) => Ok(Tree::Name(name)),
-        _ => cut_err(fail)
-            .context(StrContext::Expected(StrContextValue::Description(
-                "a known function with its arguments, such as sin(t) or atan2(y, x)",
-            )))
-            .parse_next(input),
     }
 }
 

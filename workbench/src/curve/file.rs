@@ -37,7 +37,7 @@ pub struct PathFile {
     pub operation: Vec<Operation>,
 }
 
-/// `[curve]`: one of three ways, which share the range of t.
+/// `[curve]`: families, or a free-form curve from a file.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CurveKeys {
@@ -67,8 +67,18 @@ pub struct CurveKeys {
     pub knots: Option<Vec<f64>>,
     /// An SVG file: its paths.
     pub svg: Option<PathBuf>,
-    /// Size of the drawing's unit.
+    /// Size of the drawing's unit, where its own width, height and viewBox do not say it.
     pub svg_unit_mm: Option<Positive>,
+    /// A DXF file: its entities.
+    pub dxf: Option<PathBuf>,
+    /// The layer whose entities are taken.
+    pub dxf_layer: Option<String>,
+    /// The entities that are taken, by their handles.
+    pub dxf_handles: Option<Vec<String>>,
+    /// Size of the drawing's unit, in place of its own $INSUNITS.
+    pub dxf_unit_mm: Option<Positive>,
+    /// Ends of entities that lie this near to each other are joined.
+    pub dxf_join_mm: Option<Positive>,
 }
 
 /// What happens at a turning point of t.

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Free-form curves from files: control points as CSV, and paths of an SVG drawing.
+//! Free-form curves from files: control points as CSV, and paths of SVG and DXF drawings.
 
-use crate::curve::base::{Form, Part};
+use crate::curve::base::Part;
+use crate::curve::dxf::{self, DxfError};
+use crate::curve::element::{Element, parts, spans};
 use crate::curve::file::CurveKeys;
 use crate::curve::spline::{Spline, SplineError};
 use crate::curve::svg::{self, SvgError};
 use crate::files::{AtFile, Locate};
 use std::io;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Degree of a spline whose file names none.
 const DEGREE: usize = 3;
@@ -50,6 +51,14 @@ pub enum FreeError {
         /// What is wrong with it.
         error: SvgError,
     },
+    /// A drawing.
+    #[error("{file}: {error}")]
+    Dxf {
+        /// The file.
+        file: String,
+        /// What is wrong with it.
+        error: DxfError,
+    },
     /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
@@ -67,16 +76,56 @@ struct Row {
     weight: Option<f64>,
 }
 
-/// The parts of a curve that a file holds.
+/// A free-form curve.
+#[derive(Clone, Debug)]
+pub struct Free {
+    /// Its parts.
+    pub parts: Vec<Part>,
+    /// Whether it is a drawing in the plane, to which a law gives its height.
+    pub is_plane: bool,
+}
+
+/// Keys that say how a file is read, where no such file is named.
+///
+/// # Errors
+/// [`FreeError::Keys`] with the first of them.
+pub fn check_keys(keys: &CurveKeys) -> Result<(), FreeError> {
+    let (points, svg, dxf) = (keys.points.is_some(), keys.svg.is_some(), keys.dxf.is_some());
+    let all = [
+        ("degree", keys.degree.is_some(), "points", points),
+        ("knots", keys.knots.is_some(), "points", points),
+        ("svg_unit_mm", keys.svg_unit_mm.is_some(), "svg", svg),
+        ("dxf_layer", keys.dxf_layer.is_some(), "dxf", dxf),
+        ("dxf_handles", keys.dxf_handles.is_some(), "dxf", dxf),
+        ("dxf_unit_mm", keys.dxf_unit_mm.is_some(), "dxf", dxf),
+        ("dxf_join_mm", keys.dxf_join_mm.is_some(), "dxf", dxf),
+    ];
+    match all.iter().find(|(_, is_given, _, has_file)| *is_given && !has_file) {
+        Some((key, _, file, _)) => {
+            Err(FreeError::Keys(format!("[curve] {key}: only beside {file}, which is missing")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The curve that a file holds.
 ///
 /// # Errors
 /// See [`FreeError`].
-pub fn parts(keys: &CurveKeys, folder: &Path) -> Result<Vec<Part>, FreeError> {
-    match (&keys.points, &keys.svg) {
-        (Some(file), None) => of_points(keys, &folder.join(file)),
-        (None, Some(file)) => of_svg(keys, &folder.join(file)),
-        _ => Err(FreeError::Keys("[curve]: expected points or svg, and not both".into())),
+pub fn free(keys: &CurveKeys, folder: &Path) -> Result<Free, FreeError> {
+    match (&keys.points, &keys.svg, &keys.dxf) {
+        (Some(file), None, None) => {
+            Ok(Free { parts: of_points(keys, &folder.join(file))?, is_plane: false })
+        }
+        (None, Some(file), None) => Ok(of_drawing(of_svg(keys, &folder.join(file))?)),
+        (None, None, Some(file)) => Ok(of_drawing(of_dxf(keys, &folder.join(file))?)),
+        _ => Err(FreeError::Keys("[curve]: expected one of points, svg and dxf".into())),
     }
+}
+
+fn of_drawing(elements: Vec<Element>) -> Free {
+    let is_plane = elements.iter().all(Element::is_plane);
+    Free { parts: parts(elements), is_plane }
 }
 
 fn of_points(keys: &CurveKeys, file: &Path) -> Result<Vec<Part>, FreeError> {
@@ -97,19 +146,14 @@ fn of_points(keys: &CurveKeys, file: &Path) -> Result<Vec<Part>, FreeError> {
     Ok(spans(spline))
 }
 
-fn of_svg(keys: &CurveKeys, file: &Path) -> Result<Vec<Part>, FreeError> {
-    let missing = "[curve] svg_unit_mm: missing; a drawing in mm has 1, one in pixels 25.4/96";
-    let scale = keys.svg_unit_mm.ok_or_else(|| FreeError::Keys(missing.into()))?;
+fn of_svg(keys: &CurveKeys, file: &Path) -> Result<Vec<Element>, FreeError> {
     let text = std::fs::read_to_string(file).at(file)?;
-    let splines = svg::splines(&text, scale.0);
-    let splines =
-        splines.map_err(|error| FreeError::Svg { file: file.display().to_string(), error })?;
-    Ok(splines.into_iter().flat_map(spans).collect())
+    let elements = svg::elements(&text, keys.svg_unit_mm.map(|unit| unit.0));
+    elements.map_err(|error| FreeError::Svg { file: file.display().to_string(), error })
 }
 
-fn spans(spline: Spline) -> Vec<Part> {
-    let spans = spline.spans();
-    let spline = Arc::new(spline);
-    let part = |(span, range)| Part { form: Form::Spline(spline.clone(), span), range };
-    spans.into_iter().map(part).collect()
+fn of_dxf(keys: &CurveKeys, file: &Path) -> Result<Vec<Element>, FreeError> {
+    let bytes = std::fs::read(file).at(file)?;
+    let elements = dxf::elements(&bytes, keys);
+    elements.map_err(|error| FreeError::Dxf { file: file.display().to_string(), error })
 }

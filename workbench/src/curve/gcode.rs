@@ -8,13 +8,10 @@ use crate::program::interpreter::{Move, MoveKind};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
 use kinematics::Letter;
-use std::f64::consts::PI;
 use std::fmt::Write;
 
 /// Decimals of a feed.
 const FEED_DECIMALS: usize = 4;
-/// Largest distance of an arc from the moves that stand for it when limits are judged, mm.
-const ARC_ERROR: f64 = 1e-3;
 /// How much a held coordinate may be off, mm and degrees.
 const HELD: f64 = 1e-6;
 /// The work coordinate system of these programs: the last one, so that the operator's G54 stays.
@@ -62,7 +59,7 @@ pub struct Writer<'a> {
     lines: u32,
     /// Where the machine is, in work coordinates; nothing before the first move.
     at: [Option<f64>; 6],
-    feed: Option<f64>,
+    feed: Option<String>,
     plane: usize,
     /// The moves as motion receives them.
     pub moves: Vec<Move>,
@@ -331,7 +328,7 @@ impl<'a> Writer<'a> {
             let offset = arc.centre[k] - from[axes[k]];
             format!(" {}{}", ['I', 'J', 'K'][axes[k]], number(offset, DECIMALS))
         });
-        for place in arc_places(&from, &to, arc, turns) {
+        for place in arc.places(&from, &to, turns) {
             of.iter().for_each(|k| self.at[*k] = Some(place[*k]));
             self.go(MoveKind::Feed, feed);
         }
@@ -349,9 +346,10 @@ impl<'a> Writer<'a> {
     fn feed_word(&mut self, feed: f64, minutes: Option<f64>) -> String {
         let value = minutes.map_or(feed, |minutes| 1.0 / minutes);
         let text = number(value, FEED_DECIMALS);
-        let same = self.feed == Some(value) && minutes.is_none();
-        self.feed = minutes.is_none().then_some(value);
-        if same { String::new() } else { format!(" F{text}") }
+        let word = format!(" F{text}");
+        let same = self.feed.as_ref() == Some(&word) && minutes.is_none();
+        self.feed = minutes.is_none().then(|| word.clone());
+        if same { String::new() } else { word }
     }
 
     /// Changes how feeds are written.
@@ -405,35 +403,4 @@ pub(super) fn in_machine(
         0..3 => (pose[k] + keys.zero_mm[k]) * config.units_per_mm + tool[k],
         _ => pose[k],
     })
-}
-
-/// Places along an arc, the last one its end.
-fn arc_places(from: &[f64; 6], to: &[f64; 6], arc: &Arc, turns: u32) -> Vec<[f64; 6]> {
-    let [first, second, across] = PLANES[arc.plane];
-    let angle = |pose: &[f64; 6]| (pose[second] - arc.centre[1]).atan2(pose[first] - arc.centre[0]);
-    let radius = (from[first] - arc.centre[0]).hypot(from[second] - arc.centre[1]);
-    let start = angle(from);
-    let side = if arc.is_left { 1.0 } else { -1.0 };
-    let turn = ((angle(to) - start) * side).rem_euclid(2.0 * PI);
-    // The end of a whole turn lies at its start, give or take the last decimal.
-    let is_whole = turns > 0 && !(1e-3..2.0 * PI - 1e-3).contains(&turn);
-    let turn = if is_whole { 0.0 } else { turn } + 2.0 * PI * f64::from(turns);
-    let turn = side * turn;
-    let step = (8.0 * ARC_ERROR / radius.max(ARC_ERROR)).sqrt();
-    let count = (turn.abs() / step).ceil().max(1.0);
-    // Places at every quarter of a whole turn.
-    let quarters = 4.0 * f64::from(turns);
-    let count = if is_whole { (count / quarters).ceil() * quarters } else { count };
-    let place = |n: f64| {
-        let share = n / count;
-        let mut pose: [f64; 6] = std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
-        let (sin, cos) = (start + turn * share).sin_cos();
-        pose[first] = arc.centre[0] + radius * cos;
-        pose[second] = arc.centre[1] + radius * sin;
-        pose[across] = from[across] + (to[across] - from[across]) * share;
-        pose
-    };
-    let mut places: Vec<[f64; 6]> = (1..count as usize).map(|n| place(n as f64)).collect();
-    places.push(*to);
-    places
 }

@@ -4,7 +4,8 @@
 
 use crate::curve::file::PathFile;
 use crate::curve::gcode::{SetupError, Writer};
-use crate::curve::operation::{Element, Operation, OperationError};
+use crate::curve::operation::{Operation, OperationError};
+use crate::curve::pen::Step;
 use crate::curve::piece::Arc;
 use crate::curve::planes::PLANES;
 use crate::files;
@@ -83,11 +84,11 @@ pub fn job(config: &MachineConfig, file: &PathFile) -> Result<Job, JobError> {
     let mut writer = Writer::begin(config, &file.program, &comments, blend)?;
     let mut parts = vec![];
     for (n, operation) in file.operation.iter().enumerate() {
-        let elements = operation.elements(n + 1, tolerance.chord_mm.0)?;
+        let steps = operation.steps(n + 1, tolerance.chord_mm.0)?;
         writer.line(&format!("; {}: {}", n + 1, operation.name()));
         let (line, first) = (writer.lines() + 1, writer.moves.len());
-        for element in &elements {
-            write(&mut writer, element)?;
+        for step in &steps {
+            write(&mut writer, step)?;
         }
         parts.push(Part { line, moves: first..writer.moves.len() });
     }
@@ -111,17 +112,17 @@ struct Part {
     moves: std::ops::Range<usize>,
 }
 
-fn write(writer: &mut Writer, element: &Element) -> Result<(), SetupError> {
-    match element {
-        Element::Rapid(to) => {
+fn write(writer: &mut Writer, step: &Step) -> Result<(), SetupError> {
+    match step {
+        Step::Rapid(to) => {
             let (pose, named) = named(to);
             writer.rapid(&pose, &named);
         }
-        Element::Cut(to, feed) => {
+        Step::Cut(to, feed) => {
             let (pose, named) = named(to);
             writer.cut(&pose, &named, *feed);
         }
-        Element::Turn { plane, end, level, centre, is_left, turns, feed } => {
+        Step::Turn { plane, end, level, centre, is_left, turns, feed } => {
             let mut pose = writer.pose();
             let [first, second, across] = PLANES[*plane];
             [pose[first], pose[second]] = *end;
@@ -130,7 +131,7 @@ fn write(writer: &mut Writer, element: &Element) -> Result<(), SetupError> {
             let named = if level.is_some() { &PLANES[*plane][..] } else { &PLANES[*plane][..2] };
             writer.arc_to(&pose, named, &arc, *turns, *feed, None);
         }
-        Element::Tool(change) => {
+        Step::Tool(change) => {
             let [x, y, z] = change.park_mm;
             let park = [x, y, z, 0.0, 0.0, 0.0];
             if writer.has_moved() {

@@ -12,7 +12,8 @@ const RULE: [[f64; 2]; 5] = [
     [0.865_063_366_688_984_5, 0.149_451_349_150_580_6],
     [0.973_906_528_517_171_7, 0.066_671_344_308_688_14],
 ];
-/// Error of an integral, as a share of the whole: some roundings of a point of the curve.
+/// Error of an integral, as a share of the whole, and in mm of one that is shorter than 1 mm: some
+/// roundings of a point of the curve.
 const ERROR: f64 = 1e-13;
 /// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the square of
 /// that.
@@ -56,7 +57,7 @@ pub(super) fn between(part: &Part, range: [f64; 2]) -> Result<f64, Trouble> {
         return Ok(0.0);
     }
     let whole = rule(part, range)?;
-    halved(part, range, whole, ERROR * whole.abs(), HALVINGS)
+    halved(part, range, whole, ERROR * whole.abs().max(1.0), HALVINGS)
 }
 
 /// Lengths of a part at nodes of its range.

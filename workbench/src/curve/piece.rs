@@ -2,12 +2,16 @@
 //! One move of a program along a curve, and what it has to keep.
 
 use crate::curve::file::{Moves, Tolerance};
+use crate::curve::planes::PLANES;
 use crate::curve::whole::{Curve, CurveError};
+use std::f64::consts::PI;
 
 /// Decimals of a word.
 pub(super) const DECIMALS: usize = 6;
 /// What rounding to them does to a place, mm: half a unit in each of three words.
 pub(super) const ROUNDING: f64 = 1e-6;
+/// Largest distance of an arc from the moves that stand for it when limits are judged, mm.
+const ARC_ERROR: f64 = 1e-3;
 /// Largest change of the programmed speed within a piece, as a share.
 const SPEED_CHANGE: f64 = 0.02;
 
@@ -67,6 +71,40 @@ pub struct Arc {
     pub is_left: bool,
     /// How long it is, mm.
     pub length: f64,
+}
+
+impl Arc {
+    /// Moves that stand for it when limits are judged, the last one to its end.
+    pub(super) fn places(&self, from: &[f64; 6], to: &[f64; 6], turns: u32) -> Vec<[f64; 6]> {
+        let [first, second, across] = PLANES[self.plane];
+        let angle =
+            |pose: &[f64; 6]| (pose[second] - self.centre[1]).atan2(pose[first] - self.centre[0]);
+        let radius = (from[first] - self.centre[0]).hypot(from[second] - self.centre[1]);
+        let start = angle(from);
+        let side = if self.is_left { 1.0 } else { -1.0 };
+        let turn = ((angle(to) - start) * side).rem_euclid(2.0 * PI);
+        // The end of a whole turn lies at its start, give or take the last decimal.
+        let is_whole = turns > 0 && !(1e-3..2.0 * PI - 1e-3).contains(&turn);
+        let turn = if is_whole { 0.0 } else { turn } + 2.0 * PI * f64::from(turns);
+        let turn = side * turn;
+        let step = (8.0 * ARC_ERROR / radius.max(ARC_ERROR)).sqrt();
+        let count = (turn.abs() / step).ceil().max(1.0);
+        // Places at every quarter of a whole turn.
+        let quarters = 4.0 * f64::from(turns);
+        let count = if is_whole { (count / quarters).ceil() * quarters } else { count };
+        let place = |n: f64| {
+            let share = n / count;
+            let mut pose: [f64; 6] = std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share);
+            let (sin, cos) = (start + turn * share).sin_cos();
+            pose[first] = self.centre[0] + radius * cos;
+            pose[second] = self.centre[1] + radius * sin;
+            pose[across] = from[across] + (to[across] - from[across]) * share;
+            pose
+        };
+        let mut places: Vec<[f64; 6]> = (1..count as usize).map(|n| place(n as f64)).collect();
+        places.push(*to);
+        places
+    }
 }
 
 /// How much the programmed speed changes over a range, as a share of what one piece may hold.

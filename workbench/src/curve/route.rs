@@ -2,7 +2,7 @@
 //! From a path file to a program and to what it asks of a machine.
 
 use crate::curve::file::{Feed, PathFile};
-use crate::curve::gcode::{SetupError, Writer};
+use crate::curve::gcode::Writer;
 use crate::curve::motion::{Node, Pace, length, nodes, seconds};
 use crate::curve::piece::{Piece, Wanted};
 use crate::curve::pieces::pieces;
@@ -93,7 +93,7 @@ fn write(
         whole += time;
         if !last.is_some_and(|last| meet(last, start)) {
             writer.check(&start.pose, start.t)?;
-            begin(writer, start, last.is_some(), feed, mode)?;
+            begin(writer, start, last, feed, mode)?;
         }
         let minutes = (mode == Feed::InverseTime).then_some(time / 60.0);
         match &piece.arc {
@@ -113,14 +113,15 @@ fn write(
 fn begin(
     writer: &mut Writer,
     start: &Node,
-    is_gap: bool,
+    last: Option<&Node>,
     feed: f64,
     mode: Feed,
 ) -> Result<(), RouteError> {
-    if is_gap {
+    if let Some(last) = last {
         if !writer.can_lift() {
-            let text = "the curve has a gap: clear_z_mm or clear_x_mm says how the tool crosses it";
-            return Err(SetupError::Clear(text).into());
+            let place = |node: &Node| [node.pose[0], node.pose[1], node.pose[2]];
+            let (from, to) = (place(last), place(start));
+            return Err(RouteError::Gap { t: last.t, from, to });
         }
         if mode == Feed::InverseTime {
             writer.feed_mode(Feed::PerMinute);

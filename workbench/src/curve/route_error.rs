@@ -14,6 +14,18 @@ pub enum RouteError {
     /// The program's keys, or a coordinate that the machine holds.
     #[error(transparent)]
     Setup(#[from] SetupError),
+    /// A gap that no key says how to cross.
+    #[error(
+        "at t = {t}: the curve has a gap from {from:?} to {to:?}, mm; [program] clear_z_mm or clear_x_mm says how the tool crosses it"
+    )]
+    Gap {
+        /// Where on the curve.
+        t: f64,
+        /// The end before it, mm.
+        from: [f64; 3],
+        /// The start behind it, mm.
+        to: [f64; 3],
+    },
     /// A limit of the machine.
     #[error("at t = {t}: {text}")]
     Leaves {

@@ -27,6 +27,17 @@ pub enum SplineError {
     /// Knots that fall.
     #[error("knot {0} is smaller than that before it")]
     Order(usize),
+    /// Knots that leave no range.
+    #[error("the knots leave no range: its ends are both {0}")]
+    NoRange(f64),
+    /// Another number of weights.
+    #[error("expected {points} weights, one for each point; found {found}")]
+    Weights {
+        /// How many points there are.
+        points: usize,
+        /// How many weights there are.
+        found: usize,
+    },
     /// A weight that is 0 or less.
     #[error("weight {value} of point {point}: expected more than 0")]
     Weight {
@@ -86,6 +97,12 @@ impl Spline {
         if let Some(k) = gap {
             return Err(SplineError::Gap(knots[k]));
         }
+        if !(knots[degree] < knots[count]) {
+            return Err(SplineError::NoRange(knots[degree]));
+        }
+        if let Some(weights) = weights.filter(|weights| weights.len() != count) {
+            return Err(SplineError::Weights { points: count, found: weights.len() });
+        }
         let weight = |k: usize| weights.map_or(1.0, |all| all[k]);
         if let Some(k) = (0..count).find(|k| !(weight(*k) > 0.0 && weight(*k).is_finite())) {
             return Err(SplineError::Weight { point: k + 1, value: weight(k) });
@@ -103,6 +120,48 @@ impl Spline {
         let ends = |k: usize| [self.knots[k], self.knots[k + 1]];
         let spans = (self.degree..self.points.len()).map(|k| (k, ends(k)));
         spans.filter(|(_, [a, b])| a < b).collect()
+    }
+
+    /// First and last parameter.
+    fn domain(&self) -> [f64; 2] {
+        [self.knots[self.degree], self.knots[self.points.len()]]
+    }
+
+    /// The same curve with another range of its parameter.
+    #[must_use]
+    pub fn over(mut self, [first, last]: [f64; 2]) -> Self {
+        let [a, b] = self.domain();
+        self.knots.iter_mut().for_each(|k| *k = first + (*k - a) / (b - a) * (last - first));
+        self
+    }
+
+    /// The same curve from its end to its start.
+    #[must_use]
+    pub fn reversed(mut self) -> Self {
+        let [a, b] = self.domain();
+        self.points.reverse();
+        self.knots = self.knots.iter().rev().map(|k| a + b - k).collect();
+        self
+    }
+
+    /// First and last place.
+    pub fn ends(&self) -> [[f64; 3]; 2] {
+        let spans = self.spans();
+        let end = |k: usize, side: usize| {
+            let (span, range) = spans[k];
+            self.at(span, Taylor::constant(range[side])).map(|x| x.value.middle())
+        };
+        [end(0, 0), end(spans.len() - 1, 1)]
+    }
+
+    /// Whether all its numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        self.knots.iter().chain(self.points.iter().flatten()).all(|x| x.is_finite())
+    }
+
+    /// Whether it lies at Z 0.
+    pub fn is_plane(&self) -> bool {
+        self.points.iter().all(|[_, _, z, _]| *z == 0.0)
     }
 
     /// Coordinates at a parameter of a span.
@@ -186,6 +245,27 @@ mod tests {
     }
 
     #[test]
+    fn a_spline_turned_around_over_another_range_is_the_same_curve() {
+        let points = [[0.0; 3], [1.0, 4.0, 2.0], [3.0, -1.0, 0.0], [6.0, 2.0, 1.0]];
+        let knots = vec![0.0, 0.0, 0.0, 0.3, 1.0, 1.0, 1.0];
+        let weights = [1.0, 2.0, 0.5, 1.0];
+        let spline = Spline::new(2, &points, Some(&weights), Some(knots)).unwrap();
+        let turned = spline.clone().reversed().over([4.0, 5.0]);
+        assert_eq!(turned.ends(), [points[3], points[0]]);
+        let value = |spline: &Spline, t: f64| {
+            let (span, _) = spline.spans().into_iter().find(|(_, [_, b])| t <= *b).unwrap();
+            spline.at(span, point(t)).map(|x| x.value.middle())
+        };
+        for k in 0..=10 {
+            let t = f64::from(k) / 10.0;
+            let (a, b) = (value(&spline, t), value(&turned, 5.0 - t));
+            for k in 0..3 {
+                assert!((a[k] - b[k]).abs() < ROUNDING, "{t}: {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
     fn what_is_no_spline_is_told() {
         let points = [[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]];
         let of = |degree, weights: Option<&[f64]>, knots| {
@@ -201,6 +281,9 @@ mod tests {
         assert_eq!(of(1, None, Some(knots)), SplineError::Order(4));
         let knots = vec![0.0, 0.0, 1.0, 1.0, 2.0, 2.0];
         assert_eq!(of(1, None, Some(knots)), SplineError::Gap(1.0));
+        let knots = vec![2.0; 6];
+        assert_eq!(of(1, None, Some(knots)), SplineError::NoRange(2.0));
+        assert_eq!(of(3, Some(&[1.0; 3]), None), SplineError::Weights { points: 4, found: 3 });
         let weights = [1.0, 0.0, 1.0, 1.0];
         assert_eq!(of(1, Some(&weights), None), SplineError::Weight { point: 2, value: 0.0 });
     }

@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Paths of SVG files as splines: lines, quadratic and cubic Bézier curves, as they are.
+//! Paths of SVG files: lines, Bézier curves and arcs of ellipses as they are, where the transforms of
+//! the drawing move them.
 
-use crate::curve::spline::{Spline, SplineError};
-use svgtypes::{SimplePathSegment, SimplifyingPathParser};
+use crate::curve::element::Element;
+use crate::curve::ellipse::Ellipse;
+use crate::curve::spline::SplineError;
+use kurbo::{Affine, Arc, Point, SvgArc, Vec2};
+use nalgebra::Vector3;
+use roxmltree::Node;
+use svgtypes::{Length, LengthUnit, PathParser, PathSegment, Transform, ViewBox};
 
 /// An SVG file whose paths cannot be taken.
 #[derive(Debug, thiserror::Error)]
@@ -10,24 +16,33 @@ pub enum SvgError {
     /// No XML.
     #[error(transparent)]
     Xml(#[from] roxmltree::Error),
-    /// A path's data.
-    #[error("line {line}: {error}")]
-    Path {
+    /// A path's data, or a transform.
+    #[error("line {line}: {attribute}: {error}")]
+    Attribute {
         /// Line of the file.
         line: u32,
+        /// The attribute.
+        attribute: &'static str,
         /// What is wrong.
         error: svgtypes::Error,
     },
-    /// An arc, which would have to be replaced by something near it.
-    #[error("line {0}: the path has an arc (A): replace arcs by curves in the drawing program")]
-    Arc(u32),
-    /// Something that moves or turns paths.
-    #[error("line {0}: transform= is not looked at: apply it in the drawing program")]
-    Transform(u32),
+    /// What would be drawn at another place, or not be cut.
+    #[error("line {line}: {text}")]
+    Untaken {
+        /// Line of the file.
+        line: u32,
+        /// What it is, and the way out.
+        text: String,
+    },
     /// No path in it.
     #[error("no path")]
     NoPath,
-    /// Points that make no spline.
+    /// No size.
+    #[error(
+        "[curve] svg_unit_mm: missing, and width, height and viewBox of the drawing do not give the size of its unit in mm, cm, in, pt or pc; a drawing in mm has 1, one in pixels 25.4/96 = 0.26458333"
+    )]
+    NoUnit,
+    /// Points that make no curve.
     #[error("line {line}: {error}")]
     Spline {
         /// Line of the file.
@@ -37,107 +52,333 @@ pub enum SvgError {
     },
 }
 
-/// All pieces of all paths, x to the right and y up, in `scale` mm per unit of the drawing.
+/// What holds paths that are not drawn where they stand.
+const UNDRAWN: [&str; 6] = ["defs", "symbol", "clipPath", "mask", "marker", "pattern"];
+
+/// All pieces of all paths, x to the right and y up, mm. The unit of the drawing is `unit` mm, or
+/// what its root says.
 ///
 /// # Errors
 /// See [`SvgError`].
-pub fn splines(text: &str, scale: f64) -> Result<Vec<Spline>, SvgError> {
+pub fn elements(text: &str, unit: Option<f64>) -> Result<Vec<Element>, SvgError> {
     let document = roxmltree::Document::parse(text)?;
+    let unit = match unit {
+        Some(unit) => unit,
+        None => unit_of(&document.root_element()).ok_or(SvgError::NoUnit)?,
+    };
     let mut all = vec![];
-    for node in document.descendants().filter(|node| node.tag_name().name() == "path") {
+    let is_drawn = |node: &Node| !node.ancestors().any(|node| UNDRAWN.contains(&name(&node)));
+    for node in document.descendants().filter(Node::is_element).filter(is_drawn) {
         let line = document.text_pos_at(node.range().start).row;
-        if node.ancestors().any(|node| node.has_attribute("transform")) {
-            return Err(SvgError::Transform(line));
-        }
-        let data = node.attribute("d").unwrap_or_default();
-        if data.contains(['a', 'A']) {
-            return Err(SvgError::Arc(line));
-        }
-        let mut pen = Pen { at: [0.0; 2], start: [0.0; 2], scale, all: &mut all };
-        for segment in SimplifyingPathParser::from(data) {
-            let segment = segment.map_err(|error| SvgError::Path { line, error })?;
-            pen.draw(segment).map_err(|error| SvgError::Spline { line, error })?;
+        match name(&node) {
+            "use" => {
+                let text = "use draws what stands elsewhere: unlink clones in the drawing program";
+                return Err(SvgError::Untaken { line, text: text.into() });
+            }
+            "path" => path(&node, line, unit, &mut all)?,
+            _ => (),
         }
     }
     if all.is_empty() { Err(SvgError::NoPath) } else { Ok(all) }
 }
 
-/// Draws segments, each with a parameter range of its own.
+fn name<'a>(node: &Node<'a, '_>) -> &'a str {
+    node.tag_name().name()
+}
+
+/// mm of the drawing's unit, by the size of the whole. Where width and height disagree, the drawing is
+/// fitted in, as `preserveAspectRatio` has it unless it says otherwise.
+fn unit_of(root: &Node) -> Option<f64> {
+    let size = |key: &str| -> Option<f64> {
+        let Length { number, unit } = root.attribute(key)?.parse().ok()?;
+        let unit = match unit {
+            LengthUnit::Mm => 1.0,
+            LengthUnit::Cm => 10.0,
+            LengthUnit::In => 25.4,
+            LengthUnit::Pt => 25.4 / 72.0,
+            LengthUnit::Pc => 25.4 / 6.0,
+            _ => return None,
+        };
+        Some(number * unit)
+    };
+    let shown: ViewBox = root.attribute("viewBox")?.parse().ok()?;
+    let ratio = root.attribute("preserveAspectRatio").unwrap_or_default();
+    let is_fitted = !ratio.contains("none") && !ratio.contains("slice");
+    let unit = (size("width")? / shown.w).min(size("height")? / shown.h);
+    (is_fitted && unit > 0.0 && unit.is_finite()).then_some(unit)
+}
+
+fn path(node: &Node, line: u32, unit: f64, all: &mut Vec<Element>) -> Result<(), SvgError> {
+    let place = Affine::scale_non_uniform(unit, -unit) * moved(node, line)?;
+    let first = all.len();
+    let mut pen = Pen { at: Point::ZERO, start: Point::ZERO, control: None, place, all };
+    for segment in PathParser::from(node.attribute("d").unwrap_or_default()) {
+        let segment =
+            segment.map_err(|error| SvgError::Attribute { line, attribute: "d", error })?;
+        pen.draw(segment).map_err(|error| SvgError::Spline { line, error })?;
+    }
+    match all[first..].iter().all(Element::is_finite) {
+        true => Ok(()),
+        false => Err(SvgError::Untaken { line, text: "a number is too large".into() }),
+    }
+}
+
+/// The transforms of a path and of all that it stands in.
+fn moved(node: &Node, line: u32) -> Result<Affine, SvgError> {
+    let untaken = |text: String| Err(SvgError::Untaken { line, text });
+    let mut whole = Affine::IDENTITY;
+    for node in node.ancestors().filter(Node::is_element) {
+        let style = node.attribute("style").unwrap_or_default();
+        if style.contains("transform") || node.has_attribute("transform-origin") {
+            return untaken("a transform by CSS: apply it in the drawing program".into());
+        }
+        if name(&node) == "svg" && node.parent_element().is_some() {
+            return untaken("an svg inside the svg: ungroup it in the drawing program".into());
+        }
+        let Some(text) = node.attribute("transform") else { continue };
+        let own: Transform = text.parse().map_err(|error| SvgError::Attribute {
+            line,
+            attribute: "transform",
+            error,
+        })?;
+        whole = Affine::new([own.a, own.b, own.c, own.d, own.e, own.f]) * whole;
+    }
+    let area = whole.determinant();
+    if !(area.is_finite() && area != 0.0) {
+        return untaken("transform: nothing is left of the path".into());
+    }
+    Ok(whole)
+}
+
+/// Draws segments.
 struct Pen<'a> {
-    at: [f64; 2],
-    start: [f64; 2],
-    scale: f64,
-    all: &'a mut Vec<Spline>,
+    at: Point,
+    start: Point,
+    /// Degree of the Bézier curve before, and its last control point.
+    control: Option<(usize, Point)>,
+    place: Affine,
+    all: &'a mut Vec<Element>,
 }
 
 impl Pen<'_> {
-    fn draw(&mut self, segment: SimplePathSegment) -> Result<(), SplineError> {
+    fn draw(&mut self, segment: PathSegment) -> Result<(), SplineError> {
+        let from = if segment.is_abs() { Vec2::ZERO } else { self.at.to_vec2() };
+        let p = |x, y| Point::new(x, y) + from;
         match segment {
-            SimplePathSegment::MoveTo { x, y } => {
-                self.at = [x, y];
+            PathSegment::MoveTo { x, y, .. } => {
+                self.at = p(x, y);
                 self.start = self.at;
+                self.control = None;
                 Ok(())
             }
-            SimplePathSegment::LineTo { x, y } => self.curve(&[[x, y]]),
-            SimplePathSegment::Quadratic { x1, y1, x, y } => self.curve(&[[x1, y1], [x, y]]),
-            SimplePathSegment::CurveTo { x1, y1, x2, y2, x, y } => {
-                self.curve(&[[x1, y1], [x2, y2], [x, y]])
+            PathSegment::LineTo { x, y, .. } => self.curve(&[p(x, y)]),
+            PathSegment::HorizontalLineTo { x, .. } => {
+                self.curve(&[Point::new(x + from.x, self.at.y)])
             }
-            SimplePathSegment::ClosePath => self.curve(&[self.start]),
+            PathSegment::VerticalLineTo { y, .. } => {
+                self.curve(&[Point::new(self.at.x, y + from.y)])
+            }
+            PathSegment::Quadratic { x1, y1, x, y, .. } => self.curve(&[p(x1, y1), p(x, y)]),
+            PathSegment::SmoothQuadratic { x, y, .. } => self.curve(&[self.mirrored(2), p(x, y)]),
+            PathSegment::CurveTo { x1, y1, x2, y2, x, y, .. } => {
+                self.curve(&[p(x1, y1), p(x2, y2), p(x, y)])
+            }
+            PathSegment::SmoothCurveTo { x2, y2, x, y, .. } => {
+                self.curve(&[self.mirrored(3), p(x2, y2), p(x, y)])
+            }
+            PathSegment::EllipticalArc {
+                rx, ry, x_axis_rotation, large_arc, sweep, x, y, ..
+            } => self.arc(&SvgArc {
+                from: self.at,
+                to: p(x, y),
+                radii: Vec2::new(rx, ry),
+                x_rotation: x_axis_rotation.to_radians(),
+                large_arc,
+                sweep,
+            }),
+            PathSegment::ClosePath { .. } => self.curve(&[self.start]),
         }
     }
 
-    fn curve(&mut self, points: &[[f64; 2]]) -> Result<(), SplineError> {
-        let place = |p: &[f64; 2]| [p[0] * self.scale, -p[1] * self.scale, 0.0];
+    /// The control point that a smooth curve of a degree begins with.
+    fn mirrored(&self, degree: usize) -> Point {
+        match self.control {
+            Some((own, control)) if own == degree => self.at + (self.at - control),
+            _ => self.at,
+        }
+    }
+
+    fn curve(&mut self, points: &[Point]) -> Result<(), SplineError> {
         let has_length = points.iter().any(|p| *p != self.at);
         if has_length {
-            let all: Vec<[f64; 3]> = [self.at].iter().chain(points).map(place).collect();
-            let (degree, first) = (points.len(), self.all.len() as f64);
-            let knot = |k| if k <= degree { first } else { first + 1.0 };
-            let knots = (0..2 * degree + 2).map(knot).collect();
-            self.all.push(Spline::new(degree, &all, None, Some(knots))?);
+            let all: Vec<_> = [self.at].iter().chain(points).map(|p| self.placed(*p)).collect();
+            self.all.push(Element::bezier(&all)?);
         }
-        self.at = points[points.len() - 1];
+        let degree = points.len();
+        self.control = (degree > 1).then(|| (degree, points[degree - 2]));
+        self.at = points[degree - 1];
         Ok(())
+    }
+
+    fn arc(&mut self, arc: &SvgArc) -> Result<(), SplineError> {
+        let Some(found) = Arc::from_svg_arc(arc) else { return self.curve(&[arc.to]) };
+        let half = |axis: Vec2| self.moved(Affine::rotate(found.x_rotation) * axis.to_point());
+        let halves = [half(Vec2::new(found.radii.x, 0.0)), half(Vec2::new(0.0, found.radii.y))];
+        let angles = [found.start_angle, found.start_angle + found.sweep_angle];
+        self.all.push(Element::Ellipse(Ellipse::new(self.placed(found.center), halves, angles)));
+        (self.control, self.at) = (None, arc.to);
+        Ok(())
+    }
+
+    fn placed(&self, p: Point) -> Vector3<f64> {
+        let p = self.place * p;
+        Vector3::new(p.x, p.y, 0.0)
+    }
+
+    /// A vector, which has no place.
+    fn moved(&self, p: Point) -> Vector3<f64> {
+        self.placed(p) - self.placed(Point::ZERO)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::taylor::Taylor;
-    use crate::proof::interval::Interval;
 
     const FILE: &str = "<svg xmlns='http://www.w3.org/2000/svg'>\n<g>\n\
         <path d='M 1 2 l 3 0 q 1 0 1 1 c 0 2 1 2 2 3 z m 10 10 h 5'/>\n</g></svg>";
 
+    /// Some ten roundings of numbers up to 100.
+    const ROUNDING: f64 = 1e-12;
+
+    fn ends(text: &str, unit: Option<f64>) -> Vec<[[f64; 2]; 2]> {
+        let all = elements(text, unit).unwrap();
+        all.iter().map(|element| element.ends().map(|p| [p.x, p.y])).collect()
+    }
+
+    fn of(path: &str) -> String {
+        format!("<svg><path d='{path}'/></svg>")
+    }
+
+    fn arc(element: &Element) -> Ellipse {
+        match element {
+            Element::Ellipse(ellipse) => *ellipse,
+            Element::Spline(_) => panic!("{element:?}"),
+        }
+    }
+
     #[test]
-    fn segments_are_the_splines_that_the_drawing_shows() {
-        let all = splines(FILE, 2.0).unwrap();
-        assert_eq!(all.len(), 5);
-        let end = |k: usize, t: f64| {
-            let span = all[k].spans()[0].0;
-            let at = all[k].at(span, Taylor::variable(Interval::point(t)));
-            at.map(|x| x.value.middle())
+    fn segments_are_the_curves_that_the_drawing_shows() {
+        let expected = [
+            [[2.0, -4.0], [8.0, -4.0]],
+            [[8.0, -4.0], [10.0, -6.0]],
+            [[10.0, -6.0], [14.0, -12.0]],
+            [[14.0, -12.0], [2.0, -4.0]],
+            [[22.0, -24.0], [32.0, -24.0]],
+        ];
+        assert_eq!(ends(FILE, Some(2.0)), expected);
+        let smooth = elements(&of("M 0 0 C 1 1 2 1 3 0 S 5 -1 6 0"), Some(1.0)).unwrap();
+        let written = elements(&of("M 0 0 C 1 1 2 1 3 0 C 4 -1 5 -1 6 0"), Some(1.0)).unwrap();
+        assert_eq!(smooth, written);
+        let smooth = elements(&of("M 0 0 Q 1 1 2 0 T 4 0 T 6 0"), Some(1.0)).unwrap();
+        let written = elements(&of("M 0 0 Q 1 1 2 0 Q 3 -1 4 0 Q 5 1 6 0"), Some(1.0)).unwrap();
+        assert_eq!(smooth, written);
+        assert_eq!(ends(&of("M 1 2 v 3 H 5 V 1"), Some(1.0))[2], [[5.0, -5.0], [5.0, -1.0]]);
+    }
+
+    #[test]
+    fn an_arc_is_the_circle_that_the_drawing_shows() {
+        // Y points down there: sweep turns clockwise to the eye.
+        let quarter = elements(&of("M 10 0 A 10 10 0 0 1 0 10"), Some(1.0)).unwrap();
+        let Ellipse { centre, halves, angles, .. } = arc(&quarter[0]);
+        assert!(centre.norm() < ROUNDING && (halves[0].norm() - 10.0).abs() < ROUNDING);
+        assert!(((angles[1] - angles[0]).abs() - 0.5 * std::f64::consts::PI).abs() < ROUNDING);
+        let [start, end] = quarter[0].ends();
+        assert!((start - Vector3::new(10.0, 0.0, 0.0)).norm() < ROUNDING);
+        assert!((end - Vector3::new(0.0, -10.0, 0.0)).norm() < ROUNDING);
+        let large = elements(&of("M 10 0 A 10 10 0 1 0 0 10"), Some(1.0)).unwrap();
+        let Ellipse { centre, angles, .. } = arc(&large[0]);
+        assert!(centre.norm() < ROUNDING);
+        assert!(((angles[1] - angles[0]).abs() - 1.5 * std::f64::consts::PI).abs() < ROUNDING);
+        // Radii that are too small grow until they reach; a radius of 0 is a line.
+        let grown = elements(&of("M 0 0 a 1 1 0 0 1 8 0"), Some(1.0)).unwrap();
+        assert!((arc(&grown[0]).halves[0].norm() - 4.0).abs() < ROUNDING);
+        let line = elements(&of("M 0 0 a 0 5 0 0 1 8 0"), Some(1.0)).unwrap();
+        assert_eq!(line, elements(&of("M 0 0 h 8"), Some(1.0)).unwrap());
+    }
+
+    #[test]
+    fn transforms_of_a_path_and_of_its_groups_move_it_from_the_inside_out() {
+        let text = |outer: &str, inner: &str| {
+            format!(
+                "<svg><g transform='{outer}'><path transform='{inner}' d='M 1 0 H 2'/></g></svg>"
+            )
         };
-        assert_eq!(end(0, 0.0), [2.0, -4.0, 0.0]);
-        assert_eq!(end(0, 1.0), [8.0, -4.0, 0.0]);
-        assert_eq!(end(1, 1.5), [9.5, -4.5, 0.0]);
-        assert_eq!(end(2, 3.0), [14.0, -12.0, 0.0]);
-        assert_eq!(end(3, 4.0), [2.0, -4.0, 0.0]);
-        assert_eq!(end(4, 5.0), [32.0, -24.0, 0.0]);
+        for (outer, inner, expected) in [
+            ("translate(10 20)", "", [[11.0, -20.0], [12.0, -20.0]]),
+            ("translate(10 20)", "scale(3)", [[13.0, -20.0], [16.0, -20.0]]),
+            ("scale(3)", "translate(10 20)", [[33.0, -60.0], [36.0, -60.0]]),
+            ("rotate(90)", "", [[0.0, -1.0], [0.0, -2.0]]),
+            ("", "rotate(90 1 0)", [[1.0, 0.0], [1.0, -1.0]]),
+            ("skewY(45)", "", [[1.0, -1.0], [2.0, -2.0]]),
+            ("skewX(45)", "translate(0 1)", [[2.0, -1.0], [3.0, -1.0]]),
+            ("matrix(0 1 -1 0 5 6)", "scale(2 4)", [[5.0, -8.0], [5.0, -10.0]]),
+        ] {
+            let found = ends(&text(outer, inner), Some(1.0))[0];
+            for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+                assert!((found - expected).abs() < ROUNDING, "{outer} {inner}: {found} {expected}");
+            }
+        }
+        // A circle becomes the ellipse through the places that its own go to.
+        let text = "<svg><path transform='skewX(45) scale(2 1)' d='M 3 0 A 3 3 0 0 1 0 3'/></svg>";
+        let all = elements(text, Some(1.0)).unwrap();
+        let Ellipse { halves: [u, v], .. } = arc(&all[0]);
+        let (sin, cos) = 0.7_f64.sin_cos();
+        let at = u * cos + v * sin;
+        let (y, x) = (-at.y, 0.5 * (at.x + at.y));
+        assert!((x.hypot(y) - 3.0).abs() < ROUNDING, "{u} {v}");
+    }
+
+    #[test]
+    fn the_unit_is_that_of_the_drawing_s_size_unless_a_key_gives_one() {
+        let text = |root: &str| format!("<svg {root}><path d='M 0 0 h 10'/></svg>");
+        for (root, expected) in [
+            ("width='100mm' height='50mm' viewBox='0 0 100 50'", 10.0),
+            ("width='2in' height='1in' viewBox='0 0 200 100'", 2.54),
+            ("width='7.2pt' height='72pt' viewBox='5 5 0.72 7.2'", 254.0 / 7.2),
+            ("width='10cm' height='10cm' viewBox='0 0 200 100'", 5.0),
+        ] {
+            let found = ends(&text(root), None)[0][1][0];
+            assert!((found - expected).abs() < ROUNDING, "{root}: {found}");
+            assert_eq!(ends(&text(root), Some(3.0))[0][1][0], 30.0);
+        }
+        for root in [
+            "",
+            "width='100' height='50' viewBox='0 0 100 50'",
+            "width='100mm' height='50mm'",
+            "width='1e999mm' height='1e999mm' viewBox='0 0 1 1'",
+            "width='100mm' height='50mm' viewBox='0 0 100 50' preserveAspectRatio='none'",
+        ] {
+            let told = elements(&text(root), None).unwrap_err().to_string();
+            assert!(told.starts_with("[curve] svg_unit_mm: missing"), "{root}: {told}");
+        }
     }
 
     #[test]
     fn what_cannot_be_taken_as_it_is_is_told_with_its_line() {
         for (text, expected) in [
-            (FILE.replace("l 3 0", "a 3 3 0 0 1 5 5"), "line 3: the path has an arc"),
-            (FILE.replace("<g>", "<g transform='scale(2)'>"), "line 3: transform="),
-            (FILE.replace("l 3 0", "l 3 foo"), "line 3: "),
+            (FILE.replace("<g>", "<g transform='scale(0)'>"), "line 3: transform: nothing is left"),
+            (FILE.replace("<g>", "<g transform='turn(2)'>"), "line 3: transform: "),
+            (FILE.replace("<g>", "<g style='transform: scale(2)'>"), "line 3: a transform by CSS"),
+            (FILE.replace("<g>", "<svg>").replace("</g>", "</svg>"), "line 3: an svg inside"),
+            (FILE.replace("<g>", "<g><use href='#a'/>"), "line 2: use draws"),
+            (FILE.replace("l 3 0", "l 3 foo"), "line 3: d: "),
+            (FILE.replace("l 3 0", "l 1e308 0 1e308 0 1e308 0"), "line 3: a number is too large"),
             (FILE.replace("path", "rect"), "no path"),
+            (FILE.replace("<g>", "<defs>").replace("</g>", "</defs>"), "no path"),
             ("<svg".into(), "root node"),
         ] {
-            let told = splines(&text, 1.0).unwrap_err().to_string();
+            let told = elements(&text, Some(1.0)).unwrap_err().to_string();
             assert!(told.contains(expected), "{text}: {told}");
         }
     }

@@ -4,6 +4,7 @@
 use crate::curve::base::{Explicit, Form, Part};
 use crate::curve::expression::{Expression, ExpressionError, Trouble};
 use crate::curve::file::{CurveKeys, Follow, Formula, PathFile};
+use crate::curve::free::{FreeError, check_keys, free};
 use crate::curve::implicit::Families;
 use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
 use crate::curve::length::Lengths;
@@ -51,7 +52,7 @@ pub enum CurveError {
     Trace(#[from] TraceError),
     /// A free-form curve cannot be read.
     #[error(transparent)]
-    Free(#[from] crate::curve::free::FreeError),
+    Free(#[from] FreeError),
 }
 
 /// A curve.
@@ -199,9 +200,11 @@ impl Curve {
     /// See [`CurveError`].
     pub fn of(file: &PathFile) -> Result<Self, CurveError> {
         let keys = file.curve.as_ref().ok_or_else(|| CurveError::Keys("no [curve]".into()))?;
+        check_keys(keys)?;
         let reader = Reader(file);
         let (mut turnings, mut is_closed) = (vec![], false);
-        let is_free = keys.points.is_some() || keys.svg.is_some();
+        let is_free = [&keys.points, &keys.svg, &keys.dxf].iter().any(|file| file.is_some());
+        let mut is_plane = true;
         let parts = match (&keys.x_mm, &keys.y_mm, is_free) {
             (Some(x), Some(y), false) if keys.alpha.is_none() && keys.beta.is_none() => {
                 vec![reader.explicit(keys, x, y)?]
@@ -214,14 +217,16 @@ impl Curve {
                 found.parts
             }
             (None, None, true) if keys.alpha.is_none() && keys.beta.is_none() => {
-                crate::curve::free::parts(keys, &file.folder)?
+                let found = free(keys, &file.folder)?;
+                is_plane = found.is_plane;
+                found.parts
             }
             _ => {
-                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or points, or svg";
+                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or one of points, svg and dxf";
                 return Err(CurveError::Keys(text.into()));
             }
         };
-        let laws = reader.laws(keys.points.is_none())?;
+        let laws = reader.laws(is_plane)?;
         let mut curve = Self {
             parts,
             lengths: vec![],
@@ -241,8 +246,8 @@ impl Curve {
 
     fn measure(&mut self) -> Result<(), CurveError> {
         for part in &self.parts {
-            let lengths = Lengths::of(part, self.length)
-                .map_err(|trouble| CurveError::Trouble { t: first_trouble(part), trouble })?;
+            let lengths =
+                Lengths::of(part, self.length).map_err(|trouble| first_trouble(part, trouble))?;
             self.length = lengths.end();
             self.lengths.push(lengths);
         }
@@ -262,7 +267,8 @@ impl Curve {
         }
         let middle = 0.5 * (from + to);
         if left == 0 {
-            self.at(part, middle)?;
+            // Where one of them has no value, that is the reason.
+            [from, middle, to].into_iter().try_for_each(|at| self.at(part, at).map(drop))?;
             return Err(self.trouble(part, middle, Trouble::Pole));
         }
         self.check(part, [from, middle], left - 1)?;
@@ -362,10 +368,14 @@ impl Curve {
     }
 }
 
-/// The first of many places of a part that has no value.
-fn first_trouble(part: &Part) -> f64 {
+/// The first of many places of a part that has no value; of one whose length has none.
+fn first_trouble(part: &Part, of_length: Trouble) -> CurveError {
     const PLACES: usize = 4096;
     let [a, b] = part.range;
     let place = |k: usize| a + (b - a) * k as f64 / PLACES as f64;
-    (0..=PLACES).map(place).find(|at| part.at(Interval::point(*at)).is_err()).unwrap_or(f64::NAN)
+    let mut troubles = (0..=PLACES).map(place).filter_map(|t| {
+        let trouble = part.at(Interval::point(t)).err()?;
+        Some(CurveError::Trouble { t, trouble })
+    });
+    troubles.next().unwrap_or(CurveError::Trouble { t: f64::NAN, trouble: of_length })
 }

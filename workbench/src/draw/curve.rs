@@ -107,7 +107,7 @@ fn curves(part: &Part, sides: &[Vec<f64>; 2], t: f64) -> Option<[Vec<Piece>; 2]>
             };
             Some([0, 1].map(|k| isoline(sides, &values(k), 0.0)))
         }
-        Form::Spline(..) => None,
+        Form::Spline(..) | Form::Ellipse(_) => None,
     }
 }
 

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 ///
 /// Takes a curve from a TOML file: two one-parametric families, x = f(t) and y = g(t) or
 /// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws of height, tilt and speed; or a free-form
-/// curve from control points. Writes a program whose distance from the curve is proved to be below
+/// curve from control points, or from a DXF or SVG drawing. Writes a program whose distance from the curve is proved to be below
 /// chord_mm, to standard output or to --output, if the machine can take the path. Turning points
 /// of t are reported, a singular point is refused with its place.
 ///
@@ -42,6 +42,12 @@ use std::path::PathBuf;
 ///     spindle_rpm = 6000
 ///     clear_z_mm = 40
 ///     moves = "arcs"               # or "lines"
+///
+/// In place of x_mm, y_mm and t, a drawing; its arcs stay arcs, its splines splines:
+///
+///     [curve]
+///     dxf = "part.dxf"             # or svg; points for control points as CSV
+///     dxf_layer = "CUT"
 ///
 /// The other way round, laws of the joints give the path of the tool, as CSV:
 ///

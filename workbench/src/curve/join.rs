@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Entities of a drawing, which have no order, joined end to end.
+
+use crate::curve::element::Element;
+use crate::curve::spline::SplineError;
+use nalgebra::Vector3;
+
+/// Ends that are nearer than this are one place, mm; between others a line is drawn.
+const ONE_PLACE: f64 = 1e-6;
+
+/// Entities that cannot be joined.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum JoinError {
+    /// More than two ends at one place.
+    #[error("at X {x:.6} Y {y:.6} Z {z:.6} meet ends of {names}: which way the tool goes from there is not said; name the entities of one way in dxf_handles", x = at.x, y = at.y, z = at.z)]
+    Branch {
+        /// The place, mm.
+        at: Vector3<f64>,
+        /// Whose ends.
+        names: String,
+    },
+    /// A gap that makes no line.
+    #[error(transparent)]
+    Line(#[from] SplineError),
+}
+
+/// Elements end to end: what one entity of a drawing holds.
+#[derive(Clone, Debug)]
+pub struct Strand {
+    name: String,
+    elements: Vec<Element>,
+    /// First and last place, which many others are compared with.
+    ends: [Vector3<f64>; 2],
+}
+
+impl Strand {
+    /// One or more elements, and what they are called in messages; nothing of none.
+    pub fn new(name: String, elements: Vec<Element>) -> Option<Self> {
+        let ends = [elements.first()?.ends()[0], elements.last()?.ends()[1]];
+        Some(Self { name, elements, ends })
+    }
+
+    fn is_closed(&self, within: f64) -> bool {
+        let [start, end] = self.ends;
+        (start - end).norm() <= within
+    }
+}
+
+/// Joins strands whose ends lie `within` mm of each other, in the order in which they come; those that
+/// reach none of the others follow one after the other.
+///
+/// The first of a chain keeps its direction, and gives it to the others.
+///
+/// # Errors
+/// See [`JoinError`].
+pub fn joined(strands: Vec<Strand>, within: f64) -> Result<Vec<Element>, JoinError> {
+    check_branches(&strands, within)?;
+    let mut left: Vec<Option<Strand>> = strands.into_iter().map(Some).collect();
+    let mut all = vec![];
+    for k in 0..left.len() {
+        let Some(first) = left[k].take() else { continue };
+        let is_closed = first.is_closed(within);
+        let mut chain = first.elements;
+        if !is_closed {
+            extend(&mut chain, &mut left, within)?;
+            // The other end grows as the end of what is turned around.
+            chain = turned(chain);
+            extend(&mut chain, &mut left, within)?;
+            chain = turned(chain);
+            bridge(&mut chain, within)?;
+        }
+        all.append(&mut chain);
+    }
+    Ok(all)
+}
+
+fn turned(elements: Vec<Element>) -> Vec<Element> {
+    elements.into_iter().rev().map(Element::reversed).collect()
+}
+
+/// Adds to the end of a chain whatever reaches it.
+fn extend(
+    chain: &mut Vec<Element>,
+    left: &mut [Option<Strand>],
+    within: f64,
+) -> Result<(), JoinError> {
+    loop {
+        let end = chain[chain.len() - 1].ends()[1];
+        let reached = |strand: &Strand| {
+            let near = |k: usize| (strand.ends[k] - end).norm() <= within;
+            !strand.is_closed(within) && (near(0) || near(1))
+        };
+        let Some(next) = left.iter_mut().find(|next| next.as_ref().is_some_and(reached)) else {
+            return Ok(());
+        };
+        let Some(mut next) = next.take() else { return Ok(()) };
+        let [start, other] = next.ends;
+        if (other - end).norm() < (start - end).norm() {
+            next.elements = turned(next.elements);
+            next.ends.reverse();
+        }
+        line(chain, next.ends[0])?;
+        chain.append(&mut next.elements);
+    }
+}
+
+/// Closes a chain whose ends meet.
+fn bridge(chain: &mut Vec<Element>, within: f64) -> Result<(), JoinError> {
+    let (start, end) = (chain[0].ends()[0], chain[chain.len() - 1].ends()[1]);
+    if chain.len() > 1 && (start - end).norm() <= within { line(chain, start) } else { Ok(()) }
+}
+
+/// A line from the end of a chain, unless that is there already.
+fn line(chain: &mut Vec<Element>, to: Vector3<f64>) -> Result<(), JoinError> {
+    let end = chain[chain.len() - 1].ends()[1];
+    if (to - end).norm() > ONE_PLACE {
+        chain.push(Element::bezier(&[end, to])?);
+    }
+    Ok(())
+}
+
+/// No end may meet two others.
+fn check_branches(strands: &[Strand], within: f64) -> Result<(), JoinError> {
+    let open = strands.iter().filter(|strand| !strand.is_closed(within));
+    let ends: Vec<(&Strand, Vector3<f64>)> =
+        open.flat_map(|strand| strand.ends.map(|end| (strand, end))).collect();
+    for (_, at) in &ends {
+        let near = ends.iter().filter(|(_, end)| (end - at).norm() <= within);
+        let names: Vec<&str> = near.map(|(strand, _)| strand.name.as_str()).collect();
+        if names.len() > 2 {
+            return Err(JoinError::Branch { at: *at, names: names.join(", ") });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(name: &str, a: [f64; 2], b: [f64; 2]) -> Strand {
+        let place = |p: [f64; 2]| Vector3::new(p[0], p[1], 0.0);
+        Strand::new(name.into(), vec![Element::bezier(&[place(a), place(b)]).unwrap()]).unwrap()
+    }
+
+    fn places(elements: &[Element]) -> Vec<[f64; 2]> {
+        let start = elements[0].ends()[0];
+        let ends = elements.iter().map(|element| element.ends()[1]);
+        std::iter::once(start).chain(ends).map(|p| [p.x, p.y]).collect()
+    }
+
+    #[test]
+    fn lines_in_any_order_and_direction_become_one_chain_in_the_direction_of_the_first() {
+        let lines = vec![
+            line("b", [1.0, 0.0], [2.0, 0.0]),
+            line("d", [3.0, 1.0], [3.0, 0.0]),
+            line("a", [1.0, 0.0], [0.0, 0.0]),
+            line("c", [3.0, 0.0], [2.0, 0.0]),
+        ];
+        let chain = joined(lines, 1e-3).unwrap();
+        let expected = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [3.0, 1.0]];
+        assert_eq!(places(&chain), expected);
+    }
+
+    #[test]
+    fn a_gap_within_what_is_allowed_becomes_a_line_and_a_larger_one_stays() {
+        let lines = |gap: f64| {
+            vec![line("a", [0.0, 0.0], [1.0, 0.0]), line("b", [1.0 + gap, 0.0], [2.0, 0.0])]
+        };
+        assert_eq!(joined(lines(0.0), 1e-3).unwrap().len(), 2);
+        assert_eq!(places(&joined(lines(5e-4), 1e-3).unwrap())[2], [1.0005, 0.0]);
+        let apart = joined(lines(2e-3), 1e-3).unwrap();
+        assert_eq!(apart.len(), 2);
+        assert_eq!(apart[1].ends()[0].x, 1.002);
+        // A triangle that is open by as little is closed.
+        let triangle = vec![
+            line("a", [0.0, 0.0], [1.0, 0.0]),
+            line("b", [1.0, 0.0], [0.0, 1.0]),
+            line("c", [0.0, 1.0], [0.0, 5e-4]),
+        ];
+        let closed = joined(triangle, 1e-3).unwrap();
+        assert_eq!((closed.len(), places(&closed)[4]), (4, [0.0, 0.0]));
+    }
+
+    #[test]
+    fn three_ends_at_one_place_are_refused_with_the_place_and_the_names() {
+        let lines = vec![
+            line("a", [0.0, 0.0], [1.0, 2.0]),
+            line("b", [1.0, 2.0], [2.0, 0.0]),
+            line("c", [5.0, 2.0], [1.0, 2.0]),
+        ];
+        let told = joined(lines, 1e-3).unwrap_err().to_string();
+        assert!(
+            told.starts_with("at X 1.000000 Y 2.000000 Z 0.000000 meet ends of a, b, c"),
+            "{told}"
+        );
+    }
+}
