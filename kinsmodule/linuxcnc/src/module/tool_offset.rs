@@ -53,17 +53,17 @@ impl Module {
         (self.machine_was_on || self.is_monitored) && !self.pins.machine_on()
     }
 
-    /// Brings the tool offset nearer to the one requested, and shows how far it is.
+    /// Brings the tool offset nearer to the one requested. Shows the one that belongs to the pose
+    /// and joints of this cycle: LinuxCNC's request changes after forward and inverse.
     pub(super) fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
+        let of_this_cycle = self.tool.offset();
         if let Ok(tool) = self.tool_in_effect() {
             self.retool(tool);
         }
-        let of_this_cycle = self.tool.offset();
         if let Err(fault) = self.tool_advanced(commanded, seconds) {
             self.record(&fault);
         }
-        let shown = if self.tool.is_busy() { of_this_cycle } else { self.tool.offset() };
-        self.pins.show_tool(&shown);
+        self.pins.show_tool(&of_this_cycle);
         self.pins.tool_busy.set(self.tool.is_busy());
     }
 

@@ -47,7 +47,7 @@ fn taken_level_it_is_in_force_when_the_platform_tilts() {
     at(&module, &LEVEL);
     on(&module);
     module.set("tool-offset", 80.0);
-    module.monitor();
+    at(&module, &LEVEL);
     at(&module, &LEVEL);
     assert_eq!(module.get("tool-offset-eff-z"), 80.0);
     assert_eq!(module.inverse(&TILTED), expected);
