@@ -617,7 +617,8 @@ def off_in_a_tool_change(machine: Machine, out, tilt, tool):
     machine.turn_off()
     machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 5, "not busy with the machine off")
     wanted = machine.get("motion.tooloffset.z")
-    assert machine.get("pkmkins.tool-offset-eff-z") == wanted != 0, "the offset is not taken"
+    assert wanted != 0
+    machine.wait(lambda: machine.get("pkmkins.tool-offset-eff-z") == wanted, 1, "the offset in effect")
     machine.pause(0.3)
     watch = JointWatch(machine)
     machine.turn_on()
