@@ -76,7 +76,9 @@ def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
     tool = list(zip(*(recorder.column(f"tool_{l}") for l in "xyz")))
     request = list(zip(*(recorder.column(f"request_{l}") for l in "xyz")))
     busy = [False, *recorder.column("busy")]
-    for cycle, (wanted, shown) in enumerate(zip(request, tool)):
+    # LinuxCNC writes the request after forward and inverse: it takes effect in the next cycle.
+    before = [request[0], *request]
+    for cycle, (wanted, shown) in enumerate(zip(before, tool)):
         expected = (wanted[0], wanted[1], spindle + wanted[2])
         assert busy[cycle + 1] or shown == expected, f"cycle {cycle}: {shown} holds, not {expected}"
         # The cycle that changes the request still belongs to the motion before it.
