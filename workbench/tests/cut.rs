@@ -355,7 +355,11 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
     let without = |key: &str| {
         STUDY.lines().filter(|line| !line.starts_with(key)).map(|l| format!("{l}\n")).collect()
     };
-    let cases: [(String, &str, &str); 8] = [
+    let with = |from: &str, to: &str| {
+        assert!(STUDY.contains(from), "{from}");
+        STUDY.replacen(from, to, 1)
+    };
+    let cases: [(String, &str, &str); 17] = [
         (
             STUDY.into(),
             &dumb,
@@ -363,6 +367,27 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
         ),
         (STUDY.into(), &swapped, "line 4: the tool cuts before a spindle speed is named"),
         (STUDY.into(), rapid, "part.ngc: the program has no feed moves"),
+        (with("mass_kg = 2", "mass_kg = -2"), PROGRAM, "mass_kg = -2"),
+        (with("[0, 0, 0.01]]", "[0, 0, 0.5]]"), PROGRAM, "no body has it"),
+        (
+            with("damping_ratio = 0.05", "damping_ratio = -0.05"),
+            PROGRAM,
+            "more than 0 and less than 1",
+        ),
+        (with("kt_n_per_mm2 = 700", "kt_n_per_mm2 = 0"), PROGRAM, "0: expected more than 0"),
+        (
+            with("entry_deg = 0", "entry_deg = -10"),
+            PROGRAM,
+            "-10: expected an angle of 0 to 180 degrees",
+        ),
+        (
+            with("exit_deg = 180", "exit_deg = 190"),
+            PROGRAM,
+            "190: expected an angle of 0 to 180 degrees",
+        ),
+        (with("depth_mm = 0.1", "depth_mm = 0"), PROGRAM, "0: expected more than 0"),
+        (with("max_force_n = 500", "max_force_n = -500"), PROGRAM, "-500: expected more than 0"),
+        (with("max_force_n = 500", "max_force = 500"), PROGRAM, "unknown field `max_force`"),
         (without("depth_mm"), PROGRAM, "study.toml: the study names no depth_mm of [cutting]"),
         (without("kt_n_per_mm2"), PROGRAM, "missing field `kt_n_per_mm2`"),
         (without("mass_kg"), PROGRAM, "missing field `mass_kg`"),

@@ -208,6 +208,16 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         assert!(DELTA.contains(from), "{from}");
         DELTA.replacen(from, to, 1)
     };
+    let turning = |key: &str| {
+        let legs = DELTA.split("[cutting]").next().unwrap();
+        format!("{legs}[turning]\n{key}\nthicker = [0, -1, 0]\nforce = [0, 1, 0]\n")
+    };
+    let shaft = |from: &str, to: &str| {
+        let text = example("spindle.toml");
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1)
+    };
+    let spindle = "stability spindle study.toml";
     let lag = "stability lag study.toml --plots drawn --csv out.csv";
     let pose = "stability pose linear-delta.ini study.toml --plots drawn --csv out.csv";
     let program = "stability program linear-delta.ini cut.ngc study.toml --plots drawn";
@@ -239,6 +249,18 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         (pose, delta("exit_deg = 180", "exit_deg = 0"), &["entry_deg = 0, exit_deg = 0"]),
         (pose, delta("mass_kg = 2", "mass_kg = -2"), &["-2", "more than 0"]),
         (pose, delta("damping_ratio = 0.03\n", ""), &["damping"]),
+        (pose, delta("damping_ratio = 0.03", "damping_ratio = -0.03"), &["-0.03", "more than 0"]),
+        (pose, delta("entry_deg = 0", "entry_deg = -10"), &["-10", "0 to 180 degrees"]),
+        (
+            pose,
+            delta("[legs]", "inertia_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 3]]\n[legs]"),
+            &["inertia_kg_m2", "no body has it"],
+        ),
+        (pose, turning("kf_n_per_mm2 = 0"), &["0: expected more than 0"]),
+        (pose, turning("kf = 1000"), &["unknown field `kf`", "kf_n_per_mm2"]),
+        (spindle, shaft("diameter_mm = 60", "diameter_mm = -60"), &["-60", "more than 0"]),
+        (spindle, shaft("damping_ratio = 0.02", "damping_ratio = -1"), &["-1"]),
+        (spindle, shaft("diameter_mm = 60", "diameter = 60"), &["unknown field `diameter`"]),
         (pose, DELTA.split("[cutting]").next().unwrap().into(), &["[cutting]", "[turning]"]),
         (
             "stability pose linear-delta.ini study.toml --feed 0 0 1",
