@@ -15,6 +15,7 @@ use pkm::dynamics::model::Model;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
 use pkm::study::sensitivity::Sensitivity;
+use pkm::study::springs::Springs;
 use pkm::study::stiffness::Stiffness;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -118,7 +119,7 @@ fn the_tool_yields_by_the_compliance_of_the_stiffness_study() {
         let subject = subject(&config, &text);
         let moment = Moment { tool: config.spindle, ..cut(place) };
         let judged = subject.judge(&moment).unwrap();
-        let springs = Study::parse(&text).unwrap().springs(&config).unwrap();
+        let springs = Springs::of(&config, &Study::parse(&text).unwrap()).unwrap();
         let pose = Pose::from_degrees(place);
         let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
         let force = cutter_frame(&moment.feed, &pose) * subject.teeth.mean(judged.chip.unwrap());
@@ -140,7 +141,7 @@ fn inertia_moves_the_tool_as_the_force_that_speeds_it_up() {
     let pose = |x: f64| [x, 0.0, 50.0, 0.0, 0.0, 0.0];
     let poses = [pose(step), pose(0.0), pose(step)];
     let judged = subject.judge(&Moment { poses, tool: config.spindle, ..cut(pose(0.0)) }).unwrap();
-    let springs = Study::parse(STUDY).unwrap().springs(&config).unwrap();
+    let springs = Springs::of(&config, &Study::parse(STUDY).unwrap()).unwrap();
     let pose = Pose::from_degrees(pose(0.0));
     let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
     let compliance = found.compliance.fixed_view::<3, 3>(0, 0).into_owned();

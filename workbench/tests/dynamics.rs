@@ -14,7 +14,8 @@ use pkm::dynamics::shapes::squares;
 use pkm::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
-use pkm::study::file::{Springs, Study};
+use pkm::study::file::Study;
+use pkm::study::springs::Springs;
 use pkm::study::stiffness::Stiffness;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -237,7 +238,7 @@ fn a_slow_force_finds_the_compliance_of_the_stiffness_study_on_every_machine() {
         let text = format!("[platform]\n{GENERAL}\n{legs}{table}");
         let study = Study::parse(&text).unwrap();
         let model = Model::of(&config, &study).unwrap();
-        let springs: Springs = study.springs(&config).unwrap();
+        let springs = Springs::of(&config, &study).unwrap();
         let range = axis_box::range(&config);
         let mut rng = Pcg64::seed_from_u64(7);
         let mut compared = 0;
