@@ -364,9 +364,9 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
         (
             STUDY.into(),
             &dumb,
-            "part.ngc: the program names no spindle speed (an S word); name one with --rpm",
+            "part.ngc: line 4: the tool cuts without a spindle speed (an S word names one)",
         ),
-        (STUDY.into(), &swapped, "line 4: the tool cuts before a spindle speed is named"),
+        (STUDY.into(), &swapped, "line 4: the tool cuts without a spindle speed"),
         (STUDY.into(), rapid, "part.ngc: the program has no feed moves"),
         (with("mass_kg = 2", "mass_kg = -2"), PROGRAM, "mass_kg = -2"),
         (with("[0, 0, 0.01]]", "[0, 0, 0.5]]"), PROGRAM, "no body has it"),

@@ -38,6 +38,20 @@ pub enum MoveKind {
     Probe,
 }
 
+/// What the spindle does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Spindle {
+    /// It stands. The speed of its S word, 1/min; 0 where there was none.
+    Standing(f64),
+    /// It turns, 1/min.
+    Turning(f64),
+    /// G96: its speed depends on the place.
+    Surface,
+    /// The interpreter does not say.
+    #[default]
+    Unknown,
+}
+
 /// One straight move; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
@@ -56,6 +70,8 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
+    /// The spindle during the move.
+    pub spindle: Spindle,
 }
 
 /// How long a program may go on before it counts as endless.
@@ -204,6 +220,7 @@ impl<'a, R: Read> Records<'a, R> {
                 angular_feed: 0.0,
                 tool: [0.0; 3],
                 file: 0,
+                spindle: Spindle::default(),
             },
         }
     }
@@ -220,6 +237,7 @@ impl<'a, R: Read> Records<'a, R> {
                     self.next.angular_feed = angular_feed / 60.0;
                 }
                 b'T' => self.next.tool = self.numbers()?.map(|length: f64| length * units),
+                b'S' => self.next.spindle = self.spindle()?,
                 b'P' => self.enter_file()?,
                 b'R' => return Ok(End::Refused(self.text()?)),
                 b'E' => return Ok(End::Program),
@@ -244,6 +262,18 @@ impl<'a, R: Read> Records<'a, R> {
             true => place[k],
         });
         Ok(&self.next)
+    }
+
+    fn spindle(&mut self) -> io::Result<Spindle> {
+        let [kind] = self.bytes()?;
+        let [speed] = self.numbers()?;
+        match kind {
+            b'0' => Ok(Spindle::Standing(speed)),
+            b'1' => Ok(Spindle::Turning(speed)),
+            b'2' => Ok(Spindle::Surface),
+            b'?' => Ok(Spindle::Unknown),
+            _ => Err(io::ErrorKind::InvalidData.into()),
+        }
     }
 
     fn enter_file(&mut self) -> io::Result<()> {
