@@ -3,7 +3,7 @@
 //! of the core, and symmetry.
 
 use crate::shipped::{MACHINES, config};
-use kinematics::{Matrix3, Pose, Solver, Vector3};
+use kinematics::{LegKind, Matrix3, Pose, Solver, Vector3};
 use nalgebra::Matrix6;
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
@@ -15,6 +15,7 @@ use pkm::study::springs::{Spring, Springs};
 use pkm::study::stiffness::{Stiffness, with_platform};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+use std::f64::consts::TAU;
 
 /// N/mm.
 const STRUT: f64 = 1e4;
@@ -333,5 +334,36 @@ fn rods_and_drives_of_one_study_yield_one_after_the_other() {
         let twice = format!("stiffness_n_per_um = 1\nrod_stiffness_n_per_um = 20\n{drive}");
         let told = Springs::of(&config, &study(&twice)).unwrap_err().to_string();
         assert!(told.contains("leave one of them out"), "{told}");
+    }
+}
+
+#[test]
+fn the_row_of_a_joint_is_the_wrench_of_a_strut_in_balance_with_the_torque_of_its_thread() {
+    let config = config("hexapod");
+    let pose = Pose::from_degrees([-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]);
+    let at = config.machine.at(&pose, &NO_TOOL).unwrap();
+    let rows = at.inverse_jacobian().unwrap();
+    let rotation = at.rotation();
+    for (i, (leg, segment)) in config.geometry.legs().iter().zip(at.segments()).enumerate() {
+        let LegKind::Strut(strut) = leg.kind else { panic!("{i} is no strut") };
+        let span = segment.span();
+        let (along, length) = (span.normalize(), span.norm());
+        // A cardan joint bears a moment square to both its axes: the fixed one, and the one across it
+        // and the strut. Its part along the strut is the thread's torque under 1 N.
+        let borne = |fixed: Vector3<f64>| {
+            let square = fixed.cross(&fixed.cross(&along)).normalize();
+            square * (-strut.lead / TAU / square.dot(&along))
+        };
+        let above = borne(Vector3::from(strut.base_axis).normalize());
+        let below = borne(rotation * Vector3::from(strut.platform_axis).normalize());
+        // Moments about the base joint: forces across the strut balance what the two differ by.
+        let force = along + (above - below).cross(&along) / length;
+        let arm = rotation * Vector3::from(leg.platform);
+        let moment = arm.cross(&force) + below;
+        for k in 0..3 {
+            // Roundings of an arm of 250 mm.
+            assert!((rows[(i, k)] - force[k]).abs() < 1e-10, "{i} {k} {}", rows[(i, k)]);
+            assert!((rows[(i, k + 3)] - moment[k]).abs() < 1e-10 * 250.0, "{i} {k} {moment}");
+        }
     }
 }
