@@ -13,6 +13,7 @@ makes, and writes them down. One request comes as JSON on standard input:
     tool_table      the machine's tool table, "" for none
     random_tools    true for a random tool changer
     calls           true where blocks may call subroutines in files of their own
+    spindle         true where the spindle is asked for, which takes half as long again
     chord_error     largest distance of an arc from its segments, millimetres
     most_moves      moves after which a program counts as endless
     most_seconds    seconds without a move after which it does
@@ -209,6 +210,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.tool = (0.0,) * 9
         self.feed = self.angular_feed = 0.0
         self.rates = self.unfed = None
+        self.asks_spindle = request["spindle"]
         self.spindle = self.turning = None
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
@@ -303,6 +305,8 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.go(PROBE, end)
 
     def see_spindle(self):
+        if not self.asks_spindle:
+            return
         if self.spindle is None:
             self.spindle = Spindle()
         turning = self.spindle.at(self.line)

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
 
-use pkm::program::interpreter::{InterpreterError, Move, MoveKind, Patience, Spindle, each, moves};
+use pkm::program::interpreter::{
+    InterpreterError, Move, MoveKind, Patience, Spindle, each, moves, with_spindle,
+};
 use pkm::program::replay::duration;
 use pkm::read::machine::MachineConfig;
 use std::path::Path;
@@ -19,12 +21,19 @@ fn config(tools: &Path) -> MachineConfig {
 
 /// Moves of a program, without the one that puts the machine to its home.
 fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
+    read(text, |config, program| moves(config, program, block))
+}
+
+fn read(
+    text: &str,
+    ask: impl Fn(&MachineConfig, &Path) -> Result<Vec<Move>, InterpreterError>,
+) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
     std::fs::write(&program, text).unwrap();
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
-    let mut moves = moves(&config, &program, block).map_err(|e| e.to_string())?;
+    let mut moves = ask(&config, &program).map_err(|e| e.to_string())?;
     assert_eq!((moves[0].line, moves[0].end), (0, config.home));
     moves.remove(0);
     Ok(moves)
@@ -268,7 +277,8 @@ fn lines_of_subroutines_belong_to_their_files() {
 
 /// Places in X, where each of them is a move of its own, and what the spindle does there.
 fn spindles(text: &str) -> Vec<(f64, Spindle)> {
-    run(text, None).unwrap().iter().map(|step| (step.end[0].round(), step.spindle)).collect()
+    let steps = read(text, with_spindle).unwrap();
+    steps.iter().map(|step| (step.end[0].round(), step.spindle)).collect()
 }
 
 #[test]
@@ -311,7 +321,7 @@ fn the_spindle_of_a_move_that_cutter_compensation_keeps_back_is_never_that_of_a_
     let text = "G21 F100\nS100 M3\nG1 X0 Y0\nG41.1 D2 G1 X10\nG1 X20\nG1 X30\nM5\nG1 Y30\nG40 G1 Y50\n\
                 M2\n";
     let found: Vec<(u32, Spindle)> =
-        run(text, None).unwrap().iter().map(|step| (step.line, step.spindle)).collect();
+        read(text, with_spindle).unwrap().iter().map(|step| (step.line, step.spindle)).collect();
     assert!(found.contains(&(5, Turning(100.0))) && found.contains(&(8, Standing(100.0))));
     // It is told after M5.
     assert!(found.contains(&(6, Unknown)), "{found:?}");

@@ -47,7 +47,7 @@ pub enum Spindle {
     Turning(f64),
     /// G96: its speed depends on the place.
     Surface,
-    /// The interpreter does not say.
+    /// The interpreter does not say, or was not asked.
     #[default]
     Unknown,
 }
@@ -70,7 +70,7 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
-    /// The spindle during the move.
+    /// The spindle during the move, where [`with_spindle`] asked for it.
     pub spindle: Spindle,
 }
 
@@ -111,6 +111,7 @@ struct Request {
     tool_table: PathBuf,
     random_tools: bool,
     calls: bool,
+    spindle: bool,
     chord_error: f64,
     most_moves: u64,
     most_seconds: f64,
@@ -133,6 +134,20 @@ pub fn moves(
     Ok(all)
 }
 
+/// All moves of a program, each with what the spindle does. That takes the interpreter half as long
+/// again.
+///
+/// # Errors
+/// As [`moves`].
+pub fn with_spindle(
+    config: &MachineConfig,
+    program: &path::Path,
+) -> Result<Vec<Move>, InterpreterError> {
+    let mut all = vec![];
+    run(config, program, None, &Patience::default(), true, |step| all.push(*step))?;
+    Ok(all)
+}
+
 /// Shows every move of a program while the interpreter reads it, the first one ending at
 /// `[TRAJ]HOME`; `block` runs before it. What comes back is the program and the files of
 /// subroutines that move anything.
@@ -146,8 +161,19 @@ pub fn each(
     patience: &Patience,
     see: impl FnMut(&Move),
 ) -> Result<Vec<PathBuf>, InterpreterError> {
+    run(config, program, block, patience, false, see)
+}
+
+fn run(
+    config: &MachineConfig,
+    program: &path::Path,
+    block: Option<&str>,
+    patience: &Patience,
+    spindle: bool,
+    see: impl FnMut(&Move),
+) -> Result<Vec<PathBuf>, InterpreterError> {
     let scratch = Folder::new().map_err(|error| error.error)?;
-    let request = request(config, program, block, patience, scratch.path())?;
+    let request = Request { spindle, ..request(config, program, block, patience, scratch.path())? };
     let mut running = Running(start(config, scratch.path(), &request)?);
     let mut records = Records::new(config, program, running.0.stdout.take());
     let end = records.show(see);
@@ -362,6 +388,7 @@ fn request(
         parameter_file,
         tool_table: absolute(config.program.tool_table.as_deref())?,
         random_tools: config.program.random_tools,
+        spindle: false,
         chord_error: CHORD_ERROR_MM,
         most_moves: patience.moves,
         most_seconds: patience.seconds,

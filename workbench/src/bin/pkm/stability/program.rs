@@ -150,11 +150,11 @@ fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, us
 }
 
 impl Job {
-    /// The program's moves, all at one spindle speed where one is given.
+    /// The program's moves at its spindle speeds, or all at the one that is given.
     pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
         // Told before the interpreter, in the system's words.
         std::fs::File::open(&self.program).at(&self.program)?;
-        let mut moves = interpreter::moves(config, &self.program, None)?;
+        let mut moves = interpreter::with_spindle(config, &self.program)?;
         if let Some(rpm) = self.rpm {
             moves.iter_mut().for_each(|step| step.spindle = Spindle::Turning(rpm));
         }
