@@ -13,6 +13,7 @@ makes, and writes them down. One request comes as JSON on standard input:
     tool_table      the machine's tool table, "" for none
     random_tools    true for a random tool changer
     calls           true where blocks may call subroutines in files of their own
+    spindle         true where the spindle is asked for, which takes half as long again
     chord_error     largest distance of an arc from its segments, millimetres
     most_moves      moves after which a program counts as endless
     most_seconds    seconds without a move after which it does
@@ -25,6 +26,8 @@ millimetres, angles in degrees, rates per minute.
     r f p  rapid, feed, probe: line, x y z a b c           uint32, 6 doubles
     F      feed, angular feed of the moves that follow     2 doubles
     T      tool offset x y z from here on                  3 doubles
+    S      spindle from here on: ? not known, 0 stands,    1 byte, 1 double
+           1 turns, 2 at a constant surface speed; its speed
     P      file that lines are in from here on             uint32 length, name
     R      the program is refused: a sentence              uint32 length, text
     E      the end of the program
@@ -55,6 +58,7 @@ AXES = "XYZABCUVW"
 MM = 25.4
 # Codes in the interpreter's state: G21, M61, G95, and motion that follows the spindle.
 UNITS_MM = 210
+SURFACE_SPEED = 960
 SET_TOOL = 61
 PER_TURN = 950
 SYNCHRONISED = (330, 331, 760)
@@ -66,6 +70,7 @@ MOVE = struct.Struct("<BI6d").pack
 RAPID, FEED, PROBE = b"rfp"
 RATES = struct.Struct("<c2d").pack
 TOOL = struct.Struct("<c3d").pack
+SPINDLE = struct.Struct("<ccd").pack
 TEXT = struct.Struct("<cI").pack
 
 
@@ -146,6 +151,48 @@ class ToolTable:
         self._put(self.entry(index) if index else self.entry_type(toolno=0), 0)
 
 
+class Spindle:
+    """What the spindle does, from the interpreter's state: the module `gcode` tells no callback of it."""
+
+    UNKNOWN = b"?", 0.0
+    STARTED = 3, 4
+    # Places in the interpreter's lists: codes in force, and modal groups of a block.
+    SPEED, TURNING, MODE = 2, 2, 13
+    TURNING_GROUP, MODE_GROUP = 7, 14
+
+    def __init__(self):
+        # It is there once the module runs the interpreter.
+        from interpreter import this
+
+        self.this, self.blocks = this, this.blocks
+        self.settings, self.m_codes, self.g_codes = this.active_settings, this.active_m_codes, this.active_g_codes
+        self.before = None
+
+    def at(self, line):
+        """What it does in the moves to come, which belong to `line`: what the blocks before left, and the
+        words of the running one, which the interpreter carries out before it moves."""
+        this = self.this
+        before = self.settings[self.SPEED], self.m_codes[self.TURNING], self.g_codes[self.MODE]
+        was, self.before = self.before, before
+        if this.cutter_comp_side and line != this.sequence_number:
+            # Cutter compensation keeps a move back until the next one is known.
+            return self.told(*before) if before == was else self.UNKNOWN
+        block = self.blocks[this.remap_level]
+        speed, turning, mode = before
+        if block.s_flag:
+            speed = block.s_number
+        if block.m_modes[self.TURNING_GROUP] >= 0:
+            turning = block.m_modes[self.TURNING_GROUP]
+        if block.g_modes[self.MODE_GROUP] >= 0:
+            mode = block.g_modes[self.MODE_GROUP]
+        return self.told(speed, turning, mode)
+
+    def told(self, speed, turning, mode):
+        if turning not in self.STARTED:
+            return b"0", speed
+        return b"2" if mode == SURFACE_SPEED else b"1", speed
+
+
 class Canon(Translated, ArcsToSegmentsMixin):
     """Writes every move to `out`."""
 
@@ -163,6 +210,8 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.tool = (0.0,) * 9
         self.feed = self.angular_feed = 0.0
         self.rates = self.unfed = None
+        self.asks_spindle = request["spindle"]
+        self.spindle = self.turning = None
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
         self.line = 0
@@ -255,13 +304,25 @@ class Canon(Translated, ArcsToSegmentsMixin):
             self.unfed = self.line, "probe"
         self.go(PROBE, end)
 
+    def see_spindle(self):
+        if not self.asks_spindle:
+            return
+        if self.spindle is None:
+            self.spindle = Spindle()
+        turning = self.spindle.at(self.line)
+        if turning != self.turning:
+            self.turning = turning
+            self.waiting.append(SPINDLE(b"S", *turning))
+
     def go(self, kind, end):
+        self.see_spindle()
         self.asked = end
         if self.astray:
             end = self.brought_back(end)
         self.move(kind, self.rotate_and_translate(*end))
 
     def rigid_tap(self, x, y, z):
+        self.see_spindle()
         start = self.lo
         end = self.rotate_and_translate(x, y, z, 0, 0, 0, 0, 0, 0)[:3] + start[3:]
         # The spindle sets the speed, which is not known here: the fastest is assumed.
@@ -272,6 +333,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         if not self.feed:
             self.unfed = self.line, "make arc"
         radius = math.hypot(x1 - cx, y1 - cy)
+        self.see_spindle()
         step = math.sqrt(8 * self.chord_error / max(radius, self.chord_error))
         self.arcdivision = max(16, math.ceil(math.pi / step))
         super().arc_feed(x1, y1, cx, cy, rot, z1, a, b, c, u, v, w)

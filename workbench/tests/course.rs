@@ -5,7 +5,7 @@ use crate::shipped::config;
 use kinematics::{Limit, MAX_JOINTS};
 use pkm::control::row::{Flags, Row};
 use pkm::program::course::{Abscissa, Course, MOST_SAMPLES};
-use pkm::program::interpreter::{Move, MoveKind};
+use pkm::program::interpreter::{Move, MoveKind, Spindle};
 use pkm::program::loads::Motion;
 use pkm::read::machine::MachineConfig;
 
@@ -112,6 +112,7 @@ fn the_path_of_moves_goes_by_its_length() {
         angular_feed: 0.0,
         tool: [0.0; 3],
         file: 0,
+        spindle: Spindle::Unknown,
     };
     let mut ends = [config.home; 3];
     ends[0][0] += 30.0;

@@ -120,6 +120,8 @@ fn points_tangents_and_lengths_of_a_circle_of_two_pencils_are_those_of_its_close
 fn lengths_of_classical_curves_are_those_of_their_closed_forms() {
     for (x, y, t, expected) in [
         ("20*(t - sin(t))", "20*(1 - cos(t))", [0.0, TAU], GOLDEN.cycloid_h20_arch),
+        // Half an arch, 4 h (1 - cos(t/2)).
+        ("20*(t - sin(t))", "20*(1 - cos(t))", [0.0, PI], GOLDEN.cycloid_h20_arch / 2.0),
         ("50*cos(t) - 10*cos(5*t)", "50*sin(t) - 10*sin(5*t)", [0.0, PI / 2.0], GOLDEN.epicycloid),
         ("15*(cos(t) + t*sin(t))", "15*(sin(t) - t*cos(t))", [0.0, 2.0], GOLDEN.involute_r15_t2),
         ("60*cos(t)", "35*sin(t)", [0.0, TAU], GOLDEN.ellipse_60_35),
@@ -317,6 +319,37 @@ fn joints_and_rates_on_the_pyramid_are_those_of_two_independent_computations() {
         close(long.joints[4] - row.joints[4], 40.0 * a.cos() * b.sin());
         close(long.joints[5] - row.joints[5], -40.0 * a.sin());
         close(long.centre[2] - row.centre[2], 40.0 * a.cos() * b.cos());
+    }
+}
+
+#[test]
+fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
+    let config = config("pyramid");
+    let text = format!(
+        "{CIRCLE}[laws]\nz_mm = '180 + 60*t'\na_deg = '10*t'\nb_deg = '-8*t^2'\nspeed_mm_per_s = 20\n\
+         [tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [0, 0, 0]\n"
+    );
+    let (_, ends) = read_back(&config, &text);
+    let joints = |pose: &[f64; 6]| {
+        // In the machine, where the work lies at 0.
+        let [x, y, z, a, b, c] = pose;
+        let words = format!(" {x} {y} {} {a} {b} {c}", z + ZERO);
+        let ini = crate::shipped::ini("pyramid");
+        let answer =
+            crate::commands::Bench::new().answer(&format!("joints {}{words}", ini.display()), "");
+        let value = |line: &str| line.split_once(" = ")?.1.parse::<f64>().ok();
+        answer.lines().filter_map(value).collect::<Vec<f64>>()
+    };
+    let order = [4, 5, 0, 1, 2, 3];
+    for (end, expected) in [
+        (&ends[0], GOLDEN.pyramid_joints.first().unwrap()),
+        (ends.last().unwrap(), GOLDEN.pyramid_joints.last().unwrap()),
+    ] {
+        let found = joints(end);
+        for (k, joint) in order.into_iter().enumerate() {
+            // Words of six decimals.
+            assert!((found[joint] - expected[k + 1]).abs() < 1e-4, "{found:?} {expected:?}");
+        }
     }
 }
 

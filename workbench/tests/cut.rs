@@ -15,6 +15,7 @@ use pkm::dynamics::model::Model;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
 use pkm::study::sensitivity::Sensitivity;
+use pkm::study::springs::Springs;
 use pkm::study::stiffness::Stiffness;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -118,7 +119,7 @@ fn the_tool_yields_by_the_compliance_of_the_stiffness_study() {
         let subject = subject(&config, &text);
         let moment = Moment { tool: config.spindle, ..cut(place) };
         let judged = subject.judge(&moment).unwrap();
-        let springs = Study::parse(&text).unwrap().springs(&config).unwrap();
+        let springs = Springs::of(&config, &Study::parse(&text).unwrap()).unwrap();
         let pose = Pose::from_degrees(place);
         let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
         let force = cutter_frame(&moment.feed, &pose) * subject.teeth.mean(judged.chip.unwrap());
@@ -140,7 +141,7 @@ fn inertia_moves_the_tool_as_the_force_that_speeds_it_up() {
     let pose = |x: f64| [x, 0.0, 50.0, 0.0, 0.0, 0.0];
     let poses = [pose(step), pose(0.0), pose(step)];
     let judged = subject.judge(&Moment { poses, tool: config.spindle, ..cut(pose(0.0)) }).unwrap();
-    let springs = Study::parse(STUDY).unwrap().springs(&config).unwrap();
+    let springs = Springs::of(&config, &Study::parse(STUDY).unwrap()).unwrap();
     let pose = Pose::from_degrees(pose(0.0));
     let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
     let compliance = found.compliance.fixed_view::<3, 3>(0, 0).into_owned();
@@ -355,14 +356,39 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
     let without = |key: &str| {
         STUDY.lines().filter(|line| !line.starts_with(key)).map(|l| format!("{l}\n")).collect()
     };
-    let cases: [(String, &str, &str); 8] = [
+    let with = |from: &str, to: &str| {
+        assert!(STUDY.contains(from), "{from}");
+        STUDY.replacen(from, to, 1)
+    };
+    let cases: [(String, &str, &str); 17] = [
         (
             STUDY.into(),
             &dumb,
-            "part.ngc: the program names no spindle speed (an S word); name one with --rpm",
+            "part.ngc: line 4: the tool cuts without a spindle speed (an S word names one)",
         ),
-        (STUDY.into(), &swapped, "line 4: the tool cuts before a spindle speed is named"),
+        (STUDY.into(), &swapped, "line 4: the tool cuts without a spindle speed"),
         (STUDY.into(), rapid, "part.ngc: the program has no feed moves"),
+        (with("mass_kg = 2", "mass_kg = -2"), PROGRAM, "mass_kg = -2"),
+        (with("[0, 0, 0.01]]", "[0, 0, 0.5]]"), PROGRAM, "no body has it"),
+        (
+            with("damping_ratio = 0.05", "damping_ratio = -0.05"),
+            PROGRAM,
+            "more than 0 and less than 1",
+        ),
+        (with("kt_n_per_mm2 = 700", "kt_n_per_mm2 = 0"), PROGRAM, "0: expected more than 0"),
+        (
+            with("entry_deg = 0", "entry_deg = -10"),
+            PROGRAM,
+            "-10: expected an angle of 0 to 180 degrees",
+        ),
+        (
+            with("exit_deg = 180", "exit_deg = 190"),
+            PROGRAM,
+            "190: expected an angle of 0 to 180 degrees",
+        ),
+        (with("depth_mm = 0.1", "depth_mm = 0"), PROGRAM, "0: expected more than 0"),
+        (with("max_force_n = 500", "max_force_n = -500"), PROGRAM, "-500: expected more than 0"),
+        (with("max_force_n = 500", "max_force = 500"), PROGRAM, "unknown field `max_force`"),
         (without("depth_mm"), PROGRAM, "study.toml: the study names no depth_mm of [cutting]"),
         (without("kt_n_per_mm2"), PROGRAM, "missing field `kt_n_per_mm2`"),
         (without("mass_kg"), PROGRAM, "missing field `mass_kg`"),

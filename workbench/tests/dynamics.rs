@@ -14,7 +14,8 @@ use pkm::dynamics::shapes::squares;
 use pkm::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
-use pkm::study::file::{Springs, Study};
+use pkm::study::file::Study;
+use pkm::study::springs::Springs;
 use pkm::study::stiffness::Stiffness;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -75,7 +76,12 @@ struct NutRows {
     a_home_gen_hz_without_and_with: [Vec<f64>; 2],
     a_pose_4_gen_hz_without_and_with: [Vec<f64>; 2],
     a_pose_5_gen_hz_without_and_with: [Vec<f64>; 2],
+    a_home_tip_compliance_xyz_without_and_with: [[f64; 3]; 2],
+    a_pose_4_tip_compliance_xyz_without_and_with: [[f64; 3]; 2],
+    a_pose_5_tip_compliance_xyz_without_and_with: [[f64; 3]; 2],
 }
+
+const POSE_5: [f64; 6] = [50.0, 100.0, 120.0, -15.0, 12.0, 8.0];
 
 static GOLDEN: LazyLock<File> =
     LazyLock::new(|| toml::from_str(include_str!("cutting_dynamics.toml")).unwrap());
@@ -185,15 +191,30 @@ fn weight_and_the_forces_that_bear_it_change_the_frequencies_as_in_the_figures()
 #[test]
 fn the_torque_of_the_thread_changes_the_frequencies_as_the_statics_of_a_strut_say() {
     let nut = &GOLDEN.nut_rows;
-    let pose_5 = [50.0, 100.0, 120.0, -15.0, 12.0, 8.0];
     let backdrivable = STRUTS.replace("self-locking", "backdrivable");
     for (pose, [without, with]) in [
         (HOME, &nut.a_home_gen_hz_without_and_with),
         (golden().pose_4, &nut.a_pose_4_gen_hz_without_and_with),
-        (pose_5, &nut.a_pose_5_gen_hz_without_and_with),
+        (POSE_5, &nut.a_pose_5_gen_hz_without_and_with),
     ] {
         close(&hertz(&hexapod(GENERAL, STRUTS, pose)), without, CLOSED);
         close(&hertz(&hexapod(GENERAL, &backdrivable, pose)), with, CLOSED);
+    }
+}
+
+#[test]
+fn the_torque_of_the_thread_changes_the_compliance_of_the_tip_as_the_statics_of_a_strut_say() {
+    let nut = &GOLDEN.nut_rows;
+    let backdrivable = STRUTS.replace("self-locking", "backdrivable");
+    for (pose, both) in [
+        (HOME, &nut.a_home_tip_compliance_xyz_without_and_with),
+        (golden().pose_4, &nut.a_pose_4_tip_compliance_xyz_without_and_with),
+        (POSE_5, &nut.a_pose_5_tip_compliance_xyz_without_and_with),
+    ] {
+        for (legs, expected) in [STRUTS, &backdrivable].into_iter().zip(both) {
+            let found = hexapod(GENERAL, legs, pose).receptance(0.0).unwrap().diagonal();
+            close(found.map(|h| h.re).as_slice(), expected, CLOSED);
+        }
     }
 }
 
@@ -237,7 +258,7 @@ fn a_slow_force_finds_the_compliance_of_the_stiffness_study_on_every_machine() {
         let text = format!("[platform]\n{GENERAL}\n{legs}{table}");
         let study = Study::parse(&text).unwrap();
         let model = Model::of(&config, &study).unwrap();
-        let springs: Springs = study.springs(&config).unwrap();
+        let springs = Springs::of(&config, &study).unwrap();
         let range = axis_box::range(&config);
         let mut rng = Pcg64::seed_from_u64(7);
         let mut compared = 0;

@@ -88,6 +88,11 @@ fn bad_studies_are_refused_with_their_key_and_nothing_is_written() {
         (with("mass_kg = 2", "mass_kg = -2"), ["mass_kg = -2", "expected more than 0"]),
         (with("mass_kg = 2\n", ""), ["[platform]", "missing field `mass_kg`"]),
         (with("mass_kg = 2", "mass = 2"), ["unknown field `mass`", "mass_kg"]),
+        (
+            with("[legs]", "[legs]\naxial_mass_kg = -1"),
+            ["axial_mass_kg", "-1: expected more than 0"],
+        ),
+        (with("[legs]", "[table]\nmass_kg = 0\n[legs]"), ["mass_kg", "0: expected more than 0"]),
         (with("[0, 0, 20]", "[0, nan, 0]"), ["centre_mm", "expected a finite number"]),
         (with("[legs]", turning), ["inertia_kg_m2", "no body has it"]),
         (with("damping_ratio = 0.05\n", ""), ["names no damping_n_s_per_mm", "[legs]"]),

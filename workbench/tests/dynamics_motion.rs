@@ -10,7 +10,7 @@ use pkm::dynamics::capacity::Capacity;
 use pkm::dynamics::chart::Chart;
 use pkm::dynamics::drives::Drives;
 use pkm::dynamics::linear::{Ellipse, Linear};
-use pkm::dynamics::loads::{Moving, Wrench, loads};
+use pkm::dynamics::loads::{Held, Moving, Wrench, loads};
 use pkm::dynamics::milling::Milling;
 use pkm::dynamics::model::Model;
 use pkm::dynamics::noise::{Noise, Spectrum};
@@ -23,6 +23,7 @@ use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::rows::rate_map;
 use pkm::study::file::Study;
+use pkm::study::springs::Spring;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Deserialize;
@@ -39,6 +40,8 @@ struct File {
 struct Golden {
     sigma_n_corner_hz: [f64; 4],
     ou_step_50us_decay_gain: [f64; 2],
+    a_home_sym_tip_covariance_mm2: [[f64; 3]; 3],
+    a_home_sym_ellipse_um_um_deg: [f64; 3],
     a_home_sym_tip_rms_um: [f64; 3],
     a_home_sym_strut_force_rms_n: Vec<f64>,
     a_home_sym_tip_rms_um_held_0p1ms: [f64; 3],
@@ -57,9 +60,11 @@ struct Golden {
     #[serde(rename = "top_1_I_kg_m2_omega0_rad_s")]
     top_1: [f64; 6],
     top_1_omega_at_1s: [f64; 3],
+    top_1_period_s: f64,
     #[serde(rename = "top_2_I_kg_m2_omega0_rad_s")]
     top_2: [f64; 6],
     top_2_omega_at_1s: [f64; 3],
+    top_2_period_s: f64,
     #[serde(rename = "milling_N_D_ap_fz")]
     milling: [f64; 4],
     #[serde(rename = "milling_Kc_trc_n_mm2")]
@@ -95,7 +100,8 @@ fn corner() -> Spectrum {
     Spectrum::Corner { corner: GOLDEN.sigma_n_corner_hz[3] }
 }
 
-fn spun(inertia: Vector3<f64>, spin: Vector3<f64>, steps: u32) -> Motion {
+/// A top without torque after some seconds.
+fn spun(inertia: Vector3<f64>, spin: Vector3<f64>, seconds: f64, steps: u32) -> Motion {
     let zero = Vector3::zeros();
     let mut motion = Motion {
         place: zero,
@@ -111,7 +117,7 @@ fn spun(inertia: Vector3<f64>, spin: Vector3<f64>, steps: u32) -> Motion {
             let spin = -motion.spin.cross(&momentum).component_div(&inertia);
             Ok::<_, Infallible>(Acceleration { place: zero, spin, table: zero })
         };
-        motion = motion.after(1.0 / f64::from(steps), rates).unwrap();
+        motion = motion.after(seconds / f64::from(steps), rates).unwrap();
     }
     motion
 }
@@ -123,7 +129,7 @@ fn a_free_top_turns_as_elliptic_functions_say_and_keeps_energy_and_momentum() {
     {
         let inertia = Vector3::from_column_slice(&given[..3]);
         let spin = Vector3::from_column_slice(&given[3..]);
-        let end = spun(inertia, spin, 1000);
+        let end = spun(inertia, spin, 1.0, 1000);
         // The fourth order: 9 rad/s in steps of 1 ms leave 1e-11.
         assert!((end.spin - Vector3::from(expected)).amax() < 1e-7, "{}", end.spin);
         let momentum = inertia.component_mul(&spin);
@@ -135,11 +141,26 @@ fn a_free_top_turns_as_elliptic_functions_say_and_keeps_energy_and_momentum() {
 }
 
 #[test]
+fn the_spin_of_a_free_top_comes_back_after_the_period_of_the_elliptic_integral() {
+    for (given, period) in
+        [(GOLDEN.top_1, GOLDEN.top_1_period_s), (GOLDEN.top_2, GOLDEN.top_2_period_s)]
+    {
+        let inertia = Vector3::from_column_slice(&given[..3]);
+        let spin = Vector3::from_column_slice(&given[3..]);
+        let end = spun(inertia, spin, period, 4000);
+        assert!((end.spin - spin).amax() < 1e-7, "{}", end.spin);
+        // Nothing like it comes earlier: half a period on, one part points the other way.
+        let half = spun(inertia, spin, period / 2.0, 4000).spin;
+        assert!((half - spin).amax() > 1.0, "{half}");
+    }
+}
+
+#[test]
 fn halving_the_step_divides_the_error_of_a_top_by_sixteen() {
     let inertia = Vector3::new(0.40, 0.45, 0.60);
     let expected = Vector3::from(GOLDEN.top_1_omega_at_1s);
     let spin = Vector3::new(2.0, 0.0, 9.0);
-    let error = |steps| (spun(inertia, spin, steps).spin - expected).norm();
+    let error = |steps| (spun(inertia, spin, 1.0, steps).spin - expected).norm();
     let ratio = error(50) / error(100);
     // What is left of higher orders.
     assert!((14.0..19.0).contains(&ratio), "{ratio}");
@@ -360,6 +381,14 @@ fn the_covariance_has_the_ellipse_of_the_figures() {
     let found = Ellipse::of(&(tip * 1e6));
     close(&found.axes, &[long, short], 1e-8);
     close(&[found.direction], &[direction], 1e-8);
+    // The symmetric platform scatters alike to all sides: a circle has no direction.
+    let structure = hexapod(SYMMETRIC, STRUTS, HOME);
+    let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
+    let tip = linear.of_tip(&linear.covariance().unwrap());
+    let expected = Matrix3::from(GOLDEN.a_home_sym_tip_covariance_mm2);
+    assert!((tip - expected).amax() < 1e-8 * expected.amax(), "{tip} {expected}");
+    let [long, short, _] = GOLDEN.a_home_sym_ellipse_um_um_deg;
+    close(&Ellipse::of(&(tip * 1e6)).axes, &[long, short], 1e-8);
 }
 
 #[test]
@@ -627,9 +656,6 @@ fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
         for _ in 0..20 {
             let pose = Pose::from_degrees(range.at(std::array::from_fn(|_| rng.random())));
             let Ok(at) = config.machine.at(&pose, &tool) else { continue };
-            if config.machine.layout().is_redundant() {
-                continue;
-            }
             let Some(found) = loads(&config, &model, &Moving::still(pose, tool), &wrench).unwrap()
             else {
                 continue;
@@ -660,7 +686,49 @@ fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
             }
             compared += 1;
         }
-        assert!(compared > 3 || config.machine.layout().is_redundant(), "{machine} {compared}");
+        assert!(compared > 3, "{machine} {compared}");
+    }
+}
+
+#[test]
+fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy() {
+    let (config, mut model) = shaken("pyramid", false, "backdrivable");
+    assert!(config.machine.layout().is_redundant());
+    let pose = Pose::from_degrees([10.0, -20.0, 250.0, 6.0, -4.0, 0.0]);
+    let wrench =
+        Wrench { force: Vector3::new(120.0, -80.0, 200.0), moment: Vector3::new(1e3, -2e3, 3e3) };
+    for stiffness in [1e4, 3e4] {
+        model.legs[0].spring = Spring::Whole(stiffness);
+        let held = Held::at(&config, &model, &pose, &config.spindle).unwrap().unwrap();
+        let found = held.loads(&Moving::still(pose, config.spindle), &wrench);
+        let springs: Vec<f64> = held.springs().collect();
+        // Carriages that move without the platform: what all coordinates leave of the joint rates.
+        let at = config.machine.at(&pose, &config.spindle).unwrap();
+        let chart = Chart::of(&config, &at);
+        let tip = -config.spindle;
+        let rates = DMatrix::from_fn(4, chart.count(), |i, k| {
+            let step = if chart.is_angle(k) { 1e-6 } else { 1e-3 };
+            let joint = |by: f64| {
+                let moved = chart.moved(&pose, k, by, &tip, 1.0);
+                config.machine.inverse(&moved, &config.spindle).unwrap()[i]
+            };
+            (joint(step) - joint(-step)) / (2.0 * step)
+        });
+        assert_eq!(rates.shape(), (4, 3));
+        let apart = (&rates * rates.transpose()).symmetric_eigen();
+        let free = apart.eigenvectors.column(apart.eigenvalues.imin());
+        // Forces of that kind hold each other, and do no work. None of them may lower the energy of
+        // all: Σ f n/k = 0.
+        let parts: Vec<f64> = (0..4)
+            .map(|i| {
+                let gain = found.drives[i] / found.legs[i];
+                found.legs[i] * free[i] / gain / springs[i]
+            })
+            .collect();
+        let size = parts.iter().map(|part| part.abs()).fold(0.0, f64::max);
+        let sum: f64 = parts.iter().sum();
+        // Differences of joint values of 1e-13 over their step.
+        assert!(size > 0.0 && sum.abs() < 1e-5 * size, "{sum} {parts:?}");
     }
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
 
-use pkm::program::interpreter::{InterpreterError, Move, MoveKind, Patience, each, moves};
+use pkm::program::interpreter::{
+    InterpreterError, Move, MoveKind, Patience, Spindle, each, moves, with_spindle,
+};
 use pkm::program::replay::duration;
 use pkm::read::machine::MachineConfig;
 use std::path::Path;
@@ -19,12 +21,19 @@ fn config(tools: &Path) -> MachineConfig {
 
 /// Moves of a program, without the one that puts the machine to its home.
 fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
+    read(text, |config, program| moves(config, program, block))
+}
+
+fn read(
+    text: &str,
+    ask: impl Fn(&MachineConfig, &Path) -> Result<Vec<Move>, InterpreterError>,
+) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
     std::fs::write(&program, text).unwrap();
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
-    let mut moves = moves(&config, &program, block).map_err(|e| e.to_string())?;
+    let mut moves = ask(&config, &program).map_err(|e| e.to_string())?;
     assert_eq!((moves[0].line, moves[0].end), (0, config.home));
     moves.remove(0);
     Ok(moves)
@@ -264,4 +273,56 @@ fn lines_of_subroutines_belong_to_their_files() {
     });
     assert_eq!(files.unwrap(), [program, away]);
     assert_eq!(places[1..], [(1.0, 1, 0), (2.0, 2, 0), (3.0, 2, 1), (4.0, 4, 0)]);
+}
+
+/// Places in X, where each of them is a move of its own, and what the spindle does there.
+fn spindles(text: &str) -> Vec<(f64, Spindle)> {
+    let steps = read(text, with_spindle).unwrap();
+    steps.iter().map(|step| (step.end[0].round(), step.spindle)).collect()
+}
+
+#[test]
+fn the_spindle_of_a_move_is_that_of_the_blocks_before_it_and_of_its_own_words() {
+    use Spindle::{Standing, Surface, Turning};
+    let text = "G21 F100\nG1 X1\nS1000\nG1 X2\nM3\nG1 X3\nM5\nG1 X4\nS7 M4 G1 X5\nG1 X6 S8 (S9 M5)\n\
+                G96 D3000 S200\nG1 X7\nG97 S60 G1 X8\nS0\nG1 X9\nM2\n";
+    let expected = [
+        (1.0, Standing(0.0)),
+        (2.0, Standing(1000.0)),
+        (3.0, Turning(1000.0)),
+        (4.0, Standing(1000.0)),
+        (5.0, Turning(7.0)),
+        (6.0, Turning(8.0)),
+        (7.0, Surface),
+        (8.0, Turning(60.0)),
+        (9.0, Turning(0.0)),
+    ];
+    assert_eq!(spindles(text), expected);
+}
+
+#[test]
+fn the_spindle_follows_loops_and_subroutines_as_they_run() {
+    use Spindle::{Standing, Turning};
+    // The same line moves at another speed each time; the subroutine moves nothing.
+    let text = "o1 sub\nM5\no1 endsub\nG21 F100\n#1=0\nM3\no2 while [#1 lt 3]\n#1=[#1+1]\n\
+                S[1000*#1]\nG1 X#1\no2 endwhile\no1 call\nG1 X4\nM2\n";
+    let expected = [
+        (1.0, Turning(1000.0)),
+        (2.0, Turning(2000.0)),
+        (3.0, Turning(3000.0)),
+        (4.0, Standing(3000.0)),
+    ];
+    assert_eq!(spindles(text), expected);
+}
+
+#[test]
+fn the_spindle_of_a_move_that_cutter_compensation_keeps_back_is_never_that_of_a_later_one() {
+    use Spindle::{Standing, Turning, Unknown};
+    let text = "G21 F100\nS100 M3\nG1 X0 Y0\nG41.1 D2 G1 X10\nG1 X20\nG1 X30\nM5\nG1 Y30\nG40 G1 Y50\n\
+                M2\n";
+    let found: Vec<(u32, Spindle)> =
+        read(text, with_spindle).unwrap().iter().map(|step| (step.line, step.spindle)).collect();
+    assert!(found.contains(&(5, Turning(100.0))) && found.contains(&(8, Standing(100.0))));
+    // It is told after M5.
+    assert!(found.contains(&(6, Unknown)), "{found:?}");
 }

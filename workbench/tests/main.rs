@@ -36,6 +36,7 @@ mod rods;
 mod rooms;
 mod sensitivity;
 mod shipped;
+mod sources;
 mod stability;
 mod stiffness;
 mod studies;

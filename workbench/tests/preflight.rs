@@ -5,7 +5,7 @@ use crate::shipped::{MACHINES, cases, config, folder, follow};
 use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
 use pkm::limits;
 use pkm::program::findings::Preflight;
-use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind};
+use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
 use pkm::program::offset::{self, Offset, Poses};
 use pkm::proof::axis_box::range;
 use pkm::proof::reach::Reach;
@@ -18,7 +18,16 @@ use std::path::Path;
 use std::time::Instant;
 
 fn rapid(line: u32, end: [f64; 6]) -> Move {
-    Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool: [0.0; 3], file: 0 }
+    Move {
+        kind: MoveKind::Rapid,
+        line,
+        end,
+        feed: 0.0,
+        angular_feed: 0.0,
+        tool: [0.0; 3],
+        file: 0,
+        spindle: Spindle::Unknown,
+    }
 }
 
 fn between(from: &[f64; 6], to: &[f64; 6], share: f64) -> [f64; 6] {

@@ -3,23 +3,26 @@
 //! of the core, and symmetry.
 
 use crate::shipped::{MACHINES, config};
-use kinematics::{Matrix3, Pose, Solver, Vector3};
+use kinematics::{LegKind, Matrix3, Pose, Solver, Vector3};
 use nalgebra::Matrix6;
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::rows::{length_rows, rate_map};
-use pkm::study::file::{Screw, Springs};
+use pkm::study::file::{Screw, Study};
 use pkm::study::map::Map;
+use pkm::study::sensitivity::Sensitivity;
+use pkm::study::springs::{Spring, Springs};
 use pkm::study::stiffness::{Stiffness, with_platform};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+use std::f64::consts::TAU;
 
 /// N/mm.
 const STRUT: f64 = 1e4;
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 fn springs(config: &MachineConfig, screw: Screw) -> Springs {
-    Springs { n_per_mm: vec![STRUT; config.joints.len()], screw }
+    Springs { all: vec![Spring::Whole(STRUT); config.joints.len()], screw }
 }
 
 fn at(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
@@ -239,8 +242,8 @@ fn a_compliance_is_symmetric_and_nowhere_negative_on_any_machine() {
             assert!((c - c.transpose()).abs().max() <= 1e-12 * c.abs().max(), "{machine}");
             let least = c.symmetric_eigenvalues().min();
             assert!(least > -1e-12 * c.abs().max(), "{machine} {least}");
-            let twice = springs.n_per_mm.iter().map(|k| 2.0 * k).collect();
-            let twice = Springs { n_per_mm: twice, ..springs };
+            let twice = vec![Spring::Whole(2.0 * STRUT); config.joints.len()];
+            let twice = Springs { all: twice, ..springs };
             let stiffer = Stiffness::at(&config, &pose, &config.spindle, &twice).unwrap().unwrap();
             close(stiffer.least()[0], 2.0 * found.least()[0]);
         }
@@ -295,4 +298,72 @@ fn at_a_singular_pose_there_is_no_stiffness() {
     let springs = springs(&config, Screw::default());
     let found = Stiffness::at(&config, &pose, &config.spindle, &springs);
     assert!(matches!(found, Ok(None) | Err(_)), "{found:?}");
+}
+
+#[test]
+fn rods_and_drives_of_one_study_yield_one_after_the_other() {
+    for (machine, drive, is_arm) in [
+        ("linear-delta", "drive_stiffness_n_per_um = 5", false),
+        ("six-rod-lathe", "drive_stiffness_n_per_um = 5", false),
+        ("rotary-delta", "drive_stiffness_n_m_per_rad = 5e3", true),
+    ] {
+        let config = config(machine);
+        let pose = config.home_pose();
+        let study = |legs: &str| Study::parse(&format!("[legs]\n{legs}\n")).unwrap();
+        let compliance = |legs: &str| {
+            let springs = Springs::of(&config, &study(legs)).unwrap();
+            let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
+            found.compliance.fixed_view::<3, 3>(0, 0).into_owned()
+        };
+        let both = compliance(&format!("rod_stiffness_n_per_um = 20\n{drive}"));
+        let rods = compliance("stiffness_n_per_um = 20");
+        // A drive that gives way by 1/k under a unit force moves the tip by its gain each way.
+        let radius = config.machine.radius();
+        let gain = Sensitivity::at(&config, &pose, &config.spindle, radius).unwrap().unwrap().gain;
+        // Of machine units per degree, or of equal units.
+        let unit = if is_arm { 1.0_f64.to_degrees() / config.units_per_mm } else { 1.0 };
+        let column = |i: usize| Vector3::from_fn(|k, _| gain[(k, i)] * unit);
+        // 5 N/um, or 5 kN m/rad, in N and mm.
+        let k = if is_arm { 5e6 } else { 5e3 };
+        let drives: Matrix3<f64> =
+            (0..config.legs()).map(|i| column(i) * column(i).transpose() / k).sum();
+        let off = (both - rods - drives).amax();
+        // Roundings of an inverse whose condition is 1e5.
+        assert!(drives.amax() > 0.0 && off < 1e-9 * both.amax(), "{machine} {off}");
+        assert!(Springs::of(&config, &study("rod_stiffness_n_per_um = 20")).is_err());
+        let twice = format!("stiffness_n_per_um = 1\nrod_stiffness_n_per_um = 20\n{drive}");
+        let told = Springs::of(&config, &study(&twice)).unwrap_err().to_string();
+        assert!(told.contains("leave one of them out"), "{told}");
+    }
+}
+
+#[test]
+fn the_row_of_a_joint_is_the_wrench_of_a_strut_in_balance_with_the_torque_of_its_thread() {
+    let config = config("hexapod");
+    let pose = Pose::from_degrees([-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]);
+    let at = config.machine.at(&pose, &NO_TOOL).unwrap();
+    let rows = at.inverse_jacobian().unwrap();
+    let rotation = at.rotation();
+    for (i, (leg, segment)) in config.geometry.legs().iter().zip(at.segments()).enumerate() {
+        let LegKind::Strut(strut) = leg.kind else { panic!("{i} is no strut") };
+        let span = segment.span();
+        let (along, length) = (span.normalize(), span.norm());
+        // A cardan joint bears a moment square to both its axes: the fixed one, and the one across it
+        // and the strut. Its part along the strut is the thread's torque under 1 N.
+        let borne = |fixed: Vector3<f64>| {
+            let square = fixed.cross(&fixed.cross(&along)).normalize();
+            square * (-strut.lead / TAU / square.dot(&along))
+        };
+        let above = borne(Vector3::from(strut.base_axis).normalize());
+        let below = borne(rotation * Vector3::from(strut.platform_axis).normalize());
+        // Moments about the base joint: forces across the strut balance what the two differ by.
+        let force = along + (above - below).cross(&along) / length;
+        let arm = rotation * Vector3::from(leg.platform);
+        let moment = arm.cross(&force) + below;
+        for k in 0..3 {
+            // Roundings of an arm of 250 mm.
+            assert!((rows[(i, k)] - force[k]).abs() < 1e-10, "{i} {k} {}", rows[(i, k)]);
+            assert!((rows[(i, k + 3)] - moment[k]).abs() < 1e-10 * 250.0, "{i} {k} {moment}");
+        }
+    }
 }

@@ -4,7 +4,7 @@
 use crate::curve::file::{Feed, ProgramKeys};
 use crate::curve::piece::{Arc, DECIMALS};
 use crate::curve::planes::PLANES;
-use crate::program::interpreter::{Move, MoveKind};
+use crate::program::interpreter::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
 use kinematics::Letter;
@@ -238,6 +238,7 @@ impl<'a> Writer<'a> {
             angular_feed: feed / 60.0,
             tool: self.tool,
             file: 0,
+            spindle: Spindle::Unknown,
         });
     }
 

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Which lines of a program cut, and where stability is looked at.
 
-use crate::program::interpreter::{Move, MoveKind};
+use crate::program::interpreter::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::stability::path::Stop;
-use crate::stability::speeds::{NoSpeeds, Speeds};
 use kinematics::{Pose, Vector3};
 use std::collections::BTreeMap;
 
@@ -23,9 +22,25 @@ pub enum NoCut {
     /// It only goes fast.
     #[error("the program has no feed moves")]
     NoFeed,
-    /// Its spindle speed is not known.
-    #[error(transparent)]
-    Speeds(#[from] NoSpeeds),
+    /// There was no S word.
+    #[error(
+        "line {0}: the tool cuts without a spindle speed (an S word names one); name one with --rpm"
+    )]
+    NoSpeed(u32),
+    /// Neither M3 nor M4, or M5 since.
+    #[error(
+        "line {0}: the tool cuts while the spindle stands (M3 or M4 starts it); name its speed with --rpm"
+    )]
+    Standing(u32),
+    /// G96: the speed follows from the place.
+    #[error("line {0}: G96 makes the spindle speed depend on the place; name one with --rpm")]
+    Surface(u32),
+    /// The interpreter does not say.
+    #[error("line {0}: the spindle speed is not known there; name one with --rpm")]
+    Unknown(u32),
+    /// A line of a loop or of a subroutine, or one of the same number in another file.
+    #[error("line {0}: it cuts at several spindle speeds; name one with --rpm")]
+    Several(u32),
 }
 
 /// The feed moves among the moves of a program: where each starts, and the move.
@@ -34,15 +49,29 @@ pub fn cuts(moves: &[Move]) -> impl Iterator<Item = [&Move; 2]> {
     pairs.filter(|[from, step]| step.kind == MoveKind::Feed && step.end != from.end)
 }
 
+/// The spindle speed of a feed move, 1/min.
+fn rpm(step: &Move) -> Result<f64, NoCut> {
+    match step.spindle {
+        Spindle::Turning(rpm) if rpm > 0.0 => Ok(rpm),
+        Spindle::Standing(rpm) if rpm > 0.0 => Err(NoCut::Standing(step.line)),
+        Spindle::Turning(_) | Spindle::Standing(_) => Err(NoCut::NoSpeed(step.line)),
+        Spindle::Surface => Err(NoCut::Surface(step.line)),
+        Spindle::Unknown => Err(NoCut::Unknown(step.line)),
+    }
+}
+
 /// The lines with feed moves.
 ///
 /// # Errors
 /// See [`NoCut`].
-pub fn lines(moves: &[Move], speeds: &Speeds) -> Result<BTreeMap<u32, Line>, NoCut> {
+pub fn lines(moves: &[Move]) -> Result<BTreeMap<u32, Line>, NoCut> {
     let mut lines = BTreeMap::new();
     for [_, step] in cuts(moves) {
-        let rpm = speeds.at(step.line)?;
+        let rpm = rpm(step)?;
         let line = lines.entry(step.line).or_insert(Line { feed: step.feed, rpm });
+        if line.rpm != rpm {
+            return Err(NoCut::Several(step.line));
+        }
         line.feed = line.feed.max(step.feed);
     }
     if lines.is_empty() { Err(NoCut::NoFeed) } else { Ok(lines) }
@@ -55,13 +84,14 @@ pub fn lines(moves: &[Move], speeds: &Speeds) -> Result<BTreeMap<u32, Line>, NoC
 pub fn stops(
     config: &MachineConfig,
     moves: &[Move],
-    speeds: &Speeds,
     most: usize,
 ) -> Result<(Vec<Stop>, usize), NoCut> {
     let all: Vec<[&Move; 2]> = cuts(moves).collect();
     if all.is_empty() {
         return Err(NoCut::NoFeed);
     }
+    // A move that is not looked at needs a speed as well.
+    all.iter().try_for_each(|[_, step]| rpm(step).map(drop))?;
     let count = all.len().min(most);
     let stop = |k: usize| -> Result<Stop, NoCut> {
         let [from, step] = all[k * all.len() / count];
@@ -72,7 +102,7 @@ pub fn stops(
             tool: config.spindle + Vector3::from(step.tool),
             // A move of rotary axes alone feeds nowhere: the worst feed counts, as in a plunge.
             feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
-            rpm: speeds.at(step.line)?,
+            rpm: rpm(step)?,
         })
     };
     Ok(((0..count).map(stop).collect::<Result<_, _>>()?, all.len()))

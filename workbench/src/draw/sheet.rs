@@ -31,6 +31,9 @@ const BELOW: u32 = 44;
 
 const LEFT: u32 = 64;
 
+/// Pixels to its right: half of a tick's label stands there.
+const RIGHT: u32 = 28;
+
 /// Pixels that the caption takes above a plot.
 const CAPTION: u32 = 28;
 
@@ -77,6 +80,7 @@ pub(super) fn axes<'a, 'b>(
     let mut chart = ChartBuilder::on(area)
         .caption(frame.title, (FONT, 22))
         .margin(MARGIN)
+        .margin_right(RIGHT)
         .x_label_area_size(BELOW)
         .y_label_area_size(LEFT)
         .build_cartesian_2d(x, y)?;
@@ -105,7 +109,7 @@ pub(super) fn path_axes<'a, 'b>(
     points: &[(f64, f64)],
 ) -> Result<Chart<'a, 'b>, DrawError> {
     let (width, height) = area.dim_in_pixel();
-    let (width, height) = (width - LEFT - 2 * MARGIN, height - BELOW - CAPTION - 2 * MARGIN);
+    let (width, height) = (width - LEFT - MARGIN - RIGHT, height - BELOW - CAPTION - 2 * MARGIN);
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
     let scale = ((x.end - x.start) / f64::from(width)).max((y.end - y.start) / f64::from(height));
     let around = |range: Range<f64>, pixels: u32| {
@@ -172,6 +176,21 @@ mod tests {
             })
             .unwrap();
         }
+    }
+
+    #[test]
+    fn the_label_of_the_last_tick_is_whole() {
+        let frame = Frame { title: "Depths", x: "1/min", y: "mm", limits: vec![] };
+        let svg = drawn(|root| axes(root, &frame, 3000.0..18000.0, 0.0..1.0).map(drop)).unwrap();
+        let end = svg.find("\n18000\n").expect("a tick at the end");
+        let tag = &svg[svg[..end].rfind("<text").unwrap()..end];
+        let number = |name: &str| -> f64 {
+            let rest = tag.split(&format!(" {name}=\"")).nth(1).unwrap();
+            rest.split('"').next().unwrap().parse().unwrap()
+        };
+        // Five digits, each half as wide as the font is high, and half of them beyond the middle.
+        let right = number("x") + 5.0 * 0.6 * number("font-size") / 2.0;
+        assert!(tag.contains("middle") && right < f64::from(SIZE.0), "{tag}");
     }
 
     #[test]

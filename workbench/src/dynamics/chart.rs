@@ -88,7 +88,8 @@ impl Chart {
         Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
     }
 
-    /// Rates of the coordinates by the velocity of the centre and the angular velocity.
+    /// Rates of the coordinates by the velocity of the centre and the angular velocity. Those of angles
+    /// are not a number at B of ±90°, where A and C turn about one axis.
     pub fn rates(&self, speed: &Vector3<f64>, omega: &Vector3<f64>) -> DVector<f64> {
         let angles = self.rates.try_inverse().map_or(Vector3::repeat(f64::NAN), |map| map * omega);
         let rate = |k: &usize| if *k < 3 { speed[*k] } else { angles[*k - 3] };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Masses, springs and dampers of a machine, as its study names them: N, mm, s, t.
 
-use crate::read::joints::JointKind;
 use crate::read::machine::MachineConfig;
 use crate::study::file::{Each, Lacking, Screw, Study};
+use crate::study::springs::{PER_UM, Spring, of_kinds, of_legs, one_of};
 use kinematics::{Letter, Matrix3, Vector3};
 
 /// Standard gravity, mm/s².
@@ -15,12 +15,6 @@ const T_PER_KG: f64 = 1e-3;
 /// t mm² per kg m².
 const T_MM2_PER_KG_M2: f64 = 1e3;
 
-/// N/mm per N/um.
-const PER_UM: f64 = 1e3;
-
-/// N mm per N m.
-const MM_PER_M: f64 = 1e3;
-
 /// The platform as a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
@@ -30,31 +24,6 @@ pub struct Body {
     pub centre: Vector3<f64>,
     /// Tensor of inertia about it, platform axes, t mm².
     pub inertia: Matrix3<f64>,
-}
-
-/// The spring between the drive of a leg and the platform.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spring {
-    /// Along the leg, whatever is in it, N/mm.
-    Whole(f64),
-    /// Rod and drive one after the other.
-    Series {
-        /// Along the leg, N/mm.
-        rod: f64,
-        /// Along the joint: N/mm, or N mm/rad of an arm.
-        drive: f64,
-    },
-}
-
-impl Spring {
-    /// Stiffness along the leg, N/mm, where the leg's length changes by `gain` per mm or radian of
-    /// the joint: 1/k = 1/k_rod + gain²/k_drive.
-    pub fn along(&self, gain: f64) -> f64 {
-        match self {
-            Self::Whole(k) => *k,
-            Self::Series { rod, drive } => 1.0 / (1.0 / rod + gain * gain / drive),
-        }
-    }
 }
 
 /// A leg as spring, damper and masses.
@@ -145,19 +114,6 @@ impl Model {
     }
 }
 
-/// Refuses a value that is given in two ways, and one that is given in none.
-fn one_of(
-    section: &'static str,
-    keys: [&'static str; 2],
-    [first, second]: [bool; 2],
-) -> Result<(), Lacking> {
-    match (first, second) {
-        (true, true) => Err(Lacking::Both { section, keys }),
-        (false, false) => Err(Lacking::Key { section, key: keys[0] }),
-        _ => Ok(()),
-    }
-}
-
 fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
     let given = &study.legs;
     let count = config.legs();
@@ -169,7 +125,7 @@ fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
     one_of("legs", keys, [damping.is_some(), given.damping_ratio.is_some()])?;
     let axial = each("axial_mass_kg", &given.axial_mass_kg)?;
     let across = each("across_mass_kg", &given.across_mass_kg)?;
-    let springs = springs(config, study)?;
+    let springs = of_legs(config, &study.legs)?;
     let drives = drives(config, study)?;
     let of = |values: &Option<Vec<f64>>, i: usize| values.as_ref().map_or(0.0, |v| v[i]);
     let leg = |i: usize| Leg {
@@ -180,28 +136,6 @@ fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
         drive: drives[i],
     };
     Ok((0..count).map(leg).collect())
-}
-
-fn springs(config: &MachineConfig, study: &Study) -> Result<Vec<Spring>, Lacking> {
-    let given = &study.legs;
-    let (whole, rod) = ("stiffness_n_per_um", "rod_stiffness_n_per_um");
-    let is_given = [given.stiffness_n_per_um.is_some(), given.rod_stiffness_n_per_um.is_some()];
-    one_of("legs", [whole, rod], is_given)?;
-    if let Some(value) = &given.stiffness_n_per_um {
-        let values = value.of(whole, config.legs())?;
-        return Ok(values.into_iter().map(|k| Spring::Whole(k * PER_UM)).collect());
-    }
-    let rods = given.rod_stiffness_n_per_um.iter();
-    let rods = rods.map(|value| value.of(rod, config.legs())).next().transpose()?;
-    let keys = ["drive_stiffness_n_per_um", "drive_stiffness_n_m_per_rad"];
-    let values = [&given.drive_stiffness_n_per_um, &given.drive_stiffness_n_m_per_rad];
-    let drives = of_kinds(config, keys, values, [PER_UM, MM_PER_M])?;
-    let series = rods.into_iter().flatten().zip(drives).enumerate().map(|(i, (rod, drive))| {
-        let key = keys[usize::from(config.joints[i].kind == JointKind::Arm)];
-        let drive = drive.ok_or(Lacking::Key { section: "legs", key })?;
-        Ok(Spring::Series { rod: rod * PER_UM, drive })
-    });
-    series.collect()
 }
 
 fn drives(config: &MachineConfig, study: &Study) -> Result<Vec<Option<f64>>, Lacking> {
@@ -215,27 +149,6 @@ fn drives(config: &MachineConfig, study: &Study) -> Result<Vec<Option<f64>>, Lac
         true => Err(Lacking::Key { section: "legs", key: "rod_stiffness_n_per_um" }),
         false => Ok(masses),
     }
-}
-
-/// Values of every leg where those of straight joints and of arms have keys of their own, each for
-/// the legs of its kind; `None` for a leg whose key is missing.
-fn of_kinds(
-    config: &MachineConfig,
-    keys: [&'static str; 2],
-    values: [&Option<Each>; 2],
-    scales: [f64; 2],
-) -> Result<Vec<Option<f64>>, Lacking> {
-    let legs = &config.joints[..config.legs()];
-    let mut all = vec![None; legs.len()];
-    for (k, value) in values.into_iter().enumerate() {
-        let Some(value) = value else { continue };
-        let own = |i: &usize| (legs[*i].kind == JointKind::Arm) == (k == 1);
-        let own: Vec<usize> = (0..legs.len()).filter(own).collect();
-        for (i, value) in own.iter().zip(value.of(keys[k], own.len())?) {
-            all[*i] = Some(value * scales[k]);
-        }
-    }
-    Ok(all)
 }
 
 fn table(config: &MachineConfig, study: &Study) -> Result<Vec<TableAxis>, Lacking> {

@@ -14,12 +14,13 @@
 //! are held; what a yielding drive adds to it is of the order of (f/k)².
 
 use crate::dynamics::chart::Chart;
-use crate::dynamics::model::{Body, Leg, Model, Spring};
+use crate::dynamics::model::{Body, Leg, Model};
 use crate::dynamics::shapes::Shapes;
 use crate::read::legs::drive_rate;
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
+use crate::study::springs::Spring;
 use kinematics::{At, Fault, LegKind, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
 
@@ -83,14 +84,11 @@ pub fn legs(
         Screw::SelfLocking => length_rows(config, at, tool),
     };
     let rows = chart.rows(&rows, &tip(config, tool), per_mm);
-    let gains = rows::gains(config, at);
+    let gains = rows::gains_in_mm(config, at);
     let legs = config.geometry.legs().iter().zip(at.segments()).enumerate();
     let leg = legs.map(|(i, (leg, segment))| {
         let span = segment.span() / per_mm;
-        let gain = match leg.kind {
-            LegKind::Crank(_) => gains[i].to_degrees() / per_mm,
-            LegKind::Strut(_) | LegKind::Slider(_) => gains[i],
-        };
+        let gain = gains[i];
         let sign = drive_rate(leg, segment).map_or(1.0, |rate| rate.dot(&span).signum());
         // Rows of joints grow with the joint, and those of lengths towards the platform.
         let turned = if screw == Screw::Backdrivable { sign } else { 1.0 };

@@ -38,6 +38,20 @@ pub enum MoveKind {
     Probe,
 }
 
+/// What the spindle does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Spindle {
+    /// It stands. The speed of its S word, 1/min; 0 where there was none.
+    Standing(f64),
+    /// It turns, 1/min.
+    Turning(f64),
+    /// G96: its speed depends on the place.
+    Surface,
+    /// The interpreter does not say, or was not asked.
+    #[default]
+    Unknown,
+}
+
 /// One straight move; it starts where the one before ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
@@ -56,6 +70,8 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
+    /// The spindle during the move, where [`with_spindle`] asked for it.
+    pub spindle: Spindle,
 }
 
 /// How long a program may go on before it counts as endless.
@@ -95,6 +111,7 @@ struct Request {
     tool_table: PathBuf,
     random_tools: bool,
     calls: bool,
+    spindle: bool,
     chord_error: f64,
     most_moves: u64,
     most_seconds: f64,
@@ -117,6 +134,20 @@ pub fn moves(
     Ok(all)
 }
 
+/// All moves of a program, each with what the spindle does. That takes the interpreter half as long
+/// again.
+///
+/// # Errors
+/// As [`moves`].
+pub fn with_spindle(
+    config: &MachineConfig,
+    program: &path::Path,
+) -> Result<Vec<Move>, InterpreterError> {
+    let mut all = vec![];
+    run(config, program, None, &Patience::default(), true, |step| all.push(*step))?;
+    Ok(all)
+}
+
 /// Shows every move of a program while the interpreter reads it, the first one ending at
 /// `[TRAJ]HOME`; `block` runs before it. What comes back is the program and the files of
 /// subroutines that move anything.
@@ -130,8 +161,19 @@ pub fn each(
     patience: &Patience,
     see: impl FnMut(&Move),
 ) -> Result<Vec<PathBuf>, InterpreterError> {
+    run(config, program, block, patience, false, see)
+}
+
+fn run(
+    config: &MachineConfig,
+    program: &path::Path,
+    block: Option<&str>,
+    patience: &Patience,
+    spindle: bool,
+    see: impl FnMut(&Move),
+) -> Result<Vec<PathBuf>, InterpreterError> {
     let scratch = Folder::new().map_err(|error| error.error)?;
-    let request = request(config, program, block, patience, scratch.path())?;
+    let request = Request { spindle, ..request(config, program, block, patience, scratch.path())? };
     let mut running = Running(start(config, scratch.path(), &request)?);
     let mut records = Records::new(config, program, running.0.stdout.take());
     let end = records.show(see);
@@ -204,6 +246,7 @@ impl<'a, R: Read> Records<'a, R> {
                 angular_feed: 0.0,
                 tool: [0.0; 3],
                 file: 0,
+                spindle: Spindle::default(),
             },
         }
     }
@@ -220,6 +263,7 @@ impl<'a, R: Read> Records<'a, R> {
                     self.next.angular_feed = angular_feed / 60.0;
                 }
                 b'T' => self.next.tool = self.numbers()?.map(|length: f64| length * units),
+                b'S' => self.next.spindle = self.spindle()?,
                 b'P' => self.enter_file()?,
                 b'R' => return Ok(End::Refused(self.text()?)),
                 b'E' => return Ok(End::Program),
@@ -244,6 +288,18 @@ impl<'a, R: Read> Records<'a, R> {
             true => place[k],
         });
         Ok(&self.next)
+    }
+
+    fn spindle(&mut self) -> io::Result<Spindle> {
+        let [kind] = self.bytes()?;
+        let [speed] = self.numbers()?;
+        match kind {
+            b'0' => Ok(Spindle::Standing(speed)),
+            b'1' => Ok(Spindle::Turning(speed)),
+            b'2' => Ok(Spindle::Surface),
+            b'?' => Ok(Spindle::Unknown),
+            _ => Err(io::ErrorKind::InvalidData.into()),
+        }
     }
 
     fn enter_file(&mut self) -> io::Result<()> {
@@ -332,6 +388,7 @@ fn request(
         parameter_file,
         tool_table: absolute(config.program.tool_table.as_deref())?,
         random_tools: config.program.random_tools,
+        spindle: false,
         chord_error: CHORD_ERROR_MM,
         most_moves: patience.moves,
         most_seconds: patience.seconds,

@@ -483,6 +483,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::interpreter::Spindle;
     use std::path::Path;
 
     fn config_of(machine: &str) -> MachineConfig {
@@ -496,7 +497,16 @@ mod tests {
 
     fn rapid(line: u32, end: [f64; 6], tool_z: f64) -> Move {
         let tool = [0.0, 0.0, tool_z];
-        Move { kind: MoveKind::Rapid, line, end, feed: 0.0, angular_feed: 0.0, tool, file: 0 }
+        Move {
+            kind: MoveKind::Rapid,
+            line,
+            end,
+            feed: 0.0,
+            angular_feed: 0.0,
+            tool,
+            file: 0,
+            spindle: Spindle::Unknown,
+        }
     }
 
     #[test]

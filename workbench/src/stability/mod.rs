@@ -18,7 +18,6 @@ pub mod process;
 pub mod response;
 mod root;
 pub mod semi;
-pub mod speeds;
 pub mod spindle;
 pub mod system;
 mod two;

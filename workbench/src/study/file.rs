@@ -107,15 +107,6 @@ pub enum Screw {
     SelfLocking,
 }
 
-/// The legs and table axes as springs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Springs {
-    /// Along every leg and every table axis, N/mm.
-    pub n_per_mm: Vec<f64>,
-    /// Of the struts with a lead.
-    pub screw: Screw,
-}
-
 /// `[table]`: its joints, in order.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
@@ -304,26 +295,10 @@ impl Study {
         Ok(Self::parse(&text).at(file)?)
     }
 
-    /// The springs of every leg and every table axis.
-    ///
-    /// # Errors
-    /// See [`Lacking`].
-    pub fn springs(&self, config: &MachineConfig) -> Result<Springs, Lacking> {
-        let key = "stiffness_n_per_um";
-        let all = self.of_joints(
-            config,
-            key,
-            [&self.legs.stiffness_n_per_um, &self.table.stiffness_n_per_um],
-        )?;
-        let all = all.ok_or(Lacking::Key { section: "legs", key })?;
-        let n_per_mm = all.into_iter().map(|value| value * 1e3).collect();
-        Ok(Springs { n_per_mm, screw: self.legs.screw })
-    }
-
     /// Standard deviation of every joint, in its unit; `None` where the file names none.
     ///
     /// # Errors
-    /// As [`Study::springs`].
+    /// See [`Lacking`].
     pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, Lacking> {
         let all = self.of_joints(
             config,

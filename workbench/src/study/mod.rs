@@ -13,5 +13,6 @@ pub mod rods;
 pub mod sensitivity;
 pub mod slice;
 pub mod spindle;
+pub mod springs;
 pub mod stiffness;
 pub mod workspace;

@@ -12,7 +12,8 @@
 
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, Rows, joint_rows, length_rows};
-use crate::study::file::{Screw, Springs};
+use crate::study::file::Screw;
+use crate::study::springs::Springs;
 use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
 use nalgebra::{Matrix6, SMatrix, SVector};
 use std::f64::consts::PI;
@@ -51,7 +52,10 @@ impl Stiffness {
             Screw::Backdrivable => joint_rows(config, &at)?,
             Screw::SelfLocking => length_rows(config, &at, tool),
         };
-        Ok(Self::of_rows(config, pose, &rows, &springs.n_per_mm))
+        let gains = rows::gains_in_mm(config, &at);
+        let n_per_mm: Vec<f64> =
+            springs.all.iter().zip(gains).map(|(spring, gain)| spring.along(gain)).collect();
+        Ok(Self::of_rows(config, pose, &rows, &n_per_mm))
     }
 
     fn of_rows(config: &MachineConfig, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {

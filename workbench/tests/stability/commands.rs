@@ -208,6 +208,16 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         assert!(DELTA.contains(from), "{from}");
         DELTA.replacen(from, to, 1)
     };
+    let turning = |key: &str| {
+        let legs = DELTA.split("[cutting]").next().unwrap();
+        format!("{legs}[turning]\n{key}\nthicker = [0, -1, 0]\nforce = [0, 1, 0]\n")
+    };
+    let shaft = |from: &str, to: &str| {
+        let text = example("spindle.toml");
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1)
+    };
+    let spindle = "stability spindle study.toml";
     let lag = "stability lag study.toml --plots drawn --csv out.csv";
     let pose = "stability pose linear-delta.ini study.toml --plots drawn --csv out.csv";
     let program = "stability program linear-delta.ini cut.ngc study.toml --plots drawn";
@@ -239,6 +249,18 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         (pose, delta("exit_deg = 180", "exit_deg = 0"), &["entry_deg = 0, exit_deg = 0"]),
         (pose, delta("mass_kg = 2", "mass_kg = -2"), &["-2", "more than 0"]),
         (pose, delta("damping_ratio = 0.03\n", ""), &["damping"]),
+        (pose, delta("damping_ratio = 0.03", "damping_ratio = -0.03"), &["-0.03", "more than 0"]),
+        (pose, delta("entry_deg = 0", "entry_deg = -10"), &["-10", "0 to 180 degrees"]),
+        (
+            pose,
+            delta("[legs]", "inertia_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 3]]\n[legs]"),
+            &["inertia_kg_m2", "no body has it"],
+        ),
+        (pose, turning("kf_n_per_mm2 = 0"), &["0: expected more than 0"]),
+        (pose, turning("kf = 1000"), &["unknown field `kf`", "kf_n_per_mm2"]),
+        (spindle, shaft("diameter_mm = 60", "diameter_mm = -60"), &["-60", "more than 0"]),
+        (spindle, shaft("damping_ratio = 0.02", "damping_ratio = -1"), &["-1"]),
+        (spindle, shaft("diameter_mm = 60", "diameter = 60"), &["unknown field `diameter`"]),
         (pose, DELTA.split("[cutting]").next().unwrap().into(), &["[cutting]", "[turning]"]),
         (
             "stability pose linear-delta.ini study.toml --feed 0 0 1",
@@ -262,7 +284,7 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         ),
         ("stability map linear-delta.ini study.toml --rpm 1", DELTA.into(), &["the fastest mode"]),
         ("stability pose linear-delta.ini study.toml 900 0 0 0 0 0", DELTA.into(), &["X900"]),
-        (program, DELTA.into(), &["cut.ngc: the program names no spindle speed"]),
+        (program, DELTA.into(), &["cut.ngc: line 2: the tool cuts without a spindle speed"]),
     ] {
         let bench = Bench::new()
             .with("study.toml", &text)
@@ -272,12 +294,59 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         says(&answer, 2, words);
         assert_eq!(bench.files(), files, "{command} {text}");
     }
-    let bench = Bench::new().with("study.toml", DELTA).with("late.ngc", "G1 X1 F60\nS9 M3\nM2\n");
-    let answer = bench.answer("stability program linear-delta.ini late.ngc study.toml", "");
-    says(&answer, 2, &["line 1: the tool cuts before a spindle speed is named"]);
-    let bench = bench.with("rapid.ngc", "G0 X1\nS9 M3\nM2\n");
-    let answer = bench.answer("stability program linear-delta.ini rapid.ngc study.toml", "");
-    says(&answer, 2, &["no feed moves"]);
+}
+
+#[test]
+fn a_cut_whose_spindle_speed_is_not_known_is_refused_with_its_line_and_nothing_is_written() {
+    let study = format!("{DELTA}depth_mm = 0.01\n");
+    let stop = ("stop.ngc", "o<stop> sub\nM5\no<stop> endsub\nM2\n");
+    for (program, words) in [
+        ("G1 X1 F60\nS9 M3\nM2\n", "line 1: the tool cuts without a spindle speed"),
+        ("S0 M3\nG1 X1 F60\nM2\n", "line 2: the tool cuts without a spindle speed"),
+        ("S9000\nG1 X1 F60\nM2\n", "line 2: the tool cuts while the spindle stands"),
+        ("S9000 M3\nG1 X1 F60\nM5\nG1 X2\nM2\n", "line 4: the tool cuts while the spindle stands"),
+        ("S9000 M3\nG1 X1 F60\nG1 X2 M5\nM2\n", "line 3: the tool cuts while the spindle stands"),
+        (
+            "S9000 M3\nG1 X1 F60\nM19 R0\nG1 X2\nM2\n",
+            "line 4: the tool cuts while the spindle stands",
+        ),
+        (
+            "S9000 M3\nG1 X1 F60\no<stop> call\nG1 X2\nM2\n",
+            "line 4: the tool cuts while the spindle",
+        ),
+        ("S9000 M3\nG96 D9000 S200\nG1 X1 F60\nM2\n", "line 3: G96 makes the spindle speed depend"),
+        ("G0 X1\nS9 M3\nM2\n", "no feed moves"),
+    ] {
+        let bench = Bench::new().with("study.toml", &study).with("part.ngc", program);
+        let (head, bench) = ("[RS274NGC]\n", bench.with(stop.0, stop.1));
+        let place = bench.0.path().display().to_string();
+        let bench = bench.spoilt(head, &format!("{head}SUBROUTINE_PATH = {place}\n"));
+        let files = bench.files();
+        for command in [
+            "stability program linear-delta.ini part.ngc study.toml --places 1 --csv out.csv --plots drawn",
+            "cut linear-delta.ini part.ngc study.toml --report page.html",
+        ] {
+            let answer = bench.answer(command, "");
+            says(&answer, 2, &["part.ngc: ", words]);
+            assert_eq!(bench.files(), files, "{command}");
+        }
+    }
+}
+
+#[test]
+fn a_line_that_cuts_at_several_speeds_is_judged_at_each_and_has_no_single_chip() {
+    let study = format!("{DELTA}depth_mm = 0.01\n");
+    let program = "G21 G90 G64\nM3\n#1=0\no1 while [#1 lt 3]\n#1=[#1+1]\nS[6000+1000*#1]\nG1 X#1 F600\n\
+                   o1 endwhile\nM2\n";
+    let bench = Bench::new().with("study.toml", &study).with("part.ngc", program);
+    let words = "stability program linear-delta.ini part.ngc study.toml --csv out.csv";
+    says(&bench.answer(words, ""), 0, &["3 places on 3 feed moves"]);
+    let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
+    let speeds: Vec<&str> =
+        table.lines().skip(1).map(|line| line.split(',').nth(7).unwrap()).collect();
+    assert_eq!(speeds, ["7000", "8000", "9000"]);
+    let answer = bench.answer("cut linear-delta.ini part.ngc study.toml", "");
+    says(&answer, 2, &["line 7: it cuts at several spindle speeds; name one with --rpm"]);
 }
 
 #[test]

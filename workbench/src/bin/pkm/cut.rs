@@ -3,9 +3,9 @@
 
 use super::failure::{Failure, refused};
 use super::run::{Control, Progress};
-use super::stability::program;
-use super::stability::{WORTH, depth, positive};
-use super::{Bar, MachineFile, Verdict, in_words};
+use super::stability::program::Job;
+use super::stability::{WORTH, depth};
+use super::{Bar, Verdict, in_words};
 use kinematics::Pose;
 use pkm::control::process;
 use pkm::control::row::Ending;
@@ -56,20 +56,7 @@ use std::path::{self, PathBuf};
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
-    machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
-    program: PathBuf,
-    /// TOML file with masses, springs, dampers, drives and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
-    study: PathBuf,
-    /// Spindle speed for all lines instead of the program's S words, 1/min
-    #[arg(long, value_name = "RPM", value_parser = positive)]
-    rpm: Option<f64>,
-    /// Places at which stability, vibration and resolution are looked at, at most; the ends of moves,
-    /// evenly chosen
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    places: u32,
+    job: Job,
     /// The largest depth looked at, mm; without it twenty times the depth of cut
     #[arg(long, value_name = "MM", value_parser = depth)]
     deepest: Option<f64>,
@@ -97,18 +84,18 @@ const DEEPEST: f64 = 20.0;
 type Lines = BTreeMap<u32, Line>;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
-    let study = Study::read(&arguments.study)?;
-    let (subject, depth) = subject(&config, &study).at(&arguments.study)?;
-    let setup = Setup::new(&config, &study).at(&arguments.study)?;
-    let (moves, speeds) = program::read(arguments.rpm, &config, &arguments.program)?;
-    let lines = lines(&moves, &speeds).at(&arguments.program)?;
+    let config = arguments.job.machine.read()?;
+    let study = Study::read(&arguments.job.study)?;
+    let (subject, depth) = subject(&config, &study).at(&arguments.job.study)?;
+    let setup = Setup::new(&config, &study).at(&arguments.job.study)?;
+    let moves = arguments.job.moves(&config)?;
+    let lines = lines(&moves).at(&arguments.job.program)?;
     let (stops, feed_moves) =
-        stops(&config, &moves, &speeds, arguments.places as usize).at(&arguments.program)?;
+        stops(&config, &moves, arguments.job.places as usize).at(&arguments.job.program)?;
     let deepest = arguments.deepest.unwrap_or(DEEPEST * depth);
     let at = |stop: usize| {
         let Stop { line, pose, .. } = &stops[stop];
-        format!("{}: line {line}: {}", arguments.program.display(), in_words(pose))
+        format!("{}: line {line}: {}", arguments.job.program.display(), in_words(pose))
     };
     let path = Path::new(&setup, &stops, deepest).map_err(|(k, e)| Failure::at(at(k), e))?;
     path.check(f64::INFINITY).map_err(|(k, error)| Failure::at(at(k), error))?;
@@ -128,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         places.push((*stop, limit, place.map_err(|error| Failure::at(at(k), error))?));
     }
     let looked = Looked { places, feed_moves, deepest };
-    let program = arguments.program.clone();
+    let program = arguments.job.program.clone();
     let answer = report(&subject, program, depth, &lines, &found, &looked, &ran);
     write(arguments, &config, &answer)?;
     Ok(match answer.fits {
@@ -156,7 +143,7 @@ fn passed(
     lines: &Lines,
     moves: &[Move],
 ) -> Result<(Found, Run), Failure> {
-    let program = &arguments.program;
+    let program = &arguments.job.program;
     let failed = |(line, error): (u32, NoMoment)| {
         Failure::at(format!("{}: line {line}", program.display()), error)
     };
@@ -192,7 +179,7 @@ fn passed(
 
 fn write(arguments: &Arguments, config: &MachineConfig, answer: &Report) -> Result<(), Failure> {
     if let Some(file) = &arguments.report {
-        let names = [name(&arguments.program)?, name(&config.file)?];
+        let names = [name(&arguments.job.program)?, name(&config.file)?];
         write_whole(file, &of_cut(answer, names, &why(answer), &notes(answer))?)?;
     }
     let mut out = anstream::stdout().lock();

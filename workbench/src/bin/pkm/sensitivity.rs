@@ -172,7 +172,7 @@ fn motion(
 ) -> Result<(Vec<Point>, Option<String>), Failure> {
     let (steps, mut end) = match &arguments.along {
         Some(program) => of_program(config, program)?,
-        None if arguments.law => (of_law(config, study, tool)?, None),
+        None if arguments.law => (of_law(config, study, tool, arguments.ratios)?, None),
         None => return Ok((vec![], None)),
     };
     let mut points = vec![];
@@ -189,19 +189,25 @@ fn motion(
     Ok((points, end))
 }
 
+/// One turn of the motion law, evenly spaced, and the time that is asked about.
 fn of_law(
     config: &MachineConfig,
     study: &Study,
     tool: &Vector3<f64>,
+    asked: Option<f64>,
 ) -> Result<Vec<Step>, Failure> {
     let missing = || refused("--law: the study file has no section [law]");
     let law = study.law.as_ref().ok_or_else(missing)?;
-    let step = |k: usize| {
-        let time = law.period_s.0 * k as f64 / LAW_POSES as f64;
+    let even = (0..=LAW_POSES).map(|k| law.period_s.0 * k as f64 / LAW_POSES as f64);
+    let mut times: Vec<f64> = even.chain(asked).collect();
+    times.retain(|time| (0.0..=law.period_s.0).contains(time));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let step = |time: f64| {
         let (pose, rate) = law.at(config, time);
         Step { time, pose, rate, tool: *tool }
     };
-    Ok((0..=LAW_POSES).map(step).collect())
+    Ok(times.into_iter().map(step).collect())
 }
 
 fn of_program(

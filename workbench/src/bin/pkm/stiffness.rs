@@ -11,8 +11,9 @@ use pkm::draw::stiffness::{of_platform_sizes, of_stiffness};
 use pkm::files::{Locate, csv, write_whole};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
-use pkm::study::file::{Springs, Study};
+use pkm::study::file::Study;
 use pkm::study::map::Map;
+use pkm::study::springs::Springs;
 use pkm::study::stiffness::{Ellipsoid, Stiffness, with_platform};
 use pkm::study::workspace::Workspace;
 use std::io::Write;
@@ -23,8 +24,8 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 
 /// How stiffly the legs hold the tool
 ///
-/// Takes the stiffness of every leg (joints, rod and drive in series) and of the table's axes
-/// from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal
+/// Takes the stiffness of every leg (joints, rod and drive in series, in one value or in two) and of
+/// the table's axes from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal
 /// axes of displacements under a force and of turns under a moment, and how the smallest of them
 /// change with the size of the platform. With --plots it draws both ellipsoids, and maps of both
 /// over the axis limits, in three planes through the pose; what the machine cannot reach stays
@@ -36,7 +37,8 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 /// `screw = "self-locking"` leaves that torque to friction in the thread.
 ///
 ///     [legs]
-///     stiffness_n_per_um = 10      # or a list, one for each leg
+///     stiffness_n_per_um = 10      # or a list, one for each leg; or the keys of rod and drive
+///                                  # that `pkm dynamics` has
 ///     screw = "backdrivable"       # or "self-locking"
 ///     [table]                      # where the machine has one
 ///     stiffness_n_per_um = 50
@@ -67,7 +69,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let study = Study::read(&arguments.study)?;
-    let springs = study.springs(&config).at(&arguments.study)?;
+    let springs = Springs::of(&config, &study).at(&arguments.study)?;
     let (pose, tool) = arguments.at.read(&config)?;
     let found = Stiffness::at(&config, &pose, &tool, &springs)
         .map_err(|fault| Failure::at(in_words(&pose), fault))?;

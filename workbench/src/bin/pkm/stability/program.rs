@@ -9,14 +9,13 @@ use pkm::cut::program;
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_path;
 use pkm::files::{Locate, csv, write_whole};
-use pkm::program::interpreter::{self, Move, Patience};
+use pkm::program::interpreter::{self, Move, Spindle};
 use pkm::read::machine::MachineConfig;
 use pkm::stability::path::{Best, Depth, Path, Stop};
-use pkm::stability::speeds;
 use pkm::study::file::Study;
 use serde::Serialize;
 use std::io::Write;
-use std::path::{self, PathBuf};
+use std::path::PathBuf;
 
 /// Which line of a program comes nearest to chatter
 ///
@@ -39,21 +38,9 @@ use std::path::{self, PathBuf};
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
-    machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
-    program: PathBuf,
-    /// TOML file with masses, springs, dampers and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
-    study: PathBuf,
-    /// Spindle speed for all lines instead of the program's S words, 1/min
-    #[arg(long, value_name = "RPM", value_parser = super::positive)]
-    rpm: Option<f64>,
+    job: Job,
     #[command(flatten)]
     speeds: Speeds,
-    /// Places that are looked at, at most; the ends of moves, evenly chosen
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    places: u32,
     /// Writes line, pose, speed and depths of every place as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
@@ -63,6 +50,26 @@ pub struct Arguments {
     /// How the answer is written
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
+}
+
+/// A program that cuts on a machine, and how closely it is looked at.
+#[derive(clap::Args, Debug)]
+pub struct Job {
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// The program
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    pub program: PathBuf,
+    /// TOML file with masses, springs, dampers, drives and cutting
+    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    pub study: PathBuf,
+    /// Spindle speed for all lines instead of the program's own, 1/min
+    #[arg(long, value_name = "RPM", value_parser = super::positive)]
+    pub rpm: Option<f64>,
+    /// Places at which stability (and by `pkm cut` vibration and resolution) is looked at, at most; the
+    /// ends of feed moves, evenly chosen
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub places: u32,
 }
 
 #[derive(Serialize)]
@@ -95,16 +102,16 @@ const SPEEDS: usize = 61;
 const DEEPEST: f64 = 20.0;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
-    let study = Study::read(&arguments.study)?;
-    let setup = setup(&config, &study, &arguments.study)?;
+    let config = arguments.job.machine.read()?;
+    let study = Study::read(&arguments.job.study)?;
+    let setup = setup(&config, &study, &arguments.job.study)?;
     let range = arguments.speeds.range()?;
     let (stops, feed_moves) = stops(arguments, &config)?;
     let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
     let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
     let place = |stop: usize| {
         let Stop { line, pose, .. } = &stops[stop];
-        format!("{}: line {line}: {}", arguments.program.display(), in_words(pose))
+        format!("{}: line {line}: {}", arguments.job.program.display(), in_words(pose))
     };
     let path = Path::new(&setup, &stops, deepest)
         .map_err(|(stop, error)| Failure::at(place(stop), error))?;
@@ -122,7 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     match arguments.format {
         Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answer)?)?,
         Format::Text => {
-            let [program, machine] = [&arguments.program, &config.file];
+            let [program, machine] = [&arguments.job.program, &config.file];
             writeln!(out, "{} on {}", program.display(), machine.display())?;
             tell(&mut out, &answer)?;
         }
@@ -137,30 +144,22 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 /// Ends of the feed moves, as many as are asked for, and how many moves there are.
 fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
-    let program = &arguments.program;
-    let (moves, speeds) = read(arguments.rpm, config, program)?;
-    Ok(program::stops(config, &moves, &speeds, arguments.places as usize).at(program)?)
+    let job = &arguments.job;
+    let moves = job.moves(config)?;
+    Ok(program::stops(config, &moves, job.places as usize).at(&job.program)?)
 }
 
-/// A program's moves and spindle speeds: one for all lines, or those of its S words and of the
-/// subroutines that it runs.
-pub fn read(
-    rpm: Option<f64>,
-    config: &MachineConfig,
-    program: &path::Path,
-) -> Result<(Vec<Move>, speeds::Speeds), Failure> {
-    // Told before the interpreter, in the system's words.
-    let text = std::fs::read(program).at(program)?;
-    let mut moves = vec![];
-    let patience = Patience::default();
-    let files = interpreter::each(config, program, None, &patience, |step| moves.push(*step))?;
-    if let Some(rpm) = rpm {
-        return Ok((moves, speeds::Speeds::of(rpm)));
+impl Job {
+    /// The program's moves at its spindle speeds, or all at the one that is given.
+    pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
+        // Told before the interpreter, in the system's words.
+        std::fs::File::open(&self.program).at(&self.program)?;
+        let mut moves = interpreter::with_spindle(config, &self.program)?;
+        if let Some(rpm) = self.rpm {
+            moves.iter_mut().for_each(|step| step.spindle = Spindle::Turning(rpm));
+        }
+        Ok(moves)
     }
-    let read = |file: &PathBuf| std::fs::read_to_string(file).at(file);
-    let subroutines = files[1..].iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    let speeds = speeds::Speeds::read(&String::from_utf8_lossy(&text), &subroutines).at(program)?;
-    Ok((moves, speeds))
 }
 
 fn answer(
