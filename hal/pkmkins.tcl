@@ -188,7 +188,7 @@ proc pkmkins::check_parameters {} {
             complain KINS KINEMATICS "= \"$text\": expected $name= once"
             return 0
         }
-        if {$value eq "" && $name ne "table"} {
+        if {$value eq "" && $name ni {table axes}} {
             complain KINS KINEMATICS "= \"$text\": expected a value after $name="
             return 0
         }
@@ -221,15 +221,20 @@ proc pkmkins::leg_letters {} {
     return [split [string toupper [parameter coordinates XYZABC]] ""]
 }
 
-# Pose letters that the machine moves: those of the platform and those of the table.
+# Letters of the axes that pass their coordinate through.
+proc pkmkins::extra_letters {} {
+    return [split [string toupper [parameter axes ""]] ""]
+}
+
+# Letters that the machine moves: those of the platform, of the table and of extra axes.
 proc pkmkins::moved_letters {} {
-    return [concat [leg_letters] [table_letters]]
+    return [concat [leg_letters] [table_letters] [extra_letters]]
 }
 
 proc pkmkins::check_joints {joints} {
     set words [numbers KINS JOINTS 1 1]
     if {[llength $words] && $joints && [value $words] != $joints} {
-        complain KINS JOINTS "= \"$words\": expected $joints, one joint for each leg and each table letter of \[KINS\]KINEMATICS"
+        complain KINS JOINTS "= \"$words\": expected $joints, one joint for each leg and each letter of table= and axes= in \[KINS\]KINEMATICS"
     }
 }
 
@@ -377,6 +382,22 @@ proc pkmkins::joint_pins {n kind} {
     return $pins
 }
 
+# The module has no pins for the limits of extra axes, whose joints LinuxCNC watches. Faster as an axis
+# than as a joint they would end in a following error.
+proc pkmkins::check_extra_axes {first} {
+    set n $first
+    foreach letter [extra_letters] {
+        joint_pins $n ""
+        foreach key {MAX_VELOCITY MAX_ACCELERATION} {
+            set joint [lindex [values JOINT_$n $key] 0]
+            set axis [lindex [values AXIS_$letter $key] 0]
+            if {![is_number $joint] || ![is_number $axis] || [value $axis] <= [value $joint]} { continue }
+            complain AXIS_$letter $key "= \"$axis\": expected at most $key = $joint of \[JOINT_$n\], which this axis is"
+        }
+        incr n
+    }
+}
+
 # Number of boxes, from boxes=COUNT; the module has refused what is no such number.
 proc pkmkins::boxes {} {
     scan [parameter boxes 0] %d count
@@ -473,7 +494,7 @@ proc pkmkins::read_ini {} {
     variable errors
     set kinds [leg_kinds]
     set joints [expr {[llength $kinds] ? [llength $kinds] + [llength [table_letters]] : 0}]
-    check_joints $joints
+    check_joints [expr {$joints ? $joints + [llength [extra_letters]] : 0}]
     check_legs_present [llength $kinds]
     check_coordinates
     set pins [machine_pins $kinds]
@@ -483,6 +504,7 @@ proc pkmkins::read_ini {} {
         incr n
     }
     for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n [lindex $kinds $n]] }
+    if {$joints} { check_extra_axes $joints }
     lappend pins {*}[home_pins] {*}[planner_pins]
     check_feed_inhibit
     check_boxes_present

@@ -65,7 +65,10 @@ class Config:
         self.file = folder / f"{folder.name}.ini"
         self.text = self.file.read_text()
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
-        self.letters = [letter for letter in LETTERS if letter in coordinates]
+        # Without those of axes that move neither tool nor work in space.
+        passed = re.search(r"\baxes=(\S*)", self.value("KINS", "KINEMATICS"))
+        self.letters = [letter for letter in LETTERS
+                        if letter in coordinates and letter not in (passed[1] if passed else "")]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
         self.home = dict(zip(LETTERS, home + [0.0] * 6))
         self.low, self.high, self.fastest = ({

@@ -97,7 +97,7 @@ pub fn meaning(limit: Limit) -> &'static str {
 
 /// What a limit is about, for people.
 pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
-    let joint = |i: usize| config.joints[i].name.clone();
+    let joint = |i: usize| config.joint(i).name.clone();
     let of_legs = |i: usize| match limit {
         Limit::BaseCone | Limit::BasePyramid => format!("the base joint of leg {i}"),
         Limit::PlatformCone | Limit::PlatformPyramid => format!("the platform joint of leg {i}"),
@@ -120,7 +120,7 @@ pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
 pub fn unit(config: &MachineConfig, limit: Limit, part: Part) -> String {
     let joint = |suffix: &str| match part {
         Part::Joint(i) | Part::Leg(i) => {
-            format!("{}{suffix}", config.unit(config.joints[i].kind))
+            format!("{}{suffix}", config.unit_of(i))
         }
         _ => String::new(),
     };

@@ -144,7 +144,7 @@ error: [KINS]KINEMATICS = trivkins
  --> mill.ini:2:14
   |
 2 | KINEMATICS = trivkins
-  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]
+  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT]
 exit 2
 
 "#]]

@@ -20,7 +20,7 @@ fn programs(machine: &str) -> Vec<PathBuf> {
     programs
 }
 
-fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
+pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let config = shipped::config(machine);
     let outcome = process::run(&config, program, &Options::default(), |row| {
@@ -30,7 +30,7 @@ fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     (outcome.unwrap(), rows)
 }
 
-fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
+pub fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
     process::run(&shipped::config(machine), file.path(), options, |_| ControlFlow::Continue(()))

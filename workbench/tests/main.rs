@@ -17,6 +17,7 @@ mod drawings;
 mod dynamics;
 mod dynamics_command;
 mod dynamics_motion;
+mod extra_axes;
 mod golden;
 mod ini_cases;
 mod inivar;

@@ -7,10 +7,11 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 8] = [
+pub const MACHINES: [&str; 9] = [
     "four-rod-lathe",
     "hexapod",
     "lab-hexapod",
+    "lathe-counter-spindle",
     "linear-delta",
     "pyramid",
     "rotary-delta",

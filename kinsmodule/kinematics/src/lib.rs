@@ -18,6 +18,7 @@ mod ahead;
 mod at;
 mod boxes;
 mod certificate;
+mod extra;
 mod fault;
 mod forward;
 mod freeze;
@@ -52,6 +53,7 @@ pub use boxes::{
     WorkspaceBox,
 };
 pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
+pub use extra::{ExtraAxes, MAX_EXTRA, POSE_LETTERS};
 pub use fault::{CAUSES, Cause, Fault, MachinePart};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 pub use geometry::{Geometry, LegGeometry};

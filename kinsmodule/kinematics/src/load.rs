@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS`.
+//! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS
+//! axes=LETTERS boxes=COUNT`.
 
 use crate::boxes::MAX_BOXES;
+use crate::extra::ExtraAxes;
 use crate::layout::{Layout, MAX_LEGS};
 use crate::leg::Kind;
 use crate::letters::Letters;
@@ -13,6 +15,8 @@ pub struct Load {
     kinds: [Kind; MAX_LEGS],
     /// Numbers and letters.
     pub layout: Layout,
+    /// Axes behind legs and table.
+    pub extra: ExtraAxes,
     boxes: usize,
 }
 
@@ -33,7 +37,17 @@ impl Load {
             Some(text) => Letters::parse(text).ok_or(LoadError::CoordinatesWrong)?,
         };
         let table = Letters::parse(table.unwrap_or(b"")).ok_or(LoadError::TableWrong)?;
-        Ok(Self { kinds, layout: Layout::new(count, coordinates, table)?, boxes: 0 })
+        let layout = Layout::new(count, coordinates, table)?;
+        Ok(Self { kinds, layout, extra: ExtraAxes::NONE, boxes: 0 })
+    }
+
+    /// With the extra axes that `text` names; `None` or empty = none.
+    ///
+    /// # Errors
+    /// As [`ExtraAxes::parse`].
+    pub fn with_axes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
+        let extra = ExtraAxes::parse(text.unwrap_or(b""), &self.layout)?;
+        Ok(Self { extra, ..self })
     }
 
     /// With as many boxes of the workspace as `text` says; `None` or empty = none.
@@ -51,6 +65,11 @@ impl Load {
     /// Number of boxes for the start without a seed.
     pub fn boxes(&self) -> usize {
         self.boxes
+    }
+
+    /// Number of joints: legs, table and extra axes.
+    pub fn joints(&self) -> usize {
+        self.layout.joints() + self.extra.len()
     }
 
     /// Kind of every leg, in joint order.
@@ -123,6 +142,14 @@ mod tests {
     }
 
     #[test]
+    fn extra_axes_stand_behind_legs_and_table() {
+        let lathe = Load::parse(Some(b"slider:4"), Some(b"XZB"), Some(b"Y")).unwrap();
+        let lathe = lathe.with_axes(Some(b"CW")).unwrap();
+        assert_eq!((lathe.layout.joints(), lathe.joints()), (5, 7));
+        assert_eq!(lathe.with_axes(None).unwrap().joints(), 5);
+    }
+
+    #[test]
     fn boxes_are_counted_from_none_to_eight() {
         let hexapod = legs("").unwrap();
         for (text, boxes) in [(None, 0), (Some(&b""[..]), 0), (Some(b"1"), 1), (Some(b"8"), 8)] {
@@ -143,6 +170,8 @@ mod tests {
             (LoadError::TooManyCoordinates, "coordinates="),
             (LoadError::TableWrong, "table="),
             (LoadError::LetterTwice, "table="),
+            (LoadError::AxesWrong, "axes="),
+            (LoadError::AxisTaken, "axes="),
             (LoadError::BoxesWrong, "boxes="),
         ] {
             assert!(error.text().contains(told), "{error:?}");

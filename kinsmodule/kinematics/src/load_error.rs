@@ -18,6 +18,10 @@ pub enum LoadError {
     TableWrong,
     /// A letter in both `coordinates` and `table`.
     LetterTwice,
+    /// `axes` holds a character that is no letter of a pose, or one of them twice.
+    AxesWrong,
+    /// A letter of `axes` that legs or table move.
+    AxisTaken,
     /// `boxes` is no number from 0 to [`crate::MAX_BOXES`].
     BoxesWrong,
 }
@@ -41,6 +45,10 @@ impl LoadError {
             Self::TableWrong => "table= may hold the letters X Y Z, each once",
             Self::LetterTwice => {
                 "a letter stands in coordinates= and in table=: either the platform moves it, or the table"
+            }
+            Self::AxesWrong => "axes= may hold the letters X Y Z A B C U V W, each once",
+            Self::AxisTaken => {
+                "a letter of axes= stands in coordinates= or table= as well: one of them moves it"
             }
             Self::BoxesWrong => "boxes= must be a number from 0 to 8",
         }

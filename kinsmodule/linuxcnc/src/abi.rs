@@ -6,11 +6,14 @@
 
 use crate::hal::{Component, HalError, print_error};
 use crate::load;
-use crate::module::{Kind, Module};
+use crate::module::{Kind, Module, World};
 use crate::pins::Pins;
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
-use kinematics::{Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_JOINTS, Pose, text};
+use kinematics::{
+    Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Pose,
+    text,
+};
 
 /// LinuxCNC's kinds of kinematics.
 #[cfg(not(kinematics_h))]
@@ -39,8 +42,8 @@ const ROWS: usize = 16;
 
 const _: () = assert!(MAX_JOINTS <= ROWS);
 
-/// Pose coordinates of LinuxCNC: X Y Z A B C U V W.
-const MAX_AXES: usize = 9;
+// The letters of a table are none of an extra axis.
+const _: () = assert!(MAX_LEGS + MAX_EXTRA <= ROWS);
 
 /// LinuxCNC's PmCartesian.
 #[cfg(not(posemath_h))]
@@ -88,6 +91,16 @@ impl EmcPose {
         [self.tran.x, self.tran.y, self.tran.z, self.a, self.b, self.c]
     }
 
+    fn world(&self) -> World {
+        let [x, y, z, a, b, c] = self.degrees();
+        [x, y, z, a, b, c, self.u, self.v, self.w]
+    }
+
+    fn set_world(&mut self, v: World) {
+        self.set_degrees([v[0], v[1], v[2], v[3], v[4], v[5]]);
+        [self.u, self.v, self.w] = [v[6], v[7], v[8]];
+    }
+
     /// Writes X … C and leaves U V W alone.
     fn set_degrees(&mut self, v: [f64; 6]) {
         self.tran = PmCartesian { x: v[0], y: v[1], z: v[2] };
@@ -125,6 +138,12 @@ unsafe fn module<'a>() -> Option<&'a mut Module> {
     unsafe { (*MODULE.0.get()).as_mut() }
 }
 
+/// The pose of the tool in LinuxCNC's pose.
+#[inline(always)]
+fn pose_in(world: &EmcPose, module: &Module) -> [f64; 6] {
+    if module.extra().is_empty() { world.degrees() } else { module.without_extra(&world.world()) }
+}
+
 /// What a C function returns: 0, or the code of the cause.
 fn code<T>(result: Result<T, Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |_| 0)
@@ -146,12 +165,24 @@ unsafe fn joints(joint: *const f64, count: usize) -> Option<Joints> {
     Some(values)
 }
 
+/// Values of the extra axes' joints.
+///
+/// # Safety
+/// `joint` must point to as many values as the machine has joints.
+#[inline(always)]
+unsafe fn extra_joints<'a>(joint: *const f64, module: &Module) -> &'a [f64] {
+    // SAFETY: the caller vouches for the values; they stand behind the legs' and the table's.
+    unsafe {
+        core::slice::from_raw_parts(joint.add(module.layout().joints()), module.extra().len())
+    }
+}
+
 /// Joints to pose. `world` is the seed and receives the pose.
 ///
 /// Returns 0, or a negative code (see the table of causes); then the coordinates of
 /// `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-/// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay. On success
-/// coordinates that the machine holds are 0.
+/// homing (all joints 0, no pose known yet) `world` is left alone. On success coordinates that the
+/// machine holds are 0, those of extra axes are the values of their joints, and other ones of U V W stay.
 ///
 /// # Safety
 /// `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags
@@ -175,14 +206,26 @@ pub unsafe extern "C" fn kinematicsForward(
         world.set_nan(Some(module.layout()));
         return Cause::NullPointer.code();
     };
+    // SAFETY: the array holds as many values as the machine has joints.
+    let extra = unsafe { extra_joints(joint, module) };
     let address = &raw const *world as usize;
-    let mut pose = world.degrees();
-    let result = match module.kind() {
+    let mut pose = pose_in(world, module);
+    let result = module.check_extra(extra).and_then(|()| match module.kind() {
         Kind::Identity => module.identity_forward(&joints, &mut pose),
         Kind::Machine => module.forward(&joints, &mut pose, address),
-    };
+    });
     match result {
-        Ok(()) => world.set_degrees(pose),
+        Ok(()) if extra.is_empty() => world.set_degrees(pose),
+        Ok(()) => {
+            world.set_degrees(pose);
+            let mut all = world.world();
+            for (place, value) in module.extra().places().zip(extra) {
+                if let Some(coordinate) = all.get_mut(place) {
+                    *coordinate = *value;
+                }
+            }
+            world.set_world(all);
+        }
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
         Err(_) => world.set_nan(Some(module.layout())),
@@ -210,14 +253,24 @@ pub unsafe extern "C" fn kinematicsInverse(
     let (Some(world), false, Some(module)) = (world, joint.is_null(), module) else {
         return Cause::NullPointer.code();
     };
+    let count = module.layout().joints();
     // SAFETY: the array holds as many values as the machine has joints.
-    let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.layout().joints()) };
-    let pose = world.degrees();
-    code(match module.kind() {
+    let joints = unsafe { core::slice::from_raw_parts_mut(joint, count) };
+    let pose = pose_in(world, module);
+    let result = match module.kind() {
         // A copy: registers, see the core's `lanes`.
         Kind::Identity => module.identity_inverse(&{ pose }, joints),
         Kind::Machine => module.inverse(&pose, joints),
-    })
+    };
+    if result.is_ok() && !module.extra().is_empty() {
+        let all = world.world();
+        let values = module.extra().places().filter_map(|place| all.get(place));
+        for (i, value) in values.enumerate() {
+            // SAFETY: as above; the extra axes' joints stand behind the others.
+            unsafe { joint.add(count + i).write(*value) };
+        }
+    }
+    code(result)
 }
 
 /// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),
@@ -237,19 +290,25 @@ pub unsafe extern "C" fn kinematicsJacobian(
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and a 16 × 9 array, from its servo thread.
     let (world, jac, module) =
-        unsafe { (world.as_ref(), jac.cast::<[[f64; MAX_AXES]; ROWS]>().as_mut(), module()) };
+        unsafe { (world.as_ref(), jac.cast::<[World; ROWS]>().as_mut(), module()) };
     let (Some(world), Some(jac), Some(module)) = (world, jac, module) else {
         return -1;
     };
     let rows = match module.kind() {
         Kind::Identity => Ok(module.identity_jacobian()),
-        Kind::Machine => module.jacobian(&Pose::from_degrees(world.degrees())),
+        Kind::Machine => module.jacobian(&Pose::from_degrees(pose_in(world, module))),
     };
     let Ok(rows) = rows else { return -1 };
-    *jac = [[0.0; MAX_AXES]; ROWS];
+    *jac = [World::default(); ROWS];
     for (out, row) in jac.iter_mut().zip(rows.row_iter()) {
         for (to, value) in out.iter_mut().zip(row.iter()) {
             *to = *value;
+        }
+    }
+    let extra = jac.iter_mut().skip(module.layout().joints());
+    for (row, place) in extra.zip(module.extra().places()) {
+        if let Some(rate) = row.get_mut(place) {
+            *rate = 1.0;
         }
     }
     0
@@ -351,10 +410,12 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
 /// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_main() -> c_int {
-    let parameters =
-        [&load::LEGS, &load::COORDINATES, &load::TABLE, &load::BOXES].map(|p| p.text());
-    let [legs, coordinates, table, boxes] = parameters.map(|text| text.map(CStr::to_bytes));
-    let load = Load::parse(legs, coordinates, table).and_then(|load| load.with_boxes(boxes));
+    let parameters = [&load::LEGS, &load::COORDINATES, &load::TABLE, &load::AXES, &load::BOXES];
+    let parameters = parameters.map(|parameter| parameter.text());
+    let [legs, coordinates, table, axes, boxes] = parameters.map(|text| text.map(CStr::to_bytes));
+    let load = Load::parse(legs, coordinates, table)
+        .and_then(|load| load.with_axes(axes))
+        .and_then(|load| load.with_boxes(boxes));
     let load = match load {
         Ok(load) => load,
         Err(error) => {
@@ -418,8 +479,8 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
     component.ready()
 }
 
-fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 4]) {
-    let [legs, coordinates, table, boxes] =
+fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 5]) {
+    let [legs, coordinates, table, axes, boxes] =
         parameters.map(|text| text.map_or(&[][..], CStr::to_bytes));
     print_error(&text![
         "pkmkins: refused legs=",
@@ -428,6 +489,8 @@ fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 4]) {
         coordinates,
         " table=",
         table,
+        " axes=",
+        axes,
         " boxes=",
         boxes,
         ": ",

@@ -73,6 +73,15 @@ string_parameter!(
 );
 
 string_parameter!(
+    axes,
+    AXES,
+    rtapi_info_address_axes,
+    rtapi_info_type_axes,
+    rtapi_info_description_axes,
+    c"joints behind legs and table that pass their coordinate through, some of X Y Z A B C U V W"
+);
+
+string_parameter!(
     boxes,
     BOXES,
     rtapi_info_address_boxes,

@@ -40,7 +40,7 @@ pub enum Trouble {
 /// A value that is no number.
 pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
     let joints: Vec<Homing> =
-        (0..config.joints.len()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
+        (0..config.all_joints().count()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
     let mut troubles: Vec<Trouble> = joints
         .iter()
         .enumerate()

@@ -118,7 +118,9 @@ fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineE
     let groups = config.groups();
     let legs: Vec<String> =
         groups.iter().map(|g| format!("{} {}", g.joints.len(), g.kind.plural())).collect();
-    report.fact("joints", legs.join(", "));
+    let extra: Vec<&str> = config.extra.iter().map(|axis| axis.joint.name.as_str()).collect();
+    report
+        .fact("joints", [legs, extra.into_iter().map(String::from).collect()].concat().join(", "));
     report.fact("mobility", structure.mobility());
     report.fact("count", structure.loops());
     report.fact("geometry hash", format!("{:#010x}", config.geometry.hash()));
@@ -167,8 +169,25 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
             report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
         }
     }
+    extra_homes(report, ini, config);
     report.fact("home", format!("joints within {farthest:.1e} of the kinematics at [TRAJ]HOME"));
     Ok(())
+}
+
+/// HOME of extra axes against the limits of joint and axis.
+fn extra_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+    for (n, extra) in config.extra.iter().enumerate() {
+        let (joint, axis) = (&extra.joint, &extra.axis);
+        let (least, most) = (joint.min.max(axis.min), joint.max.min(axis.max));
+        if !(least..=most).contains(&joint.home) {
+            let text = format!(
+                "{} is outside of its limits as joint and as [AXIS_{}], {least} to {most}",
+                joint.name, extra.letter
+            );
+            let section = format!("JOINT_{}", config.joints.len() + n);
+            report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
+        }
+    }
 }
 
 fn severity(trouble: &Trouble) -> Severity {

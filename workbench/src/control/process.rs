@@ -175,8 +175,11 @@ impl<'a> Run<'a> {
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
         let pulse = Pulse::new(from, self.milltask.id());
-        let mut records =
-            Records::new(BufReader::with_capacity(1 << 16, pulse), config.joints.len());
+        let mut records = Records::new(
+            BufReader::with_capacity(1 << 16, pulse),
+            config.joints.len(),
+            config.extra_axes,
+        );
         let mut watch = Watch::new(config.period, options);
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a run of the control tells: a row in every servo cycle, messages, and its end.
 
-use kinematics::Joints;
+use kinematics::{Joints, MAX_EXTRA};
 use serde::Serialize;
 
 /// States of a servo cycle.
@@ -15,6 +15,17 @@ pub struct Flags {
     pub held: bool,
 }
 
+/// The extra axes in a servo cycle, in joint order; 0 beyond the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extra {
+    /// Commanded values, which are the coordinates of their letters.
+    pub positions: [f64; MAX_EXTRA],
+    /// Following errors.
+    pub errors: [f64; MAX_EXTRA],
+    /// What LinuxCNC allows them.
+    pub allowed: [f64; MAX_EXTRA],
+}
+
 /// One servo cycle of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
@@ -24,7 +35,8 @@ pub struct Row {
     pub line: u32,
     /// States.
     pub flags: Flags,
-    /// Commanded pose, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees.
+    /// Commanded pose of the tool, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees. 0 for a
+    /// letter of an extra axis, whose coordinate is no part of it.
     pub pose: [f64; 6],
     /// Commanded joint values, `joint.N.pos-cmd`.
     pub joints: Joints,
@@ -32,6 +44,8 @@ pub struct Row {
     pub errors: Joints,
     /// What LinuxCNC allows them, `joint.N.f-error-lim`.
     pub allowed: Joints,
+    /// The same of the extra axes.
+    pub extra: Extra,
     /// Tool offset in effect, `pkmkins.tool-offset-eff-x` to `-z`, machine units.
     pub tool: [f64; 3],
     /// Share of the feed that the guard allows, `pkmkins.feed-scale`.

@@ -147,7 +147,7 @@ impl Scratch {
     /// What stands at the head of a section.
     fn added(&self, config: &MachineConfig, section: &str) -> String {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
-        match (section, joint.and_then(|n| config.joints.get(n))) {
+        match (section, joint.and_then(|n| config.all_joints().nth(n))) {
             ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
             (_, Some(joint)) => format!(
                 "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
-use crate::control::row::{Flags, Message, MessageKind, Row};
-use kinematics::MAX_JOINTS;
+use crate::control::row::{Extra, Flags, Message, MessageKind, Row};
+use kinematics::{ExtraAxes, MAX_JOINTS};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
@@ -46,17 +46,18 @@ pub enum Record {
     End(u64, u32, Cause, String),
 }
 
-/// Reads records of a machine with so many joints.
+/// Reads records of a machine with so many joints of legs and table, and these extra axes.
 pub struct Records<R> {
     from: R,
     joints: usize,
+    extra: ExtraAxes,
     bytes: Vec<u8>,
 }
 
 impl<R: Read> Records<R> {
     /// Records from a buffered reader.
-    pub fn new(from: R, joints: usize) -> Self {
-        Self { from, joints, bytes: vec![] }
+    pub fn new(from: R, joints: usize, extra: ExtraAxes) -> Self {
+        Self { from, joints, extra, bytes: vec![] }
     }
 
     /// The next record; `None` where there are no more.
@@ -79,7 +80,7 @@ impl<R: Read> Records<R> {
         let mut fields = Fields(&self.bytes);
         let record = match kind {
             HEAD => head_of(&fields.text()),
-            ROW => fields.row(self.joints).map(Record::Row),
+            ROW => fields.row(self.joints, &self.extra).map(Record::Row),
             MESSAGE => fields.message(),
             END => fields.end(),
             _ => None,
@@ -139,9 +140,9 @@ impl Fields<'_> {
         String::from_utf8_lossy(self.0).into_owned()
     }
 
-    fn row(&mut self, joints: usize) -> Option<Row> {
+    fn row(&mut self, joints: usize, axes: &ExtraAxes) -> Option<Row> {
         let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
-        Some(Row {
+        let mut row = Row {
             cycle,
             line,
             flags: Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 },
@@ -149,9 +150,17 @@ impl Fields<'_> {
             pose: self.values(6)?,
             tool: self.values(3)?,
             joints: self.values::<MAX_JOINTS>(joints)?,
+            extra: Extra { positions: self.values(axes.len())?, ..Extra::default() },
             errors: self.values::<MAX_JOINTS>(joints)?,
-            allowed: self.values::<MAX_JOINTS>(joints)?,
-        })
+            allowed: [0.0; MAX_JOINTS],
+        };
+        row.extra.errors = self.values(axes.len())?;
+        row.allowed = self.values::<MAX_JOINTS>(joints)?;
+        row.extra.allowed = self.values(axes.len())?;
+        for place in axes.places() {
+            row.pose.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+        }
+        Some(row)
     }
 
     fn message(&mut self) -> Option<Record> {
@@ -173,6 +182,7 @@ impl Fields<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kinematics::{Layout, Letters};
 
     fn record(kind: u32, payload: &[&[u8]]) -> Vec<u8> {
         let payload = payload.concat();
@@ -191,7 +201,7 @@ mod tests {
             record(END, &[&9_u64.to_ne_bytes(), &4_i32.to_ne_bytes(), &1_u32.to_ne_bytes(), b"so"]),
         ]
         .concat();
-        let mut records = Records::new(bytes.as_slice(), 2);
+        let mut records = Records::new(bytes.as_slice(), 2, ExtraAxes::NONE);
         let head = Record::Head { version: 1, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
@@ -206,12 +216,29 @@ mod tests {
     }
 
     #[test]
+    fn values_of_extra_axes_stand_behind_those_of_legs_and_table() {
+        let values: Vec<u8> = (1..=19).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let bytes = record(ROW, &[&[0; 16], &values]);
+        let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
+        let axes = ExtraAxes::parse(b"WC", &layout).unwrap();
+        let record = Records::new(bytes.as_slice(), 1, axes).read().unwrap();
+        let Some(Record::Row(row)) = record else { panic!("no row") };
+        // Feed, pose with C taken out, tool; then commands, errors and what is allowed of three joints.
+        assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
+        let first = |values: &[f64]| [values[0], values[1], values[2]];
+        assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (11.0, 14.0, 17.0));
+        assert_eq!(first(&row.extra.positions), [12.0, 13.0, 0.0]);
+        assert_eq!(first(&row.extra.errors), [15.0, 16.0, 0.0]);
+        assert_eq!(first(&row.extra.allowed), [18.0, 19.0, 0.0]);
+    }
+
+    #[test]
     fn what_is_cut_off_or_is_no_record_is_an_error() {
         let whole = record(ROW, &[&[0; 16 + 16 * 8]]);
-        assert!(Records::new(whole.as_slice(), 2).read().is_ok());
-        assert!(Records::new(whole.as_slice(), 3).read().is_err());
-        assert!(Records::new(&whole[..whole.len() - 1], 2).read().is_err());
-        assert!(Records::new(record(9, &[]).as_slice(), 2).read().is_err());
-        assert!(Records::new([0xff; 8].as_slice(), 2).read().is_err());
+        assert!(Records::new(whole.as_slice(), 2, ExtraAxes::NONE).read().is_ok());
+        assert!(Records::new(whole.as_slice(), 3, ExtraAxes::NONE).read().is_err());
+        assert!(Records::new(&whole[..whole.len() - 1], 2, ExtraAxes::NONE).read().is_err());
+        assert!(Records::new(record(9, &[]).as_slice(), 2, ExtraAxes::NONE).read().is_err());
+        assert!(Records::new([0xff; 8].as_slice(), 2, ExtraAxes::NONE).read().is_err());
     }
 }

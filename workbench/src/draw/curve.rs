@@ -254,6 +254,7 @@ pub fn of_carriages(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot
         pose: place.pose,
         joints: place.joints,
         motors: place.joints,
+        passed: 0.0,
         forward: place.pose,
         corrections: [0.0; MAX_LEGS],
         tool: [0.0; 3],

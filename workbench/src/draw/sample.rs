@@ -16,6 +16,8 @@ pub struct Sample {
     pub joints: Joints,
     /// Motor positions after this cycle's command; a searching joint counts from power-up.
     pub motors: Joints,
+    /// Largest difference of an extra axis's coordinate from its joint; the poses do not hold them.
+    pub passed: f64,
     /// What forward made of the motor positions of the cycle before.
     pub forward: [f64; 6],
     /// Nut corrections that the module shows, 0 for legs that are no struts.

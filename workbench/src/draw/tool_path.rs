@@ -119,6 +119,7 @@ mod tests {
                 pose,
                 joints: [0.0; MAX_JOINTS],
                 motors: [0.0; MAX_JOINTS],
+                passed: 0.0,
                 forward: pose,
                 corrections: [0.0; MAX_LEGS],
                 tool: [0.0; 3],

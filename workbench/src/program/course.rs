@@ -137,7 +137,7 @@ impl Thinned {
 pub struct Course<'a> {
     config: &'a MachineConfig,
     limits: Limits,
-    motion: Motion,
+    motion: Motion<MAX_JOINTS>,
     result: Thinned,
     /// Moments that a sample stands for.
     width: u64,
@@ -165,7 +165,7 @@ impl<'a> Course<'a> {
     fn over(config: &'a MachineConfig, abscissa: Abscissa) -> Self {
         let limits = limits::of(config);
         let result = Thinned { abscissa, samples: vec![], end: 0.0 };
-        Self { config, limits, motion: Motion::default(), result, width: 1, filled: 0 }
+        Self { config, limits, motion: Motion::START, result, width: 1, filled: 0 }
     }
 
     /// The path of moves from `[TRAJ]HOME` on: nothing is known of its time.
@@ -200,7 +200,7 @@ impl<'a> Course<'a> {
     /// Takes a servo cycle.
     pub fn see(&mut self, row: &Row) {
         let at = row.cycle as f64 * self.config.period;
-        let [speeds, accelerations] = self.motion.next(row, self.config.period);
+        let [speeds, accelerations] = self.motion.next(row, &row.joints, self.config.period);
         let count = self.config.joints.len();
         let shares = [
             (&speeds, &self.limits.speed),

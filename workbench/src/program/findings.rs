@@ -198,6 +198,9 @@ pub struct Timing {
     pub feed_factor: f64,
     /// The same of every line.
     pub lines: Vec<LineLoad>,
+    /// Lowest and highest value of every extra axis, which stand among the ranges of the program.
+    #[serde(skip)]
+    pub(super) extra: Vec<[f64; 2]>,
     /// Limits left, which stand among the breaks of the program.
     #[serde(skip)]
     pub(super) breaks: Vec<Break>,

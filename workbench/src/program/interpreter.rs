@@ -7,6 +7,7 @@
 
 use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
+use kinematics::POSE_LETTERS;
 use serde::Serialize;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -222,7 +223,7 @@ enum End {
 /// Records of canon.py as they come.
 struct Records<'a, R> {
     config: &'a MachineConfig,
-    /// Axes that words may name.
+    /// Axes that words may name and that move the tool or the work.
     axes: [bool; 6],
     files: Vec<PathBuf>,
     input: Option<BufReader<R>>,
@@ -235,7 +236,10 @@ impl<'a, R: Read> Records<'a, R> {
         let letters = axes(config);
         Self {
             config,
-            axes: ["X", "Y", "Z", "A", "B", "C"].map(|letter| letters.contains(letter)),
+            axes: std::array::from_fn(|k| {
+                let is_extra = config.extra_axes.places().any(|place| place == k);
+                letters.contains(POSE_LETTERS[k]) && !is_extra
+            }),
             files: vec![program.to_path_buf()],
             input: input.map(|input| BufReader::with_capacity(BLOCK, input)),
             next: Move {
@@ -441,7 +445,7 @@ fn calls(line: &[u8]) -> bool {
 fn axes(config: &MachineConfig) -> String {
     let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
     let given = given.to_ascii_uppercase();
-    "XYZABCUVW".chars().filter(|letter| given.contains(*letter)).collect()
+    POSE_LETTERS.into_iter().filter(|letter| given.contains(*letter)).collect()
 }
 
 fn named(path: &path::Path, error: &io::Error) -> io::Error {

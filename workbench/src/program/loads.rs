@@ -11,7 +11,7 @@ use crate::control::row::Row;
 use crate::program::findings::{LineLoad, Peak, Place};
 use crate::read::joints::Joint;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, MAX_JOINTS};
+use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Cycles left out before and after those in which the tool offset moves: LinuxCNC's interpolator of
@@ -39,7 +39,7 @@ pub struct Load {
 }
 
 impl Load {
-    fn new(joints: &[Joint], limit: impl Fn(&Joint) -> f64) -> Self {
+    fn new(joints: &[&Joint], limit: impl Fn(&Joint) -> f64) -> Self {
         let peak = |joint: &Joint| Peak {
             joint: joint.name.clone(),
             value: 0.0,
@@ -47,7 +47,7 @@ impl Load {
             place: Place::default(),
         };
         Self {
-            peaks: joints.iter().map(peak).collect(),
+            peaks: joints.iter().map(|joint| peak(joint)).collect(),
             beyond: vec![None; joints.len()],
             last: vec![None; joints.len()],
         }
@@ -67,24 +67,27 @@ impl Load {
     }
 }
 
-/// Speeds and accelerations of the joints from their commands, cycle by cycle.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {
-    last: Option<(u64, Joints)>,
-    speeds: Option<Joints>,
+/// Speeds and accelerations of `N` joints from their commands, cycle by cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<const N: usize> {
+    last: Option<(u64, [f64; N])>,
+    speeds: Option<[f64; N]>,
 }
 
-impl Motion {
+impl<const N: usize> Motion<N> {
+    /// Before the first cycle.
+    pub const START: Self = Self { last: None, speeds: None };
+
     /// Speeds since the cycle before, and accelerations since the two before, in joint units, per
     /// second and per second squared. 0 where those cycles are not known, or the drives were off.
-    pub fn next(&mut self, row: &Row, period: f64) -> [Joints; 2] {
+    pub fn next(&mut self, row: &Row, commands: &[f64; N], period: f64) -> [[f64; N]; 2] {
         let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
-        self.last = row.flags.on.then_some((row.cycle, row.joints));
+        self.last = row.flags.on.then_some((row.cycle, *commands));
         let Some((_, last)) = last else {
             self.speeds = None;
-            return [[0.0; MAX_JOINTS]; 2];
+            return [[0.0; N]; 2];
         };
-        let speeds = std::array::from_fn(|i| (row.joints[i] - last[i]) / period);
+        let speeds = std::array::from_fn(|i| (commands[i] - last[i]) / period);
         let before = self.speeds.replace(speeds).unwrap_or(speeds);
         [speeds, std::array::from_fn(|i| (speeds[i] - before[i]) / period)]
     }
@@ -101,6 +104,8 @@ pub struct Demands {
     pub following: Load,
     /// By how much the feed of a line may be multiplied, for every line that moves a joint.
     pub lines: Vec<LineLoad>,
+    /// Lowest and highest value of every extra axis; infinite the wrong way round without a cycle.
+    pub extra: Vec<[f64; 2]>,
     /// Where the program was in the last cycle with the drives on.
     pub last: Place,
 }
@@ -110,7 +115,9 @@ pub struct Loads<'a> {
     config: &'a MachineConfig,
     /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
     waiting: VecDeque<Row>,
-    motion: Motion,
+    motion: Motion<MAX_JOINTS>,
+    extra: Motion<MAX_EXTRA>,
+    ranges: Vec<[f64; 2]>,
     /// Where the row judged last is: a step belongs to the row that it starts from.
     before: Place,
     /// Whether the drives were on in the last row.
@@ -129,11 +136,13 @@ pub struct Loads<'a> {
 impl<'a> Loads<'a> {
     /// Before the first row.
     pub fn new(config: &'a MachineConfig) -> Self {
-        let joints = &config.joints;
+        let joints: &Vec<&Joint> = &config.all_joints().collect();
         Self {
             config,
             waiting: VecDeque::new(),
-            motion: Motion::default(),
+            motion: Motion::START,
+            extra: Motion::START,
+            ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; config.extra.len()],
             before: Place::default(),
             was_on: false,
             tool_moves_to: 0,
@@ -162,7 +171,7 @@ impl<'a> Loads<'a> {
             let first = row.cycle.saturating_sub(AROUND_TOOL_OFFSETS);
             self.judge_before(first);
             self.waiting.clear();
-            self.motion = Motion::default();
+            self.forget();
             self.tool_moves_to = row.cycle + AROUND_TOOL_OFFSETS;
         } else if row.cycle >= self.tool_moves_to {
             self.waiting.push_back(*row);
@@ -178,6 +187,7 @@ impl<'a> Loads<'a> {
             self.lines.iter().map(|(line, share)| LineLoad { line: *line, factor: share.recip() });
         Demands {
             lines: lines.collect(),
+            extra: self.ranges,
             last: self.end,
             speed: self.speed,
             acceleration: self.acceleration,
@@ -188,20 +198,29 @@ impl<'a> Loads<'a> {
     /// What counts in every cycle with the drives on.
     fn note_place(&mut self, row: &Row) {
         self.end = self.place(row);
+        for (range, value) in self.ranges.iter_mut().zip(row.extra.positions) {
+            *range = [range[0].min(value), range[1].max(value)];
+        }
         self.note_errors(row);
     }
 
     fn note_errors(&mut self, row: &Row) {
-        let place = self.end;
-        for joint in 0..self.config.joints.len() {
-            self.following.note(joint, row.errors[joint].abs(), row.allowed[joint], &place);
+        let (place, count) = (self.end, self.config.joints.len());
+        let own = row.errors.iter().zip(&row.allowed).take(count);
+        let extra = row.extra.errors.iter().zip(&row.extra.allowed).take(self.config.extra.len());
+        for (joint, (error, allowed)) in own.chain(extra).enumerate() {
+            self.following.note(joint, error.abs(), *allowed, &place);
         }
     }
 
     /// Nothing is known of the motion between the rows before and after.
     fn interrupt(&mut self) {
         self.judge_before(u64::MAX);
-        self.motion = Motion::default();
+        self.forget();
+    }
+
+    fn forget(&mut self) {
+        (self.motion, self.extra) = (Motion::START, Motion::START);
     }
 
     fn judge_before(&mut self, cycle: u64) {
@@ -213,15 +232,18 @@ impl<'a> Loads<'a> {
     }
 
     fn judge(&mut self, row: Row) {
-        let [speeds, accelerations] = self.motion.next(&row, self.config.period);
+        let [speeds, accelerations] = self.motion.next(&row, &row.joints, self.config.period);
+        let extra = self.extra.next(&row, &row.extra.positions, self.config.period);
         let here = self.place(&row);
         let place = std::mem::replace(&mut self.before, here);
         if self.line.0 != place.line {
             self.close_line();
             self.line = (place.line, 0.0);
         }
-        for (joint, limits) in self.config.joints.iter().enumerate() {
-            let (speed, acceleration) = (speeds[joint].abs(), accelerations[joint].abs());
+        let own = speeds.iter().zip(&accelerations).take(self.config.joints.len());
+        let values = own.chain(extra[0].iter().zip(&extra[1]));
+        for (joint, (limits, values)) in self.config.all_joints().zip(values).enumerate() {
+            let (speed, acceleration) = (values.0.abs(), values.1.abs());
             self.speed.note(joint, speed, limits.max_velocity, &place);
             self.acceleration.note(joint, acceleration, limits.max_acceleration, &place);
             self.line.1 = self.line.1.max(speed / limits.max_velocity);
@@ -245,7 +267,7 @@ impl<'a> Loads<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::Flags;
+    use crate::control::row::{Extra, Flags};
     use std::path::Path;
 
     /// Some hundred differences of numbers near 1000 over a thousandth of a second, twice.
@@ -266,6 +288,7 @@ mod tests {
             joints: std::array::from_fn(|i| if i == 0 { *place } else { 500.0 }),
             errors: [0.0; MAX_JOINTS],
             allowed: [1.0; MAX_JOINTS],
+            extra: Extra::default(),
             tool: [0.0; 3],
             feed: 1.0,
         };

@@ -9,7 +9,9 @@
 use crate::control::process::{self, Options};
 use crate::control::row::{Ending, Outcome, Row};
 use crate::limits;
-use crate::program::findings::{Break, LeastMargin, Peak, Place, Preflight, Rule, Time, Timing};
+use crate::program::findings::{
+    Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
+};
 use crate::program::follow::{Found, Leg, Pilot, length};
 use crate::program::interpreter::Move;
 use crate::program::loads::{Beyond, Demands, Load, Loads};
@@ -187,6 +189,14 @@ impl Preflight {
             self.margins.extend(least(config, limit, peaks));
         }
         self.breaks.extend(timing.breaks.iter().cloned());
+        let first = config.joints.len();
+        self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
+            |(n, (axis, used))| {
+                let joint = &axis.joint;
+                let ends = [joint.min.max(axis.axis.min), joint.max.min(axis.axis.max)];
+                Range::of(config, Limit::JointRange, Part::Joint(first + n), *used, ends)
+            },
+        ));
         self
     }
 }
@@ -208,7 +218,7 @@ fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMa
 impl Timing {
     /// Judges a run.
     pub fn of(config: &MachineConfig, demands: Demands, outcome: Outcome) -> Self {
-        let Demands { speed, acceleration, following, lines, last, .. } = demands;
+        let Demands { speed, acceleration, following, lines, extra, last, .. } = demands;
         let mut breaks = [
             breaks_of(config, Rule::Limit(Limit::JointSpeed), &speed),
             breaks_of(config, Rule::Limit(Limit::JointAcceleration), &acceleration),
@@ -225,6 +235,7 @@ impl Timing {
             speeds: speed.peaks,
             accelerations: acceleration.peaks,
             following_errors: following.peaks,
+            extra,
             feed_factor: factors.fold(f64::INFINITY, f64::min),
             lines,
             breaks,
@@ -310,7 +321,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Flags, Message, MessageKind};
+    use crate::control::row::{Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
     fn config() -> MachineConfig {
@@ -331,6 +342,7 @@ mod tests {
                 joints: std::array::from_fn(|i| if i == 2 { strut } else { 900.0 }),
                 errors: [0.0; MAX_JOINTS],
                 allowed: [1.0; MAX_JOINTS],
+                extra: Extra::default(),
                 tool: [0.0; 3],
                 feed: 1.0,
             });

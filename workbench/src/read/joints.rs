@@ -27,10 +27,13 @@ pub enum JointKind {
     Arm,
     /// The table under the workpiece.
     Table,
+    /// An extra axis.
+    Extra,
 }
 
 impl JointKind {
-    pub(super) const ALL: [Self; 4] = [Self::Strut, Self::Carriage, Self::Arm, Self::Table];
+    pub(super) const ALL: [Self; 5] =
+        [Self::Strut, Self::Carriage, Self::Arm, Self::Table, Self::Extra];
 
     const fn of_leg(kind: Kind) -> Self {
         match kind {
@@ -47,6 +50,7 @@ impl JointKind {
             Self::Carriage => "carriage",
             Self::Arm => "arm",
             Self::Table => "table",
+            Self::Extra => "axis",
         }
     }
 
@@ -57,6 +61,7 @@ impl JointKind {
             Self::Carriage => "carriages",
             Self::Arm => "arms",
             Self::Table => "table axes",
+            Self::Extra => "extra axes",
         }
     }
 
@@ -64,7 +69,7 @@ impl JointKind {
     pub(crate) const fn quantity(self) -> &'static str {
         match self {
             Self::Strut => "length",
-            Self::Carriage | Self::Table => "position",
+            Self::Carriage | Self::Table | Self::Extra => "position",
             Self::Arm => "angle",
         }
     }
@@ -111,6 +116,57 @@ pub struct Axis {
     pub max_velocity: f64,
     /// Machine units or degrees per second squared.
     pub max_acceleration: f64,
+}
+
+impl Axis {
+    /// Of a coordinate for which the file gives nothing.
+    pub(super) const UNLIMITED: Self = Self {
+        min: f64::NEG_INFINITY,
+        max: f64::INFINITY,
+        max_velocity: AXIS_VELOCITY,
+        max_acceleration: AXIS_ACCELERATION,
+    };
+}
+
+/// An extra axis: a joint that is a coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExtraAxis {
+    /// Its letter.
+    pub letter: char,
+    /// Its joint.
+    pub joint: Joint,
+    /// Limits of its coordinate.
+    pub axis: Axis,
+}
+
+impl ExtraAxis {
+    /// Unit of its values, where lengths are in `length`.
+    pub fn unit(&self, length: &'static str) -> &'static str {
+        if "ABC".contains(self.letter) { "degrees" } else { length }
+    }
+}
+
+/// The extra axis `n`, whose joint stands behind those of legs and table.
+pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<ExtraAxis> {
+    let letter = load.extra.letters().nth(n)?;
+    let number = load.layout.joints() + n;
+    let joint = joint(ini, number, load, errors);
+    let section = format!("AXIS_{letter}");
+    let axis = axis(ini, &section, errors);
+    let (joint, axis) = (joint?, axis?);
+    for (key, of_axis, of_joint) in [
+        ("MAX_VELOCITY", axis.max_velocity, joint.max_velocity),
+        ("MAX_ACCELERATION", axis.max_acceleration, joint.max_acceleration),
+    ] {
+        if of_axis > of_joint {
+            let expected = format!(
+                "expected at most {key} = {of_joint} of [JOINT_{number}], which this axis is"
+            );
+            let entry = ini.require(&section, key, &expected);
+            errors.of(entry.and_then(|entry| Err::<(), _>(ini.refuse(entry, &expected))));
+        }
+    }
+    Some(ExtraAxis { letter, joint, axis })
 }
 
 pub(super) fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
@@ -167,16 +223,18 @@ fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
             (kind, format!("{} {n}", kind.name()))
         }
         None => {
-            let letter = load.layout.table().as_slice()[n - load.layout.legs()];
-            let kind = JointKind::Table;
-            (kind, format!("{} {}", kind.name(), letter.name()))
+            let table = load.layout.table().as_slice().iter().map(|letter| letter.name());
+            let letter = table.chain(load.extra.letters()).nth(n - load.layout.legs());
+            let is_table = n < load.layout.joints();
+            let kind = if is_table { JointKind::Table } else { JointKind::Extra };
+            (kind, format!("{} {}", kind.name(), letter.unwrap_or_default()))
         }
     }
 }
 
 pub(super) fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis> {
-    let min = errors.of(ini.number_or(section, "MIN_LIMIT", f64::NEG_INFINITY));
-    let max = errors.of(ini.number_or(section, "MAX_LIMIT", f64::INFINITY));
+    let min = errors.of(ini.number_or(section, "MIN_LIMIT", Axis::UNLIMITED.min));
+    let max = errors.of(ini.number_or(section, "MAX_LIMIT", Axis::UNLIMITED.max));
     if let (Some(min), Some(max)) = (min, max) {
         let expected = format!("expected at most MAX_LIMIT = {max}");
         errors.of(check_least(ini, section, min <= max, &expected));

@@ -7,11 +7,13 @@
 use crate::read::boxes::{self, BoxSection};
 use crate::read::error::{Errors, MachineError, leg_section};
 use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::joints::{AXES, Axis, Group, Joint, JointKind, axis, joint, positive};
+use crate::read::joints::{
+    AXES, Axis, ExtraAxis, Group, Joint, JointKind, axis, extra, joint, positive,
+};
 use crate::read::legs::{check_leg_sections, leg_geometry};
 use keys::{leg as of_leg, machine as of_machine};
 use kinematics::{
-    CONDITIONING_LIMIT, Geometry, Layout, LegGeometry, Letter, Load, MAX_LEGS, Machine, PerLeg,
+    CONDITIONING_LIMIT, ExtraAxes, Geometry, LegGeometry, Letter, Load, MAX_LEGS, Machine, PerLeg,
     Pose, Solver, Vector3,
 };
 use std::path::{Path, PathBuf};
@@ -26,8 +28,8 @@ const SPEEDS: [&str; 4] = [
 ];
 
 /// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
-/// one is that of [`Load::with_boxes`].
-const PARAMETERS: [&str; 4] = ["legs", "coordinates", "table", "boxes"];
+/// ones are those of [`Load::with_axes`] and [`Load::with_boxes`].
+const PARAMETERS: [&str; 5] = ["legs", "coordinates", "table", "axes", "boxes"];
 
 /// What LinuxCNC's interpreter needs to read programs as this machine does.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +83,10 @@ pub struct MachineConfig {
     pub platform_pyramid: Vec<Option<[f64; 2]>>,
     /// `[JOINT_N]`: legs, then table axes.
     pub joints: Vec<Joint>,
+    /// Axes behind them that pass a coordinate through, `axes=`.
+    pub extra_axes: ExtraAxes,
+    /// Their limits, in joint order.
+    pub extra: Vec<ExtraAxis>,
     /// `[AXIS_X]` to `[AXIS_C]`.
     pub axes: Vec<Axis>,
     /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
@@ -117,9 +123,9 @@ impl MachineConfig {
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
         let load = load(ini)?;
         let mut errors = Errors::default();
-        errors.of(check_joints(ini, &load.layout));
+        errors.of(check_joints(ini, &load));
         errors.of(check_leg_sections(ini, load.layout.legs()));
-        errors.of(check_coordinates(ini, &load.layout));
+        errors.of(check_coordinates(ini, &load));
         // Where these are wrong, what follows only repeats it.
         errors.checked()?;
         let mut errors = Errors::default();
@@ -152,6 +158,8 @@ impl MachineConfig {
             base_pyramid: read.pyramids.iter().map(|[base, _]| *base).collect(),
             platform_pyramid: read.pyramids.iter().map(|[_, platform]| *platform).collect(),
             joints: read.joints,
+            extra_axes: load.extra,
+            extra: read.extra,
             axes: read.axes,
             units_per_mm: read.units_per_mm,
             max_linear_velocity,
@@ -180,6 +188,25 @@ impl MachineConfig {
         self.machine.layout().legs()
     }
 
+    /// The joints of legs, table and extra axes.
+    pub fn all_joints(&self) -> impl Iterator<Item = &Joint> {
+        self.joints.iter().chain(self.extra.iter().map(|axis| &axis.joint))
+    }
+
+    /// Joint `i`, of legs, table or extra axes.
+    pub fn joint(&self, i: usize) -> &Joint {
+        let extra = i.checked_sub(self.joints.len());
+        extra.map_or_else(|| &self.joints[i], |n| &self.extra[n].joint)
+    }
+
+    /// Unit of the values of joint `i`.
+    pub fn unit_of(&self, i: usize) -> &'static str {
+        match i.checked_sub(self.joints.len()) {
+            Some(n) => self.extra[n].unit(self.length_unit()),
+            None => self.unit(self.joints[i].kind),
+        }
+    }
+
     /// All pairs of legs, lower number first.
     pub fn pairs(&self) -> Vec<[usize; 2]> {
         let legs = self.legs();
@@ -204,13 +231,13 @@ impl MachineConfig {
 
 /// The load parameters in `[KINS]KINEMATICS`.
 fn load(ini: &Ini) -> Result<Load, IniError> {
-    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [boxes=COUNT]";
+    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT]";
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    let mut given: [Option<&[u8]>; 4] = [None; 4];
+    let mut given: [Option<&[u8]>; 5] = [None; 5];
     for word in words {
         let place = word
             .split_once('=')
@@ -221,42 +248,44 @@ fn load(ini: &Ini) -> Result<Load, IniError> {
         if given[place].is_some() {
             return Err(ini.refuse(entry, &format!("expected {name}= once; {expected}")));
         }
-        if text.is_empty() && name != "table" {
+        if text.is_empty() && !["table", "axes"].contains(&name) {
             return Err(ini.refuse(entry, &format!("expected a value after {name}=; {expected}")));
         }
         given[place] = Some(text.as_bytes());
     }
-    let [legs, coordinates, table, boxes] = given;
+    let [legs, coordinates, table, axes, boxes] = given;
     Load::parse(legs, coordinates, table)
+        .and_then(|load| load.with_axes(axes))
         .and_then(|load| load.with_boxes(boxes))
         .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
 }
 
-fn check_joints(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
+fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let [joints] = ini.require_numbers::<1>("KINS", "JOINTS")?;
-    if joints == layout.joints() as f64 {
+    if joints == load.joints() as f64 {
         return Ok(());
     }
     let expected = format!(
-        "expected {}, one joint for each leg and each table letter of [KINS]KINEMATICS",
-        layout.joints()
+        "expected {}, one joint for each leg and each letter of table= and axes= in [KINS]KINEMATICS",
+        load.joints()
     );
     Err(ini.refuse(ini.require("KINS", "JOINTS", &expected)?, &expected))
 }
 
 /// LinuxCNC takes no program word with a letter that is missing here, so that nothing
 /// could ever bring that coordinate back to 0. A letter too many does no harm.
-fn check_coordinates(ini: &Ini, layout: &Layout) -> Result<(), IniError> {
-    let moved = || Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
-    let wanted: String = moved().map(Letter::name).collect();
+fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
+    let moved = || {
+        let letters = Letter::ALL.into_iter().filter(|letter| !load.layout.is_held(*letter));
+        letters.map(Letter::name).chain(load.extra.letters())
+    };
+    let wanted: String = moved().collect();
     let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
     let entry = ini.require("TRAJ", "COORDINATES", &expected)?;
     let given = entry.value.to_ascii_uppercase();
-    match moved().find(|letter| !given.contains(letter.name())) {
+    match moved().find(|letter| !given.contains(*letter)) {
         None => Ok(()),
-        Some(letter) => {
-            Err(ini.refuse(entry, &format!("{expected}, {} is missing", letter.name())))
-        }
+        Some(letter) => Err(ini.refuse(entry, &format!("{expected}, {letter} is missing"))),
     }
 }
 
@@ -287,6 +316,7 @@ struct Values {
     tilt_limit: Option<f64>,
     pyramids: Vec<[Option<[f64; 2]>; 2]>,
     joints: Vec<Joint>,
+    extra: Vec<ExtraAxis>,
     axes: Vec<Axis>,
     units_per_mm: f64,
     speeds: [f64; 4],
@@ -326,7 +356,12 @@ impl Values {
         let clearance = machine(&of_machine::ROD_CLEARANCE, errors);
         let tilt_limit = machine(&of_machine::TILT_LIMIT, errors);
         let joints = errors.each(load.layout.joints(), |n, errors| joint(ini, n, load, errors));
-        let axes = errors.each(AXES.len(), |n, errors| axis(ini, AXES[n], errors));
+        let extra = errors.each(load.extra.len(), |n, errors| extra(ini, n, load, errors));
+        let axes = errors.each(AXES.len(), |n, errors| match load.extra.places().any(|k| k == n) {
+            // The coordinate of an extra axis is none of the tool's.
+            true => Some(Axis::UNLIMITED),
+            false => axis(ini, AXES[n], errors),
+        });
         let units_per_mm = errors.of(units_per_mm(ini));
         let speeds = errors.each(SPEEDS.len(), |n, errors| {
             errors.of(positive(ini, "TRAJ", SPEEDS[n], Some(f64::INFINITY)))
@@ -347,6 +382,7 @@ impl Values {
             tilt_limit: tilt_limit?.filter(|limit| *limit != 0.0),
             pyramids: pyramids?,
             joints: joints?,
+            extra: extra?,
             axes: axes?,
             units_per_mm: units_per_mm?,
             speeds: speeds?.try_into().ok()?,

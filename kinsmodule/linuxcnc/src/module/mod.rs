@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The state between calls, and what LinuxCNC asks of the machine's kinematics.
 
+mod extra;
 mod forward;
 mod freezing;
 mod identity;
@@ -9,6 +10,7 @@ mod report;
 mod seeds;
 mod tool_offset;
 
+pub use extra::World;
 pub use identity::Kind;
 
 use crate::calls::Calls;

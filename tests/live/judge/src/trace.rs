@@ -67,6 +67,9 @@ pub struct RunResult {
     pub error: Option<String>,
 }
 
+/// Most joints of LinuxCNC.
+const MOST_JOINTS: usize = 16;
+
 /// Reads a trace of this machine.
 ///
 /// # Errors
@@ -101,8 +104,9 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
+    /// Joints of legs, table and extra axes.
     fn joints(&self) -> impl Iterator<Item = usize> + use<> {
-        0..self.config.joints.len()
+        0..self.config.joints.len() + self.config.extra.len()
     }
 
     fn struts(&self) -> impl Iterator<Item = usize> {
@@ -127,12 +131,18 @@ impl Columns<'_> {
             return Err(format!("{bad} is no value of a machine that runs"));
         }
         let mut values = row.into_iter();
+        let (time, phase) = (next(&mut values), next(&mut values));
+        let mut pose = placed(&mut values, 0..6);
+        let commands: [f64; MOST_JOINTS] = placed(&mut values, self.joints());
+        let motors: [f64; MOST_JOINTS] = placed(&mut values, self.joints());
+        let passed = self.take_out(&mut pose, &commands);
         let sample = Sample {
-            time: next(&mut values),
-            in_world: next(&mut values) == PROGRAM_PHASE,
-            pose: placed(&mut values, 0..6),
-            joints: placed(&mut values, self.joints()),
-            motors: placed(&mut values, self.joints()),
+            time,
+            in_world: phase == PROGRAM_PHASE,
+            pose,
+            joints: self.own(&commands),
+            motors: self.own(&motors),
+            passed,
             forward: placed(&mut values, 0..6),
             corrections: placed(&mut values, self.struts()),
             tool: placed(&mut values, 0..3),
@@ -144,6 +154,24 @@ impl Columns<'_> {
             return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
         }
         Ok(sample)
+    }
+}
+
+impl Columns<'_> {
+    /// Takes the coordinates of extra axes out of a pose; the largest difference of one from its joint.
+    fn take_out(&self, pose: &mut [f64; 6], joints: &[f64; MOST_JOINTS]) -> f64 {
+        let extra = self.config.extra_axes.places().zip(&joints[self.config.joints.len()..]);
+        let gaps = extra.filter_map(|(place, joint)| {
+            let coordinate = pose.get_mut(place)?;
+            Some((std::mem::take(coordinate) - joint).abs())
+        });
+        gaps.fold(0.0, f64::max)
+    }
+
+    /// Joints of legs and table.
+    fn own(&self, joints: &[f64; MOST_JOINTS]) -> Joints {
+        let count = self.config.joints.len();
+        std::array::from_fn(|i| if i < count { joints[i] } else { 0.0 })
     }
 }
 
@@ -255,6 +283,10 @@ pub fn judge(
     checks.extend(kinematics_checks(config, &world, &offsets)?);
     checks.extend(limit_checks(config, samples, &world, &offsets));
     checks.extend(pose_checks(config, samples, &world, &offsets)?);
+    if !config.extra.is_empty() {
+        let gap = world.iter().map(|sample| sample.passed).fold(0.0, f64::max);
+        checks.push(most("extra axes against their letters", gap, "mm or degrees", 0.0));
+    }
     checks.push(servo_check(config, result));
     Ok(Report { checks })
 }

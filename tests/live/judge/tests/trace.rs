@@ -65,6 +65,7 @@ fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
         pose,
         joints,
         motors: joints,
+        passed: 0.0,
         forward: pose,
         corrections: config.machine.at(&asked, &tool).unwrap().corrections(),
         tool: tool.into(),

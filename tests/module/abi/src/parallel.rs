@@ -196,9 +196,13 @@ impl Parallel {
 
     /// The same with boxes for the start without a seed.
     pub fn loaded_with_boxes(&self, boxes: usize) -> Module {
+        self.loaded_with(&[("boxes", &boxes.to_string())])
+    }
+
+    /// The same with more load parameters.
+    pub fn loaded_with(&self, more: &[(&str, &str)]) -> Module {
         let parameters = self.parameters();
-        let boxes = boxes.to_string();
-        let mut all = vec![("boxes", boxes.as_str())];
+        let mut all = more.to_vec();
         all.extend(parameters.iter().map(|(name, value)| (*name, value.as_str())));
         Module::pkmkins(&all)
     }

@@ -65,6 +65,19 @@ fn round_trip(module: &Module, pose: &Pose, count: usize) -> Pose {
     world
 }
 
+/// The same machine with two extra axes.
+#[test]
+fn nothing_behind_the_last_extra_axis_is_touched() {
+    for subject in subjects() {
+        let module = subject.machine.loaded_with(&[("axes", "UW")]);
+        assert!(subject.machine.apply(&module), "{}", subject.name);
+        let mut pose = (subject.sample)(&mut Random::new(62));
+        [pose[6], pose[8]] = [3.0, -4.0];
+        let found = round_trip(&module, &pose, subject.machine.joints() + 2);
+        assert_eq!([found[6], found[8]], [3.0, -4.0], "{}", subject.name);
+    }
+}
+
 #[test]
 fn nothing_behind_the_last_joint_is_touched_by_the_machine() {
     for subject in subjects() {

@@ -30,6 +30,10 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("coordinates", "X YZ", "X YZ"),
     ("table", "XY", "table"),
     ("table", "Q", "table"),
+    ("axes", "Q", "axes=Q"),
+    ("axes", "UVWU", "axes=UVWU"),
+    ("axes", "U V", "axes=U V"),
+    ("axes", "C", "coordinates="),
     ("boxes", "9", "boxes=9"),
     ("boxes", "many", "boxes=many"),
 ];

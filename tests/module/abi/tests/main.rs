@@ -5,6 +5,7 @@ mod c_header;
 mod connected;
 mod contradiction;
 mod exact_arrays;
+mod extra_axes;
 mod failure;
 mod freezing;
 mod genhexkins;

@@ -48,8 +48,8 @@ pub fn coordinates() -> Vec<String> {
 }
 
 /// Names of the joint values.
-pub fn joint_names(config: &MachineConfig) -> Vec<String> {
-    (0..config.joints.len()).map(|i| format!("joint_{i}")).collect()
+pub fn joint_names(count: usize) -> Vec<String> {
+    (0..count).map(|i| format!("joint_{i}")).collect()
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -60,5 +60,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let joints = config.machine.inverse(&pose, &tool)?;
         Ok(joints[..config.joints.len()].to_vec())
     };
-    answer(&arguments.pose, &coordinates(), &joint_names(&config), reply)
+    answer(&arguments.pose, &coordinates(), &joint_names(config.joints.len()), reply)
 }

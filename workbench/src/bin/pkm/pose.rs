@@ -43,5 +43,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         seed = solution.pose;
         Ok(solution.pose.to_degrees().to_vec())
     };
-    answer(&arguments.joints, &joint_names(&config), &coordinates(), reply)
+    answer(&arguments.joints, &joint_names(config.joints.len()), &coordinates(), reply)
 }

@@ -52,7 +52,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         std::fs::create_dir_all(folder).at(folder)?;
     }
     let mut out = csv::Writer::from_writer(std::io::stdout().lock());
-    let names = [vec!["time".into(), "line".into()], coordinates(), joint_names(&config)];
+    let names =
+        [vec!["time".into(), "line".into()], coordinates(), joint_names(config.joints.len())];
     out.write_record(names.concat())?;
     let mut samples = vec![];
     let mut unwritten = None;
@@ -99,6 +100,7 @@ fn sample(visit: &Visit) -> Sample {
         pose: visit.pose,
         joints: visit.joints,
         motors: visit.joints,
+        passed: 0.0,
         forward: visit.pose,
         corrections: visit.corrections,
         tool: visit.tool,

@@ -107,10 +107,10 @@ fn say_how_far(row: &mut LimitRow) {
 /// Where a drive comes nearest to what LinuxCNC allows it to lag.
 fn following_error(config: &MachineConfig, found: &Preflight) -> Option<LimitRow> {
     let Time::Judged(timing) = &found.time else { return None };
-    let lagging = timing.following_errors.iter().zip(&config.joints);
-    let lagging = lagging.filter(|(peak, _)| peak.limit.is_finite());
-    let (worst, joint) = lagging.max_by(|a, b| a.0.share().total_cmp(&b.0.share()))?;
-    let unit = config.unit(joint.kind);
+    let lagging = timing.following_errors.iter().enumerate();
+    let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
+    let (joint, worst) = lagging.max_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
+    let unit = config.unit_of(joint);
     let meaning = "how far a drive may lag behind its command";
     let mut row = LimitRow {
         part: worst.joint.clone(),

@@ -72,8 +72,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
     let mut out = csv::Writer::from_writer(std::io::stdout().lock());
-    let names =
-        [vec!["time".into(), "line".into()], coordinates(), joint_names(config), view.names()];
+    let names = [
+        vec!["time".into(), "line".into()],
+        coordinates(),
+        joint_names(config.joints.len()),
+        view.names(),
+    ];
     out.write_record(names.concat())?;
     for (stop, rods) in seen {
         let joints = config.machine.inverse(&stop.pose, &stop.tool);

@@ -157,7 +157,7 @@ struct Trace<'a> {
 impl<'a> Trace<'a> {
     fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
         let mut out = csv::Writer::from_writer(Whole::new(file)?);
-        let joints = joint_names(config);
+        let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));
         let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
         let tail = ["tool_x", "tool_y", "tool_z", "feed"].map(String::from);
@@ -166,9 +166,15 @@ impl<'a> Trace<'a> {
     }
 
     fn write(&mut self, row: &Row) -> Result<(), Failure> {
-        let joints = self.config.joints.len();
+        let (joints, extra) = (self.config.joints.len(), self.config.extra.len());
         let time = row.cycle as f64 * self.config.period;
-        let values = row.pose.iter().chain(&row.joints[..joints]).chain(&row.errors[..joints]);
+        let mut pose = row.pose;
+        for (place, value) in self.config.extra_axes.places().zip(row.extra.positions) {
+            pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
+        }
+        let commands = row.joints[..joints].iter().chain(&row.extra.positions[..extra]);
+        let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
+        let values = pose.iter().chain(commands).chain(errors);
         let values = values.chain(&row.tool).chain([&row.feed]).map(f64::to_string);
         self.out
             .write_record([time.to_string(), row.line.to_string()].into_iter().chain(values))?;

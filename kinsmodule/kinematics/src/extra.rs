@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Extra axes: serial joints behind those of legs and table, whose coordinates pass through.
+
+use crate::layout::Layout;
+use crate::letters::Letter;
+use crate::load_error::LoadError;
+
+/// Letters of LinuxCNC's pose, in its order.
+pub const POSE_LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
+
+/// Most extra axes: of nine letters the legs move one at least.
+pub const MAX_EXTRA: usize = POSE_LETTERS.len() - 1;
+
+/// Extra axes, in joint order. Each is a joint whose value is the coordinate of its letter; legs,
+/// table and the pose of the tool know nothing of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExtraAxes {
+    places: [u8; MAX_EXTRA],
+    count: usize,
+}
+
+impl ExtraAxes {
+    /// None.
+    pub const NONE: Self = Self { places: [0; MAX_EXTRA], count: 0 };
+
+    /// From text such as `CW`, upper or lower case, for a machine with this layout.
+    ///
+    /// # Errors
+    /// [`LoadError::AxesWrong`] for what is no letter of a pose or stands twice,
+    /// [`LoadError::AxisTaken`] for a letter that legs or table move.
+    pub fn parse(text: &[u8], layout: &Layout) -> Result<Self, LoadError> {
+        let mut axes = Self::NONE;
+        for character in text {
+            let letter = char::from(character.to_ascii_uppercase());
+            let place = POSE_LETTERS.iter().position(|l| *l == letter);
+            let place = place.ok_or(LoadError::AxesWrong)?;
+            let taken = Letter::ALL.get(place).is_some_and(|letter| !layout.is_held(*letter));
+            if taken {
+                return Err(LoadError::AxisTaken);
+            }
+            if axes.places().any(|known| known == place) {
+                return Err(LoadError::AxesWrong);
+            }
+            *axes.places.get_mut(axes.count).ok_or(LoadError::AxesWrong)? = place as u8;
+            axes.count += 1;
+        }
+        Ok(axes)
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Their places among [`POSE_LETTERS`], in joint order.
+    pub fn places(&self) -> impl Iterator<Item = usize> + '_ {
+        self.places.iter().take(self.count).map(|place| usize::from(*place))
+    }
+
+    /// Their letters, in joint order.
+    pub fn letters(&self) -> impl Iterator<Item = char> + '_ {
+        self.places().filter_map(|place| POSE_LETTERS.get(place)).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::letters::Letters;
+
+    #[test]
+    fn letters_that_nothing_else_moves_are_taken_in_their_order() {
+        let [legs, table] = [&b"ZAB"[..], b"XY"].map(|text| Letters::parse(text).unwrap());
+        let layout = Layout::new(4, legs, table).unwrap();
+        let parsed = |text: &str| ExtraAxes::parse(text.as_bytes(), &layout);
+        let axes = parsed("wcU").unwrap();
+        assert!(axes.letters().eq(['W', 'C', 'U']) && axes.places().eq([8, 5, 6]));
+        assert_eq!(parsed(""), Ok(ExtraAxes::NONE));
+        for text in ["Z", "WA", "X"] {
+            assert_eq!(parsed(text), Err(LoadError::AxisTaken), "{text}");
+        }
+        for text in ["CC", "U W", "Q", "UVWCC"] {
+            assert_eq!(parsed(text), Err(LoadError::AxesWrong), "{text}");
+        }
+    }
+
+    #[test]
+    fn one_coordinate_leaves_eight_letters() {
+        let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
+        assert_eq!(ExtraAxes::parse(b"YZABCUVW", &layout).unwrap().len(), MAX_EXTRA);
+    }
+}
