@@ -12,6 +12,7 @@ makes, and writes them down. One request comes as JSON on standard input:
     parameter_file  scratch copy of the machine's parameter file
     tool_table      the machine's tool table, "" for none
     random_tools    true for a random tool changer
+    extra           letters of axes that move neither tool nor work in space
     calls           true where blocks may call subroutines in files of their own
     spindle         true where the spindle is asked for, which takes half as long again
     chord_error     largest distance of an arc from its segments, millimetres
@@ -25,6 +26,7 @@ millimetres, angles in degrees, rates per minute.
 
     r f p  rapid, feed, probe: line, x y z a b c           uint32, 6 doubles
     F      feed, angular feed of the moves that follow     2 doubles
+    X      in the next move an extra axis turns, or moves along with the tool
     T      tool offset x y z from here on                  3 doubles
     S      spindle from here on: ? not known, 0 stands,    1 byte, 1 double
            1 turns, 2 at a constant surface speed; its speed
@@ -54,6 +56,7 @@ except ImportError as error:
     raise SystemExit(f"LinuxCNC's interpreter is missing ({error}); install linuxcnc-uspace")
 
 AXES = "XYZABCUVW"
+ROTARY = {3, 4, 5}
 # The module `gcode` hands over lengths in inches, whatever the program says.
 MM = 25.4
 # Codes in the interpreter's state: G21, M61, G95, and motion that follows the spindle.
@@ -211,6 +214,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.feed = self.angular_feed = 0.0
         self.rates = self.unfed = None
         self.asks_spindle = request["spindle"]
+        self.extra = {AXES.index(letter) for letter in request["extra"]}
         self.spindle = self.turning = None
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
@@ -258,6 +262,8 @@ class Canon(Translated, ArcsToSegmentsMixin):
 
     def move(self, kind, end):
         """One straight move from the last point to `end` (inches, degrees)."""
+        if self.extra:
+            self.see_extra(end)
         self.lo = end
         self.moves += 1
         if self.moves > self.most_moves:
@@ -269,6 +275,11 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.waiting.append(MOVE(kind, self.line, (x + dx) * MM, (y + dy) * MM, (z + dz) * MM, a + da, b + db, c + dc))
         if len(self.waiting) > WAITING:
             self.write(self.state)
+
+    def see_extra(self, end):
+        moved = {axis for axis, (there, here) in enumerate(zip(end, self.lo)) if there != here}
+        if moved & ROTARY & self.extra or (moved & self.extra and moved - self.extra):
+            self.waiting.append(b"X")
 
     def write(self, state):
         """Writes what waits; `state` is the one after its block."""

@@ -114,6 +114,7 @@ fn the_path_of_moves_goes_by_its_length() {
         angular_feed: 0.0,
         tool: [0.0; 3],
         file: 0,
+        extra: false,
         spindle: Spindle::Unknown,
     };
     let mut ends = [config.home; 3];

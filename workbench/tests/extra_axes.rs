@@ -86,6 +86,20 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
 }
 
 #[test]
+fn moves_in_which_the_work_turns_or_goes_along_with_the_tool_are_marked() {
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    let lines = ["G0 C90", "G0 W300", "G1 F500 Z990", "G1 Z980 W310", "G1 W320", "G1 C0", "G1 X-1"];
+    std::fs::write(&file, format!("G21 G90\n{}\nM2\n", lines.join("\n"))).unwrap();
+    let moves = interpreter::moves(&config(LATHE), file.path(), None).unwrap();
+    let marked: Vec<u32> = moves.iter().filter(|step| step.extra).map(|step| step.line).collect();
+    assert_eq!(marked, [2, 5, 7]);
+    let end = moves.last().expect("moves").end;
+    // Lengths come in inches.
+    let gaps = end.iter().zip([-1.0, 450.0, 980.0, 0.0, 0.0, 0.0]).map(|(a, b)| (a - b).abs());
+    assert!(gaps.fold(0.0, f64::max) < 1e-9, "{end:?}");
+}
+
+#[test]
 fn letters_that_are_no_axis_of_the_machine_are_refused() {
     let options = Options::default();
     let refused = run_text(LATHE, "G21 G90\nG0 U10\nM2\n", &options).unwrap();

@@ -26,6 +26,7 @@ fn rapid(line: u32, end: [f64; 6]) -> Move {
         angular_feed: 0.0,
         tool: [0.0; 3],
         file: 0,
+        extra: false,
         spindle: Spindle::Unknown,
     }
 }

@@ -238,6 +238,7 @@ impl<'a> Writer<'a> {
             angular_feed: feed / 60.0,
             tool: self.tool,
             file: 0,
+            extra: false,
             spindle: Spindle::Unknown,
         });
     }

@@ -71,6 +71,8 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
+    /// Whether an extra axis turns in it, or moves along with the tool.
+    pub extra: bool,
     /// The spindle during the move, where [`with_spindle`] asked for it.
     pub spindle: Spindle,
 }
@@ -111,6 +113,7 @@ struct Request {
     parameter_file: PathBuf,
     tool_table: PathBuf,
     random_tools: bool,
+    extra: String,
     calls: bool,
     spindle: bool,
     chord_error: f64,
@@ -250,6 +253,7 @@ impl<'a, R: Read> Records<'a, R> {
                 angular_feed: 0.0,
                 tool: [0.0; 3],
                 file: 0,
+                extra: false,
                 spindle: Spindle::default(),
             },
         }
@@ -260,7 +264,11 @@ impl<'a, R: Read> Records<'a, R> {
         loop {
             let [kind] = self.bytes()?;
             match kind {
-                b'r' | b'f' | b'p' => see(self.step(kind)?),
+                b'r' | b'f' | b'p' => {
+                    see(self.step(kind)?);
+                    self.next.extra = false;
+                }
+                b'X' => self.next.extra = true,
                 b'F' => {
                     let [feed, angular_feed] = self.numbers()?;
                     self.next.feed = feed * units / 60.0;
@@ -392,6 +400,7 @@ fn request(
         parameter_file,
         tool_table: absolute(config.program.tool_table.as_deref())?,
         random_tools: config.program.random_tools,
+        extra: config.extra_axes.letters().collect(),
         spindle: false,
         chord_error: CHORD_ERROR_MM,
         most_moves: patience.moves,

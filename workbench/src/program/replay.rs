@@ -505,6 +505,7 @@ mod tests {
             angular_feed: 0.0,
             tool,
             file: 0,
+            extra: false,
             spindle: Spindle::Unknown,
         }
     }

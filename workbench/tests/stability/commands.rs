@@ -333,6 +333,33 @@ fn a_cut_whose_spindle_speed_is_not_known_is_refused_with_its_line_and_nothing_i
     }
 }
 
+/// The work turns, or goes along with the tool: the feed of the tool is not what it cuts with.
+#[test]
+fn a_cut_in_which_an_extra_axis_moves_is_refused_with_its_line() {
+    let study = format!("{DELTA}depth_mm = 0.01\n");
+    let joint = "TYPE = ANGULAR\nMIN_LIMIT = -999\nMAX_LIMIT = 999\nMAX_VELOCITY = 90\n\
+                 MAX_ACCELERATION = 900\nHOME_SEQUENCE = 0\n";
+    let axes =
+        format!("[JOINT_3]\n{joint}[JOINT_4]\n{joint}[AXIS_C]\n{joint}[AXIS_W]\n{joint}[HAL]\n");
+    for (program, words) in [
+        ("G1 X1 F60\nG1 X2 C90\n", "line 3: an extra axis moves in the cut"),
+        ("G1 X1 F60\nG1 C90\n", "line 3: an extra axis moves in the cut"),
+        ("G1 X1 F60\nG1 X2 W5\n", "line 3: an extra axis moves in the cut"),
+        ("G1 X1 F60\nG1 W5\nG0 X0 C90 W0\nG1 X1\n", "1 places on 2 feed moves"),
+    ] {
+        let program = format!("S9000 M3\n{program}M2\n");
+        let bench = Bench::new().with("study.toml", &study).with("part.ngc", &program);
+        let bench = bench
+            .spoilt("coordinates=XYZ", "coordinates=XYZ axes=CW")
+            .spoilt("JOINTS = 3", "JOINTS = 5")
+            .spoilt("COORDINATES = XYZ\n", "COORDINATES = XYZCW\n")
+            .spoilt("[HAL]\n", &axes);
+        let answer =
+            bench.answer("stability program linear-delta.ini part.ngc study.toml --places 1", "");
+        says(&answer, 2, &[words]);
+    }
+}
+
 #[test]
 fn a_line_that_cuts_at_several_speeds_is_judged_at_each_and_has_no_single_chip() {
     let study = format!("{DELTA}depth_mm = 0.01\n");

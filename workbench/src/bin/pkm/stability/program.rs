@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stability program`.
 
-use super::super::failure::Failure;
+use super::super::failure::{Failure, refused};
 use super::super::{Bar, MachineFile, Verdict, in_words};
 use super::{Format, Speeds, setup};
 use kinematics::Pose;
@@ -9,7 +9,7 @@ use pkm::cut::program;
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_path;
 use pkm::files::{Locate, csv, write_whole};
-use pkm::program::interpreter::{self, Move, Spindle};
+use pkm::program::interpreter::{self, Move, MoveKind, Spindle};
 use pkm::read::machine::MachineConfig;
 use pkm::stability::path::{Best, Depth, Path, Stop};
 use pkm::study::file::Study;
@@ -150,11 +150,19 @@ fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, us
 }
 
 impl Job {
-    /// The program's moves at its spindle speeds, or all at the one that is given.
+    /// The program's moves at its spindle speeds, or all at the one that is given. Refused where an extra
+    /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
     pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
         // Told before the interpreter, in the system's words.
         std::fs::File::open(&self.program).at(&self.program)?;
         let mut moves = interpreter::with_spindle(config, &self.program)?;
+        if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
+            let (file, line) = (self.program.display(), step.line);
+            return Err(refused(format!(
+                "{file}: line {line}: an extra axis moves in the cut: what the tool does to the work is not \
+                 known there"
+            )));
+        }
         if let Some(rpm) = self.rpm {
             moves.iter_mut().for_each(|step| step.spindle = Spindle::Turning(rpm));
         }
