@@ -67,14 +67,14 @@ class Config:
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
         # Without those of axes that move neither tool nor work in space.
         passed = re.search(r"\baxes=(\S*)", self.value("KINS", "KINEMATICS"))
-        self.letters = [letter for letter in LETTERS
-                        if letter in coordinates and letter not in (passed[1] if passed else "")]
+        passed = passed[1].upper() if passed else ""
+        self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in passed]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
         self.home = dict(zip(LETTERS, home + [0.0] * 6))
         self.low, self.high, self.fastest = ({
             letter: float(self.value(f"AXIS_{letter}", key)) for letter in self.letters}
             for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
-        self.joints = int(self.value("KINS", "JOINTS"))
+        self.joints = int(self.value("KINS", "JOINTS")) - len(passed)  # of legs and table
         self.speed = float(self.value("TRAJ", "MAX_LINEAR_VELOCITY"))
         self.acceleration = float(self.value("TRAJ", "MAX_LINEAR_ACCELERATION"))
         inch = self.value("TRAJ", "LINEAR_UNITS") == "inch"
