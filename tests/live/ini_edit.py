@@ -22,6 +22,12 @@ def value(text, section, key, default=None):
     return default
 
 
+def extra_letters(text):
+    """Letters of the axes that pass their coordinate through; their joints are the last ones."""
+    found = re.search(r"\baxes=(\S*)", value(text, "KINS", "KINEMATICS"))
+    return found[1].upper() if found else ""
+
+
 def _edited_lines(lines, edit):
     first, end = _section(lines, edit["section"])
     if edit.get("remove"):

@@ -66,8 +66,7 @@ class Config:
         self.text = self.file.read_text()
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
         # Without those of axes that move neither tool nor work in space.
-        passed = re.search(r"\baxes=(\S*)", self.value("KINS", "KINEMATICS"))
-        passed = passed[1].upper() if passed else ""
+        passed = ini_edit.extra_letters(self.text)
         self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in passed]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
         self.home = dict(zip(LETTERS, home + [0.0] * 6))

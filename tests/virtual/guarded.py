@@ -60,8 +60,9 @@ def run(job):
     with tempfile.TemporaryDirectory(prefix="pkmkins-guard-") as scratch:
         folder = Path(scratch)
         text = (shipped / f"{name}.ini").read_text()
-        limits = [speed * float(ini_edit.value(text, f"JOINT_{n}", "MAX_VELOCITY"))
-                  for n in range(int(ini_edit.value(text, "KINS", "JOINTS")))]
+        # The guard watches legs and table; an extra axis may not be faster than its joint.
+        joints = int(ini_edit.value(text, "KINS", "JOINTS")) - len(ini_edit.extra_letters(text))
+        limits = [speed * float(ini_edit.value(text, f"JOINT_{n}", "MAX_VELOCITY")) for n in range(joints)]
         period = 1e-9 * float(ini_edit.value(text, "EMCMOT", "SERVO_PERIOD"))
         ini, program, trace = folder / f"{name}.ini", folder / "random.ngc", folder / "trace.csv"
         ini.write_text(ini_edit.edited(text, [
