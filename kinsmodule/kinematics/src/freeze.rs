@@ -209,16 +209,19 @@ impl Frozen<'_> {
 impl<const N: usize> Mechanism<N> {
     /// Bounds of the platform anchors' derivatives in the chart with `angles` active angles.
     fn bound_anchors(&mut self, angles: usize) {
-        // On the group |ω × b| ≤ |ω||b|; each angle of its own adds a rotation of its own.
-        let m = match self.chart {
-            Chart::Group => 1.0,
-            Chart::Angles => angles as f64,
-            Chart::Level => 0.0,
+        // Axes of two angles are square to each other: the platform turns at |ω| = |(α', β')|, and
+        // with both axes and their normal as a frame an anchor's second derivative is its arm times
+        // [[-β'², 0, 0], [2 α'β', -α'², 0], [0, 0, -1]], α'² + β'² = 1, whose norm is (1 + √2)/2 at most.
+        let (turn, bend) = match self.chart {
+            Chart::Group => (1.0, 1.0),
+            Chart::Angles if angles == 1 => (1.0, 1.0),
+            Chart::Angles => (1.0, (1.0 + core::f64::consts::SQRT_2) / 2.0),
+            Chart::Level => (0.0, 0.0),
         };
         for i in 0..N {
             let arm = self.arms.get(i).norm() / self.radius;
-            self.s1[i] = sqrt(1.0 + m * arm * arm);
-            self.s2[i] = m * arm / self.radius;
+            self.s1[i] = sqrt(1.0 + turn * arm * arm);
+            self.s2[i] = bend * arm / self.radius;
         }
     }
 
@@ -326,15 +329,20 @@ mod tests {
 
     #[test]
     fn bounds_of_the_anchors_are_those_of_the_chart_at_numbers_by_hand() {
-        // A radius of √((4 + 4 + 16 + 16)/6); angles of their own turn one after the other.
+        // A radius of √((4 + 4 + 16 + 16)/6); the axis of the one of two angles turns with the other.
         let radius_squared = 40.0 / 6.0;
-        for (coordinates, turns) in [("XYZABC", 1.0), ("XYZAB", 2.0), ("XYZB", 1.0), ("XYZ", 0.0)] {
+        for (coordinates, turns, bends) in [
+            ("XYZABC", 1.0, 1.0),
+            ("XYZAB", 1.0, 1.207_106_781_186_547_5),
+            ("XYZB", 1.0, 1.0),
+            ("XYZ", 0.0, 0.0),
+        ] {
             let machine = frozen::<6>(&struts_to(PLATFORM), coordinates, None).expect("a machine");
             // Some roundings of numbers below 10.
             assert!((machine.radius * machine.radius - radius_squared).abs() < 1e-14);
             for (i, arm) in [2.0, 2.0, 4.0, 4.0, 0.0, 0.0].into_iter().enumerate() {
                 let s1 = sqrt(1.0 + turns * arm * arm / radius_squared);
-                let s2 = turns * arm / radius_squared;
+                let s2 = bends * arm / radius_squared;
                 assert!((machine.s1[i] - s1).abs() < 1e-14, "{coordinates} {i}");
                 assert!((machine.s2[i] - s2).abs() < 1e-14, "{coordinates} {i}");
             }
