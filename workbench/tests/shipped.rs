@@ -7,11 +7,12 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 8] = [
+pub const MACHINES: [&str; 9] = [
     "four-rod-lathe",
     "hexapod",
     "lab-hexapod",
     "linear-delta",
+    "pentapod",
     "pyramid",
     "rotary-delta",
     "six-rod-lathe",

@@ -15,6 +15,7 @@ use crate::nut::Nut;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
 use crate::pseudo_inverse::PseudoInverse;
+use crate::rings::Rings;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -66,6 +67,7 @@ impl Frozen<'_> {
             reference,
             offset: core::array::from_fn(|i| *self.offset.get(self.lane(i)).unwrap_or(&0.0)),
             nut: self.nut()?,
+            rings: None,
             size,
             radius,
             per_radius: 1.0 / radius,
@@ -78,6 +80,10 @@ impl Frozen<'_> {
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
             mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
+        let radii = core::array::from_fn(|i| leg(i).kind.ring_radius());
+        let per_radius = if chart == Chart::Level { 0.0 } else { mechanism.per_radius };
+        mechanism.rings = Rings::new(radii, &mechanism.arms, per_radius);
+        mechanism.moving |= mechanism.rings.is_some();
         // What the legs move no table does: these are all joints.
         mechanism.plain = layout.legs() == N && active == [true; 6] && !mechanism.moving;
         self.refuse_far(size)?;
@@ -145,11 +151,16 @@ impl Frozen<'_> {
         Ok(())
     }
 
-    /// Root mean square distance of the platform anchors from their centroid.
+    /// Root mean square distance of the platform anchors from their centroid. A ring of radius r,
+    /// whose centre counts for that, adds r (r + |b|), b its base anchor: its strut bends by the square
+    /// of the way to there over the square of this radius (module `certificate`).
     fn radius(&self, centroid: &Vector3<f64>, size: f64, chart: Chart) -> Result<f64, Fault> {
         let legs = self.geometry.legs();
         let arm = |i: usize| Vector3::from(self.geometry.lane(i).platform) - centroid;
-        let sum = (0..legs.len()).fold(0.0, |sum, i| sum + arm(i).norm_squared());
+        let ring = |i: usize| self.geometry.lane(i).kind.ring_radius();
+        let base = |i: usize| Vector3::from(self.geometry.lane(i).base).norm();
+        let square = |i: usize| arm(i).norm_squared() + ring(i) * (ring(i) + base(i));
+        let sum = (0..legs.len()).fold(0.0, |sum, i| sum + square(i));
         let radius = sqrt(sum / legs.len() as f64);
         let is_point = !(radius > SAME_POINT * size);
         if chart == Chart::Level {
@@ -168,7 +179,8 @@ impl Frozen<'_> {
         Ok(radius)
     }
 
-    /// Two equal legs constrain the same motion twice; of struts, the anchors tell.
+    /// Two equal legs constrain the same motion twice; of struts that end at points, the anchors
+    /// tell.
     fn refuse_coincident(&self, size: f64) -> Result<(), Fault> {
         let legs = self.geometry.legs();
         let apart = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm();
@@ -219,7 +231,10 @@ impl<const N: usize> Mechanism<N> {
             Chart::Level => (0.0, 0.0),
         };
         for i in 0..N {
-            let arm = self.arms.get(i).norm() / self.radius;
+            let arm = match &self.rings {
+                Some(rings) => rings.farthest(i),
+                None => self.arms.get(i).norm(),
+            } / self.radius;
             self.s1[i] = sqrt(1.0 + turn * arm * arm);
             self.s2[i] = bend * arm / self.radius;
         }

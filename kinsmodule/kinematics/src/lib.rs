@@ -38,6 +38,7 @@ mod nut;
 mod placed;
 mod pose;
 mod pseudo_inverse;
+mod rings;
 mod segment;
 mod side;
 mod singular;

@@ -301,7 +301,7 @@ fn directions_of_any_length_are_the_same_guide_and_axis() {
         let longer = changed_legs(&case.geometry, |_, leg| match &mut leg.kind {
             LegKind::Slider(slider) => slider.guide = slider.guide.map(|v| 1e200 * v),
             LegKind::Crank(crank) => crank.axis = crank.axis.map(|v| 1e-200 * v),
-            LegKind::Strut(_) => panic!("no struts here"),
+            LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
         });
         let (a, b) = (case.joints(&case.home), Machine::freeze(&longer, &NO_OFFSET).unwrap());
         let b = b.inverse(&case.home, &NO_TOOL).unwrap();
@@ -361,7 +361,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
             let fault = fault_of(&case.geometry, 2, |leg| match &mut leg.kind {
                 LegKind::Slider(slider) => slider.rod = rod,
                 LegKind::Crank(crank) => crank.rod = rod,
-                LegKind::Strut(_) => panic!("no struts here"),
+                LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
             });
             (fault.cause, fault.number())
         };
@@ -373,7 +373,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
         let shortest = match case.geometry.legs()[2].kind {
             LegKind::Slider(_) => span.xy().norm(),
             LegKind::Crank(_) => span.norm() - 10.0,
-            LegKind::Strut(_) => panic!("no struts here"),
+            LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
         };
         assert!(joints[2].is_finite() && shortest > 0.0);
         assert_eq!(named(0.999 * shortest), (Cause::OutOfReach, Some(2)), "{}", case.name);

@@ -13,7 +13,7 @@ fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
     let segments = *case.machine.at(pose, &NO_TOOL).unwrap().segments();
     let joints = case.joints(pose);
     let drive = |i: usize| match case.geometry.legs()[i].kind {
-        LegKind::Strut(_) => f64::INFINITY,
+        LegKind::Strut(_) | LegKind::Ring(_) => f64::INFINITY,
         _ => {
             let along = (segments[i].platform - segments[i].base).normalize();
             along.dot(&rod(&case.geometry.legs()[i], joints[i]).onwards)
@@ -28,7 +28,7 @@ fn moved(from: &Pose, along: &Vector3<f64>, by: f64) -> Pose {
 }
 
 /// The last pose of a walk away from home that inverse accepts, the first refusal of a rod
-/// and what lies beyond it; `None` where another leg kind refuses.
+/// and what lies beyond it; `None` where another leg kind refuses, or nothing in the end.
 fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     let mut by = 0.0;
     let mut refused = None;
@@ -45,7 +45,7 @@ fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     }
     let first = refused?;
     let far = moved(&case.home, along, by + 20.0 * case.machine.size());
-    let beyond = case.machine.inverse(&far, &NO_TOOL).unwrap_err();
+    let beyond = case.machine.inverse(&far, &NO_TOOL).err()?;
     Some((moved(&case.home, along, by), first, beyond))
 }
 

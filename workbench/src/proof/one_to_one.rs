@@ -347,6 +347,14 @@ impl<'a> Prover<'a> {
                 let angle = Jet::angle(b, a) + Jet::angle(root, t) * side;
                 angle * Jet::constant(1.0 / RADIANS)
             }
+            LegKind::Ring(ring) => {
+                let axis: [Jet; 3] = std::array::from_fn(|n| rotation[n][2]);
+                let height = dot(&anchor, &axis);
+                // From the axis; its square is what the height leaves of that of the whole.
+                let across: [Jet; 3] = std::array::from_fn(|n| anchor[n] - axis[n] * height);
+                let beside = dot(&across, &across).sqrt() - Jet::constant(ring.radius);
+                (beside.squared() + height.squared()).sqrt()
+            }
         }
     }
 }
@@ -473,11 +481,12 @@ mod tests {
     use rand_pcg::Pcg64;
     use std::path::Path;
 
-    const MACHINES: [&str; 8] = [
+    const MACHINES: [&str; 9] = [
         "four-rod-lathe",
         "hexapod",
         "lab-hexapod",
         "linear-delta",
+        "pentapod",
         "pyramid",
         "rotary-delta",
         "six-rod-lathe",
