@@ -58,8 +58,9 @@ impl<const N: usize> Rings<N> {
     pub fn turn(&self, rotation: &Matrix3<f64>, placed: &mut Placed<N>) {
         for i in (0..N).step_by(2) {
             let seen = self.seen(rotation, placed, i);
-            // A ring of radius 0 has no direction to turn to, and needs none.
-            let share = pair(&self.radius, i) / seen.rho.fast_max(both(f64::MIN_POSITIVE));
+            // Where the axis runs through the base anchor there is no direction to turn to.
+            let share =
+                seen.rho.simd_gt(both(0.0)).select(pair(&self.radius, i) / seen.rho, both(0.0));
             let arm = sum(&seen.centre, &scaled(&seen.outward, share));
             placed.arms.put(i, arm);
             placed.put(i, core::array::from_fn(|k| arm[k] - seen.base[k]));
@@ -80,10 +81,10 @@ impl<const N: usize> Rings<N> {
         let axis = wide(&axis_of(&place.rotation));
         for i in (0..N).step_by(2) {
             let seen = self.seen(&place.rotation, placed, i);
-            let rho = seen.rho.fast_max(both(f64::MIN_POSITIVE));
-            let along = scaled(&cross(&axis, &seen.outward), both(1.0) / rho);
+            let per_rho = seen.rho.simd_gt(both(0.0)).select(both(1.0) / seen.rho, both(0.0));
+            let along = scaled(&cross(&axis, &seen.outward), per_rho);
             let speed = dot(&along, &sum(&wide(v), &cross(&wide(omega), &seen.base)));
-            let taken = pair(&self.radius, i) / rho * speed * speed * placed.curved(i);
+            let taken = pair(&self.radius, i) * per_rho * speed * speed * placed.curved(i);
             put(second, i, pair(second, i) - taken);
         }
     }
@@ -206,6 +207,15 @@ mod tests {
             assert_eq!((fault.cause, fault.number()), (Cause::AxisAtAnchor, Some(1)));
             assert!(fault.value == rho || rho.is_nan(), "{fault}");
         }
+    }
+
+    #[test]
+    fn an_axis_through_the_base_anchor_leaves_numbers_and_is_refused() {
+        let bases = [[0.0, 0.0, -2.0], [7.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
+        let placed = legs(bases, &Matrix3::identity());
+        assert_eq!((placed.rho[0], placed.length[0]), (0.0, 3.0));
+        let fault = rings().refuse_within(&placed, 4).expect_err("no direction to turn to");
+        assert_eq!(fault, Fault::of_leg(Cause::AxisAtAnchor, 0, 0.0));
     }
 
     #[test]

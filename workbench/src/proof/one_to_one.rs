@@ -348,12 +348,15 @@ impl<'a> Prover<'a> {
                 angle * Jet::constant(1.0 / RADIANS)
             }
             LegKind::Ring(ring) => {
-                let axis: [Jet; 3] = std::array::from_fn(|n| rotation[n][2]);
-                let height = dot(&anchor, &axis);
-                // From the axis; its square is what the height leaves of that of the whole.
-                let across: [Jet; 3] = std::array::from_fn(|n| anchor[n] - axis[n] * height);
-                let beside = dot(&across, &across).sqrt() - Jet::constant(ring.radius);
-                (beside.squared() + height.squared()).sqrt()
+                // From base anchor to ring, as the platform sees it: its own arm does not turn there.
+                let from_base: [Jet; 3] =
+                    std::array::from_fn(|n| platform.point[n] - Jet::constant(leg.base[n]));
+                let [x, y, height]: [Jet; 3] = std::array::from_fn(|k| {
+                    let axis: [Jet; 3] = std::array::from_fn(|n| rotation[n][k]);
+                    dot(&from_base, &axis) + Jet::constant(leg.platform[k] - centre[k])
+                });
+                let rho = (x.squared() + y.squared()).sqrt();
+                ((rho - Jet::constant(ring.radius)).squared() + height.squared()).sqrt()
             }
         }
     }

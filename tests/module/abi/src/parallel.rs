@@ -234,11 +234,16 @@ impl Parallel {
         module.is_on("geometry-ok") && !module.is_on("geometry-changed")
     }
 
-    /// Sets every pin of the geometry.
-    pub fn wire(&self, module: &Module) {
+    /// Sets the pins of every leg.
+    pub fn wire_legs(&self, module: &Module) {
         for (n, leg) in self.legs.iter().enumerate() {
             wire_leg(module, n, leg);
         }
+    }
+
+    /// Sets every pin of the geometry.
+    pub fn wire(&self, module: &Module) {
+        self.wire_legs(module);
         for (letter, value) in LETTERS.into_iter().zip(self.centre) {
             module.set(&format!("centre.{letter}"), value);
         }
