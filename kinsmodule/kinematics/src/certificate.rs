@@ -127,8 +127,8 @@ fn curvature<const N: usize>(
     }
     let curved = both(1.0) / shortest;
     let mut of_square = s1 * s1;
-    if let Some(rings) = &machine.rings {
-        of_square = of_square.fast_max(slipping(rings, placed, i, rho, motion)?);
+    if let Some(rings) = machine.rings() {
+        of_square = of_square.fast_max(slipping(&rings, placed, i, rho, motion)?);
     }
     let of_length = of_square * curved + s2;
     let (Some(nut), Some(torsion)) = (&machine.nut, torsion) else { return Ok(of_length) };
@@ -142,7 +142,7 @@ fn curvature<const N: usize>(
 /// What takes the place of s₁² where the platform anchors of legs `i` and `i + 1` slide.
 #[cold]
 fn slipping<const N: usize>(
-    rings: &Rings<N>,
+    rings: &Rings<'_, N>,
     placed: &Placed<N>,
     i: usize,
     rho: f64,
@@ -188,7 +188,7 @@ pub(crate) fn leg_chord_deviation<const N: usize>(
 ) -> f64 {
     let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
     let mut square = travel * travel;
-    if let Some(rings) = &machine.rings {
+    if let Some(rings) = machine.rings() {
         let ring = rings.widened(placed, i, 0.0, travel);
         square *= ring.map_or(f64::INFINITY, |ring| ring.ratio.max(1.0));
     }
@@ -219,7 +219,7 @@ pub(crate) fn row_change<const N: usize>(
             return f64::INFINITY;
         }
         let mut speed = s1;
-        if let Some(rings) = &machine.rings {
+        if let Some(rings) = machine.rings() {
             let Some(ring) = rings.widened(placed, i, rho, travel) else { return f64::INFINITY };
             speed += ring.ratio * ring.speed;
         }
@@ -398,7 +398,7 @@ pub(crate) mod tests {
         let (mut machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
         (machine.s1, machine.s2) = ([2.0; 6], [0.25; 6]);
         machine.present = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
-        machine.rings = None;
+        machine.slides = false;
         let anchors = machine.base;
         let placed = Placed { length, ..machine.placed(&anchors, &place) };
         let twice: [_; 6] =
@@ -511,8 +511,7 @@ pub(crate) mod tests {
         // Base anchors 24 and 0 from the reference point, 13 from the axis of the first one's ring of
         // radius 3; the other leg has none.
         let radii = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let rings = Rings::new(radii, &machine.arms, 0.2).expect("one ring");
-        let machine = Mechanism { rings: Some(rings), ..machine };
+        let machine = Mechanism { ring: radii, slides: true, per_radius: 0.2, ..machine };
         let mut placed = Placed { rho: [13.0; 6], ..placed };
         placed.arms.set(0, Vector3::new(0.0, 24.0, 0.0));
         placed.span.set(0, Vector3::zeros());
@@ -557,7 +556,7 @@ pub(crate) mod tests {
                 let Some((machine, place)) = machine(&mut rng, coordinates, false) else {
                     continue;
                 };
-                let (Ok(joints), Some(rings)) = (machine.joints_at(&place), &machine.rings) else {
+                let (Ok(joints), Some(rings)) = (machine.joints_at(&place), machine.rings()) else {
                     continue;
                 };
                 let anchors = machine.moved_anchors(&joints).unwrap();

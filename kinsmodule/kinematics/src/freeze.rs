@@ -15,7 +15,6 @@ use crate::nut::Nut;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
 use crate::pseudo_inverse::PseudoInverse;
-use crate::rings::Rings;
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -67,7 +66,8 @@ impl Frozen<'_> {
             reference,
             offset: core::array::from_fn(|i| *self.offset.get(self.lane(i)).unwrap_or(&0.0)),
             nut: self.nut()?,
-            rings: None,
+            ring: core::array::from_fn(|i| leg(i).kind.ring_radius()),
+            slides: false,
             size,
             radius,
             per_radius: 1.0 / radius,
@@ -80,10 +80,8 @@ impl Frozen<'_> {
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
             mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
-        let radii = core::array::from_fn(|i| leg(i).kind.ring_radius());
-        let per_radius = if chart == Chart::Level { 0.0 } else { mechanism.per_radius };
-        mechanism.rings = Rings::new(radii, &mechanism.arms, per_radius);
-        mechanism.moving |= mechanism.rings.is_some();
+        mechanism.slides = mechanism.ring.iter().any(|radius| *radius > 0.0);
+        mechanism.moving |= mechanism.slides;
         // What the legs move no table does: these are all joints.
         mechanism.plain = layout.legs() == N && active == [true; 6] && !mechanism.moving;
         self.refuse_far(size)?;
@@ -231,7 +229,7 @@ impl<const N: usize> Mechanism<N> {
             Chart::Level => (0.0, 0.0),
         };
         for i in 0..N {
-            let arm = match &self.rings {
+            let arm = match self.rings() {
                 Some(rings) => rings.farthest(i),
                 None => self.arms.get(i).norm(),
             } / self.radius;
@@ -242,6 +240,14 @@ impl<const N: usize> Mechanism<N> {
 
     /// Checks the reference pose and fixes the fold of the nut correction there.
     fn settle_at(&mut self, home: [f64; 6]) -> Result<(), Fault> {
+        let place = self.place_of(home)?;
+        self.refuse_free_at(&place)
+    }
+
+    /// Where the reference pose puts the platform, with the fold fixed there. A call of its own: its
+    /// stack is free again for what follows.
+    #[inline(never)]
+    fn place_of(&mut self, home: [f64; 6]) -> Result<Place, Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
         let pose = self
@@ -261,7 +267,7 @@ impl<const N: usize> Mechanism<N> {
         {
             return Err(doubt);
         }
-        self.refuse_free_at(&place)
+        Ok(place)
     }
 
     /// Fixes the fold of the nut correction at a pose that is no reference pose.
@@ -289,10 +295,19 @@ impl<const N: usize> Mechanism<N> {
         Ok(spans)
     }
 
+    /// The legs at a place, from where their joints put the moving base anchors. A call of its own, as
+    /// [`Self::place_of`].
+    #[inline(never)]
+    fn place_driven(&self, place: &Place, placed: &mut Placed<N>) -> Result<(), Fault> {
+        let anchors = self.moved_anchors(&self.joints_at(place)?)?;
+        self.place(&anchors, place, placed);
+        Ok(())
+    }
+
     /// Refuses a layout whose legs leave the platform free at `place`.
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
-        let anchors = self.moved_anchors(&self.joints_at(place)?)?;
-        let placed = self.placed(&anchors, place);
+        let mut placed = Placed::ZERO;
+        self.place_driven(place, &mut placed)?;
         let torsion = self.torsion(&placed.directions(), &place.rotation)?;
         let columns = self.charted_rows(&placed, torsion.as_ref(), place);
         let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;

@@ -242,7 +242,7 @@ impl<const N: usize> Mechanism<N> {
 
     /// Refuses base anchors too near to the tool axis for their rings.
     pub(crate) fn refuse_within_rings(&self, placed: &Placed<N>) -> Result<(), Fault> {
-        self.rings.as_ref().map_or(Ok(()), |rings| rings.refuse_within(placed, self.count()))
+        self.rings().map_or(Ok(()), |rings| rings.refuse_within(placed, self.count()))
     }
 
     /// Joint values of the legs at a place.

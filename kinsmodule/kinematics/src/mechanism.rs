@@ -63,8 +63,10 @@ pub(crate) struct Mechanism<const N: usize> {
     /// Joint = native value + correction − offset.
     pub offset: [f64; N],
     pub nut: Option<Nut<N>>,
-    /// Where platform anchors slide.
-    pub rings: Option<Rings<N>>,
+    /// Radii of the rings that platform anchors slide on; 0 for a point.
+    pub ring: [f64; N],
+    /// Whether any of them slides.
+    pub slides: bool,
     /// Largest length of the geometry, see [`Machine::size`].
     pub size: f64,
     /// Root mean square distance of the platform anchors from their centroid.
@@ -86,6 +88,16 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.layout.legs().min(N)
+    }
+
+    /// Where platform anchors slide; `None` where none does.
+    #[inline(always)]
+    pub fn rings(&self) -> Option<Rings<'_, N>> {
+        if !self.slides {
+            return None;
+        }
+        let per_radius = if self.chart == Chart::Level { 0.0 } else { self.per_radius };
+        Some(Rings { radius: &self.ring, centre: &self.arms, per_radius })
     }
 
     /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
@@ -169,7 +181,7 @@ impl<const N: usize> Mechanism<N> {
             placed.arms.put(i, arm);
             placed.put(i, span);
         }
-        if let Some(rings) = &self.rings {
+        if let Some(rings) = self.rings() {
             rings.turn(&place.rotation, placed);
         }
     }

@@ -10,13 +10,13 @@ use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
 /// The rings of a machine; those of legs that end at a point have radius 0.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Rings<const N: usize> {
-    radius: [f64; N],
+#[derive(Clone, Copy)]
+pub(crate) struct Rings<'a, const N: usize> {
+    pub radius: &'a [f64; N],
     /// Their centres about the reference point, in the platform frame.
-    centre: Lanes3<N>,
+    pub centre: &'a Lanes3<N>,
     /// 1 over the platform radius, and 0 where the platform never turns.
-    per_radius: f64,
+    pub per_radius: f64,
 }
 
 /// Two base anchors as their rings see them.
@@ -31,16 +31,7 @@ struct Seen {
     rho: f64x2,
 }
 
-impl<const N: usize> Rings<N> {
-    /// `None` where every leg ends at a point.
-    pub fn new(radius: [f64; N], centre: &Lanes3<N>, per_radius: f64) -> Option<Self> {
-        radius.iter().any(|radius| *radius > 0.0).then_some(Self {
-            radius,
-            centre: *centre,
-            per_radius,
-        })
-    }
-
+impl<const N: usize> Rings<'_, N> {
     /// Legs i and i + 1, which `placed` leaves anywhere on their rings, or at their centres.
     #[inline(always)]
     fn seen(&self, rotation: &Matrix3<f64>, placed: &Placed<N>, i: usize) -> Seen {
@@ -60,7 +51,7 @@ impl<const N: usize> Rings<N> {
             let seen = self.seen(rotation, placed, i);
             // Where the axis runs through the base anchor there is no direction to turn to.
             let share =
-                seen.rho.simd_gt(both(0.0)).select(pair(&self.radius, i) / seen.rho, both(0.0));
+                seen.rho.simd_gt(both(0.0)).select(pair(self.radius, i) / seen.rho, both(0.0));
             let arm = sum(&seen.centre, &scaled(&seen.outward, share));
             placed.arms.put(i, arm);
             placed.put(i, core::array::from_fn(|k| arm[k] - seen.base[k]));
@@ -84,7 +75,7 @@ impl<const N: usize> Rings<N> {
             let per_rho = seen.rho.simd_gt(both(0.0)).select(both(1.0) / seen.rho, both(0.0));
             let along = scaled(&cross(&axis, &seen.outward), per_rho);
             let speed = dot(&along, &sum(&wide(v), &cross(&wide(omega), &seen.base)));
-            let taken = pair(&self.radius, i) * per_rho * speed * speed * placed.curved(i);
+            let taken = pair(self.radius, i) * per_rho * speed * speed * placed.curved(i);
             put(second, i, pair(second, i) - taken);
         }
     }
@@ -150,10 +141,10 @@ mod tests {
     /// Some roundings of numbers below 20.
     const ROUNDING: f64 = 1e-14;
 
-    /// A ring of radius 3 that is 1 over the reference point, and a point there.
-    fn rings() -> Rings<4> {
+    /// Rings of radius 3 that are 1 over the reference point, and points there.
+    fn with_rings<T>(see: impl FnOnce(&Rings<4>) -> T) -> T {
         let centre = Lanes3::from_fn(|_| Vector3::new(0.0, 0.0, 1.0));
-        Rings::new([3.0, 3.0, 0.0, 0.0], &centre, 0.5).expect("rings")
+        see(&Rings { radius: &[3.0, 3.0, 0.0, 0.0], centre: &centre, per_radius: 0.5 })
     }
 
     /// Legs from these base anchors, about a reference point in the origin.
@@ -162,7 +153,7 @@ mod tests {
         for (i, base) in bases.into_iter().enumerate() {
             placed.span.set(i, -Vector3::from(base));
         }
-        rings().turn(rotation, &mut placed);
+        with_rings(|rings| rings.turn(rotation, &mut placed));
         placed
     }
 
@@ -181,7 +172,7 @@ mod tests {
             let off = placed.arms.get(1) - Vector3::new(-1.8, 2.4, 1.0);
             assert!(off.norm() < ROUNDING, "{off}");
             assert_eq!(placed.arms.get(3), Vector3::new(0.0, 0.0, 1.0));
-            rings().turn(&Matrix3::identity(), &mut placed);
+            with_rings(|rings| rings.turn(&Matrix3::identity(), &mut placed));
         }
     }
 
@@ -199,7 +190,8 @@ mod tests {
     fn base_anchors_nearer_to_the_axis_than_the_ring_are_refused_and_named() {
         let refused = |rho: f64| {
             let bases = [[7.0, 0.0, 0.0], [0.0, rho, 9.0], [0.0; 3], [0.0; 3]];
-            rings().refuse_within(&legs(bases, &Matrix3::identity()), 4)
+            let placed = legs(bases, &Matrix3::identity());
+            with_rings(|rings| rings.refuse_within(&placed, 4))
         };
         assert_eq!(refused(3.0), Ok(()));
         for rho in [2.999, 0.5, 0.0, f64::NAN] {
@@ -214,16 +206,15 @@ mod tests {
         let bases = [[0.0, 0.0, -2.0], [7.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
         let placed = legs(bases, &Matrix3::identity());
         assert_eq!((placed.rho[0], placed.length[0]), (0.0, 3.0));
-        let fault = rings().refuse_within(&placed, 4).expect_err("no direction to turn to");
+        let fault = with_rings(|rings| rings.refuse_within(&placed, 4)).expect_err("no direction");
         assert_eq!(fault, Fault::of_leg(Cause::AxisAtAnchor, 0, 0.0));
     }
 
     #[test]
     fn a_ring_is_as_far_as_its_farthest_point() {
         let centre = Lanes3::from_fn(|i| Vector3::new(0.0, i as f64, 4.0));
-        let rings: Rings<4> = Rings::new([3.0; 4], &centre, 1.0).expect("rings");
+        let rings = Rings { radius: &[3.0; 4], centre: &centre, per_radius: 1.0 };
         assert!((rings.farthest(0) - 5.0).abs() < ROUNDING);
         assert!((rings.farthest(3) - hypot(6.0, 4.0)).abs() < ROUNDING);
-        assert!(Rings::new([0.0; 4], &centre, 1.0).is_none());
     }
 }

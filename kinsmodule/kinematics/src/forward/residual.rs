@@ -235,7 +235,7 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Displacement, Fault> {
         let by = self.displacement(&about.place, x);
         about.at.placed.moved(&by, &mut at.placed);
-        if let Some(rings) = &self.rings {
+        if let Some(rings) = self.rings() {
             rings.turn(&self.moved_by(&about.place, x, &by).rotation, &mut at.placed);
         }
         if let Some(nut) = &self.nut {
@@ -264,7 +264,7 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     fn length_accelerations(&self, about: &Stance<N>, [v, omega]: [&Vector3<f64>; 2]) -> [f64; N] {
         let mut second = about.at.placed.length_accelerations(v, omega);
-        if let Some(rings) = &self.rings {
+        if let Some(rings) = self.rings() {
             rings.bend(&about.place, &about.at.placed, [v, omega], &mut second);
         }
         second
