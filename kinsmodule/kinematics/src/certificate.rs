@@ -531,8 +531,8 @@ pub(crate) mod tests {
         assert_near(lipschitz(1.0, Some(&moved)).unwrap(), expected);
         let change = row_change(&machine, &placed, &inverse, 1.0, &moved, |_| None);
         assert_near(change, of_both((2.0 + ratio * y) * 0.5 / 7.5, 0.0));
-        // While the platform stands still, a base anchor 12 nearer to the axis has 3 for r and 1 for
-        // its distance, 24 + 12 ...
+        // While the platform stands still the base anchor's own way counts: 13 less 2 is more than the
+        // radius, 4 less 2 is not.
         moved.travel[0] = 2.0;
         assert_near(leg_chord_deviation(&machine, &placed, &moved, 0), (4.0 / 8.0 + 0.4) / 8.0);
         placed.rho[0] = 4.0;

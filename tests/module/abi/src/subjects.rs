@@ -268,9 +268,11 @@ pub const PENTAPOD_BASE: [Vector; 5] = [
 pub const PENTAPOD_RINGS: [[f64; 2]; 5] =
     [[80.3, 87.0], [80.3, 114.5], [80.3, 140.5], [80.3, 232.5], [80.3, 258.5]];
 
-/// That sample; dimensions of configs/pentapod.
+/// That sample; dimensions of configs/pentapod. A pose of zeros freezes nothing: it is what LinuxCNC
+/// asks for before homing.
 pub fn sample_pentapod() -> Parallel {
-    pentapod(PENTAPOD_BASE, PENTAPOD_RINGS)
+    let home = Some(pose([0.0, 0.0, 10.0, 0.0, 0.0, 0.0]));
+    Parallel { home, ..pentapod(PENTAPOD_BASE, PENTAPOD_RINGS) }
 }
 
 /// A pose of its workspace.
