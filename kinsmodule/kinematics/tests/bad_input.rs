@@ -3,10 +3,10 @@
 
 use crate::common::machines::{
     changed_legs, declared, four_rod_lathe, genhexkins_case, geometry, hexapod, hexapods,
-    linear_delta, paper_004, pentapod, rotary_delta, slider, tripod,
+    linear_delta, paper_004, pentapod, ring_pentapod, rotary_delta, slider, tripod,
 };
 use crate::common::{NO_OFFSET, NO_TOOL};
-use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
     Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, MachinePart, Pose, Solver,
     Vector3,
@@ -293,6 +293,33 @@ fn a_crank_without_axis_arm_rod_or_side_is_refused_with_its_number() {
             assert_eq!(named(fault), (Cause::GeometryNotFinite, Some(0)));
         }
     }
+}
+
+#[test]
+fn a_ring_of_no_radius_that_it_can_have_is_refused_with_its_number() {
+    let given = ring_pentapod().geometry;
+    let with = |radius: f64| {
+        let fault = fault_of(&given, 3, |leg| leg.kind = LegKind::Ring(RingGeometry { radius }));
+        (fault.cause, fault.number(), fault.value)
+    };
+    for radius in [-1e-300, -80.3] {
+        assert_eq!(with(radius), (Cause::RingNegative, Some(3), radius));
+    }
+    for radius in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(with(radius).0, Cause::GeometryNotFinite, "{radius}");
+    }
+    // The base anchor is 652 from the axis at home.
+    let (cause, number, distance) = with(652.0);
+    assert_eq!((cause, number), (Cause::AxisAtAnchor, Some(3)));
+    assert!((distance - 418.0_f64.hypot(500.0)).abs() < 1e-12, "{distance}");
+    assert_eq!(with(1e31).0, Cause::LengthTooLarge);
+}
+
+#[test]
+fn a_tool_axis_through_a_base_anchor_at_home_is_refused() {
+    let given = ring_pentapod().geometry;
+    let fault = fault_of(&given, 1, |leg| leg.base = [0.0, 0.0, -140.0]);
+    assert_eq!((fault.cause, fault.number(), fault.value), (Cause::AxisAtAnchor, Some(1), 0.0));
 }
 
 #[test]
