@@ -86,6 +86,12 @@ namespace eval pkmkins {
             BASE_CONE {{} optional base-cone.N {above 0 180} {more than 0 and at most 180 degrees} {}}
             PLATFORM_CONE {{} optional platform-cone.N {above 0 180} {more than 0 and at most 180 degrees} {}}
         }
+        ring {
+            BASE {{x y z} needed base.N any {} {}}
+            EFFECTOR {{r z} needed effector.N any {} {}}
+            OFFSET {{} optional offset.N any {} {}}
+            BASE_CONE {{} optional base-cone.N {above 0 180} {more than 0 and at most 180 degrees} {}}
+        }
     }
     variable box_row ROW_
 }

@@ -33,6 +33,8 @@ enum pkmkins_cause {
   PKMKINS_TOOL_TOO_LONG = -86,
   // the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative).
   PKMKINS_OUT_OF_REACH = -19,
+  // the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring.
+  PKMKINS_AXIS_AT_ANCHOR = -28,
   // the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead.
   PKMKINS_TORSION_TOO_LARGE = -27,
   // the joint value is NaN or infinite.
@@ -103,6 +105,8 @@ enum pkmkins_cause {
   PKMKINS_OFFSET_TOO_LARGE = -64,
   // the centre is farther away than a million times the machine's size.
   PKMKINS_CENTRE_TOO_FAR = -65,
+  // the radius of the ring must be 0 or more.
+  PKMKINS_RING_NEGATIVE = -67,
   // the reference pose asks for a coordinate that this machine holds at 0.
   PKMKINS_HOME_HELD = -66,
   // no valid geometry is frozen.
@@ -233,8 +237,8 @@ extern "C" {
 //
 // Returns 0, or a negative code (see the table of causes); then the coordinates of
 // `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-// homing (all joints 0, no pose known yet) `world` is left alone. U V W stay. On success
-// coordinates that the machine holds are 0.
+// homing (all joints 0, no pose known yet) `world` is left alone. On success coordinates that the
+// machine holds are 0, those of extra axes are the values of their joints, and other ones of U V W stay.
 //
 // # Safety
 // `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags

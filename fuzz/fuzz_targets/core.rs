@@ -70,6 +70,7 @@ fn change_leg(leg: &mut LegGeometry, component: usize, bytes: &mut Bytes) {
         (3, LegKind::Crank(crank)) => change(&mut crank.arm[k], bytes),
         (_, LegKind::Crank(crank)) if k == 0 => crank.side = bytes.below(5) as i32 - 2,
         (_, LegKind::Crank(crank)) => change(&mut crank.rod, bytes),
+        (_, LegKind::Ring(ring)) => change(&mut ring.radius, bytes),
     }
 }
 

@@ -2,7 +2,7 @@
 //! Rows of the legs at one pose of a machine, which tell what they feel of a motion about the tool
 //! tip.
 
-use crate::read::legs::drive_rate;
+use crate::read::legs::{drive_rate, platform_anchor};
 use crate::read::machine::MachineConfig;
 use kinematics::{At, Fault, LegKind, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
@@ -37,7 +37,8 @@ pub fn length_rows(config: &MachineConfig, at: &At, tool: &Vector3<f64>) -> Rows
     let active = |k: usize| layout.coordinates().contains(Letter::ALL[k]);
     for (i, leg) in config.geometry.legs().iter().enumerate() {
         let u = at.segments()[i].span().normalize();
-        let arm = at.rotation() * (Vector3::from(leg.platform) - centre);
+        let anchor = platform_anchor(leg, &at.segments()[i], &at.rotation());
+        let arm = at.rotation() * (anchor - centre);
         let force = Vector3::from_fn(|k, _| if active(k) { u[k] } else { 0.0 });
         set(i, force, arm.cross(&u));
     }

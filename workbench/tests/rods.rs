@@ -88,7 +88,10 @@ fn ends_lengths_and_directions_belong_together_on_every_machine() {
                 let end = rod.ends.base + along * rod.length;
                 assert!((end - rod.ends.platform).norm() < LENGTH_MM, "{machine} {rod:?}");
             }
-            assert!((rods.points[0] - rods.rods[0].ends.platform).norm() < LENGTH_MM);
+            // The point is the middle of the ring where the leg ends on one.
+            let radius = config.geometry.legs()[0].kind.ring_radius();
+            let apart = (rods.points[0] - rods.rods[0].ends.platform).norm();
+            assert!((apart - radius).abs() < LENGTH_MM, "{machine}: {apart}");
             let pairs = config.pairs();
             let distance = |[i, j]: &[usize; 2]| rods.rods[*i].ends.distance(&rods.rods[*j].ends);
             let least = pairs.iter().map(distance).fold(f64::INFINITY, f64::min);

@@ -7,12 +7,13 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 9] = [
+pub const MACHINES: [&str; 10] = [
     "four-rod-lathe",
     "hexapod",
     "lab-hexapod",
     "lathe-counter-spindle",
     "linear-delta",
+    "pentapod",
     "pyramid",
     "rotary-delta",
     "six-rod-lathe",

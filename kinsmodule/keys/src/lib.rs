@@ -13,11 +13,15 @@ use kinematics::leg::Kind;
 pub const ROW: &str = "ROW_";
 
 /// Every kind of leg.
-pub const KINDS: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank];
+pub const KINDS: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank, Kind::Ring];
+
+/// Those whose legs end at a point of the platform.
+const POINTED: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank];
 
 const XYZ: &[&str] = &["x", "y", "z"];
 const XYZABC: &[&str] = &["x", "y", "z", "a", "b", "c"];
 const TURNS: &[&str] = &["about", "across"];
+const RADIUS_HEIGHT: &[&str] = &["r", "z"];
 const LENGTH: &str = "machine units";
 const DEGREES: &str = "degrees";
 
@@ -172,8 +176,10 @@ table! {
     leg {
         BASE = Key { parts: XYZ, need: Needed, pin: "base.N", unit: LENGTH,
             ..key("Base anchor.") };
-        PLATFORM = Key { parts: XYZ, need: Needed, pin: "platform.N", unit: LENGTH,
+        PLATFORM = Key { parts: XYZ, need: Needed, pin: "platform.N", unit: LENGTH, kinds: POINTED,
             ..key("Centre of the platform joint, in the platform's frame.") };
+        EFFECTOR = Key { parts: RADIUS_HEIGHT, need: Needed, pin: "effector.N", unit: LENGTH, kinds: &[Kind::Ring],
+            ..key("Radius of the ring that turns about the tool axis, 0 or more, and its Z in the platform's frame.") };
         BASE_N = Key { parts: XYZ, need: Cardan, pin: "base-n.N", kinds: &[Kind::Strut],
             ..key("Axis of the base cardan joint that is fixed in base; any length.") };
         PLATFORM_N = Key { parts: XYZ, need: Cardan, pin: "platform-n.N", kinds: &[Kind::Strut],
@@ -194,7 +200,7 @@ table! {
             ..key("Taken from the native value of the leg.") };
         BASE_CONE = Key { pin: "base-cone.N", range: Above(0.0, 180.0), unit: DEGREES,
             ..key("Largest angle of the leg from its direction at the reference pose, seen from the base.") };
-        PLATFORM_CONE = Key { pin: "platform-cone.N", range: Above(0.0, 180.0), unit: DEGREES,
+        PLATFORM_CONE = Key { pin: "platform-cone.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: POINTED,
             ..key("The same seen from the platform.") };
         BASE_PYRAMID = Key { parts: TURNS, need: With("BASE_N"), pin: "base-pyramid.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: &[Kind::Strut],
             ..key("Largest turns of the leg from its direction at the reference pose, either way: about the axis BASE_N of its base joint, and across it.") };
@@ -237,6 +243,7 @@ pub const fn kind_name(kind: Kind) -> &'static str {
         Kind::Strut => "strut",
         Kind::Slider => "slider",
         Kind::Crank => "crank",
+        Kind::Ring => "ring",
     }
 }
 

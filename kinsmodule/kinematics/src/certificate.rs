@@ -35,6 +35,19 @@
 //!
 //! takes the place of L η: η + Lρ²/2 + (h − Lη)ρ ≤ ρ for ρ = 2η and h ≤ 1/2, at every
 //! moment of the step.
+//!
+//! **Rings** (module `leg::ring`): the platform anchor slides on a circle of radius r whose axis is
+//! the distance ϱ from the base anchor, and takes (r/ϱ)(e · y)²/l from the second derivative, y the
+//! speed of the platform's point at the base anchor. With B the distance of that from the reference
+//! point, |y| ≤ Y = √(1 + ((B + ρ)/radius)²) in the ball, and ϱ falls by Yρ at most. The two parts have
+//! opposite signs, so that
+//!
+//! ```text
+//! |D²f| ≤ k = max(s₁², (r/ϱ_min) Y²)/l_min + s₂
+//! ```
+//!
+//! Where base anchors move beside it, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
+//! fixed place bends by max(1, r/ϱ_min) δ²/l_min.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
@@ -43,6 +56,7 @@ use crate::mechanism::Mechanism;
 use crate::nut::{Ball, Torsion};
 use crate::placed::Placed;
 use crate::pseudo_inverse::PseudoInverse;
+use crate::rings::Rings;
 use libm::sqrt;
 use nalgebra::Vector3;
 use wide::f64x2;
@@ -112,13 +126,38 @@ fn curvature<const N: usize>(
         return Err(Fault::of_leg(Cause::StrutTooShort, leg, length));
     }
     let curved = both(1.0) / shortest;
-    let of_length = s1 * s1 * curved + s2;
+    let mut of_square = s1 * s1;
+    if let Some(rings) = machine.rings() {
+        of_square = of_square.fast_max(slipping(&rings, placed, i, rho, motion)?);
+    }
+    let of_length = of_square * curved + s2;
     let (Some(nut), Some(torsion)) = (&machine.nut, torsion) else { return Ok(of_length) };
     let ball = Ball { rho, radius: machine.radius, curved, s1, s2 };
     let Some(of_nut) = nut.curvature(torsion, i, &ball) else {
         return Err(torsion.uncertain());
     };
     Ok(of_length + of_nut)
+}
+
+/// What takes the place of s₁² where the platform anchors of legs `i` and `i + 1` slide.
+#[cold]
+fn slipping<const N: usize>(
+    rings: &Rings<'_, N>,
+    placed: &Placed<N>,
+    i: usize,
+    rho: f64,
+    motion: Option<&Motion<N>>,
+) -> Result<f64x2, Fault> {
+    let of_leg = |leg: usize| {
+        // A bound that the compiler knows.
+        let leg = leg.min(N - 1);
+        let travel = motion.map_or(0.0, |motion| motion.travel[leg]);
+        rings
+            .widened(placed, leg, rho, travel)
+            .map(|ring| ring.ratio * ring.speed * ring.speed)
+            .ok_or(Fault::of_leg(Cause::AxisAtAnchor, leg, placed.rho[leg]))
+    };
+    Ok(f64x2::new([of_leg(i)?, of_leg(i + 1)?]))
 }
 
 /// What the motion adds to the first Newton step: the chord deviation of the residuals between the
@@ -132,21 +171,28 @@ pub(crate) fn chord_deviation<const N: usize>(
 ) -> f64 {
     let mut sum = 0.0;
     for i in 0..machine.count() {
-        let chord_deviation = leg_chord_deviation(placed, motion, i);
+        let chord_deviation = leg_chord_deviation(machine, placed, motion, i);
         sum += chord_deviation * chord_deviation;
     }
     inverse.inverse_norm() * sqrt(sum)
 }
 
-/// How far the residual of leg `i` leaves the straight line between its ends at most.
+/// How far the residual of leg `i` leaves the straight line between its ends at most; infinite where
+/// the tool axis may come to the base anchor.
 #[inline]
 pub(crate) fn leg_chord_deviation<const N: usize>(
+    machine: &Mechanism<N>,
     placed: &Placed<N>,
     motion: &Motion<N>,
     i: usize,
 ) -> f64 {
     let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
-    (travel * travel / shortest.max(0.0) + motion.second[i]) / 8.0
+    let mut square = travel * travel;
+    if let Some(rings) = machine.rings() {
+        let ring = rings.widened(placed, i, 0.0, travel);
+        square *= ring.map_or(f64::INFINITY, |ring| ring.ratio.max(1.0));
+    }
+    (square / shortest.max(0.0) + motion.second[i]) / 8.0
 }
 
 /// What the motion adds to h: how far the rows turn with the anchors, in the ball of
@@ -172,7 +218,12 @@ pub(crate) fn row_change<const N: usize>(
         if margin(i).is_some_and(|margin| !(margin > turn)) {
             return f64::INFINITY;
         }
-        let change = s1 * travel / shortest;
+        let mut speed = s1;
+        if let Some(rings) = machine.rings() {
+            let Some(ring) = rings.widened(placed, i, rho, travel) else { return f64::INFINITY };
+            speed += ring.ratio * ring.speed;
+        }
+        let change = speed * travel / shortest;
         sum += change * change;
     }
     inverse.inverse_norm() * sqrt(sum)
@@ -186,7 +237,8 @@ impl<const N: usize> Mechanism<N> {
         leg.margin(leg.transmission(q, &(placed.span.get(i) / placed.length[i])))
     }
 
-    /// Refuses rods at or beyond their dead point, at these joint values.
+    /// Refuses rods at or beyond their dead point, at these joint values, and base anchors within the
+    /// cylinders over their rings.
     pub fn refuse_dead_points(&self, placed: &Placed<N>, joints: &[f64; N]) -> Result<(), Fault> {
         for i in 0..self.count() {
             if let Some(margin) = self.margin(placed, i, joints[i] + self.offset[i])
@@ -195,7 +247,7 @@ impl<const N: usize> Mechanism<N> {
                 return Err(Fault::of_leg(Cause::DeadPoint, i, margin));
             }
         }
-        Ok(())
+        self.refuse_within_rings(placed)
     }
 }
 
@@ -208,7 +260,7 @@ pub(crate) mod tests {
     use crate::geometry::{Geometry, LegGeometry};
     use crate::lanes::Lanes3;
     use crate::layout::PerLeg;
-    use crate::leg::{CrankGeometry, LegKind, SliderGeometry, StrutGeometry};
+    use crate::leg::{CrankGeometry, LegKind, RingGeometry, SliderGeometry, StrutGeometry};
     use crate::letters::Letters;
     use crate::mechanism::Chart;
     use crate::placed::Place;
@@ -229,7 +281,7 @@ pub(crate) mod tests {
     fn leg(rng: &mut Pcg64, platform: Vector3<f64>, p: Vector3<f64>, screws: bool) -> LegGeometry {
         let c = vector(rng) * 500.0;
         let span = p - c;
-        let kind = match rng.random_range(0..3) {
+        let kind = match rng.random_range(0..4) {
             0 => {
                 let strut = StrutGeometry {
                     base_axis: vector(rng).into(),
@@ -243,6 +295,7 @@ pub(crate) mod tests {
                 let side = if guide.dot(&span) > 0.0 { -1 } else { 1 };
                 LegKind::Slider(SliderGeometry { guide: guide.into(), rod: span.norm(), side })
             }
+            2 => LegKind::Ring(RingGeometry { radius: random(rng, 0.0, 200.0) }),
             _ => {
                 let (axis, arm) = (vector(rng), vector(rng) * 300.0);
                 let side = if axis.cross(&arm).dot(&span) > 0.0 { -1 } else { 1 };
@@ -345,6 +398,7 @@ pub(crate) mod tests {
         let (mut machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
         (machine.s1, machine.s2) = ([2.0; 6], [0.25; 6]);
         machine.present = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        machine.slides = false;
         let anchors = machine.base;
         let placed = Placed { length, ..machine.placed(&anchors, &place) };
         let twice: [_; 6] =
@@ -428,7 +482,7 @@ pub(crate) mod tests {
         // (4²/(12 − 4) + 0.4)/8 and (3²/(9 − 3) + 0.4)/8; the others bend by 0.4/8.
         let expected = [0.3, 0.2375, 0.05, 0.05, 0.05, 0.05];
         for (leg, expected) in expected.into_iter().enumerate() {
-            assert_near(leg_chord_deviation(&placed, &motion, leg), expected);
+            assert_near(leg_chord_deviation(&machine, &placed, &motion, leg), expected);
         }
         let sum: f64 =
             expected.iter().map(|chord_deviation| chord_deviation * chord_deviation).sum();
@@ -449,6 +503,88 @@ pub(crate) mod tests {
         assert!(row_change(2.9, None).is_finite());
         assert_eq!(row_change(3.0, None), f64::INFINITY);
         assert_eq!(row_change(f64::NAN, None), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_ring_bends_its_leg_by_its_share_of_the_distance_and_the_speed_at_the_base_anchor() {
+        let (machine, placed, inverse) = by_hand([10.0, 18.0, 1e9, 1e9, 1e9, 1e9]);
+        // Base anchors 24 and 0 from the reference point, 13 from the axis of the first one's ring of
+        // radius 3; the other leg has none.
+        let radii = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let machine = Mechanism { ring: radii, slides: true, per_radius: 0.2, ..machine };
+        let mut placed = Placed { rho: [13.0; 6], ..placed };
+        placed.arms.set(0, Vector3::new(0.0, 24.0, 0.0));
+        placed.span.set(0, Vector3::zeros());
+        // (24 + 1)/5 for the turn beside 1 for the way: 26 the square of the speed Y.
+        let (lipschitz, y) = (
+            |rho, motion| lipschitz_constant(&machine, &placed, None, &inverse, rho, motion),
+            sqrt(26.0),
+        );
+        let ratio = 3.0 / (13.0 - y);
+        let expected = of_both(ratio * 26.0 / 8.0 + 0.25, 0.5);
+        assert_near(lipschitz(1.0, None).unwrap(), expected);
+        // The base anchor moves beside it by 0.5: 25.5/5 about the reference point.
+        let mut moved = motion([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let y = sqrt(1.0 + 5.1 * 5.1);
+        let ratio = 3.0 / (13.0 - y - 0.5);
+        let expected = of_both(ratio * y * y / 7.5 + 0.25, 0.5);
+        assert_near(lipschitz(1.0, Some(&moved)).unwrap(), expected);
+        let change = row_change(&machine, &placed, &inverse, 1.0, &moved, |_| None);
+        assert_near(change, of_both((2.0 + ratio * y) * 0.5 / 7.5, 0.0));
+        // While the platform stands still the base anchor's own way counts: 13 less 2 is more than the
+        // radius, 4 less 2 is not.
+        moved.travel[0] = 2.0;
+        assert_near(leg_chord_deviation(&machine, &placed, &moved, 0), (4.0 / 8.0 + 0.4) / 8.0);
+        placed.rho[0] = 4.0;
+        let widened = (3.0 / 2.0 * 4.0 / 8.0 + 0.4) / 8.0;
+        assert_near(leg_chord_deviation(&machine, &placed, &moved, 0), widened);
+        // A ball that the tool axis comes to the base anchor in says nothing.
+        let fault = Fault::of_leg(Cause::AxisAtAnchor, 0, 4.0);
+        let lipschitz = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None);
+        assert_eq!(lipschitz, Err(fault));
+        let change = row_change(&machine, &placed, &inverse, 1.0, &moved, |_| None);
+        assert_eq!(change, f64::INFINITY);
+    }
+
+    #[test]
+    fn no_direction_in_the_ball_bends_a_leg_on_a_ring_more_than_the_bound_says_and_some_nearly() {
+        for coordinates in CHARTS {
+            let mut rng = Pcg64::seed_from_u64(41);
+            // Of legs that the ring bends most, and of those that bend as struts do.
+            let (mut largest, mut checked) = ([0.0_f64; 2], [0; 2]);
+            for _ in 0..8000 {
+                let Some((machine, place)) = machine(&mut rng, coordinates, false) else {
+                    continue;
+                };
+                let (Ok(joints), Some(rings)) = (machine.joints_at(&place), machine.rings()) else {
+                    continue;
+                };
+                let anchors = machine.moved_anchors(&joints).unwrap();
+                let rho = random(&mut rng, 0.1, 40.0);
+                let placed = machine.placed(&anchors, &place);
+                let point = unit(&mut rng, &machine).map(|x| x * random(&mut rng, 0.0, rho - 0.06));
+                let direction = unit(&mut rng, &machine);
+                let Some(bent) = bending(&machine, &anchors, &place, &point, &direction) else {
+                    continue;
+                };
+                for i in 0..6 {
+                    let Some(ring) = rings.widened(&placed, i, rho, 0.0) else { continue };
+                    let k = curvature(&machine, &placed, None, i & !1, rho, None);
+                    let (Ok(k), true) = (k, ring.ratio > 0.0) else { continue };
+                    let share = bent[i] / k.to_array()[i % 2];
+                    let slips = ring.ratio * ring.speed * ring.speed > machine.s1[i].powi(2);
+                    let kind = usize::from(!slips);
+                    largest[kind] = largest[kind].max(share.abs());
+                    checked[kind] += 1;
+                }
+            }
+            let name = core::str::from_utf8(coordinates).unwrap();
+            std::println!("{name}: {checked:?} legs on rings, {largest:.2?} of their bounds");
+            assert!(largest.iter().all(|share| *share < 1.0), "{name}: {largest:?}");
+            assert!(checked[0] + checked[1] > 2000, "{name}: {checked:?}");
+            // Bounds that are far too wide would be sound and useless.
+            assert!(largest[0].max(largest[1]) > 0.3, "{name}: {largest:?}");
+        }
     }
 
     #[test]

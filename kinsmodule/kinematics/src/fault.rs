@@ -189,6 +189,8 @@ causes! {
         "check the tool table and the nets to the tool-offset pins";
     OutOfReach = -19, "the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)",
         "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
+    AxisAtAnchor = -28, "the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring",
+        "keep the tool axis away from this base joint, or check BASE and EFFECTOR";
     TorsionTooLarge = -27, "the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead",
         "turn back, or lead the program through another pose";
     // Joints and seed that forward was given.
@@ -262,6 +264,8 @@ causes! {
         "correct OFFSET";
     CentreTooFar = -65, "the centre is farther away than a million times the machine's size",
         "correct CENTRE";
+    RingNegative = -67, "the radius of the ring must be 0 or more",
+        "give EFFECTOR as radius and height";
     HomeHeld = -66, "the reference pose asks for a coordinate that this machine holds at 0",
         "set the letters of HOME that no joint moves to 0";
     // The module around the kinematics.

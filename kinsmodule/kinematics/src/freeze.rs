@@ -66,6 +66,8 @@ impl Frozen<'_> {
             reference,
             offset: core::array::from_fn(|i| *self.offset.get(self.lane(i)).unwrap_or(&0.0)),
             nut: self.nut()?,
+            ring: core::array::from_fn(|i| leg(i).kind.ring_radius()),
+            slides: false,
             size,
             radius,
             per_radius: 1.0 / radius,
@@ -78,6 +80,8 @@ impl Frozen<'_> {
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
             mechanism.moving |= mechanism.legs[i] != Leg::Strut;
         }
+        mechanism.slides = mechanism.ring.iter().any(|radius| *radius > 0.0);
+        mechanism.moving |= mechanism.slides;
         // What the legs move no table does: these are all joints.
         mechanism.plain = layout.legs() == N && active == [true; 6] && !mechanism.moving;
         self.refuse_far(size)?;
@@ -145,11 +149,16 @@ impl Frozen<'_> {
         Ok(())
     }
 
-    /// Root mean square distance of the platform anchors from their centroid.
+    /// Root mean square distance of the platform anchors from their centroid. A ring of radius r,
+    /// whose centre counts for that, adds r (r + |b|), b its base anchor: its strut bends by the square
+    /// of the way to there over the square of this radius (module `certificate`).
     fn radius(&self, centroid: &Vector3<f64>, size: f64, chart: Chart) -> Result<f64, Fault> {
         let legs = self.geometry.legs();
         let arm = |i: usize| Vector3::from(self.geometry.lane(i).platform) - centroid;
-        let sum = (0..legs.len()).fold(0.0, |sum, i| sum + arm(i).norm_squared());
+        let ring = |i: usize| self.geometry.lane(i).kind.ring_radius();
+        let base = |i: usize| Vector3::from(self.geometry.lane(i).base).norm();
+        let square = |i: usize| arm(i).norm_squared() + ring(i) * (ring(i) + base(i));
+        let sum = (0..legs.len()).fold(0.0, |sum, i| sum + square(i));
         let radius = sqrt(sum / legs.len() as f64);
         let is_point = !(radius > SAME_POINT * size);
         if chart == Chart::Level {
@@ -168,7 +177,8 @@ impl Frozen<'_> {
         Ok(radius)
     }
 
-    /// Two equal legs constrain the same motion twice; of struts, the anchors tell.
+    /// Two equal legs constrain the same motion twice; of struts that end at points, the anchors
+    /// tell.
     fn refuse_coincident(&self, size: f64) -> Result<(), Fault> {
         let legs = self.geometry.legs();
         let apart = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm();
@@ -209,21 +219,35 @@ impl Frozen<'_> {
 impl<const N: usize> Mechanism<N> {
     /// Bounds of the platform anchors' derivatives in the chart with `angles` active angles.
     fn bound_anchors(&mut self, angles: usize) {
-        // On the group |ω × b| ≤ |ω||b|; each angle of its own adds a rotation of its own.
-        let m = match self.chart {
-            Chart::Group => 1.0,
-            Chart::Angles => angles as f64,
-            Chart::Level => 0.0,
+        // Axes of two angles are square to each other: the platform turns at |ω| = |(α', β')|, and
+        // with both axes and their normal as a frame an anchor's second derivative is its arm times
+        // [[-β'², 0, 0], [2 α'β', -α'², 0], [0, 0, -1]], α'² + β'² = 1, whose norm is (1 + √2)/2 at most.
+        let (turn, bend) = match self.chart {
+            Chart::Group => (1.0, 1.0),
+            Chart::Angles if angles == 1 => (1.0, 1.0),
+            Chart::Angles => (1.0, (1.0 + core::f64::consts::SQRT_2) / 2.0),
+            Chart::Level => (0.0, 0.0),
         };
         for i in 0..N {
-            let arm = self.arms.get(i).norm() / self.radius;
-            self.s1[i] = sqrt(1.0 + m * arm * arm);
-            self.s2[i] = m * arm / self.radius;
+            let arm = match self.rings() {
+                Some(rings) => rings.farthest(i),
+                None => self.arms.get(i).norm(),
+            } / self.radius;
+            self.s1[i] = sqrt(1.0 + turn * arm * arm);
+            self.s2[i] = bend * arm / self.radius;
         }
     }
 
     /// Checks the reference pose and fixes the fold of the nut correction there.
     fn settle_at(&mut self, home: [f64; 6]) -> Result<(), Fault> {
+        let place = self.place_of(home)?;
+        self.refuse_free_at(&place)
+    }
+
+    /// Where the reference pose puts the platform, with the fold fixed there. A call of its own: its
+    /// stack is free again for what follows.
+    #[inline(never)]
+    fn place_of(&mut self, home: [f64; 6]) -> Result<Place, Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
         let pose = self
@@ -243,7 +267,7 @@ impl<const N: usize> Mechanism<N> {
         {
             return Err(doubt);
         }
-        self.refuse_free_at(&place)
+        Ok(place)
     }
 
     /// Fixes the fold of the nut correction at a pose that is no reference pose.
@@ -271,10 +295,19 @@ impl<const N: usize> Mechanism<N> {
         Ok(spans)
     }
 
+    /// The legs at a place, from where their joints put the moving base anchors. A call of its own, as
+    /// [`Self::place_of`].
+    #[inline(never)]
+    fn place_driven(&self, place: &Place, placed: &mut Placed<N>) -> Result<(), Fault> {
+        let anchors = self.moved_anchors(&self.joints_at(place)?)?;
+        self.place(&anchors, place, placed);
+        Ok(())
+    }
+
     /// Refuses a layout whose legs leave the platform free at `place`.
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
-        let anchors = self.moved_anchors(&self.joints_at(place)?)?;
-        let placed = self.placed(&anchors, place);
+        let mut placed = Placed::ZERO;
+        self.place_driven(place, &mut placed)?;
         let torsion = self.torsion(&placed.directions(), &place.rotation)?;
         let columns = self.charted_rows(&placed, torsion.as_ref(), place);
         let inverse = PseudoInverse::new(&columns, &self.active).ok_or(Cause::SingularAtHome)?;
@@ -326,15 +359,20 @@ mod tests {
 
     #[test]
     fn bounds_of_the_anchors_are_those_of_the_chart_at_numbers_by_hand() {
-        // A radius of √((4 + 4 + 16 + 16)/6); angles of their own turn one after the other.
+        // A radius of √((4 + 4 + 16 + 16)/6); the axis of the one of two angles turns with the other.
         let radius_squared = 40.0 / 6.0;
-        for (coordinates, turns) in [("XYZABC", 1.0), ("XYZAB", 2.0), ("XYZB", 1.0), ("XYZ", 0.0)] {
+        for (coordinates, turns, bends) in [
+            ("XYZABC", 1.0, 1.0),
+            ("XYZAB", 1.0, 1.207_106_781_186_547_5),
+            ("XYZB", 1.0, 1.0),
+            ("XYZ", 0.0, 0.0),
+        ] {
             let machine = frozen::<6>(&struts_to(PLATFORM), coordinates, None).expect("a machine");
             // Some roundings of numbers below 10.
             assert!((machine.radius * machine.radius - radius_squared).abs() < 1e-14);
             for (i, arm) in [2.0, 2.0, 4.0, 4.0, 0.0, 0.0].into_iter().enumerate() {
                 let s1 = sqrt(1.0 + turns * arm * arm / radius_squared);
-                let s2 = turns * arm / radius_squared;
+                let s2 = bends * arm / radius_squared;
                 assert!((machine.s1[i] - s1).abs() < 1e-14, "{coordinates} {i}");
                 assert!((machine.s2[i] - s2).abs() < 1e-14, "{coordinates} {i}");
             }

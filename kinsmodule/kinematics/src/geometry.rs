@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 pub struct LegGeometry {
     /// Base anchor in base, machine units.
     pub base: [f64; 3],
-    /// Platform anchor in the platform frame, machine units.
+    /// Platform anchor, or the centre of its ring, in the platform frame, machine units.
     pub platform: [f64; 3],
     /// Kind and what belongs to it.
     pub kind: LegKind,
@@ -109,9 +109,9 @@ impl Geometry {
     /// FNV-1a (32 bit) over the little-endian bits of the values as given, −0 as +0.
     ///
     /// Order: per leg its base anchor and platform anchor after its kind (strut 1,
-    /// slider 2, crank 3), then for a strut base axis, platform axis (zeros without a
+    /// slider 2, crank 3, ring 4), then for a strut base axis, platform axis (zeros without a
     /// lead) and lead; for a slider guide, rod and side; for a crank axis, rod, side and
-    /// arm. After the legs the centre, the reference pose if there is one, and the
+    /// arm; for a ring its radius. After the legs the centre, the reference pose if there is one, and the
     /// letters of coordinates and table (X = 0 … C = 5). Joint offsets, tool and solver
     /// settings do not enter.
     pub fn hash(&self) -> u32 {

@@ -219,6 +219,7 @@ impl<const N: usize> Mechanism<N> {
         self.place(&self.base, place, placed);
         if self.moving {
             self.refuse_short_struts(placed)?;
+            self.refuse_within_rings(placed)?;
         } else {
             self.refuse_short_legs(&placed.length)?;
         }
@@ -237,6 +238,11 @@ impl<const N: usize> Mechanism<N> {
             }
         }
         Ok(())
+    }
+
+    /// Refuses base anchors too near to the tool axis for their rings.
+    pub(crate) fn refuse_within_rings(&self, placed: &Placed<N>) -> Result<(), Fault> {
+        self.rings().map_or(Ok(()), |rings| rings.refuse_within(placed, self.count()))
     }
 
     /// Joint values of the legs at a place.

@@ -39,6 +39,7 @@ mod nut;
 mod placed;
 mod pose;
 mod pseudo_inverse;
+mod rings;
 mod segment;
 mod side;
 mod singular;

@@ -95,6 +95,7 @@ fn legs_of(text: &[u8]) -> Result<([Kind; MAX_LEGS], usize), LoadError> {
             b"strut" => Kind::Strut,
             b"slider" => Kind::Slider,
             b"crank" => Kind::Crank,
+            b"ring" => Kind::Ring,
             b"" => return Err(LoadError::LegsMalformed),
             _ => return Err(LoadError::KindUnknown),
         };
@@ -164,7 +165,7 @@ mod tests {
     fn every_reason_names_what_to_write() {
         for (error, told) in [
             (LoadError::LegsMalformed, "legs="),
-            (LoadError::KindUnknown, "strut, slider, crank"),
+            (LoadError::KindUnknown, "strut, slider, crank, ring"),
             (LoadError::LegsWrong, "one to eight"),
             (LoadError::CoordinatesWrong, "coordinates="),
             (LoadError::TooManyCoordinates, "coordinates="),

@@ -33,7 +33,7 @@ impl LoadError {
             Self::LegsMalformed => {
                 "legs= must be KIND:COUNT[,KIND:COUNT], such as strut:6 or slider:4"
             }
-            Self::KindUnknown => "the kinds of legs are strut, slider, crank",
+            Self::KindUnknown => "the kinds of legs are strut, slider, crank, ring",
             Self::LegsWrong => "a machine has one to eight legs",
             Self::CoordinatesWrong => {
                 "coordinates= must hold some of the letters X Y Z A B C, each once"

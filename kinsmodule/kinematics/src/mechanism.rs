@@ -14,6 +14,7 @@ use crate::letters::Letter;
 use crate::nut::{Nut, Torsion};
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
+use crate::rings::Rings;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
@@ -45,14 +46,15 @@ pub(crate) struct Mechanism<const N: usize> {
     pub active: [bool; 6],
     /// Whether any coordinate is neither moved by the legs nor by a table.
     pub holds: bool,
-    /// Whether any leg is not a strut: its base anchor moves, or its length bends.
+    /// Whether any leg is not a strut: its base anchor moves, its length bends, or its platform
+    /// anchor slides.
     pub moving: bool,
     /// Whether every lane is a strut of its own, and they move all six coordinates.
     pub plain: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.
     pub base: Lanes3<N>,
-    /// Platform anchors about the reference point.
+    /// Platform anchors, or the centres of their rings, about the reference point.
     pub arms: Lanes3<N>,
     /// Reference point of all solvers, in the platform frame: the centroid of the
     /// platform anchors, so that a long tool does not weaken the certificate; with a held
@@ -61,16 +63,21 @@ pub(crate) struct Mechanism<const N: usize> {
     /// Joint = native value + correction − offset.
     pub offset: [f64; N],
     pub nut: Option<Nut<N>>,
+    /// Radii of the rings that platform anchors slide on; 0 for a point.
+    pub ring: [f64; N],
+    /// Whether any of them slides.
+    pub slides: bool,
     /// Largest length of the geometry, see [`Machine::size`].
     pub size: f64,
     /// Root mean square distance of the platform anchors from their centroid.
     pub radius: f64,
     /// 1 over the radius.
     pub per_radius: f64,
-    /// Per leg √(1 + m (|arm|/radius)²), m = active angles (1 for the group): bound of
-    /// the platform anchor's speed.
+    /// Per leg √(1 + (|arm|/radius)²), 1 where nothing turns: bound of
+    /// the platform anchor's speed; of a ring its farthest point's.
     pub s1: [f64; N],
-    /// Per leg m |arm|/radius²: bound of the platform anchor's second derivative.
+    /// Per leg |arm|/radius², (1 + √2)/2 times that with two active angles: bound of the platform
+    /// anchor's second derivative.
     pub s2: [f64; N],
     /// 1 for a lane that is a leg, 0 for one that repeats the first.
     pub present: [f64; N],
@@ -81,6 +88,16 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.layout.legs().min(N)
+    }
+
+    /// Where platform anchors slide; `None` where none does.
+    #[inline(always)]
+    pub fn rings(&self) -> Option<Rings<'_, N>> {
+        if !self.slides {
+            return None;
+        }
+        let per_radius = if self.chart == Chart::Level { 0.0 } else { self.per_radius };
+        Some(Rings { radius: &self.ring, centre: &self.arms, per_radius })
     }
 
     /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
@@ -164,10 +181,13 @@ impl<const N: usize> Mechanism<N> {
             placed.arms.put(i, arm);
             placed.put(i, span);
         }
+        if let Some(rings) = self.rings() {
+            rings.turn(&place.rotation, placed);
+        }
     }
 
     /// Arms of legs i and i + 1 in base, and their way from `anchors` (moving base anchors) to
-    /// the platform.
+    /// the platform, or to the centres of their rings.
     #[inline(always)]
     pub fn leg(&self, anchors: &Lanes3<N>, place: &Place, i: usize) -> [[f64x2; 3]; 2] {
         let arm = times(&place.rotation, &self.arms.pair(i));

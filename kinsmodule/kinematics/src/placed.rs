@@ -43,15 +43,19 @@ impl Displacement {
 /// The legs at one place of the platform.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<const N: usize> {
-    /// Arms in base (R times the platform anchor about the reference point).
+    /// Arms in base: from the reference point to the platform anchors, which slide on rings.
     pub arms: Lanes3<N>,
     /// From moving base anchor to platform anchor.
     pub span: Lanes3<N>,
     pub length: [f64; N],
+    /// Distances of the base anchors from the axes of their rings; means something on machines
+    /// with rings only.
+    pub rho: [f64; N],
 }
 
 impl<const N: usize> Placed<N> {
-    pub const ZERO: Self = Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N] };
+    pub const ZERO: Self =
+        Self { arms: Lanes3::ZERO, span: Lanes3::ZERO, length: [0.0; N], rho: [0.0; N] };
 
     #[inline(always)]
     pub fn put(&mut self, i: usize, span: [f64x2; 3]) {

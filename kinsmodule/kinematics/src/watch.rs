@@ -233,10 +233,12 @@ fn spans(legs: &[Segment; MAX_LEGS], i: usize) -> [f64x2; 3] {
     core::array::from_fn(|k| f64x2::new([one[k], other[k]]))
 }
 
-/// Whether two legs meet at the platform, or at a base anchor that stands still.
+/// Whether two legs meet at a point of the platform, or at a base anchor that stands still.
 fn share_anchor(one: &LegGeometry, other: &LegGeometry) -> bool {
-    let stands = |leg: &LegGeometry| matches!(leg.kind, LegKind::Strut(_));
-    one.platform == other.platform || (one.base == other.base && stands(one) && stands(other))
+    let is_point = |leg: &LegGeometry| leg.kind.ring_radius() == 0.0;
+    let meet = |a: &[f64; 3], b: &[f64; 3], fixed: [bool; 2]| a == b && fixed == [true; 2];
+    meet(&one.platform, &other.platform, [one, other].map(is_point))
+        || meet(&one.base, &other.base, [one, other].map(|leg| leg.kind.stands()))
 }
 
 /// Fixed axes of the joints at base and platform.
@@ -245,7 +247,7 @@ fn axes(kind: &LegKind) -> [Vector3<f64>; 2] {
         LegKind::Strut(strut) => {
             [strut.base_axis, strut.platform_axis].map(|axis| direction(&axis).unwrap_or_default())
         }
-        LegKind::Slider(_) | LegKind::Crank(_) => [Vector3::zeros(); 2],
+        LegKind::Slider(_) | LegKind::Crank(_) | LegKind::Ring(_) => [Vector3::zeros(); 2],
     }
 }
 

@@ -3,10 +3,10 @@
 
 use crate::common::machines::{
     changed_legs, declared, four_rod_lathe, genhexkins_case, geometry, hexapod, hexapods,
-    linear_delta, paper_004, pentapod, rotary_delta, slider, tripod,
+    linear_delta, paper_004, pentapod, ring_pentapod, rotary_delta, slider, tripod,
 };
 use crate::common::{NO_OFFSET, NO_TOOL};
-use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
     Cause, Fault, Geometry, Joints, LegGeometry, LegKind, Machine, MachinePart, Pose, Solver,
     Vector3,
@@ -296,12 +296,39 @@ fn a_crank_without_axis_arm_rod_or_side_is_refused_with_its_number() {
 }
 
 #[test]
+fn a_ring_of_no_radius_that_it_can_have_is_refused_with_its_number() {
+    let given = ring_pentapod().geometry;
+    let with = |radius: f64| {
+        let fault = fault_of(&given, 3, |leg| leg.kind = LegKind::Ring(RingGeometry { radius }));
+        (fault.cause, fault.number(), fault.value)
+    };
+    for radius in [-1e-300, -80.3] {
+        assert_eq!(with(radius), (Cause::RingNegative, Some(3), radius));
+    }
+    for radius in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(with(radius).0, Cause::GeometryNotFinite, "{radius}");
+    }
+    // The base anchor is 652 from the axis at home.
+    let (cause, number, distance) = with(652.0);
+    assert_eq!((cause, number), (Cause::AxisAtAnchor, Some(3)));
+    assert!((distance - 418.0_f64.hypot(500.0)).abs() < 1e-12, "{distance}");
+    assert_eq!(with(1e31).0, Cause::LengthTooLarge);
+}
+
+#[test]
+fn a_tool_axis_through_a_base_anchor_at_home_is_refused() {
+    let given = ring_pentapod().geometry;
+    let fault = fault_of(&given, 1, |leg| leg.base = [0.0, 0.0, -140.0]);
+    assert_eq!((fault.cause, fault.number(), fault.value), (Cause::AxisAtAnchor, Some(1), 0.0));
+}
+
+#[test]
 fn directions_of_any_length_are_the_same_guide_and_axis() {
     for case in [linear_delta(), rotary_delta()] {
         let longer = changed_legs(&case.geometry, |_, leg| match &mut leg.kind {
             LegKind::Slider(slider) => slider.guide = slider.guide.map(|v| 1e200 * v),
             LegKind::Crank(crank) => crank.axis = crank.axis.map(|v| 1e-200 * v),
-            LegKind::Strut(_) => panic!("no struts here"),
+            LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
         });
         let (a, b) = (case.joints(&case.home), Machine::freeze(&longer, &NO_OFFSET).unwrap());
         let b = b.inverse(&case.home, &NO_TOOL).unwrap();
@@ -361,7 +388,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
             let fault = fault_of(&case.geometry, 2, |leg| match &mut leg.kind {
                 LegKind::Slider(slider) => slider.rod = rod,
                 LegKind::Crank(crank) => crank.rod = rod,
-                LegKind::Strut(_) => panic!("no struts here"),
+                LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
             });
             (fault.cause, fault.number())
         };
@@ -373,7 +400,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
         let shortest = match case.geometry.legs()[2].kind {
             LegKind::Slider(_) => span.xy().norm(),
             LegKind::Crank(_) => span.norm() - 10.0,
-            LegKind::Strut(_) => panic!("no struts here"),
+            LegKind::Strut(_) | LegKind::Ring(_) => panic!("no struts here"),
         };
         assert!(joints[2].is_finite() && shortest > 0.0);
         assert_eq!(named(0.999 * shortest), (Cause::OutOfReach, Some(2)), "{}", case.name);

@@ -2,8 +2,8 @@
 //! Where a rod stands square to the motion of its lower end, or does not reach: refused
 //! with the leg's number, by inverse and by forward.
 
-use crate::common::machines::{declared, geometry, linear_delta, rotary_delta};
-use crate::common::reference::rod;
+use crate::common::machines::{declared, geometry, linear_delta, ring_pentapod, rotary_delta};
+use crate::common::reference::{along_ring, rod};
 use crate::common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
 use kinematics::leg::CrankGeometry;
 use kinematics::{Cause, Fault, LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
@@ -13,7 +13,7 @@ fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
     let segments = *case.machine.at(pose, &NO_TOOL).unwrap().segments();
     let joints = case.joints(pose);
     let drive = |i: usize| match case.geometry.legs()[i].kind {
-        LegKind::Strut(_) => f64::INFINITY,
+        LegKind::Strut(_) | LegKind::Ring(_) => f64::INFINITY,
         _ => {
             let along = (segments[i].platform - segments[i].base).normalize();
             along.dot(&rod(&case.geometry.legs()[i], joints[i]).onwards)
@@ -28,7 +28,7 @@ fn moved(from: &Pose, along: &Vector3<f64>, by: f64) -> Pose {
 }
 
 /// The last pose of a walk away from home that inverse accepts, the first refusal of a rod
-/// and what lies beyond it; `None` where another leg kind refuses.
+/// and what lies beyond it; `None` where another leg kind refuses, or nothing in the end.
 fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     let mut by = 0.0;
     let mut refused = None;
@@ -45,7 +45,7 @@ fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     }
     let first = refused?;
     let far = moved(&case.home, along, by + 20.0 * case.machine.size());
-    let beyond = case.machine.inverse(&far, &NO_TOOL).unwrap_err();
+    let beyond = case.machine.inverse(&far, &NO_TOOL).err()?;
     Some((moved(&case.home, along, by), first, beyond))
 }
 
@@ -176,4 +176,56 @@ fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
             assert!((fault.value - lacks).abs() < 1e-12 * 300.0, "{z}: {fault} {lacks}");
         }
     }
+}
+
+/// The tool axis is led through the base anchor of leg 2, by its own numbers: at A = 0 its distance
+/// from there is 500 − y.
+#[test]
+fn a_ring_is_refused_from_where_its_axis_is_nearer_to_the_base_anchor_than_its_radius() {
+    let case = ring_pentapod();
+    let radius = case.geometry.legs()[2].kind.ring_radius();
+    let at = |distance: f64| Pose::from_degrees([0.0, 500.0 - distance, 0.0, 0.0, 0.0, 0.0]);
+    let joints = case.machine.inverse(&at(radius + 1e-6), &NO_TOOL).expect("beside the cylinder");
+    // On the ring's edge the strut stands upright.
+    assert!((joints[2] - 450.5).abs() < 1e-9, "{joints:?}");
+    for distance in [radius - 1e-6, 40.0, 1e-9, 0.0, -1e-9, -40.0] {
+        let faults = [
+            case.machine.inverse(&at(distance), &NO_TOOL).unwrap_err(),
+            case.machine.at(&at(distance), &NO_TOOL).err().expect("refused"),
+            case.machine.side(&at(distance), &NO_TOOL).unwrap_err(),
+            case.machine.forward(&joints, &at(distance), &NO_TOOL, &Solver::default()).unwrap_err(),
+        ];
+        for fault in faults {
+            assert_eq!((fault.cause, fault.number()), (Cause::AxisAtAnchor, Some(2)), "{distance}");
+            // Some roundings of a difference of hundreds.
+            assert!((fault.value - distance.abs()).abs() < 1e-12, "{distance}: {fault}");
+        }
+    }
+}
+
+/// Joints of poses within the cylinder are those of the equation there, which nothing but the refusal
+/// tells from others.
+#[test]
+fn forward_answers_no_pose_whose_axis_is_within_the_ring_of_a_base_anchor() {
+    let case = ring_pentapod();
+    let beside = Pose::from_degrees([0.0, 416.0, 0.0, 0.0, 0.0, 0.0]);
+    let mut refused = 0;
+    for within in 1..40 {
+        let y = 500.0 - 80.3 + 0.05 * f64::from(within);
+        let pose = Pose::from_degrees([0.0, y, 0.0, 0.0, 0.0, 0.0]);
+        let joints: [f64; 11] = std::array::from_fn(|i| match case.geometry.legs().get(i) {
+            Some(leg) => {
+                let centre = pose.position + Vector3::from(leg.platform);
+                let end = centre + along_ring(leg, &centre, &pose.rotation());
+                (end - Vector3::from(leg.base)).norm()
+            }
+            None => 0.0,
+        });
+        let found = case.machine.forward(&joints, &beside, &NO_TOOL, &Solver::default());
+        if let Ok(found) = &found {
+            assert!(case.machine.inverse(&found.pose, &NO_TOOL).is_ok(), "{y}: {found:?}");
+        }
+        refused += u32::from(found.is_err_and(|fault| fault.cause == Cause::AxisAtAnchor));
+    }
+    assert!(refused > 30, "{refused}");
 }

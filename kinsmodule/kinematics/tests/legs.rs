@@ -5,7 +5,7 @@ use crate::common::machines::{
     declared, four_rod_lathe, geometry, linear_delta, pyramid, six_rod_lathe, slider,
 };
 use crate::common::random::{Draw, RECIPES, Recipe, draw};
-use crate::common::reference::rod;
+use crate::common::reference::{along_ring, rod};
 use crate::common::tolerances::GOLDEN_JOINT;
 use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::{CrankGeometry, SliderGeometry};
@@ -33,6 +33,7 @@ fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
     let most = LENGTH * case.machine.size();
     for (i, leg) in case.geometry.legs().iter().enumerate() {
         let p = of_legs + r * (Vector3::from(leg.platform) - centre);
+        let p = p + along_ring(leg, &p, &r);
         assert!((segments[i].platform - p).norm() < 10.0 * most, "{}: {i}", case.name);
         let native = joints[i] - corrections[i];
         let at = rod(leg, native);
@@ -40,7 +41,7 @@ fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
         let span = p - at.anchor;
         // A rod's place on its guide is exact to rounding over the cosine to its motion.
         assert!((span.norm() - at.length).abs() < 100.0 * most, "{}: leg {i} {span:?}", case.name);
-        if !matches!(leg.kind, LegKind::Strut(_)) {
+        if !leg.kind.stands() {
             let drive = span.normalize().dot(&at.onwards);
             // Less rounding: nearer to the dead point inverse refuses.
             assert!(

@@ -99,6 +99,7 @@ fn scaled(given: &Geometry, by: f64) -> Geometry {
                 crank.rod *= by;
                 crank.arm = scale(crank.arm);
             }
+            LegKind::Ring(ring) => ring.radius *= by,
         }
     });
     other.centre = scale(given.centre);
@@ -242,6 +243,7 @@ fn each_value(leg: &mut LegGeometry, mut see: impl FnMut(&mut f64)) {
             crank.arm.iter_mut().for_each(&mut see);
             see(&mut crank.rod);
         }
+        LegKind::Ring(ring) => see(&mut ring.radius),
     }
 }
 
@@ -276,7 +278,7 @@ fn the_hash_follows_every_value_of_every_kind_the_order_of_legs_and_not_the_sign
                 LegKind::Crank(crank) if k == i => crank.side = -crank.side,
                 _ => {}
             });
-            if !matches!(case.geometry.legs()[i].kind, LegKind::Strut(_)) {
+            if !case.geometry.legs()[i].kind.stands() {
                 seen.push(sides.hash());
             }
         }
@@ -309,7 +311,13 @@ fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return()
         let legs = case.geometry.legs();
         let anchors = legs.iter().map(|leg| Vector3::from(leg.platform));
         let middle = anchors.clone().sum::<Vector3<f64>>() / legs.len() as f64;
-        let squares: f64 = anchors.map(|anchor| (anchor - middle).norm_squared()).sum();
+        let centres: f64 = anchors.map(|anchor| (anchor - middle).norm_squared()).sum();
+        let ring = |leg: &LegGeometry| {
+            let radius = leg.kind.ring_radius();
+            radius * (radius + Vector3::from(leg.base).norm())
+        };
+        let rings: f64 = legs.iter().map(ring).sum();
+        let squares = centres + rings;
         let radius = (squares / legs.len() as f64).sqrt();
         // Where all anchors are one point and nothing turns, the size takes its place.
         let expected = if radius > 0.0 { radius } else { case.machine.size() };

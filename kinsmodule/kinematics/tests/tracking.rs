@@ -59,7 +59,7 @@ fn mirrored(rng: &mut Pcg64, case: &Case) -> Option<Machine> {
             continue;
         }
         match &mut leg.kind {
-            LegKind::Strut(_) => continue,
+            LegKind::Strut(_) | LegKind::Ring(_) => continue,
             LegKind::Slider(slider) => slider.side = -slider.side,
             LegKind::Crank(crank) => crank.side = -crank.side,
         }

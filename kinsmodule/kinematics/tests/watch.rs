@@ -3,7 +3,7 @@
 
 use crate::common::machines::{declared, on_circle, paper_004, strut, with_legs};
 use crate::common::{Case, NO_TOOL, cases, rng, uniform};
-use kinematics::{Cause, LegKind, Limits, MAX_LEGS, Machine, Pose, Segment, Vector3, Watch};
+use kinematics::{Cause, Limits, MAX_LEGS, Machine, Pose, Segment, Vector3, Watch};
 use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
@@ -26,7 +26,7 @@ fn each_pose(seed: u64, mut check: impl FnMut(&Case, &Watch, &Pose, &[Segment; 8
 /// Whether two legs of a machine meet in an anchor that joins them.
 fn meet(case: &Case, i: usize, j: usize) -> bool {
     let legs = case.geometry.legs();
-    let stand = [i, j].iter().all(|k| matches!(legs[*k].kind, LegKind::Strut(_)));
+    let stand = [i, j].iter().all(|k| legs[*k].kind.stands());
     legs[i].platform == legs[j].platform || (stand && legs[i].base == legs[j].base)
 }
 

@@ -53,7 +53,7 @@ string_parameter!(
     rtapi_info_address_legs,
     rtapi_info_type_legs,
     rtapi_info_description_legs,
-    c"kinds and numbers of legs (strut, slider, crank), such as strut:6 or slider:4"
+    c"kinds and numbers of legs (strut, slider, crank, ring), such as strut:6 or slider:4"
 );
 string_parameter!(
     coordinates,

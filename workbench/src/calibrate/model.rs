@@ -99,7 +99,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Seven parameters a leg, and those of `tolerance` that are not 0; of the frames none.
+    /// Seven parameters a leg, five of one on a ring, and those of `tolerance` that are not 0; of the
+    /// frames none.
     ///
     /// # Errors
     /// The drawing makes no machine.
@@ -110,7 +111,10 @@ impl Model {
         let mut add = |quantity, deviation| parameters.push(Parameter { quantity, deviation });
         for leg in 0..geometry.legs().len() {
             (0..3).for_each(|axis| add(Quantity::Base(leg, axis), tolerance.anchor));
-            (0..3).for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
+            // The axis of its ring is the tool axis: only the height may be another.
+            let of_ring = matches!(geometry.legs()[leg].kind, LegKind::Ring(_));
+            let moved = if of_ring { 2..3 } else { 0..3 };
+            moved.for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
             add(Quantity::Length(leg), tolerance.length);
         }
         let lead = geometry
@@ -239,13 +243,13 @@ fn of(leg: &mut Option<LegGeometry>) -> &mut LegGeometry {
 fn lead_of(leg: &LegGeometry) -> Option<f64> {
     match leg.kind {
         LegKind::Strut(strut) => Some(strut.lead),
-        LegKind::Slider(_) | LegKind::Crank(_) => None,
+        LegKind::Slider(_) | LegKind::Crank(_) | LegKind::Ring(_) => None,
     }
 }
 
 fn lengthen(leg: &mut LegGeometry, offset: &mut f64, change: f64) {
     match &mut leg.kind {
-        LegKind::Strut(_) => *offset += change,
+        LegKind::Strut(_) | LegKind::Ring(_) => *offset += change,
         LegKind::Slider(slider) => slider.rod += change,
         LegKind::Crank(crank) => crank.rod += change,
     }

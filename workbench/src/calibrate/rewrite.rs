@@ -112,7 +112,7 @@ fn decimal(value: f64) -> String {
     format!("{:.DECIMALS$}", value + 0.0)
 }
 
-fn list(values: &[f64; 3]) -> String {
+fn list<const N: usize>(values: &[f64; N]) -> String {
     values.map(decimal).join(" ")
 }
 
@@ -124,8 +124,12 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
         if old.base != new.base {
             edit(leg::BASE.name, list(&new.base));
         }
-        if old.platform != new.platform {
-            edit(leg::PLATFORM.name, list(&new.platform));
+        match new.kind {
+            _ if old.platform == new.platform => {}
+            LegKind::Ring(ring) => {
+                edit(leg::EFFECTOR.name, list(&[ring.radius, new.platform[2]]));
+            }
+            _ => edit(leg::PLATFORM.name, list(&new.platform)),
         }
         if model.offsets[n] != offsets[n] {
             edit(leg::OFFSET.name, decimal(offsets[n]));

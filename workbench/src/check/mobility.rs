@@ -8,6 +8,7 @@
 //! come to 6 for any number of such legs: counting does not tell which motions the legs hold
 //! once their drives stand still. The rank of their rows does.
 
+use crate::read::legs::platform_anchor;
 use crate::read::machine::MachineConfig;
 use crate::rows::{RANK_TOLERANCE, Rows};
 use kinematics::{Fault, Letter, Vector3};
@@ -26,7 +27,8 @@ pub fn rows_at_home(config: &MachineConfig) -> Result<Rows, Fault> {
     let mut rows = Rows::zeros();
     for (i, leg) in config.geometry.legs().iter().enumerate() {
         let along = at.segments()[i].span().normalize();
-        let arm = Vector3::from(leg.platform) - Vector3::from(config.geometry.centre);
+        let anchor = platform_anchor(leg, &at.segments()[i], &at.rotation());
+        let arm = anchor - Vector3::from(config.geometry.centre);
         let moment = arm.cross(&along) / config.machine.radius();
         for k in 0..3 {
             (rows[(i, k)], rows[(i, k + 3)]) = (along[k], moment[k]);

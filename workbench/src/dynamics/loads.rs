@@ -174,7 +174,9 @@ fn drives(
     let of_leg = legs.iter().zip(along).enumerate().map(|(i, (leg, force))| {
         let acceleration = match config.geometry.legs()[i].kind {
             LegKind::Crank(_) => moving.joints[i].to_radians(),
-            LegKind::Strut(_) | LegKind::Slider(_) => moving.joints[i] / config.units_per_mm,
+            LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Ring(_) => {
+                moving.joints[i] / config.units_per_mm
+            }
         };
         force * leg.signed_gain + model.legs[i].drive.unwrap_or(0.0) * acceleration
     });

@@ -16,7 +16,7 @@
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model};
 use crate::dynamics::shapes::Shapes;
-use crate::read::legs::drive_rate;
+use crate::read::legs::{drive_rate, platform_anchor};
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
@@ -93,7 +93,7 @@ pub fn legs(
         // Rows of joints grow with the joint, and those of lengths towards the platform.
         let turned = if screw == Screw::Backdrivable { sign } else { 1.0 };
         LegAt {
-            anchor: Vector3::from(leg.platform) / per_mm,
+            anchor: platform_anchor(leg, segment, &at.rotation()) / per_mm,
             along: span.normalize(),
             length: span.norm(),
             row: rows.row(i) * turned,

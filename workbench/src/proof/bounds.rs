@@ -11,7 +11,7 @@
 //! from the derivatives of |p − c(q)|² = L². Nut correction: the bound of the core's
 //! certificate, with V/l for n' and Ω for 1/r.
 
-use crate::proof::reach::{Middle, RADIANS, Reach, Spread};
+use crate::proof::reach::{LegMiddle, Middle, RADIANS, Reach, Ring, Spread};
 use kinematics::{LEAST_DRIVE, LEAST_SINE_TO_AXIS, LegKind, Vector3};
 use std::f64::consts::PI;
 
@@ -35,11 +35,15 @@ pub(super) struct SecondDerivatives {
     pub(super) ends: [f64; 2],
     /// No end moves farther than this.
     pub(super) farthest: f64,
+    /// Bounds of the first and second derivative of the platform anchor's way along its ring.
+    pub(super) slide: [f64; 2],
 }
 
 impl Reach<'_> {
+    /// Farthest that the platform anchor of leg `i` can be from what the platform turns about.
     fn arm(&self, i: usize) -> f64 {
-        self.arms[i].iter().map(|arm| arm.norm()).sum()
+        let radius = self.config.geometry.legs()[i].kind.ring_radius();
+        self.arms[i].iter().map(|arm| arm.norm()).sum::<f64>() + radius
     }
 
     /// Bounds of one leg; `None` where the cell is too large for any.
@@ -66,8 +70,10 @@ impl Reach<'_> {
                     length,
                     ends: [0.0, second],
                     farthest: travel,
+                    slide: [0.0; 2],
                 })
             }
+            LegKind::Ring(_) => self.ring_bend(i, middle, spread, travel, second),
             LegKind::Slider(slider) => {
                 let guide = Vector3::from(slider.guide).normalize();
                 let from_base = segment.platform - Vector3::from(leg.base);
@@ -90,6 +96,51 @@ impl Reach<'_> {
                 rod_bend(drive, across, across, travel, second, crank.rod, RADIANS)
             }
         }
+    }
+
+    /// The same of a strut on a ring, whose anchor slides along it: with y the speed of the platform's
+    /// point at the base anchor, rho the distance of that from the axis, psi the turn of the ring in
+    /// the platform,
+    ///
+    /// ```text
+    /// |psi'| ≤ y/rho,  |psi''| ≤ y'/rho + 2 (y/rho)²,  |p'| ≤ V + r |psi'|,
+    /// |p''| ≤ A + 2 Ω r |psi'| + r (|psi''| + |psi'|²),  |q''| ≤ max(V², (r/rho) y²)/l + A
+    /// ```
+    ///
+    /// (core, module `leg::ring`).
+    fn ring_bend(
+        &self,
+        i: usize,
+        middle: &Middle,
+        spread: &Spread,
+        travel: f64,
+        second: f64,
+    ) -> Option<SecondDerivatives> {
+        let LegMiddle { segment, length, .. } = &middle.legs[i];
+        let leg = &self.config.geometry.legs()[i];
+        let to_base = self.to_base(i, middle).norm() + spread.shift;
+        let speed = spread.shift + to_base * spread.turn;
+        let speeding = to_base * spread.turn * spread.turn + 2.0 * spread.shift * spread.turn;
+        let (radius, rho) = match Ring::of(leg, segment, &middle.rotation) {
+            Some(ring) => (ring.radius, ring.rho - speed),
+            None if leg.kind.ring_radius() > 0.0 => return None,
+            None => (0.0, f64::INFINITY),
+        };
+        // Nearer to the axis than the ring no pose is taken.
+        let length = length - travel;
+        (length > 0.0 && rho >= radius).then_some(())?;
+        let turn = speed / rho;
+        let turning = speeding / rho + 2.0 * turn * turn;
+        let first = travel + radius * turn;
+        let bent = second + radius * (2.0 * spread.turn * turn + turning + turn * turn);
+        Some(SecondDerivatives {
+            joint: (travel * travel).max(radius / rho * speed * speed) / length + second,
+            direction: [first / length, second_of_direction(first, bent, length)],
+            length,
+            ends: [0.0, bent],
+            farthest: first,
+            slide: [first - travel, bent - second],
+        })
     }
 
     /// Bound of the second derivative of the nut correction of leg `i`.
@@ -160,6 +211,7 @@ fn rod_bend(
         length: rod,
         ends: [bent - second, second],
         farthest: travel.max(pace * rate),
+        slide: [0.0; 2],
     })
 }
 

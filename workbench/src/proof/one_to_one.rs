@@ -347,6 +347,17 @@ impl<'a> Prover<'a> {
                 let angle = Jet::angle(b, a) + Jet::angle(root, t) * side;
                 angle * Jet::constant(1.0 / RADIANS)
             }
+            LegKind::Ring(ring) => {
+                // From base anchor to ring, as the platform sees it: its own arm does not turn there.
+                let from_base: [Jet; 3] =
+                    std::array::from_fn(|n| platform.point[n] - Jet::constant(leg.base[n]));
+                let [x, y, height]: [Jet; 3] = std::array::from_fn(|k| {
+                    let axis: [Jet; 3] = std::array::from_fn(|n| rotation[n][k]);
+                    dot(&from_base, &axis) + Jet::constant(leg.platform[k] - centre[k])
+                });
+                let rho = (x.squared() + y.squared()).sqrt();
+                ((rho - Jet::constant(ring.radius)).squared() + height.squared()).sqrt()
+            }
         }
     }
 }
@@ -473,11 +484,12 @@ mod tests {
     use rand_pcg::Pcg64;
     use std::path::Path;
 
-    const MACHINES: [&str; 8] = [
+    const MACHINES: [&str; 9] = [
         "four-rod-lathe",
         "hexapod",
         "lab-hexapod",
         "linear-delta",
+        "pentapod",
         "pyramid",
         "rotary-delta",
         "six-rod-lathe",

@@ -2,6 +2,7 @@
 //! A machine with one tool: what it can take at a pose, and how its legs change from there.
 
 use crate::limits::beyond_axes;
+use crate::read::legs::platform_anchor;
 use crate::read::machine::MachineConfig;
 use kinematics::{
     At, Fault, Jacobian, Joints, LegGeometry, LegKind, Letter, Limits, Margin, Matrix3, Pose,
@@ -67,6 +68,9 @@ impl Spread {
     }
 }
 
+/// Changes with every coordinate, of a platform anchor and of it along its ring.
+type Motions = ([Vector3<f64>; 6], [Vector3<f64>; 6]);
+
 /// The middle of a cell.
 pub(super) struct Middle<'a> {
     pub(super) at: At<'a>,
@@ -85,6 +89,8 @@ pub(super) struct LegMiddle {
     pub(super) length: f64,
     /// Changes of the platform anchor with every coordinate, per machine unit or radian.
     pub(super) motions: [Vector3<f64>; 6],
+    /// The part of them that it slides along its ring.
+    pub(super) slides: [Vector3<f64>; 6],
     /// The same of the vector along the leg.
     pub(super) changes: [Vector3<f64>; 6],
 }
@@ -181,24 +187,56 @@ impl<'a> Reach<'a> {
 
     fn leg(&self, i: usize, middle: &Middle) -> LegMiddle {
         let segment = middle.at.segments()[i];
-        let motions = self.motions(i, middle);
+        let (motions, slides) = self.motions(i, &segment, middle);
         let length = segment.span().norm();
         let changes = self.span_changes(i, &segment, &motions, middle);
-        LegMiddle { segment, n: segment.span() / length, length, motions, changes }
+        LegMiddle { segment, n: segment.span() / length, length, motions, slides, changes }
     }
 
-    /// Changes of the platform anchor of leg `i` with every coordinate, per machine unit or radian.
-    fn motions(&self, i: usize, middle: &Middle) -> [Vector3<f64>; 6] {
+    /// Changes of the platform anchor of leg `i` with every coordinate, per machine unit or radian,
+    /// and the part of them along its ring.
+    fn motions(&self, i: usize, segment: &Segment, middle: &Middle) -> Motions {
+        let leg = &self.config.geometry.legs()[i];
         let [shared, own] = self.arms[i].map(|arm| middle.rotation * arm);
-        std::array::from_fn(|k| {
-            if k < 3 {
-                let mut along = Vector3::zeros();
-                along[k] = if self.active[k] { 1.0 } else { 0.0 };
-                return along;
+        let ring = Ring::of(leg, segment, &middle.rotation);
+        let own = own + ring.as_ref().map_or(Vector3::zeros(), |ring| ring.outward * ring.radius);
+        let (mut motions, mut slides) = ([Vector3::zeros(); 6], [Vector3::zeros(); 6]);
+        for k in 0..6 {
+            let (along, axis) = match k {
+                0..3 => (Vector3::ith(k, if self.active[k] { 1.0 } else { 0.0 }), Vector3::zeros()),
+                _ => (Vector3::zeros(), middle.axes[k - 3]),
+            };
+            motions[k] = along + axis.cross(&own) + self.of_legs(axis.cross(&shared));
+            if let Some(ring) = &ring {
+                // The platform's point at the base anchor takes the ring back by r/rho of its way.
+                let at_base = motions[k] - axis.cross(&segment.span());
+                slides[k] = ring.along * (-ring.along.dot(&at_base) * ring.radius / ring.rho);
+                motions[k] += slides[k];
             }
-            let axis = middle.axes[k - 3];
-            axis.cross(&own) + self.of_legs(axis.cross(&shared))
-        })
+        }
+        (motions, slides)
+    }
+
+    /// From the point that the platform turns about to the base anchor of leg `i`, in base.
+    pub(super) fn to_base(&self, i: usize, middle: &Middle) -> Vector3<f64> {
+        let segment = &middle.legs[i].segment;
+        let leg = &self.config.geometry.legs()[i];
+        let ring = Ring::of(leg, segment, &middle.rotation);
+        let outward = ring.map_or(Vector3::zeros(), |ring| ring.outward * ring.radius);
+        let [shared, own] = self.arms[i].map(|arm| middle.rotation * arm);
+        shared + own + outward - segment.span()
+    }
+
+    /// From a point of the platform to the platform anchor of leg `i`, in base.
+    pub(super) fn lever_from(
+        &self,
+        point: &Vector3<f64>,
+        i: usize,
+        middle: &Middle,
+    ) -> Vector3<f64> {
+        let leg = &self.config.geometry.legs()[i];
+        let segment = middle.at.segments()[i];
+        middle.rotation * (platform_anchor(leg, &segment, &middle.rotation) - point)
     }
 
     /// Changes of the vector along leg `i` with every coordinate, per machine unit or radian.
@@ -211,7 +249,7 @@ impl<'a> Reach<'a> {
     ) -> [Vector3<f64>; 6] {
         let leg = &self.config.geometry.legs()[i];
         let per_joint = match leg.kind {
-            LegKind::Strut(_) => return *motions,
+            LegKind::Strut(_) | LegKind::Ring(_) => return *motions,
             LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
             LegKind::Crank(crank) => {
                 let arm = segment.base - Vector3::from(leg.base);
@@ -245,6 +283,34 @@ impl<'a> Reach<'a> {
         let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
         let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
         spread.steps.iter().map(extent).collect()
+    }
+}
+
+/// A ring where its strut stands.
+pub(super) struct Ring {
+    pub(super) radius: f64,
+    /// From its axis to the base anchor.
+    pub(super) rho: f64,
+    /// Unit vectors in base: from the axis towards the base anchor, and along the circle there.
+    outward: Vector3<f64>,
+    along: Vector3<f64>,
+}
+
+impl Ring {
+    /// `None` where the leg ends at a point.
+    pub(super) fn of(
+        leg: &LegGeometry,
+        segment: &Segment,
+        rotation: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let radius = leg.kind.ring_radius();
+        (radius > 0.0).then_some(())?;
+        let axis: Vector3<f64> = rotation.column(2).into();
+        let span = segment.span();
+        let beside = axis * axis.dot(&span) - span;
+        let outward = beside.try_normalize(0.0)?;
+        let along = axis.cross(&outward);
+        Some(Self { radius, rho: radius + beside.norm(), outward, along })
     }
 }
 

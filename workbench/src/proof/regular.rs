@@ -120,8 +120,7 @@ impl Reach<'_> {
 
     /// From the point that the conditioning is about to the platform anchor of leg `i`, in base.
     fn lever(&self, i: usize, middle: &Middle) -> Vector3<f64> {
-        let anchor = Vector3::from(self.config.geometry.legs()[i].platform);
-        middle.rotation * (anchor - self.about)
+        self.lever_from(&self.about, i, middle)
     }
 
     /// Change of the constraint rows along a step, machine units and radians.
@@ -135,7 +134,8 @@ impl Reach<'_> {
             let turned = (change - leg.n * leg.n.dot(&change)) / leg.length;
             let lever = self.lever(i, middle);
             let moment = lever.cross(&leg.n);
-            let slope = turn.cross(&lever).cross(&leg.n) + lever.cross(&turned);
+            let slide: Vector3<f64> = moved().map(|k| leg.slides[k] * step[k]).sum();
+            let slope = (turn.cross(&lever) + slide).cross(&leg.n) + lever.cross(&turned);
             for k in (0..3).filter(|k| self.active[*k]) {
                 slopes[(i, k)] = turned[k];
             }
@@ -156,10 +156,13 @@ impl Reach<'_> {
     fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> Rows {
         let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
         let mut rest = Rows::zeros();
+        let per_radius = 1.0 / self.config.machine.radius();
         for (i, second_derivative) in seconds.iter().enumerate() {
             let [turned, bent] = second_derivative.direction;
-            let lever = self.arm_about(i) / self.config.machine.radius();
-            let angular = lever * (bent + 2.0 * turned * turns + turns * turns) / 2.0;
+            let lever = self.arm_about(i) * per_radius;
+            let [slid, sliding] = second_derivative.slide;
+            let of_ring = (sliding + 2.0 * slid * (turned + spread.turn)) * per_radius;
+            let angular = (lever * (bent + 2.0 * turned * turns + turns * turns) + of_ring) / 2.0;
             for k in (0..6).filter(|k| self.active[*k]) {
                 rest[(i, k)] = if k < 3 { bent / 2.0 } else { angular };
             }
@@ -168,7 +171,8 @@ impl Reach<'_> {
     }
 
     fn arm_about(&self, i: usize) -> f64 {
-        (Vector3::from(self.config.geometry.legs()[i].platform) - self.about).norm()
+        let leg = &self.config.geometry.legs()[i];
+        (Vector3::from(leg.platform) - self.about).norm() + leg.kind.ring_radius()
     }
 
     /// The constraint rows with those of the joints in place of the struts'.

@@ -37,7 +37,7 @@ impl JointKind {
 
     const fn of_leg(kind: Kind) -> Self {
         match kind {
-            Kind::Strut => Self::Strut,
+            Kind::Strut | Kind::Ring => Self::Strut,
             Kind::Slider => Self::Carriage,
             Kind::Crank => Self::Arm,
         }

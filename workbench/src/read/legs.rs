@@ -4,13 +4,13 @@
 use crate::read::error::{Errors, leg_section};
 use crate::read::ini::{Ini, IniError};
 use keys::{Key, Need, leg as of_leg, machine as of_machine};
-use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
-use kinematics::{LegGeometry, LegKind, Segment, Vector3};
+use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
+use kinematics::{LegGeometry, LegKind, Matrix3, Segment, Vector3};
 
-/// Motion of a leg's moving base anchor per joint unit, in base; `None` for a strut.
+/// Motion of a leg's moving base anchor per joint unit, in base; `None` where it stands still.
 pub(crate) fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
     match leg.kind {
-        LegKind::Strut(_) => None,
+        LegKind::Strut(_) | LegKind::Ring(_) => None,
         LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
         LegKind::Crank(crank) => {
             let arm = segment.base - Vector3::from(leg.base);
@@ -18,6 +18,20 @@ pub(crate) fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3
             Some(axis.cross(&arm) * (std::f64::consts::PI / 180.0))
         }
     }
+}
+
+/// Where a leg ends on the platform, in its frame: on a ring at the point nearest to the base anchor.
+pub(crate) fn platform_anchor(
+    leg: &LegGeometry,
+    segment: &Segment,
+    rotation: &Matrix3<f64>,
+) -> Vector3<f64> {
+    let radius = leg.kind.ring_radius();
+    let along = rotation.tr_mul(&segment.span());
+    // From the ring towards the base anchor, square to the axis; none where they are above each other.
+    let outward = Vector3::new(-along.x, -along.y, 0.0);
+    let turned = outward.try_normalize(0.0).unwrap_or_default();
+    Vector3::from(leg.platform) + turned * radius
 }
 
 /// Exactly the sections LEG_0 to that of the last leg.
@@ -47,17 +61,25 @@ pub(super) fn leg_geometry(
     let section = leg_section(n);
     errors.of(ini.check_keys(&section, keys::of_leg(kind)));
     let base = errors.of(ini.require_values(&section, &of_leg::BASE));
-    let platform = errors.of(ini.require_values(&section, &of_leg::PLATFORM));
+    let mut platform = || errors.of(ini.require_values(&section, &of_leg::PLATFORM));
     match kind {
+        Kind::Ring => {
+            let [radius, height] = errors.of(ini.require_values(&section, &of_leg::EFFECTOR))?;
+            let kind = LegKind::Ring(RingGeometry { radius });
+            Some(LegGeometry { base: base?, platform: [0.0, 0.0, height], kind })
+        }
         Kind::Strut => {
+            let platform = platform();
             let strut = strut(ini, &section, errors);
             Some(LegGeometry::strut(base?, platform?, strut?))
         }
         Kind::Slider => {
+            let platform = platform();
             let kind = LegKind::Slider(slider(ini, &section, errors)?);
             Some(LegGeometry { base: base?, platform: platform?, kind })
         }
         Kind::Crank => {
+            let platform = platform();
             let kind = LegKind::Crank(crank(ini, &section, errors)?);
             Some(LegGeometry { base: base?, platform: platform?, kind })
         }

@@ -6,6 +6,7 @@
 //! it points from base to platform, elevation = asin u_z above the XY plane, azimuth =
 //! atan2(u_y, u_x) about Z.
 
+use crate::read::legs::platform_anchor;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, LegKind, Nearest, Pose, Segment, Vector3};
 
@@ -77,7 +78,7 @@ impl<'a> View<'a> {
         };
         let between = self.config.pairs();
         let between = between.iter().map(|[i, j]| angle(&directions[*i], &directions[*j]));
-        let anchor = Vector3::from(self.config.geometry.legs()[0].platform);
+        let anchor = platform_anchor(&self.config.geometry.legs()[0], &legs[0], &at.rotation());
         let in_base = |point: &Vector3<f64>| legs[0].platform + at.rotation() * (point - anchor);
         let nearest = at.nearest();
         Ok(Rods {

@@ -494,8 +494,8 @@ mod tests {
         let lipschitz = |rho| {
             lipschitz_constant(&machine, &at.placed, None, inverse, rho, None).expect("lipschitz")
         };
-        let (distance, near) =
-            (0.2 / lipschitz(0.0), lipschitz(0.2 / lipschitz(0.0)) * 0.2 / lipschitz(0.0));
+        let distance = 0.2 / lipschitz(0.0);
+        let near = lipschitz(distance) * distance;
         assert_eq!(confirm(9.0, 0.4 * distance, distance), Ok(Certificate::Ball(near)));
         // A first ball that is too small for certainty asks for the place's own Lipschitz constant, which
         // says the same of a machine scaled to be nearly singular.
@@ -526,7 +526,7 @@ mod tests {
             let (start, middle, end) = (at(0.0), at(share), at(1.0));
             for i in 0..6 {
                 let off = middle[i] - start[i] - share * (end[i] - start[i]);
-                let bound = leg_chord_deviation(&placed, &step.motion, i);
+                let bound = leg_chord_deviation(&machine, &placed, &step.motion, i);
                 // 1e-11: some roundings of lengths of some thousands.
                 assert!(off.abs() <= bound + 1e-11, "{off:e} {bound:e}");
                 // What rounding is no longer seen in.

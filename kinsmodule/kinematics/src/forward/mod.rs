@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_refusal_of_the_search_is_told_by_what_is_behind_it() {
-        let mut rng = Pcg64::seed_from_u64(22);
+        let mut rng = Pcg64::seed_from_u64(27);
         let solver = Solver { residual_limit: 0.25, ..Solver::default() };
         for (coordinates, redundant) in [(b"XYZABC".as_slice(), false), (b"XYZAB", true)] {
             let (machine, start) = machine(&mut rng, coordinates, false).expect("a machine");

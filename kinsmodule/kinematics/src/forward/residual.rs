@@ -235,6 +235,9 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Displacement, Fault> {
         let by = self.displacement(&about.place, x);
         about.at.placed.moved(&by, &mut at.placed);
+        if let Some(rings) = self.rings() {
+            rings.turn(&self.moved_by(&about.place, x, &by).rotation, &mut at.placed);
+        }
         if let Some(nut) = &self.nut {
             nut.torsion_from(
                 &about.at.torsion,
@@ -253,8 +256,18 @@ impl<const N: usize> Mechanism<N> {
     pub(super) fn bent_step(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; 6] {
         let [v, _] = parts(step);
         let omega = self.angular_at_middle(&about.place, step);
-        let more = about.inverse.solve(&about.at.placed.length_accelerations(&v, &omega));
-        along(step, -0.5, &more)
+        let second = self.length_accelerations(about, [&v, &omega]);
+        along(step, -0.5, &about.inverse.solve(&second))
+    }
+
+    /// Second derivatives of the legs' lengths while the platform moves at `v` and turns at `omega`.
+    #[inline(always)]
+    fn length_accelerations(&self, about: &Stance<N>, [v, omega]: [&Vector3<f64>; 2]) -> [f64; N] {
+        let mut second = about.at.placed.length_accelerations(v, omega);
+        if let Some(rings) = self.rings() {
+            rings.bend(&about.place, &about.at.placed, [v, omega], &mut second);
+        }
+        second
     }
 
     /// Newton's step from a point `x` of the chart by the factorisation at its middle.
@@ -454,7 +467,7 @@ pub(super) mod tests {
                 let omega = trial.machine.angular_at_middle(&trial.about.place, &trial.step);
                 let (low, middle, high) = (lengths(-STEP), lengths(0.0), lengths(STEP));
                 let length_rates = trial.about.at.placed.length_rates(&v, &omega);
-                let accelerations = trial.about.at.placed.length_accelerations(&v, &omega);
+                let accelerations = trial.machine.length_accelerations(&trial.about, [&v, &omega]);
                 for i in 0..6 {
                     let first = (high[i] - low[i]) / (2.0 * STEP);
                     let second = (high[i] + low[i] - 2.0 * middle[i]) / (STEP * STEP);

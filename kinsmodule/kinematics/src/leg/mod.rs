@@ -3,8 +3,9 @@
 //!
 //! Every kind is a constraint |p − c(q)| = d(q) between the platform anchor p and a
 //! *moving base anchor* c: a strut keeps c and changes d, a rod on a carriage or a
-//! crank moves c and keeps d. The solvers see only (c, d) and the unit vector
-//! u = (p − c)/d; with q' = dq/dt
+//! crank moves c and keeps d. The platform anchor is a point of the platform, or the nearest
+//! point of a ring that turns freely about the tool axis. The solvers see only (c, d) and the unit
+//! vector u = (p − c)/d; with q' = dq/dt
 //!
 //! ```text
 //! u · ṗ = (u · ∂c/∂q + ∂d/∂q) q'
@@ -18,10 +19,12 @@
 //! positions apart: the sign of u · ∂c/∂q is −side.
 
 pub mod crank;
+pub mod ring;
 pub mod slider;
 pub mod strut;
 
 pub use crank::CrankGeometry;
+pub use ring::RingGeometry;
 pub use slider::SliderGeometry;
 pub use strut::StrutGeometry;
 
@@ -43,6 +46,8 @@ pub enum Kind {
     Slider,
     /// Rod of fixed length on a turning arm.
     Crank,
+    /// Telescopic strut to a ring about the tool axis.
+    Ring,
 }
 
 /// What the integrator wrote for one leg, by kind.
@@ -54,6 +59,9 @@ pub enum LegKind {
     Slider(SliderGeometry),
     /// Rod on an arm that turns about a fixed axis; joint value = its angle in degrees.
     Crank(CrankGeometry),
+    /// Telescopic strut to a ring that turns freely about the tool axis; joint value = length. The
+    /// platform anchor is the centre of the ring.
+    Ring(RingGeometry),
 }
 
 impl LegKind {
@@ -62,12 +70,13 @@ impl LegKind {
         matches!(self, LegKind::Crank(_))
     }
 
-    /// Lengths of rod and arm, 0 for what the kind does not have.
+    /// Lengths of rod and arm, or radius of the ring; 0 for what the kind does not have.
     pub(crate) fn lengths(&self) -> [f64; 2] {
         match self {
             LegKind::Strut(_) => [0.0; 2],
             LegKind::Slider(s) => [s.rod, 0.0],
             LegKind::Crank(c) => [c.rod, Vector3::from(c.arm).norm()],
+            LegKind::Ring(r) => [r.radius, 0.0],
         }
     }
 
@@ -94,15 +103,33 @@ impl LegKind {
                 see(&[c.rod, f64::from(c.side)]);
                 see(&c.arm);
             }
+            LegKind::Ring(r) => {
+                see(&[4.0]);
+                see(&[r.radius]);
+            }
         }
     }
 
-    /// The checked leg.
+    /// Radius of the circle on which the platform anchor is free to slide; 0 for a point.
+    pub const fn ring_radius(&self) -> f64 {
+        match self {
+            LegKind::Ring(ring) => ring.radius,
+            LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Crank(_) => 0.0,
+        }
+    }
+
+    /// Whether the base anchor stands still.
+    pub const fn stands(&self) -> bool {
+        matches!(self, LegKind::Strut(_) | LegKind::Ring(_))
+    }
+
+    /// The checked leg; what its ring does is no matter of the joint, see [`Self::ring_radius`].
     pub(crate) fn checked(&self) -> Result<Leg, Refusal> {
         match self {
             LegKind::Strut(_) => Ok(Leg::Strut),
             LegKind::Slider(s) => Slider::new(s).map(Leg::Slider),
             LegKind::Crank(c) => Crank::new(c).map(Leg::Crank),
+            LegKind::Ring(r) => ring::radius(r).map(|_| Leg::Strut),
         }
     }
 }

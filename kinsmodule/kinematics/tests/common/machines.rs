@@ -2,7 +2,7 @@
 //! Machines with their declared workspaces.
 
 use super::{Case, Sample, uniform, within};
-use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{Geometry, LegGeometry, LegKind, Letters, Pose, Vector3};
 use rand::Rng;
 use rand_pcg::Pcg64;
@@ -271,6 +271,26 @@ pub fn pentapod() -> Case {
     Case::new("pentapod", geometry(&legs, "XYZAB", "", home), sample, 0.5)
 }
 
+/// Five struts on rings about the tool axis; the sample geometry of LinuxCNC's pentakins.
+pub fn ring_pentapod() -> Case {
+    let legs = [
+        [-418.0, 500.0, -140.0, 87.0],
+        [418.0, 500.0, -140.0, 114.5],
+        [0.0, 500.0, -310.0, 140.5],
+        [418.0, 500.0, 510.0, 232.5],
+        [-418.0, 500.0, 510.0, 258.5],
+    ]
+    .map(|[x, y, z, height]| LegGeometry {
+        base: [x, y, z],
+        platform: [0.0, 0.0, height],
+        kind: LegKind::Ring(RingGeometry { radius: 80.3 }),
+    });
+    let sample =
+        within([-80.0, -80.0, -80.0, -12.0, -10.0, 0.0], [80.0, 80.0, 80.0, 12.0, 10.0, 0.0]);
+    // Twice the speed of its axes there.
+    Case::new("ring-pentapod", geometry(&legs, "XYZAB", "", Some([0.0; 6])), sample, 0.2)
+}
+
 /// Screws and carriages under one platform.
 pub fn mixed() -> Case {
     let screws = paper_004(10.0);
@@ -330,6 +350,7 @@ pub fn declared() -> Vec<Case> {
         mixed(),
         eight_struts(),
         wrist(),
+        ring_pentapod(),
     ]
 }
 

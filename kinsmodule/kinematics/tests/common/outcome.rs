@@ -59,6 +59,12 @@ pub fn judged(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> O
         return one(|o| &mut o.right);
     }
     let redundant = case.geometry.layout().is_redundant();
+    // Near a singular pose the end of the way is known to rounding over the least singular value
+    // only. Where it set out from is known well, and one way alone leads back there.
+    let back = tracker.follow_closely(&found.pose, &case.joints(seed));
+    if !redundant && back.is_some_and(|back| case.apart(&back, seed) <= WRONG) {
+        return one(|o| &mut o.right);
+    }
     if redundant && closely.is_none() && tracker.fits(&found.pose, joints) {
         return one(|o| &mut o.fitting);
     }

@@ -3,7 +3,7 @@
 
 use super::machines::geometry;
 use super::{Case, NO_TOOL, direction, uniform, within};
-use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{Geometry, Jacobian, LegGeometry, LegKind, Machine, Pose, Vector3};
 use nalgebra::Rotation3;
 use rand::Rng;
@@ -17,6 +17,7 @@ pub enum Draw {
     Screw,
     Slider,
     Crank,
+    Ring,
 }
 
 /// Kinds, coordinates and table of machines to be drawn.
@@ -27,7 +28,7 @@ pub struct Recipe {
     pub table: &'static str,
 }
 
-use Draw::{Crank, Screw, Slider, Strut};
+use Draw::{Crank, Ring, Screw, Slider, Strut};
 
 /// Every kind alone and mixed, with 6, 5, 4 and 3 coordinates, redundant and with a table.
 pub const RECIPES: &[Recipe] = &[
@@ -58,6 +59,20 @@ pub const RECIPES: &[Recipe] = &[
         table: "",
     },
     Recipe { name: "five for three", kinds: &[Slider; 5], coordinates: "ZAB", table: "XY" },
+    Recipe { name: "five rings", kinds: &[Ring; 5], coordinates: "XYZAB", table: "" },
+    Recipe { name: "six rings", kinds: &[Ring; 6], coordinates: "XYZABC", table: "" },
+    Recipe {
+        name: "rings beside all kinds",
+        kinds: &[Ring, Ring, Slider, Crank, Screw, Strut],
+        coordinates: "XYZABC",
+        table: "",
+    },
+    Recipe {
+        name: "rings and carriages for five",
+        kinds: &[Ring, Ring, Ring, Slider, Slider, Slider, Ring],
+        coordinates: "XYZAB",
+        table: "",
+    },
 ];
 
 /// Least singular value of the rows, angles times the radius, that makes a machine worth
@@ -163,6 +178,12 @@ fn leg(rng: &mut Pcg64, kind: Draw, platform: Vector3<f64>, p: Vector3<f64>) -> 
             }
         }
         Crank => crank(rng, platform, c, n, length),
+        Ring => {
+            // Up to most of the way from the axis to the base anchor, where the platform is level.
+            let radius = uniform(rng, 0.0, 0.7) * (n * length).xy().norm();
+            let kind = LegKind::Ring(RingGeometry { radius });
+            LegGeometry { base: c.into(), platform: platform.into(), kind }
+        }
     }
 }
 

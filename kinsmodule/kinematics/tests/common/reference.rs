@@ -111,7 +111,9 @@ impl<'a> Tracker<'a> {
     }
 
     fn lever(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
-        state.rotation * (Vector3::from(leg.platform) - Vector3::from(self.geometry.centre))
+        let arm = Vector3::from(leg.platform) - Vector3::from(self.geometry.centre);
+        let anchor = state.centre + state.rotation * arm;
+        anchor + along_ring(leg, &anchor, &state.rotation) - state.centre
     }
 
     /// From base anchor to platform anchor.
@@ -383,11 +385,26 @@ fn direction(given: [f64; 3]) -> Vector3<f64> {
     (given / given.amax()).normalize()
 }
 
+/// From the centre of a leg's ring, at `centre` in base, to the strut's end on it; 0 for a leg without
+/// ring. The ring's own X and Y turn to where the base anchor is.
+pub fn along_ring(
+    leg: &LegGeometry,
+    centre: &Vector3<f64>,
+    rotation: &Matrix3<f64>,
+) -> Vector3<f64> {
+    let LegKind::Ring(ring) = leg.kind else { return Vector3::zeros() };
+    let seen = rotation.transpose() * (Vector3::from(leg.base) - centre);
+    let turn = seen.y.atan2(seen.x);
+    rotation * (Vector3::new(turn.cos(), turn.sin(), 0.0) * ring.radius)
+}
+
 /// Anchor and length that a joint value sets.
 pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
     let g = Vector3::from(leg.base);
     match leg.kind {
-        LegKind::Strut(_) => Rod { anchor: g, length: q, onwards: Vector3::zeros() },
+        LegKind::Strut(_) | LegKind::Ring(_) => {
+            Rod { anchor: g, length: q, onwards: Vector3::zeros() }
+        }
         LegKind::Slider(s) => {
             let e = direction(s.guide);
             Rod { anchor: g + e * q, length: s.rod, onwards: e * -f64::from(s.side) }

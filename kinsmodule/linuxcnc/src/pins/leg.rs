@@ -3,7 +3,7 @@
 
 use super::maker::{Maker, Vector, read};
 use crate::hal::{Direction, HalError, Pin};
-use kinematics::leg::{CrankGeometry, Kind, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{LegGeometry, LegKind, text};
 
 /// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
@@ -20,6 +20,15 @@ const GENHEXKINS: [[[f64; 3]; 4]; 6] = {
         [[-22.95, 13.25, 0.0], [-10.459, -4.884, 0.0], [D, 0.0, D], [-1.0, 0.0, 0.0]],
     ]
 };
+
+/// Base anchors of pentakins (mm), and radius and height of the rings.
+const PENTAKINS: [([f64; 3], [f64; 2]); 5] = [
+    ([-418.03, 324.56, 895.56], [80.32, -185.5]),
+    ([417.96, 324.56, 895.56], [80.32, -159.5]),
+    ([-418.03, -325.44, 895.56], [80.32, -67.5]),
+    ([417.96, -325.44, 895.56], [80.32, -41.5]),
+    ([-0.06, -492.96, 895.56], [80.32, -14.0]),
+];
 
 /// Pins of one leg; those that its kind does not have are not made and never read.
 #[repr(C)]
@@ -40,6 +49,8 @@ pub(super) struct LegPins {
     // Slider and crank.
     rod: Pin<f64>,
     side: Pin<i32>,
+    // Ring, in place of the platform anchor: its radius, and its height along the tool axis.
+    effector: [Pin<f64>; 2],
 }
 
 impl LegPins {
@@ -48,10 +59,13 @@ impl LegPins {
         // genhexkins' machine where it has such a leg, so that its HAL files work.
         let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
         let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
-        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
-        make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
+        if kind != Kind::Ring {
+            make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
+            make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
+        }
         make.one(&mut self.offset, In, text!["pkmkins.offset.", n], 0.0)?;
         match kind {
+            Kind::Ring => self.create_ring(make, n),
             Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
             Kind::Slider => {
                 make.letters(&mut self.guide, In, text!["pkmkins.guide.", n, "."], [0.0; 3])?;
@@ -80,6 +94,16 @@ impl LegPins {
         make.one(&mut self.correction, Out, text!["pkmkins.correction.", n], 0.0)
     }
 
+    fn create_ring(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
+        use Direction::In;
+        // pentakins' machine, so that its HAL files work.
+        let (base, effector) = *PENTAKINS.get(n).unwrap_or(&([0.0; 3], [0.0; 2]));
+        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
+        let [radius, height] = &mut self.effector;
+        make.one(radius, In, text!["pkmkins.effector.", n, ".r"], effector[0])?;
+        make.one(height, In, text!["pkmkins.effector.", n, ".z"], effector[1])
+    }
+
     fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
         make.one(&mut self.rod, In, text!["pkmkins.rod.", n], 0.0)?;
@@ -88,21 +112,29 @@ impl LegPins {
 
     /// The leg as the pins give it now; `common_lead` is that of all struts.
     pub(super) fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
-        let (base, platform) = (read(&self.base), read(&self.platform));
+        // A ring has no pins of a platform anchor.
+        let (base, platform) = (read(&self.base), || read(&self.platform));
         match kind {
-            Kind::Strut => LegGeometry::strut(base, platform, self.strut(common_lead)),
+            Kind::Ring => self.ring(base),
+            Kind::Strut => LegGeometry::strut(base, platform(), self.strut(common_lead)),
             Kind::Slider => {
                 let (guide, rod, side) = (read(&self.guide), self.rod.get(), self.side.get());
                 let kind = LegKind::Slider(SliderGeometry { guide, rod, side });
-                LegGeometry { base, platform, kind }
+                LegGeometry { base, platform: platform(), kind }
             }
             Kind::Crank => {
                 let (axis, arm) = (read(&self.axis), read(&self.arm));
                 let (rod, side) = (self.rod.get(), self.side.get());
                 let kind = LegKind::Crank(CrankGeometry { axis, arm, rod, side });
-                LegGeometry { base, platform, kind }
+                LegGeometry { base, platform: platform(), kind }
             }
         }
+    }
+
+    fn ring(&self, base: [f64; 3]) -> LegGeometry {
+        let [radius, height] = read(&self.effector);
+        let kind = LegKind::Ring(RingGeometry { radius });
+        LegGeometry { base, platform: [0.0, 0.0, height], kind }
     }
 
     fn strut(&self, common_lead: f64) -> StrutGeometry {

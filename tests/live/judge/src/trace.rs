@@ -457,7 +457,7 @@ fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
 fn per_length(config: &MachineConfig, kind: JointKind) -> f64 {
     let arms = config.geometry.legs().iter().filter_map(|leg| match leg.kind {
         LegKind::Crank(crank) => Some(Vector3::from(crank.arm).norm().to_radians()),
-        LegKind::Strut(_) | LegKind::Slider(_) => None,
+        LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Ring(_) => None,
     });
     if kind == JointKind::Arm { arms.map(f64::recip).fold(0.0, f64::max) } else { 1.0 }
 }

@@ -13,7 +13,7 @@ pub const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 pub struct Leg {
     /// Base anchor; of a slider the guide's point with the carriage at 0, of a crank the hip.
     pub base: Vector,
-    /// Platform anchor, in the platform.
+    /// Platform anchor, or the centre of its ring, in the platform.
     pub platform: Vector,
     /// Kind and what belongs to it.
     pub kind: Kind,
@@ -51,6 +51,11 @@ pub enum Kind {
         /// Branch.
         side: i32,
     },
+    /// Telescopic strut to a ring about the tool axis.
+    Ring {
+        /// Radius of the ring.
+        radius: f64,
+    },
 }
 
 impl Kind {
@@ -64,6 +69,7 @@ impl Kind {
             Self::Strut { .. } => "strut",
             Self::Slider { .. } => "slider",
             Self::Crank { .. } => "crank",
+            Self::Ring { .. } => "ring",
         }
     }
 }
@@ -72,7 +78,7 @@ impl Leg {
     /// How far a joint value (without offset) moves the leg's lower end from its base anchor.
     pub fn displacement(&self, joint: f64) -> Vector {
         match self.kind {
-            Kind::Strut { .. } => [0.0; 3],
+            Kind::Strut { .. } | Kind::Ring { .. } => [0.0; 3],
             Kind::Slider { guide, .. } => scaled(unit(guide), joint),
             Kind::Crank { axis, arm, .. } => {
                 // Rodrigues: about the unit vector k by the joint value in degrees.
@@ -87,7 +93,7 @@ impl Leg {
     /// Unit vector of the lower end's motion; `None` for a leg whose lower end stands still.
     pub fn motion(&self, joint: f64) -> Option<Vector> {
         match self.kind {
-            Kind::Strut { .. } => None,
+            Kind::Strut { .. } | Kind::Ring { .. } => None,
             Kind::Slider { guide, .. } => Some(unit(guide)),
             Kind::Crank { axis, .. } => Some(unit(cross(axis, self.displacement(joint)))),
         }
@@ -98,7 +104,7 @@ impl Leg {
     pub fn other_side(&self, anchor: Vector, joint: f64) -> Option<f64> {
         let w = minus(anchor, self.base);
         match self.kind {
-            Kind::Strut { .. } => None,
+            Kind::Strut { .. } | Kind::Ring { .. } => None,
             Kind::Slider { guide, .. } => Some(2.0 * dot(unit(guide), w) - joint),
             Kind::Crank { axis, arm, .. } => {
                 // Mirrored at the plane of axis and platform anchor.
@@ -161,15 +167,24 @@ impl Parallel {
         plus(minus(t, o), turned(&rotation(pose), plus(o, self.centre)))
     }
 
-    /// Where the legs hold the platform anchor of leg `n`: of D they see 0 in place of
-    /// held and table coordinates.
-    pub fn anchor(&self, pose: &Pose, n: usize) -> Vector {
+    /// Where the legs hold the platform anchor of leg `n`, or the centre of its ring: of D they see
+    /// 0 in place of held and table coordinates.
+    pub fn joint_centre(&self, pose: &Pose, n: usize) -> Vector {
         let point = self.point(pose);
         let seen: Vector = std::array::from_fn(|k| {
             let moved = self.coordinates.contains(&LETTERS[k].to_uppercase());
             if moved { point[k] } else { 0.0 }
         });
         plus(seen, turned(&rotation(pose), minus(self.legs[n].platform, self.centre)))
+    }
+
+    /// The same, of a ring its point that is nearest to the base anchor.
+    pub fn anchor(&self, pose: &Pose, n: usize) -> Vector {
+        let (leg, centre) = (&self.legs[n], self.joint_centre(pose, n));
+        let Kind::Ring { radius } = leg.kind else { return centre };
+        let axis = turned(&rotation(pose), [0.0, 0.0, 1.0]);
+        let outward = cross(cross(axis, minus(leg.base, centre)), axis);
+        if radius == 0.0 { centre } else { plus(centre, scaled(unit(outward), radius)) }
     }
 
     /// From the lower end of leg `n` at a joint value to its platform anchor.
@@ -223,11 +238,16 @@ impl Parallel {
         module.is_on("geometry-ok") && !module.is_on("geometry-changed")
     }
 
-    /// Sets every pin of the geometry.
-    pub fn wire(&self, module: &Module) {
+    /// Sets the pins of every leg.
+    pub fn wire_legs(&self, module: &Module) {
         for (n, leg) in self.legs.iter().enumerate() {
             wire_leg(module, n, leg);
         }
+    }
+
+    /// Sets every pin of the geometry.
+    pub fn wire(&self, module: &Module) {
+        self.wire_legs(module);
         for (letter, value) in LETTERS.into_iter().zip(self.centre) {
             module.set(&format!("centre.{letter}"), value);
         }
@@ -249,19 +269,26 @@ impl Parallel {
                 Kind::Strut { .. } => [0.0; 2],
                 Kind::Slider { rod, .. } => [rod, 0.0],
                 Kind::Crank { arm, rod, .. } => [rod, norm(arm)],
+                Kind::Ring { radius } => [radius, 0.0],
             };
             [norm(leg.base), norm(leg.platform), rod, arm]
         });
         lengths.fold(0.0, f64::max)
     }
 
-    /// Root mean square radius of the platform anchors about their centroid.
+    /// Root mean square radius of the platform anchors about their centroid; rings add what the
+    /// module adds for them.
     pub fn radius(&self) -> f64 {
         let count = self.legs.len() as f64;
         let centroid: Vector = std::array::from_fn(|k| {
             self.legs.iter().map(|leg| leg.platform[k]).sum::<f64>() / count
         });
-        let squares = self.legs.iter().map(|leg| norm(minus(leg.platform, centroid)).powi(2));
+        let of_ring = |leg: &Leg| match leg.kind {
+            Kind::Ring { radius } => radius * (radius + norm(leg.base)),
+            _ => 0.0,
+        };
+        let square = |leg: &Leg| norm(minus(leg.platform, centroid)).powi(2) + of_ring(leg);
+        let squares = self.legs.iter().map(square);
         (squares.sum::<f64>() / count).sqrt()
     }
 }
@@ -269,8 +296,14 @@ impl Parallel {
 /// Sets the pins of leg `n`.
 pub fn wire_leg(module: &Module, n: usize, leg: &Leg) {
     wire_vector(module, "base", n, leg.base);
+    if let Kind::Ring { radius } = leg.kind {
+        module.set(&format!("effector.{n}.r"), radius);
+        module.set(&format!("effector.{n}.z"), leg.platform[2]);
+        return;
+    }
     wire_vector(module, "platform", n, leg.platform);
     match &leg.kind {
+        Kind::Ring { .. } => {}
         Kind::Strut { base_axis, platform_axis, lead } => {
             wire_vector(module, "base-n", n, *base_axis);
             wire_vector(module, "platform-n", n, *platform_axis);

@@ -40,6 +40,9 @@ pub fn subjects() -> Vec<Subject> {
     all.push(Subject::new("tripod", tripod(), tripod_pose));
     all.push(Subject::new("hybrid of all kinds", hybrid(), hybrid_pose));
     all.push(Subject::new("eight struts over a table", octopod(), octopod_pose));
+    all.push(Subject::new("pentapod on rings", sample_pentapod(), pentapod_pose));
+    let mixed = Subject::new("rings, struts and carriages", ringed(), ringed_pose);
+    all.push(mixed);
     all
 }
 
@@ -243,10 +246,56 @@ fn octopod_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, 100.0, 0.0, 0.0, 0.0], [80.0, 80.0, 90.0, 15.0, 15.0, 15.0])
 }
 
-/// Five struts to points of the tool's axis, as LinuxCNC's pentakins has them where its
-/// effector rings have no radius.
-pub fn pentapod(base: [Vector; 5], heights: [f64; 5]) -> Parallel {
-    let leg =
-        |i: usize| Leg { base: base[i], platform: [0.0, 0.0, heights[i]], kind: Kind::PLAIN_STRUT };
+/// Five struts to rings about the tool's axis, as LinuxCNC's pentakins has them.
+pub fn pentapod(base: [Vector; 5], rings: [[f64; 2]; 5]) -> Parallel {
+    let leg = |i: usize| {
+        let [radius, height] = rings[i];
+        Leg { base: base[i], platform: [0.0, 0.0, height], kind: Kind::Ring { radius } }
+    };
     Parallel::new((0..5).map(leg).collect(), "XYZAB", pose([0.0; 6]))
+}
+
+/// Base anchors of LinuxCNC's sample configuration sim/axis/pentapod, millimetres.
+pub const PENTAPOD_BASE: [Vector; 5] = [
+    [-418.0, 500.0, -140.0],
+    [418.0, 500.0, -140.0],
+    [0.0, 500.0, -310.0],
+    [418.0, 500.0, 510.0],
+    [-418.0, 500.0, 510.0],
+];
+
+/// Radius and height of its rings.
+pub const PENTAPOD_RINGS: [[f64; 2]; 5] =
+    [[80.3, 87.0], [80.3, 114.5], [80.3, 140.5], [80.3, 232.5], [80.3, 258.5]];
+
+/// That sample; dimensions of configs/pentapod. A pose of zeros freezes nothing: it is what LinuxCNC
+/// asks for before homing.
+pub fn sample_pentapod() -> Parallel {
+    let home = Some(pose([0.0, 0.0, 10.0, 0.0, 0.0, 0.0]));
+    Parallel { home, ..pentapod(PENTAPOD_BASE, PENTAPOD_RINGS) }
+}
+
+/// A pose of its workspace.
+pub fn pentapod_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0; 6], [80.0, 80.0, 80.0, 12.0, 10.0, 0.0])
+}
+
+/// Three struts on rings, two plain ones and a carriage at the anchors of paper 004's hexapod.
+pub fn ringed() -> Parallel {
+    let mut machine = Parallel::from(paper_004());
+    for (i, leg) in machine.legs.iter_mut().enumerate() {
+        leg.kind = match i {
+            0 | 2 | 4 => Kind::Ring { radius: 60.0 },
+            1 | 3 => Kind::PLAIN_STRUT,
+            _ => Kind::Slider { guide: [0.0, 0.0, -3.0], rod: 700.0, side: -1 },
+        };
+        if let Kind::Ring { .. } = leg.kind {
+            leg.platform = [0.0, 0.0, 20.0 * i as f64];
+        }
+    }
+    machine
+}
+
+fn ringed_pose(random: &mut Random) -> Pose {
+    in_box(random, [0.0, 0.0, 250.0, 0.0, 0.0, 0.0], [40.0, 40.0, 60.0, 8.0, 8.0, 8.0])
 }

@@ -238,7 +238,7 @@ fn is_of_legs(machine: &Parallel, coordinate: usize) -> bool {
 fn misfit(machine: &Parallel, joints: &Joints, pose: &Pose) -> f64 {
     let of = |n: usize| {
         let length = match machine.legs[n].kind {
-            Kind::Strut { .. } => joints[n],
+            Kind::Strut { .. } | Kind::Ring { .. } => joints[n],
             Kind::Slider { rod, .. } | Kind::Crank { rod, .. } => rod,
         };
         (norm(machine.span(pose, n, joints[n])) - length).powi(2)

@@ -44,8 +44,13 @@ fn rows(subject: &Subject, pose: &Pose, directions: &[Vector]) -> Vec<Vec<f64>> 
         std::array::from_fn(|k| machine.legs.iter().map(|l| l.platform[k]).sum::<f64>() / legs);
     let reference = if (0..3).all(moved) { centroid } else { machine.centre };
     let group = (3..6).all(moved);
+    // In the platform: a ring's point that its strut is at.
+    let end = |n: usize| {
+        let along_ring = minus(machine.anchor(pose, n), machine.joint_centre(pose, n));
+        plus(machine.legs[n].platform, untilted(pose, along_ring))
+    };
     let of = |n: usize, k: usize| {
-        let arm = turned(&rotation(pose), minus(machine.legs[n].platform, reference));
+        let arm = turned(&rotation(pose), minus(end(n), reference));
         let mut axis = [0.0; 3];
         if k < 3 || group {
             axis[k % 3] = 1.0;
@@ -53,7 +58,7 @@ fn rows(subject: &Subject, pose: &Pose, directions: &[Vector]) -> Vec<Vec<f64>> 
         let speed = match k {
             0..3 => axis,
             _ if group => scaled(cross(axis, arm), 1.0 / machine.radius()),
-            _ => by_angle(pose, minus(machine.legs[n].platform, reference), k, machine.radius()),
+            _ => by_angle(pose, minus(end(n), reference), k, machine.radius()),
         };
         dot(directions[n], speed)
     };
@@ -128,9 +133,11 @@ fn nearest(machine: &Parallel, pose: &Pose, joints: &Joints) -> Option<(f64, [us
     for j in 0..machine.legs.len() {
         for i in 0..j {
             let (one, other) = (&machine.legs[i], &machine.legs[j]);
-            let fixed = |leg: &abi_tests::parallel::Leg| leg.kind.name() == "strut";
+            let is = |leg: &abi_tests::parallel::Leg, kind: &str| leg.kind.name() == kind;
+            let fixed = |leg| is(leg, "strut") || is(leg, "ring");
             let base = one.base == other.base && fixed(one) && fixed(other);
-            if !base && one.platform != other.platform {
+            let points = !is(one, "ring") && !is(other, "ring");
+            if !base && (one.platform != other.platform || !points) {
                 all.push((distance(segment(i), segment(j)), [i, j]));
             }
         }

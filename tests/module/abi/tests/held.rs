@@ -173,7 +173,7 @@ fn assert_leg(machine: &Parallel, n: usize, pose: &Pose, joint: f64, allowed: f6
     let (length, side) = match leg.kind {
         // The correction of a lead is checked beside genhexkins.
         Kind::Strut { lead, .. } if lead != 0.0 => return,
-        Kind::Strut { .. } => (joint, None),
+        Kind::Strut { .. } | Kind::Ring { .. } => (joint, None),
         Kind::Slider { rod, side, .. } | Kind::Crank { rod, side, .. } => (rod, Some(side)),
     };
     assert!((norm(span) - length).abs() <= allowed, "{message}: {} not {length}", norm(span));

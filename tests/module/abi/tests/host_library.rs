@@ -7,7 +7,7 @@ use abi_tests::module::{Module, Pose};
 use abi_tests::parallel::{Kind, Leg, Parallel};
 use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, subjects};
-use kinematics::leg::{CrankGeometry, SliderGeometry, StrutGeometry};
+use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
     Geometry, Joints, LegGeometry, LegKind, Letters, MAX_JOINTS, Machine, Solver, Vector3,
 };
@@ -23,6 +23,7 @@ fn leg(leg: &Leg) -> LegGeometry {
         Kind::Crank { axis, arm, rod, side } => {
             LegKind::Crank(CrankGeometry { axis, arm, rod, side })
         }
+        Kind::Ring { radius } => LegKind::Ring(RingGeometry { radius }),
     };
     LegGeometry { base, platform, kind }
 }

@@ -56,7 +56,7 @@ const MISMATCHED: &[([&str; 3], [&str; 2])] = &[
     (["strut:0", "X", ""], ["strut:0", "one to eight legs"]),
     (["slider:9", "XYZ", ""], ["slider:9", "one to eight legs"]),
     (["strut:4,slider:4,crank:1", "XYZ", ""], ["crank:1", "one to eight legs"]),
-    (["rail:4", "XYZB", ""], ["rail:4", "strut, slider, crank"]),
+    (["rail:4", "XYZB", ""], ["rail:4", "strut, slider, crank, ring"]),
 ];
 
 /// Machines that must load, and how many joints they have.
@@ -75,6 +75,7 @@ const ACCEPTED: &[([&str; 3], usize)] = &[
     (["crank:6", "", ""], 6),
     (["strut:3", "XYZ", ""], 3),
     (["strut:5", "XYZAB", ""], 5),
+    (["ring:5", "XYZAB", ""], 5),
     (["strut:2,slider:2,crank:2", "XYZABC", ""], 6),
     (["strut:8", "ABC", "XYZ"], 11),
 ];

@@ -75,23 +75,30 @@ const STRUT: OfKind = OfKind {
     vectors: &["base", "platform", "base-n", "platform-n"],
     numbers: &["offset", "lead"],
     others: &[("correction", Float, Out)],
+    effector: &[],
 };
 const SLIDER: OfKind = OfKind {
     vectors: &["base", "platform", "guide"],
     numbers: &["offset", "rod"],
     others: &[("side", S32, In)],
+    effector: &[],
 };
 const CRANK: OfKind = OfKind {
     vectors: &["base", "platform", "axis", "arm"],
     numbers: &["offset", "rod"],
     others: &[("side", S32, In)],
+    effector: &[],
 };
+
+const RING: OfKind =
+    OfKind { vectors: &["base"], numbers: &["offset"], others: &[], effector: &["r", "z"] };
 
 #[derive(Clone, Copy)]
 struct OfKind {
     vectors: &'static [&'static str],
     numbers: &'static [&'static str],
     others: &'static [(&'static str, PinType, PinDir)],
+    effector: &'static [&'static str],
 }
 
 /// Limits of a joint; beyond any joint until somebody sets them.
@@ -120,6 +127,9 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
         }
         for (name, kind, dir) in leg.others {
             add(format!("pkmkins.{name}.{n}"), *kind, *dir);
+        }
+        for part in leg.effector {
+            add(format!("pkmkins.effector.{n}.{part}"), Float, In);
         }
         for (name, dir) in WATCHED_LEG {
             add(format!("pkmkins.{name}.{n}"), Float, *dir);
@@ -179,14 +189,15 @@ fn every_leg_has_the_pins_of_its_kind_and_every_joint_its_limits() {
         ("slider:4", "ZAB", "XY", &[SLIDER; 4], 6),
         ("crank:3", "XYZ", "", &[CRANK; 3], 3),
         ("crank:1,strut:2,slider:1", "XYZ", "", &[CRANK, STRUT, STRUT, SLIDER], 4),
-        ("strut:1,slider:6,crank:1", "ABC", "XYZ", &ALL_KINDS, 11),
+        ("ring:5", "XYZAB", "", &[RING; 5], 5),
+        ("strut:1,slider:5,crank:1,ring:1", "ABC", "XYZ", &ALL_KINDS, 11),
     ] {
         let parameters = [("legs", legs), ("coordinates", coordinates), ("table", table)];
         assert_exactly(&expected(kinds, joints), &Module::pkmkins(&parameters), legs);
     }
 }
 
-const ALL_KINDS: [OfKind; 8] = [STRUT, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, CRANK];
+const ALL_KINDS: [OfKind; 8] = [STRUT, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, CRANK, RING];
 
 /// A pin's name as the manual has it: no prefix, N for numbers, without a coordinate's letter.
 fn in_manual(pin: &str) -> String {
@@ -208,7 +219,8 @@ fn the_manual_names_every_pin() {
             .iter()
             .any(|line| line.match_indices(name).any(|(at, _)| ends(&line[at + name.len()..])))
     };
-    let all = [("legs", "strut:3,slider:3,crank:2"), ("coordinates", "ABC"), ("table", "XYZ")];
+    let all =
+        [("legs", "strut:3,slider:2,crank:2,ring:1"), ("coordinates", "ABC"), ("table", "XYZ")];
     let pins = Module::pkmkins(&all).pins().into_iter().map(|pin| pin.name);
     let lacking: Vec<String> = pins.filter(|pin| !is_named(&in_manual(pin))).collect();
     assert!(lacking.is_empty(), "not in docs/pkmkins.9: {lacking:?}");
@@ -217,15 +229,16 @@ fn the_manual_names_every_pin() {
 /// HAL_NAME_LEN of LinuxCNC 2.9; the stub takes whatever its own headers say.
 #[test]
 fn no_name_is_longer_than_the_oldest_hal_takes() {
-    let largest = [("legs", "strut:3,slider:3,crank:2"), ("coordinates", "ABC"), ("table", "XYZ")];
+    let largest =
+        [("legs", "strut:3,slider:2,crank:2,ring:1"), ("coordinates", "ABC"), ("table", "XYZ")];
     let module = Module::pkmkins(&largest);
     let longest = module.pins().into_iter().map(|pin| pin.name).max_by_key(String::len);
     let longest = longest.expect("pins");
     assert!(longest.len() <= 47, "{longest}");
 }
 
-/// A rod that nobody described is refused, not taken for one of some length; only a
-/// hexapod starts with a machine (genhexkins').
+/// A rod that nobody described is refused, not taken for one of some length; only struts and rings
+/// start with a machine (genhexkins', pentakins').
 #[test]
 fn pins_of_rods_start_at_zero_and_are_refused_until_they_are_set() {
     for kind in ["slider", "crank"] {
@@ -257,6 +270,26 @@ fn every_pin_starts_with_its_documented_value() {
         assert!(module.get(&format!("home.{axis}")).is_nan(), "no reference pose yet");
     }
     assert!(module.is_on("kinstype.is-0"));
+}
+
+#[test]
+fn every_pin_of_pentakins_is_there_under_our_name_with_the_same_value() {
+    let theirs = Module::of_linuxcnc("pentakins");
+    let ours = Module::pkmkins(&[("legs", "ring:5"), ("coordinates", "XYZAB")]);
+    let mut seen = 0;
+    // It makes pins for a sixth strut, which it has not.
+    for pin in theirs.pins().into_iter().filter(|pin| !pin.name.contains(".5.")) {
+        let name = pin.name.replace("pentakins.", "pkmkins.");
+        let own = ours.pins().into_iter().find(|own| own.name == name);
+        let own = own.unwrap_or_else(|| panic!("{name} is missing"));
+        assert_eq!(own.kind, pin.kind, "{name}");
+        // Its limit of an error sum has no effect here.
+        if !name.ends_with("max-error") {
+            assert_eq!(own.get(), pin.get(), "{name}");
+        }
+        seen += 1;
+    }
+    assert!(seen > 25, "{seen}");
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn joints_of_another_side_are_never_answered_with_the_pose_they_would_fit() {
 }
 
 fn with_rods() -> Vec<Subject> {
-    let is_rod = |leg: &Leg| leg.kind.name() != "strut";
+    let is_rod = |leg: &Leg| !matches!(leg.kind, Kind::Strut { .. } | Kind::Ring { .. });
     subjects().into_iter().filter(|s| s.machine.legs.iter().any(is_rod)).collect()
 }
 
@@ -446,7 +446,7 @@ fn guides_and_axes_of_any_length_are_directions() {
             match &mut leg.kind {
                 Kind::Slider { guide, .. } => *guide = guide.map(|v| v * 1024.0),
                 Kind::Crank { axis, .. } => *axis = axis.map(|v| v / 1024.0),
-                Kind::Strut { .. } => {}
+                Kind::Strut { .. } | Kind::Ring { .. } => {}
             }
         }
         let home = machine.home.expect("given");

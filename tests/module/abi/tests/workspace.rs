@@ -132,6 +132,7 @@ fn scaled(machine: &Parallel, scale: f64) -> Parallel {
         leg.platform = point(leg.platform);
         match &mut leg.kind {
             Kind::Strut { lead, .. } => *lead *= scale,
+            Kind::Ring { radius } => *radius *= scale,
             Kind::Slider { rod, .. } => *rod *= scale,
             Kind::Crank { arm, rod, .. } => {
                 *arm = point(*arm);

@@ -99,6 +99,7 @@ pub fn machines() -> Vec<Subject> {
     struts[1].machine = plain.into();
     struts.retain(|s| !matches!(s.name, "laboratory hexapod" | "four-rod lathe" | "tripod"));
     struts.retain(|s| !matches!(s.name, "pyramid with a tool" | "linear delta"));
+    struts.retain(|s| s.name != "rings, struts and carriages");
     struts
 }
 

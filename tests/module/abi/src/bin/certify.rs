@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How often forward is right, refuses and errs, beside genhexkins in one run, as Markdown.
+//! How often forward is right, refuses and errs, beside genhexkins and pentakins in one run, as
+//! Markdown.
 //!
 //! The right pose is the end of the path from the seed along the straight line of the
 //! joint values; where that meets a singular pose there is none, and forward must fail.
@@ -12,6 +13,7 @@ use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
 use abi_tests::sequence::Sequences;
+use abi_tests::subjects::{pentapod_pose, sample_pentapod};
 use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
 use abi_tests::tracker::{connected_pose, same_handed};
 use std::thread;
@@ -20,16 +22,19 @@ use std::thread;
 const SERVO_STEPS: usize = 100_000;
 const FROM_HOME: usize = 2000;
 
-/// genhexkins gives up at an error sum above `max-error`, by default 500 lengths of any
-/// unit; this lets it go on to an answer.
+/// genhexkins and pentakins give up at an error sum above `max-error`, by default 500 and 100 lengths
+/// of any unit; this lets them go on to an answer.
 const NO_MAX_ERROR: f64 = 1e9;
 
-/// A hexapod with the poses it is asked for.
+/// A machine with the poses it is asked for.
 struct Subject {
     name: String,
-    machine: Hexapod,
+    machine: Parallel,
     home: Pose,
     sample: Box<dyn Fn(&mut Random) -> Pose + Sync>,
+    /// LinuxCNC's module for it, and that with this machine on its pins.
+    peer: &'static str,
+    theirs: Box<dyn Fn() -> Module + Sync>,
 }
 
 /// Where forward starts.
@@ -63,25 +68,69 @@ impl Subject {
     fn machine_name(&self) -> &str {
         self.name.split(", ±").next().unwrap_or(&self.name)
     }
+
+    fn hexapod(
+        name: String,
+        machine: &Hexapod,
+        home: Pose,
+        sample: Box<dyn Fn(&mut Random) -> Pose + Sync>,
+    ) -> Self {
+        let pins = machine.clone();
+        let theirs = move || {
+            let module = Module::genhexkins();
+            pins.wire(&module);
+            module.set("max-error", NO_MAX_ERROR);
+            module
+        };
+        let machine = Parallel::from(machine.clone());
+        Self { name, machine, home, sample, peer: "genhexkins", theirs: Box::new(theirs) }
+    }
+
+    /// The sample configuration of pentakins.
+    fn pentapod(name: &str, sample: Box<dyn Fn(&mut Random) -> Pose + Sync>) -> Self {
+        let machine = sample_pentapod();
+        let pins = machine.clone();
+        let theirs = move || {
+            let module = Module::of_linuxcnc("pentakins");
+            pins.wire_legs(&module);
+            module.set("max-error", NO_MAX_ERROR);
+            module
+        };
+        let home = machine.home.expect("given");
+        let theirs = Box::new(theirs);
+        Self { name: name.to_string(), machine, home, sample, peer: "pentakins", theirs }
+    }
+
+    /// The pose with what the machine holds at 0; pentakins leaves its C as it was.
+    fn without_held(&self, mut pose: Pose) -> Pose {
+        for k in (0..6).filter(|k| !self.machine.moves(*k)) {
+            pose[k] = 0.0;
+        }
+        pose
+    }
 }
 
 fn subjects() -> Vec<Subject> {
     let mut home = [0.0; 9];
     home[2] = 20.0;
     let default = Hexapod { home: Some(home), ..genhexkins_default(&Module::genhexkins()) };
-    let mut all = vec![Subject {
-        name: "paper 004, lead 10".to_string(),
-        machine: paper_004(),
-        home: PAPER_004_HOME,
-        sample: Box::new(paper_004_pose),
-    }];
-    all.extend([20.0, 40.0, 50.0].map(|most| Subject {
-        name: format!("genhexkins' defaults, ±{most}°"),
-        machine: default.clone(),
-        home,
-        sample: Box::new(move |random| genhexkins_pose(random, most)),
+    let name = "paper 004, lead 10".to_string();
+    let sample = Box::new(paper_004_pose);
+    let mut all = vec![Subject::hexapod(name, &paper_004(), PAPER_004_HOME, sample)];
+    all.extend([20.0, 40.0, 50.0].map(|most| {
+        let name = format!("genhexkins' defaults, ±{most}°");
+        let sample = Box::new(move |random: &mut Random| genhexkins_pose(random, most));
+        Subject::hexapod(name, &default, home, sample)
     }));
+    all.push(Subject::pentapod("pentakins' sample", Box::new(pentapod_pose)));
+    all.push(Subject::pentapod("pentakins' sample, ±its axis limits", Box::new(pentakins_pose)));
     all
+}
+
+/// A pose within the axis limits of pentakins' sample configuration; not all can be taken.
+fn pentakins_pose(random: &mut Random) -> Pose {
+    let [x, y, z] = [250.0; 3].map(|most| random.within(most));
+    [x, y, z, random.within(50.0), random.within(15.0), 0.0, 0.0, 0.0, 0.0]
 }
 
 /// A pose of genhexkins' default geometry (inches).
@@ -99,11 +148,8 @@ struct Judge {
 
 impl Judge {
     fn new(subject: &Subject) -> Self {
-        let machine = Parallel::from(subject.machine.clone());
-        let theirs = Module::genhexkins();
-        subject.machine.wire(&theirs);
-        theirs.set("max-error", NO_MAX_ERROR);
-        Self { modules: [machine.module(), theirs], machine }
+        let machine = subject.machine.clone();
+        Self { modules: [machine.module(), (subject.theirs)()], machine }
     }
 
     fn is_same(&self, one: &Pose, other: &Pose) -> bool {
@@ -118,10 +164,17 @@ impl Judge {
     }
 
     /// Counts one pose for both modules.
-    fn add(&self, rows: &mut [Row; 2], pose: &Pose, seed: &Pose, home: &Pose, start: Seed) {
-        let ours = &self.modules[0];
-        let joints = ours.inverse(pose).expect("struts of some length");
+    fn add(
+        &self,
+        rows: &mut [Row; 2],
+        pose: &Pose,
+        seed: &Pose,
+        (subject, start): (&Subject, Seed),
+    ) {
+        let (ours, home) = (&self.modules[0], &subject.home);
+        let Ok(joints) = ours.inverse(pose) else { return };
         let found = [0, 1].map(|which| self.modules[which].forward(&joints, seed).ok());
+        let found = found.map(|found| found.map(|found| subject.without_held(found)));
         let here = |found: &Option<Pose>| found.is_some_and(|found| self.is_same(&found, pose));
         let right = match start == Seed::ServoStep && found.iter().all(here) {
             true => Some(*pose),
@@ -148,10 +201,13 @@ fn judged(subject: &Subject, start: Seed, count: usize, mut random: Random) -> [
     for _ in 0..count {
         let pose = (subject.sample)(&mut random);
         let seed = match start {
-            Seed::ServoStep => one_servo_step_from(&pose, judge.machine.size(), &mut random),
+            Seed::ServoStep => {
+                let seed = one_servo_step_from(&pose, judge.machine.size(), &mut random);
+                subject.without_held(seed)
+            }
             Seed::Home => subject.home,
         };
-        judge.add(&mut rows, &pose, &seed, &subject.home, start);
+        judge.add(&mut rows, &pose, &seed, (subject, start));
     }
     rows
 }
@@ -212,18 +268,13 @@ fn print_sequences() {
     );
     println!("|---|--:|---|--:|--:|--:|--:|");
     let mut all = subjects();
+    all.retain(|subject| subject.peer == "genhexkins");
     all.dedup_by(|one, other| one.machine_name() == other.machine_name());
     for (subject, step) in all.iter().flat_map(|subject| STEPS.map(|step| (subject, step))) {
-        let machine = Parallel::from(subject.machine.clone());
+        let machine = subject.machine.clone();
         let ours = || machine.module();
-        let theirs = || {
-            let module = Module::genhexkins();
-            subject.machine.wire(&module);
-            module.set("max-error", NO_MAX_ERROR);
-            module
-        };
         let modules: [(&str, &dyn Fn() -> Module); 2] =
-            [("pkmkins", &ours), ("genhexkins", &theirs)];
+            [("pkmkins", &ours), (subject.peer, &subject.theirs)];
         for (name, fresh) in modules {
             let mut found = Sequences::default();
             let way = step / 1000.0 * machine.size();
@@ -257,7 +308,7 @@ fn print_poses() {
             eprintln!("{call}, {} ...", subject.name);
             let rows = on_all_cores(&subject, start, cases(count));
             print(call, &subject, "pkmkins", &rows[0]);
-            print(call, &subject, "genhexkins", &rows[1]);
+            print(call, &subject, subject.peer, &rows[1]);
             assert_eq!(rows[0].before.wrong + rows[0].behind.wrong, 0, "another pose as success");
         }
     }
