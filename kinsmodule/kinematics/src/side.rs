@@ -121,7 +121,8 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// What the rods' lower ends, which follow the pose, add to L of the ball of radius `rho`;
-    /// `None` where a rod may come too near to its dead point.
+    /// `None` where a rod may come too near to its dead point, or a base anchor within the cylinder
+    /// over its ring.
     fn of_joints(
         &self,
         placed: &Placed<N>,
@@ -131,6 +132,11 @@ impl<const N: usize> Mechanism<N> {
     ) -> Option<f64> {
         let mut sum = 0.0;
         for i in 0..self.count() {
+            if let Some(rings) = self.rings()
+                && rings.widened(placed, i, rho, 0.0).is_none_or(|ring| ring.ratio > 1.0)
+            {
+                return None;
+            }
             let (leg, s1, length) = (&self.legs[i], self.s1[i], placed.length[i]);
             let transmission =
                 leg.transmission(joints[i] + self.offset[i], &(placed.span.get(i) / length));
