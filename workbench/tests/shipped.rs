@@ -7,16 +7,20 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 10] = [
+pub const MACHINES: [&str; 14] = [
     "four-rod-lathe",
+    "hexaglide",
     "hexapod",
     "lab-hexapod",
     "lathe-counter-spindle",
+    "linapod",
     "linear-delta",
     "pentapod",
     "pyramid",
+    "pyramid-cross",
     "rotary-delta",
     "six-rod-lathe",
+    "triaglide",
     "tripod",
 ];
 

@@ -463,7 +463,7 @@ fn small_typical_paths_pass_preflight_on_every_machine() {
 }
 
 /// Path files beside the configurations, with whether they are jobs.
-const SHIPPED: [(&str, &str, bool); 8] = [
+const SHIPPED: [(&str, &str, bool); 13] = [
     ("pyramid", "cycloid", false),
     ("pyramid", "two-pencils", false),
     ("pyramid", "loxodrome", false),
@@ -472,10 +472,16 @@ const SHIPPED: [(&str, &str, bool); 8] = [
     ("four-rod-lathe", "circles", true),
     ("four-rod-lathe", "helices", true),
     ("linear-delta", "twisted-vase", false),
+    ("hexaglide", "dome", false),
+    ("linapod", "bowl", false),
+    ("pyramid-cross", "cycloid", false),
+    ("pyramid-cross", "trough", false),
+    ("triaglide", "pockets", true),
 ];
 
 /// The machines whose programs are made from the path files of the same names.
-const MADE: [&str; 2] = ["four-rod-lathe", "linear-delta"];
+const MADE: [&str; 6] =
+    ["four-rod-lathe", "linear-delta", "hexaglide", "linapod", "pyramid-cross", "triaglide"];
 
 fn written(machine: &str, name: &str, is_job: bool) -> String {
     let config = config(machine);
@@ -510,8 +516,8 @@ fn paths_beside_the_configurations_pass_preflight() {
         assert_passes(&config, &place);
     }
     let count = |machine: &str| fs::read_dir(folder(machine).join("paths")).unwrap().count();
-    let all = ["pyramid", "four-rod-lathe", "linear-delta"].map(count);
-    assert_eq!(all.iter().sum::<usize>(), SHIPPED.len());
+    let all: usize = MADE.iter().chain(&["pyramid"]).map(|machine| count(machine)).sum();
+    assert_eq!(all, SHIPPED.len());
 }
 
 #[test]

@@ -40,8 +40,8 @@ fn a_pose_that_asks_for_a_held_coordinate_is_refused_with_the_code_of_its_letter
             }
         }
     }
-    // 2 + 1 + 3 + 3 + 3 + 1 + 3 + 1 letters of eight machines.
-    assert_eq!(refused, 17 * 4 * 2);
+    // 2 + 1 + 3 + 3 + 3 + 1 + 3 + 1 + 2 + 3 letters of ten machines.
+    assert_eq!(refused, 22 * 4 * 2);
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn forward_reads_no_held_coordinate_of_the_seed_and_returns_0() {
             }
         }
     }
-    assert_eq!(seen, 17 * cases(200));
+    assert_eq!(seen, 22 * cases(200));
 }
 
 #[test]

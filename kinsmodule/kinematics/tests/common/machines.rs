@@ -224,6 +224,67 @@ pub fn pyramid() -> Case {
     Case::new("pyramid (paper 000)", pyramid_geometry(), sample, 0.5)
 }
 
+/// The pyramid with longer rods whose platform moves X, Z and A, and the table Y.
+pub fn pyramid_cross() -> Case {
+    let of = pyramid_geometry();
+    let legs: [_; 4] = std::array::from_fn(|i| {
+        let (s, c) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][i];
+        let guide = [-500.0 * c, -500.0 * s, 1000.0];
+        slider(of.legs()[i].base, of.legs()[i].platform, guide, 650.0, 1)
+    });
+    let mut given = geometry(&legs, "XZA", "Y", of.home);
+    given.centre = of.centre;
+    let sample =
+        within([-80.0, -150.0, 160.0, -20.0, 0.0, 0.0], [80.0, 150.0, 340.0, 20.0, 0.0, 0.0]);
+    Case::new("pyramid-cross", given, sample, 0.5)
+}
+
+/// Six rods on carriages that all run along X, two on each of three rails.
+pub fn hexaglide() -> Case {
+    let [outer, middle] = [[100.0, 160.0, 150.0], [60.0, -160.0, 300.0]];
+    let legs: [_; 6] = std::array::from_fn(|i| {
+        let (side, rail) = ([-1, 1][i % 2], i / 2);
+        let (y, [px, py, pz]) = ([-450.0, 0.0, 450.0][rail], [outer, middle, outer][rail]);
+        let platform = [f64::from(side) * px, if rail == 0 { -py } else { py }, pz];
+        slider([-1400.0, y, 1000.0], platform, [1.0, 0.0, 0.0], 900.0, side)
+    });
+    let home = Some([0.0, 0.0, 250.0, 0.0, 0.0, 0.0]);
+    let sample = within(
+        [-250.0, -100.0, 150.0, -10.0, -10.0, -10.0],
+        [250.0, 100.0, 300.0, 10.0, 10.0, 10.0],
+    );
+    Case::new("hexaglide", geometry(&legs, "XYZABC", "", home), sample, 0.2)
+}
+
+/// Six rods on carriages on upright guides, two at each of three columns.
+pub fn linapod() -> Case {
+    let legs: [_; 6] = std::array::from_fn(|i| {
+        let (column, side) = (90.0 + 120.0 * (i / 2) as f64, [-1.0, 1.0][i % 2]);
+        let base = on_circle(600.0, column + 10.0 * side, 0.0);
+        let platform = on_circle(150.0, column + 40.0 * side, 120.0);
+        slider(base, platform, ALONG_Z, 750.0, 1)
+    });
+    let home = Some([0.0, 0.0, 250.0, 0.0, 0.0, 0.0]);
+    let sample = within(
+        [-100.0, -100.0, 150.0, -15.0, -15.0, -15.0],
+        [100.0, 100.0, 350.0, 15.0, 15.0, 15.0],
+    );
+    Case::new("linapod", geometry(&legs, "XYZABC", "", home), sample, 0.5)
+}
+
+/// Three rods on carriages that all run along X.
+pub fn triaglide() -> Case {
+    let legs = [(-350.0, -60.0, -120.0, -1), (0.0, 60.0, 0.0, 1), (350.0, -60.0, 120.0, -1)].map(
+        |(rail, x, y, side)| {
+            slider([-1200.0, rail, 900.0], [x, y, 120.0], [1.0, 0.0, 0.0], 800.0, side)
+        },
+    );
+    let home = Some([0.0, 0.0, 250.0, 0.0, 0.0, 0.0]);
+    let sample =
+        within([-350.0, -120.0, 120.0, 0.0, 0.0, 0.0], [350.0, 120.0, 400.0, 0.0, 0.0, 0.0]);
+    Case::new("triaglide", geometry(&legs, "XYZ", "", home), sample, 0.5)
+}
+
 /// Three upright guides; the default of LinuxCNC's lineardeltakins.
 pub fn linear_delta() -> Case {
     let legs = [90.0, 210.0, 330.0]
@@ -351,6 +412,10 @@ pub fn declared() -> Vec<Case> {
         eight_struts(),
         wrist(),
         ring_pentapod(),
+        pyramid_cross(),
+        hexaglide(),
+        linapod(),
+        triaglide(),
     ]
 }
 
