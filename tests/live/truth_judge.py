@@ -12,6 +12,9 @@ from unprivileged import REPOSITORY
 # comes from the decimals of a trace.
 AGREE = 1e-9
 
+# A joint that is no faster stands still: rounding of a value of 1e4 makes that of it in one servo cycle.
+STILL = 1e-8
+
 # Which limits of preflight tell of an error of LinuxCNC with these words.
 CAUSES = [
     (re.compile("following error"), {"speed", "acceleration", "following-error"}),
@@ -102,8 +105,8 @@ def worst_ratio(outcome, flight):
     """Predicted to recorded peak speed, of the joint where they differ most."""
     ratios = []
     for joint, ((recorded, _), predicted) in enumerate(zip(outcome["speed"], timing(flight)["speeds"])):
-        if recorded > 0:
-            ratios.append((predicted["value"] / recorded, joint))
+        if max(recorded, predicted["value"]) > STILL:
+            ratios.append((predicted["value"] / recorded if recorded else float("inf"), joint))
     return max(ratios, key=lambda ratio: abs(ratio[0] - 1), default=(None, None))
 
 
