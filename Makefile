@@ -26,6 +26,9 @@ NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
+# The model in 3D; it looks for its module there.
+VIEWER := /usr/bin/pkmkins-vismach
+VIEWER_SHARE := /usr/share/pkmkins
 
 # LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
 VIRTUAL := target/virtual/libpkmkins-virtual.so
@@ -104,6 +107,7 @@ test-live:
 # In what machines that live leave of two cores, and never before them.
 test-aside:
 	chrt --idle 0 $(MAKE) --no-print-directory check fuzz-short ini-cases
+	chrt --idle 0 tests/viewer/scene_test.py target/host/pkm
 	chrt --idle 0 tests/virtual/guarded.py --programs 100
 	chrt --idle 0 tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
@@ -252,10 +256,13 @@ install: setup module virtual
 	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB) and $(DESTDIR)$(NGC_LIB)"
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
-	put() { $$root install -m 644 "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
-	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" && \
+	put() { $$root install -m $${3:-644} "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
+	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" \
+	    "$(DESTDIR)$(dir $(VIEWER))" "$(DESTDIR)$(VIEWER_SHARE)" && \
 	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
 	put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" && \
+	put viewer/pkmkins-vismach "$(DESTDIR)$(VIEWER)" 755 && \
+	put viewer/pkmkins_scene.py "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" && \
 	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done && \
 	for f in $(SUBROUTINES); do put $$f "$(DESTDIR)$(NGC_LIB)/$${f##*/}" || exit 1; done
 
@@ -265,9 +272,10 @@ uninstall:
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
 	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))") \
+	    "$(DESTDIR)$(VIEWER)" "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" \
 	    $(foreach f,$(SUBROUTINES),"$(DESTDIR)$(NGC_LIB)/$(notdir $(f))") && \
-	if [ -d "$(DESTDIR)$(NGC_LIB)" ]; then \
-	    $$root rmdir --ignore-fail-on-non-empty "$(DESTDIR)$(NGC_LIB)"; fi
+	for folder in "$(DESTDIR)$(NGC_LIB)" "$(DESTDIR)$(VIEWER_SHARE)"; do \
+	    [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"; done
 
 # Apart from `install`: the computer that plans need not be the one that cuts.
 install-pkm:

@@ -15,5 +15,6 @@ pub mod program;
 pub mod proof;
 pub mod read;
 pub mod rows;
+pub mod scene;
 pub mod stability;
 pub mod study;

@@ -36,7 +36,8 @@ fn make(target: &str, place: &Path, root: &Path) {
 }
 
 #[test]
-fn install_puts_module_hal_files_and_subroutines_in_place_and_uninstall_takes_exactly_them_away() {
+fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_takes_exactly_them_away()
+ {
     let place = tempfile::tempdir().unwrap();
     for name in ["libpkmkins.so", "libpkmkins-virtual.so"] {
         fs::write(place.path().join(name), name).unwrap();
@@ -53,6 +54,8 @@ fn install_puts_module_hal_files_and_subroutines_in_place_and_uninstall_takes_ex
         "usr/share/linuxcnc/hallib/pkmkins.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_sim.tcl",
         "usr/share/linuxcnc/ncfiles/pkmkins_lib/my_own.ngc",
+        "usr/bin/pkmkins-vismach",
+        "usr/share/pkmkins/pkmkins_scene.py",
     ]
     .map(String::from)
     .into();

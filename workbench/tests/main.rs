@@ -35,6 +35,7 @@ mod random_program;
 mod replay;
 mod rods;
 mod rooms;
+mod scene;
 mod sensitivity;
 mod shipped;
 mod sources;

@@ -23,6 +23,7 @@ mod report;
 mod rods;
 mod rows;
 mod run;
+mod scene;
 mod sensitivity;
 mod stability;
 mod stiffness;
@@ -95,6 +96,7 @@ commands! {
     Run => run,
     Replay => replay,
     Path => path,
+    Scene => scene,
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a viewer needs to draw a machine, as one JSON object: docs/scene.md.
+//!
+//! A viewer needs no kinematics. Lower ends of legs follow from joint values, upper ends from the
+//! pose:
+//!
+//! ```text
+//! D = t − o + R (o + centre)             of the pose t, R and the tool o, from its tip to the control point
+//! p = D of the letters that legs move    0 in the others: the table takes them, or nothing does
+//! upper end = p + R (platform − centre)  on a ring: at the point of it nearest to the base anchor
+//! lower end = base                       of struts
+//!           = base + guide (q + offset)  of sliders, guide a unit vector
+//!           = base + arm                 of cranks, turned about the axis by q + offset degrees
+//! ```
+
+use crate::read::machine::MachineConfig;
+use kinematics::{LegGeometry, LegKind, Letter, Vector3};
+use serde::Serialize;
+
+/// Raised when a field goes or changes its meaning, not when one is added.
+pub const VERSION: u32 = 1;
+
+/// A machine as a viewer sees it. Machine units and degrees; what is not limited is `null`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scene {
+    /// [`VERSION`].
+    pub version: u32,
+    /// Name of the INI file without its ending.
+    pub machine: String,
+    /// `mm` or `inch`.
+    pub length_unit: &'static str,
+    /// Machine units per millimetre.
+    pub units_per_mm: f64,
+    /// As the module shows it on `pkmkins.geometry-hash`.
+    pub geometry_hash: u32,
+    /// Letters that the legs move.
+    pub coordinates: String,
+    /// Letters of the table, in joint order.
+    pub table: String,
+    /// Letters of the extra axes, in joint order.
+    pub extra: String,
+    /// Point of the platform by which legs and table are placed, in its frame.
+    pub centre: [f64; 3],
+    /// Of the tool vector without a tool, along Z.
+    pub spindle_offset: f64,
+    /// A pose and the joint values that belong to it.
+    pub home: Home,
+    /// The legs.
+    pub legs: Vec<Leg>,
+    /// Legs, table axes, extra axes.
+    pub joints: Vec<Joint>,
+    /// Limits of the pose, those of X Y Z A B C that move.
+    pub axes: Vec<Axis>,
+    /// Least distance of the legs' centre lines.
+    pub clearance: Option<f64>,
+    /// Largest angle of the tool axis to its direction at A = B = C = 0.
+    pub tilt_limit: Option<f64>,
+    /// Conditioning at which the guard stops the machine.
+    pub conditioning_limit: f64,
+}
+
+/// `[TRAJ]HOME`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Home {
+    /// X Y Z A B C.
+    pub pose: [f64; 6],
+    /// Of legs and table.
+    pub joints: Vec<f64>,
+}
+
+/// A leg.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Leg {
+    /// Its kind, with what only this one has.
+    #[serde(flatten)]
+    pub kind: Kind,
+    /// Base anchor; of sliders the zero of the guide, of cranks the hip.
+    pub base: [f64; 3],
+    /// Platform anchor, in the platform's frame; of rings the centre.
+    pub platform: [f64; 3],
+    /// What the joint's own zero adds to its value.
+    pub offset: f64,
+    /// Half angle of the cone about its direction at home, seen in base.
+    pub base_cone: Option<f64>,
+    /// The same, seen in the platform.
+    pub platform_cone: Option<f64>,
+}
+
+/// What only one kind of leg has.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum Kind {
+    /// A telescopic strut.
+    Strut {
+        /// Way of the screw in a turn, its hand as a sign.
+        lead: f64,
+    },
+    /// A telescopic strut to a ring about the tool axis.
+    Ring {
+        /// Of the ring.
+        radius: f64,
+    },
+    /// A rod on a carriage.
+    Slider {
+        /// Unit vector along the guide.
+        guide: [f64; 3],
+        /// Length.
+        rod: f64,
+    },
+    /// A rod on an arm.
+    Crank {
+        /// Unit vector along the arm's axis.
+        axis: [f64; 3],
+        /// From the hip to the arm's end at 0 degrees.
+        arm: [f64; 3],
+        /// Length.
+        rod: f64,
+    },
+}
+
+/// A joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Joint {
+    /// For people, such as `strut 3`.
+    pub name: String,
+    /// `strut`, `carriage`, `arm`, `table` or `axis`.
+    pub kind: &'static str,
+    /// Of its values.
+    pub unit: &'static str,
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
+    /// Units per second.
+    pub max_velocity: f64,
+}
+
+/// Limits of a coordinate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Axis {
+    /// Its letter.
+    pub letter: char,
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
+}
+
+impl Scene {
+    /// Of this machine.
+    pub fn new(config: &MachineConfig) -> Self {
+        let layout = config.machine.layout();
+        let letters = |letters: &[Letter]| letters.iter().map(|letter| letter.name()).collect();
+        let moved = Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
+        let axis = |letter: Letter| {
+            let axis = &config.axes[letter.index()];
+            Axis { letter: letter.name(), min: axis.min, max: axis.max }
+        };
+        let stem = config.file.file_stem().unwrap_or_default();
+        Self {
+            version: VERSION,
+            machine: stem.to_string_lossy().into_owned(),
+            length_unit: config.length_unit(),
+            units_per_mm: config.units_per_mm,
+            geometry_hash: config.geometry.hash(),
+            coordinates: letters(layout.coordinates().as_slice()),
+            table: letters(layout.table().as_slice()),
+            extra: config.extra_axes.letters().collect(),
+            centre: config.geometry.centre,
+            spindle_offset: config.spindle.z,
+            home: Home {
+                pose: config.home,
+                joints: config.joints.iter().map(|joint| joint.home).collect(),
+            },
+            legs: (0..config.legs()).map(|i| Leg::new(config, i)).collect(),
+            joints: (0..config.all_joints().count()).map(|i| Joint::new(config, i)).collect(),
+            axes: moved.map(axis).collect(),
+            clearance: config.clearance,
+            tilt_limit: config.tilt_limit,
+            conditioning_limit: config.conditioning_limit,
+        }
+    }
+
+    /// The object.
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and names") + "\n"
+    }
+}
+
+impl Leg {
+    fn new(config: &MachineConfig, i: usize) -> Self {
+        let LegGeometry { base, platform, kind } = config.geometry.legs()[i];
+        Self {
+            kind: Kind::of(&kind),
+            base,
+            platform,
+            offset: config.offsets[i],
+            base_cone: config.base_cone[i],
+            platform_cone: config.platform_cone[i],
+        }
+    }
+}
+
+impl Kind {
+    fn of(kind: &LegKind) -> Self {
+        let unit = |v: [f64; 3]| Vector3::from(v).normalize().into();
+        match *kind {
+            LegKind::Strut(strut) => Self::Strut { lead: strut.lead },
+            LegKind::Ring(ring) => Self::Ring { radius: ring.radius },
+            LegKind::Slider(slider) => Self::Slider { guide: unit(slider.guide), rod: slider.rod },
+            LegKind::Crank(crank) => {
+                Self::Crank { axis: unit(crank.axis), arm: crank.arm, rod: crank.rod }
+            }
+        }
+    }
+}
+
+impl Joint {
+    fn new(config: &MachineConfig, i: usize) -> Self {
+        let joint = config.joint(i);
+        Self {
+            name: joint.name.clone(),
+            kind: joint.kind.name(),
+            unit: config.unit_of(i),
+            min: joint.min,
+            max: joint.max,
+            max_velocity: joint.max_velocity,
+        }
+    }
+}

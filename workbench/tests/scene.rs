@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The scene, read as a viewer reads it: JSON alone, and two rigid formulas.
+
+use crate::shipped::{MACHINES, config, ini};
+use kinematics::{Matrix3, Pose, Vector3};
+use nalgebra::{Rotation3, Unit};
+use pkm::proof::axis_box::range;
+use pkm::read::ini::Ini;
+use pkm::read::machine::MachineConfig;
+use pkm::study::rods::View;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use serde_json::Value;
+use std::process::Command;
+
+/// Some roundings of lengths of 1e3.
+const LENGTH: f64 = 1e-9;
+
+fn scene(file: &std::path::Path) -> Value {
+    let out = Command::new(env!("CARGO_BIN_EXE_pkm")).arg("scene").arg(file).output().unwrap();
+    assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+fn vector(of: &Value) -> Vector3<f64> {
+    Vector3::from_fn(|k, _| of[k].as_f64().unwrap())
+}
+
+/// The lower end of a leg at a joint value.
+fn lower(leg: &Value, joint: f64) -> Vector3<f64> {
+    let (base, q) = (vector(&leg["base"]), joint + leg["offset"].as_f64().unwrap());
+    match leg["kind"].as_str().unwrap() {
+        "strut" | "ring" => base,
+        "slider" => base + vector(&leg["guide"]) * q,
+        "crank" => {
+            let axis = Unit::new_unchecked(vector(&leg["axis"]));
+            base + Rotation3::from_axis_angle(&axis, q.to_radians()) * vector(&leg["arm"])
+        }
+        other => panic!("{other}"),
+    }
+}
+
+/// The upper end of a leg whose lower end is known.
+fn upper(
+    scene: &Value,
+    leg: &Value,
+    [t, o, low]: [&Vector3<f64>; 3],
+    r: &Matrix3<f64>,
+) -> Vector3<f64> {
+    let centre = vector(&scene["centre"]);
+    let moved = scene["coordinates"].as_str().unwrap();
+    let mut p = t - o + r * (o + centre);
+    for (k, letter) in ["X", "Y", "Z"].into_iter().enumerate() {
+        p[k] = if moved.contains(letter) { p[k] } else { 0.0 };
+    }
+    let end = p + r * (vector(&leg["platform"]) - centre);
+    match leg["radius"].as_f64() {
+        None => end,
+        Some(radius) => {
+            let axis = r.column(2);
+            let outward = low - end;
+            end + (outward - axis * axis.dot(&outward)).normalize() * radius
+        }
+    }
+}
+
+fn compare(config: &MachineConfig, scene: &Value, rng: &mut Pcg64) {
+    let whole = range(config);
+    let view = View::new(config, vec![], 0.0);
+    let legs = scene["legs"].as_array().unwrap();
+    let mut reached = 0;
+    for _ in 0..200 {
+        let pose = Pose::from_degrees(whole.at(std::array::from_fn(|_| rng.random())));
+        let spindle = Vector3::z() * scene["spindle_offset"].as_f64().unwrap();
+        let tool =
+            spindle + Vector3::from_fn(|_, _| rng.random_range(-20.0..20.0) * config.units_per_mm);
+        let (Ok(joints), Ok(rods)) = (config.machine.inverse(&pose, &tool), view.at(&pose, &tool))
+        else {
+            continue;
+        };
+        for (i, (leg, rod)) in legs.iter().zip(&rods.rods).enumerate() {
+            let low = lower(leg, joints[i]);
+            let high = upper(scene, leg, [&pose.position, &tool, &low], &pose.rotation());
+            let apart = [low - rod.ends.base, high - rod.ends.platform].map(|v| v.norm());
+            assert!(apart.iter().all(|a| *a < LENGTH), "{}: leg {i} {apart:?}", scene["machine"]);
+        }
+        reached += 1;
+    }
+    assert!(reached > 100, "{}: {reached}", scene["machine"]);
+}
+
+#[test]
+fn both_ends_of_every_leg_follow_from_the_scene_the_joints_and_the_pose() {
+    let mut rng = Pcg64::seed_from_u64(20);
+    for machine in MACHINES {
+        compare(&config(machine), &scene(&ini(machine)), &mut rng);
+    }
+}
+
+#[test]
+fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
+    let (lathe, tripod) = (scene(&ini("lathe-counter-spindle")), scene(&ini("tripod")));
+    assert_eq!(
+        (&lathe["version"], &lathe["machine"]),
+        (&1.into(), &"lathe-counter-spindle".into())
+    );
+    assert_eq!([&lathe["coordinates"], &lathe["extra"], &lathe["table"]], ["XYZB", "CW", ""]);
+    assert_eq!([&lathe["length_unit"], &tripod["length_unit"]], ["mm", "inch"]);
+    assert_eq!(lathe["geometry_hash"], config("lathe-counter-spindle").geometry.hash());
+    assert_eq!(lathe["home"]["pose"], serde_json::json!([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]));
+    assert_eq!((lathe["clearance"].as_f64(), lathe["tilt_limit"].as_f64()), (Some(50.0), None));
+    let kinds: Vec<_> = lathe["joints"].as_array().unwrap().iter().map(|j| &j["kind"]).collect();
+    assert_eq!(kinds, ["carriage", "carriage", "carriage", "carriage", "axis", "axis"]);
+    assert_eq!(lathe["joints"][5]["max"], 900.0);
+    assert_eq!(lathe["axes"][3], serde_json::json!({"letter": "B", "min": -20.0, "max": 20.0}));
+}
+
+#[test]
+fn a_scene_of_no_machine_or_to_no_place_is_refused_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("none/scene.json");
+    let run = |file: &std::path::Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+        let out = command.arg("scene").arg(file).arg("-o").arg(&place).output().unwrap();
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let (code, told) = run(&ini("tripod"));
+    assert!(code == Some(2) && told.contains("none/scene.json"), "{told}");
+    let broken = folder.path().join("broken.ini");
+    let text = Ini::read(&ini("tripod")).map(|_| std::fs::read_to_string(ini("tripod")).unwrap());
+    std::fs::write(&broken, text.unwrap().replace("legs=strut:3", "legs=strut:4")).unwrap();
+    let (code, told) = run(&broken);
+    assert!(code == Some(2) && told.contains("broken.ini"), "{told}");
+    assert!(!place.exists());
+}
