@@ -10,7 +10,7 @@ const FLOORS: [&[&str]; 12] = [
     &["lanes", "letters", "load_error", "segment", "text"],
     &["fault", "placed", "pseudo_inverse", "singular", "trig"],
     &["layout", "leg", "pose"],
-    &["extra", "geometry", "nut", "rings"],
+    &["extra", "geometry", "nut", "rings", "second"],
     &["mechanism", "watch"],
     &["certificate", "inverse"],
     &["forward", "freeze", "legs_at"],

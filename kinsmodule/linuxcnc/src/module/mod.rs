@@ -17,7 +17,7 @@ use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::guard::Guard;
 use crate::hal::nanoseconds;
-use crate::pins::Pins;
+use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
 use freezing::Frozen;
@@ -25,10 +25,14 @@ use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Pose};
 use report::Reports;
 use seeds::Seeds;
 
-/// State between calls.
+/// State between calls, of one mechanism.
 pub struct Module {
-    pins: &'static Pins,
+    pub pins: &'static Pins,
     load: Load,
+    /// Which mechanism it is.
+    place: Place,
+    /// Whether there are two.
+    is_of_pair: bool,
     /// Whether the monitor runs. It then reports the faults and moves the tool offset.
     is_monitored: bool,
     frozen: Option<Frozen>,
@@ -59,10 +63,12 @@ pub struct Module {
 }
 
 impl Module {
-    pub fn new(pins: &'static Pins, load: Load) -> Self {
+    pub fn new(pins: &'static Pins, load: Load, place: Place) -> Self {
         Self {
             pins,
+            is_of_pair: place.is_second || load.second().is_some(),
             load,
+            place,
             is_monitored: false,
             frozen: None,
             apply_was: false,
@@ -78,7 +84,7 @@ impl Module {
             start: Start::new(),
             crossing: Crossing::new(),
             guard: Guard::new(),
-            reports: Reports::new(),
+            reports: Reports::new(place.is_second),
             reset_was: false,
         }
     }
@@ -89,6 +95,10 @@ impl Module {
 
     pub fn layout(&self) -> &Layout {
         &self.load.layout
+    }
+
+    pub fn load(&self) -> &Load {
+        &self.load
     }
 
     /// Joints of a pose in degrees, written to `joints`; left alone after an error.

@@ -32,6 +32,7 @@ impl Module {
         };
         self.guard.run(&Cycle {
             pins: self.pins,
+            place: self.place,
             machine: &frozen.machine,
             tool: &self.tool.offset(),
             pose: self.seeds.last(),
@@ -41,7 +42,7 @@ impl Module {
     }
 
     /// Whether no motion may begin or go on.
-    fn inhibits_feed(&self) -> bool {
+    pub fn inhibits_feed(&self) -> bool {
         self.tool.is_busy() || self.guard.inhibits_feed()
     }
 
