@@ -319,6 +319,8 @@ causes! {
         "stop, and lead the program through another pose";
     PlatformPyramidAhead = -98, "the leg comes to the end of its platform joint's pyramid (degrees shown)",
         "stop, and lead the program through another pose";
+    MechanismsNear = -99, "the two mechanisms come too near to each other (distance shown)",
+        "if the feed is stopped: abort the program, and move one of them away";
     // Coordinates that no joint moves.
     HeldX = -80, "the pose asks for X, which this machine holds at 0",
         "leave X out of the program, and its work offset at 0";

@@ -16,6 +16,7 @@
 
 mod ahead;
 mod at;
+mod between;
 mod boxes;
 mod certificate;
 mod extra;
@@ -50,6 +51,7 @@ mod watch;
 
 pub use ahead::{Motion, Outlook, Planner, Sight};
 pub use at::At;
+pub use between::{Body, Gap};
 pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
     WorkspaceBox,

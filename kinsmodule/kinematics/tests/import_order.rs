@@ -16,7 +16,7 @@ const FLOORS: [&[&str]; 12] = [
     &["forward", "freeze", "legs_at"],
     &["jacobian"],
     &["at"],
-    &["limits", "machine"],
+    &["between", "limits", "machine"],
     &["ahead", "boxes", "side"],
     &["lib", "load"],
 ];

@@ -4,16 +4,17 @@
 #![allow(missing_docs, reason = "LinuxCNC's layouts; their headers document the fields")]
 #![allow(non_camel_case_types, reason = "LinuxCNC's names")]
 
+use crate::between::{Between, BetweenPins};
 use crate::hal::{Component, HalError, print_error};
 use crate::load;
 use crate::module::{Kind, Module, World};
-use crate::pair::Pair;
-use crate::pins::{Pins, Place};
+use crate::pair::{Pair, Second};
+use crate::pins::{Maker, Pins, Place};
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
 use kinematics::{
     Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Pose,
-    Second, text,
+    Second as SecondLetters, text,
 };
 
 /// LinuxCNC's kinds of kinematics.
@@ -127,21 +128,25 @@ impl EmcPose {
     fn set_nan_of_both(&mut self, module: &Module) {
         self.set_nan(Some(module.layout()));
         let mut all = self.world();
-        for place in module.load().second().into_iter().flat_map(Second::places) {
+        for place in module.load().second().into_iter().flat_map(SecondLetters::places) {
             all.get_mut(place).into_iter().for_each(|value| *value = f64::NAN);
         }
         self.set_world(all);
     }
 }
 
-/// The module's state, made by `rtapi_app_main`.
-struct Cell(UnsafeCell<Option<Module>>);
+/// State, made by `rtapi_app_main`.
+struct Cell<T>(UnsafeCell<Option<T>>);
 
 // SAFETY: LinuxCNC calls the kinematics from its servo thread only, and main and exit
 // while no thread runs.
-unsafe impl Sync for Cell {}
+unsafe impl<T> Sync for Cell<T> {}
 
-static MODULE: Cell = Cell(UnsafeCell::new(None));
+/// That of the mechanism, or of the first one.
+static MODULE: Cell<Module> = Cell(UnsafeCell::new(None));
+
+/// That of a second mechanism, where there is one.
+static SECOND: Cell<Second> = Cell(UnsafeCell::new(None));
 
 /// The state.
 ///
@@ -153,17 +158,14 @@ unsafe fn module<'a>() -> Option<&'a mut Module> {
     unsafe { (*MODULE.0.get()).as_mut() }
 }
 
-/// The state of a second mechanism, made by `rtapi_app_main` where the machine has one.
-static SECOND: Cell = Cell(UnsafeCell::new(None));
-
 /// Both mechanisms, where there are two.
 ///
 /// # Safety
 /// `first` must be the reference of [`module`], and no other reference to the second one may be alive.
 unsafe fn pair(first: &mut Module) -> Option<Pair<'_>> {
     // SAFETY: the caller vouches that this is the only reference.
-    let second = unsafe { (*SECOND.0.get()).as_mut() };
-    second.map(|second| Pair { first, second })
+    let Second { module, between } = unsafe { (*SECOND.0.get()).as_mut() }?;
+    Some(Pair { first, second: module, between })
 }
 
 /// The pose of the tool in LinuxCNC's pose.
@@ -494,6 +496,7 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
     module.monitor(seconds);
     // SAFETY: as above.
     if let Some(mut pair) = unsafe { pair(module) } {
+        pair.second.monitor(seconds);
         pair.end_cycle(seconds);
     }
 }
@@ -590,15 +593,27 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
 // Frames of two mechanisms stand one after the other.
 #[inline(never)]
 fn build_one(component: Component, load: &Load, place: Place) -> Result<&'static Pins, HalError> {
-    let pins = component.allocate::<Pins>()?;
-    // SAFETY: fresh, zeroed HAL memory; all-zero bytes are null pins, which `create`
-    // fills before anyone reads them.
-    let pins = unsafe { &mut *pins };
+    let pins = zeroed::<Pins>(component)?;
     pins.create(component, load, place)?;
-    let cell = if place.is_second { &SECOND } else { &MODULE };
-    // SAFETY: no thread runs yet.
-    unsafe { *cell.0.get() = Some(Module::new(pins, *load, place)) };
+    let module = Module::new(pins, *load, place);
+    if place.is_second {
+        let of_pair = zeroed::<BetweenPins>(component)?;
+        of_pair.create(&Maker { component, place })?;
+        // SAFETY: no thread runs yet.
+        unsafe { *SECOND.0.get() = Some(Second { module, between: Between::new(of_pair) }) };
+    } else {
+        // SAFETY: as above.
+        unsafe { *MODULE.0.get() = Some(module) };
+    }
     Ok(pins)
+}
+
+/// Pins in fresh HAL memory, not yet made: all-zero bytes are null pins.
+fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
+    let pins = component.allocate::<T>()?;
+    // SAFETY: HAL memory of this size, of structures that hold pins alone, which lives as long as
+    // LinuxCNC; nobody else knows it.
+    Ok(unsafe { &mut *pins })
 }
 
 fn refuse_load(error: LoadError, parameters: [Option<&CStr>; PARAMETERS.len()]) {

@@ -6,6 +6,7 @@
 //! nothing otherwise; both geometries are frozen or none is; feed is inhibited where one asks for it,
 //! and scaled as the slower one needs it.
 
+use crate::between::Between;
 use crate::module::{Kind, Module, World};
 use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose};
 
@@ -13,6 +14,13 @@ use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose};
 pub struct Pair<'a> {
     pub first: &'a mut Module,
     pub second: &'a mut Module,
+    pub between: &'a mut Between,
+}
+
+/// The state of a second mechanism, and what is between it and the first.
+pub struct Second {
+    pub module: Module,
+    pub between: Between,
 }
 
 /// Rows of a Jacobian of LinuxCNC: one a joint, by its nine letters.
@@ -130,17 +138,24 @@ impl Pair<'_> {
         }
     }
 
-    /// A cycle of the second one's monitor, after that of the first one, and what both ask of LinuxCNC.
+    /// The end of a cycle, after both monitors: what both ask of LinuxCNC.
     #[inline(never)]
     pub fn end_cycle(&mut self, seconds: f64) {
-        self.second.monitor(seconds);
+        let near = self.between.watch([&*self.first, &*self.second], seconds);
         let (first, second) = (self.first.pins, self.second.pins);
-        first.feed_inhibit.set(self.first.inhibits_feed() || self.second.inhibits_feed());
+        let inhibits = [self.first.inhibits_feed(), self.second.inhibits_feed()];
+        first.feed_inhibit.set(inhibits[0] || inhibits[1] || self.between.inhibits_feed());
         first.tool_busy.set(first.tool_busy.get() || second.tool_busy.get());
         first.geometry_changed.set(first.geometry_changed.get() || second.geometry_changed.get());
         let (shown, of_second) = (&first.guard.shown, &second.guard.shown);
         shown.feed_scale.set(shown.feed_scale.get().min(of_second.feed_scale.get()));
         shown.limit_of_either(of_second);
+        if let Some((fault, is_inhibited)) = near {
+            shown.limit_if_none(&fault);
+            if is_inhibited {
+                self.first.record(&fault);
+            }
+        }
     }
 
     /// Number of joints of both, without extra axes.

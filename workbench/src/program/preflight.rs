@@ -189,7 +189,7 @@ impl Preflight {
             self.margins.extend(least(config, limit, peaks));
         }
         self.breaks.extend(timing.breaks.iter().cloned());
-        let first = config.joints.len();
+        let first = config.guarded_joints();
         self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
             |(n, (axis, used))| {
                 let joint = &axis.joint;
@@ -321,7 +321,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Extra, Flags, Message, MessageKind};
+    use crate::control::row::{Beside, Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
     fn config() -> MachineConfig {
@@ -343,6 +343,7 @@ mod tests {
                 errors: [0.0; MAX_JOINTS],
                 allowed: [1.0; MAX_JOINTS],
                 extra: Extra::default(),
+                second: Beside::default(),
                 tool: [0.0; 3],
                 feed: 1.0,
             });

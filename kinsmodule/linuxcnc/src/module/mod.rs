@@ -21,7 +21,7 @@ use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
 use freezing::Frozen;
-use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Pose};
+use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
 use report::Reports;
 use seeds::Seeds;
 
@@ -95,6 +95,26 @@ impl Module {
 
     pub fn layout(&self) -> &Layout {
         &self.load.layout
+    }
+
+    /// The frozen machine.
+    pub fn machine(&self) -> Option<&Machine> {
+        Some(&self.frozen.as_ref()?.machine).filter(|_| self.kind == Kind::Machine)
+    }
+
+    /// The tool offset in effect.
+    pub fn tool(&self) -> Vector3<f64> {
+        self.tool.offset()
+    }
+
+    /// After the monitor: the pose that was commanded in its cycle.
+    pub fn commanded(&self) -> Option<Pose> {
+        self.calls.commanded_before().copied()
+    }
+
+    /// The last good pose that forward found.
+    pub fn last_pose(&self) -> Option<Pose> {
+        self.seeds.last()
     }
 
     pub fn load(&self) -> &Load {

@@ -165,6 +165,13 @@ impl GuardOutputs {
         }
     }
 
+    /// Shows a limit that is near, where no other one is.
+    pub fn limit_if_none(&self, fault: &Fault) {
+        if !self.limit_soon.get() {
+            self.limit(Some(*fault));
+        }
+    }
+
     /// Shows which limit is near, if one is.
     pub fn limit(&self, soon: Option<Fault>) {
         self.limit_soon.set(soon.is_some());

@@ -13,9 +13,9 @@ pub(super) type Pose6 = [Pin<f64>; 6];
 pub(super) const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
 /// Makes pins of one mechanism.
-pub(super) struct Maker {
-    pub(super) component: Component,
-    pub(super) place: Place,
+pub struct Maker {
+    pub component: Component,
+    pub place: Place,
 }
 
 /// Which mechanism of a module, and from which number on its legs and joints are counted.
@@ -58,14 +58,14 @@ impl Maker {
         if self.place.is_second { None } else { legs.get(n) }
     }
 
-    pub(super) fn one<T: PinValue>(
+    pub fn one<T: PinValue>(
         &self,
         pin: &mut Pin<T>,
         direction: Direction,
         name: Name,
         value: T,
     ) -> Result<(), HalError> {
-        // SAFETY: only `Pins::create` uses a maker, on pins in HAL memory.
+        // SAFETY: only functions that make pins use a maker, on pins in HAL memory.
         unsafe { pin.create(self.component, direction, &name, value) }
     }
 

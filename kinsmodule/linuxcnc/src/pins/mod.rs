@@ -10,7 +10,7 @@ mod maker;
 mod workspace_box;
 
 pub use guard::{GuardInputs, GuardPins};
-pub use maker::Place;
+pub use maker::{Maker, Place};
 
 use crate::hal::{Component, Direction, HalError, Pin};
 use crate::module::Kind as Kinematics;
@@ -21,7 +21,7 @@ use kinematics::{
     PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
 use leg::LegPins;
-use maker::{Maker, Pose6, Vector, read};
+use maker::{Pose6, Vector, read};
 use workspace_box::BoxPins;
 
 /// Pins of one joint.

@@ -28,13 +28,24 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let file = &arguments.machine.machine;
-    let bar = Bar::new("looking for boxes of poses");
-    let report = check(file, |share| bar.set(share))?;
-    drop(bar);
-    let verdict = if report.fits() { Verdict::Fits } else { Verdict::Misfit };
-    // A reader that has gone away does not change the verdict.
-    Failure::unless_unread(write(&report).map_err(Failure::from))?;
+    let config = arguments.machine.read_all()?;
+    let mut verdict = Verdict::Fits;
+    for mechanism in config.mechanisms() {
+        let bar = Bar::new("looking for boxes of poses");
+        let report = check(mechanism, |share| bar.set(share))?;
+        drop(bar);
+        if !report.fits() {
+            verdict = Verdict::Misfit;
+        }
+        if config.second.is_some() {
+            let name = if mechanism.place.is_second { "second" } else { "first" };
+            Failure::unless_unread(
+                writeln!(anstream::stdout(), "The {name} mechanism:").map_err(Failure::from),
+            )?;
+        }
+        // A reader that has gone away does not change the verdict.
+        Failure::unless_unread(write(&report).map_err(Failure::from))?;
+    }
     Ok(verdict)
 }
 
