@@ -56,6 +56,12 @@ fn least_distance(config: &MachineConfig) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
 }
 
+/// What the mechanisms of a machine have to keep of each other, machine units:
+/// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
+pub fn least_distance_between(config: &MachineConfig) -> f64 {
+    config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())
+}
+
 /// Visits the margins of all limits that are set at a pose.
 pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     let _ = at.margins(limits, |margin| {

@@ -2,6 +2,7 @@
 //! Programs: what LinuxCNC makes of them, and whether they fit a machine.
 
 pub mod beside;
+pub mod both;
 pub mod course;
 pub mod findings;
 mod follow;

@@ -9,6 +9,7 @@
 use crate::control::process::{self, Options};
 use crate::control::row::{Ending, Outcome, Row};
 use crate::limits;
+use crate::program::both::Flights;
 use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
@@ -67,7 +68,7 @@ impl<'a> Flight<'a> {
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn preflight(config: &MachineConfig, moves: &[Move]) -> Result<Preflight, Fault> {
-    let mut flight = Flight::new(config)?;
+    let mut flight = Flights::new(config)?;
     moves.iter().for_each(|step| flight.see(step));
     flight.finish()
 }
@@ -266,7 +267,7 @@ fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (
             );
             (part, text)
         }
-        Rule::FollowingError | Rule::Control => {
+        Rule::FollowingError | Rule::Control | Rule::Mechanisms => {
             let limit = Limit::JointRange;
             let (part, unit) =
                 (limits::part(config, limit, joint), limits::unit(config, limit, joint));
@@ -308,6 +309,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
         line,
         file,
         pose,
+        of_second: false,
         seconds: Some(seconds),
         moves,
         step,
