@@ -404,6 +404,9 @@ proc pkmkins::second_pins {} {
         if {[array exists ::SECOND]} {
             complain SECOND "" "is one too many: \[KINS\]KINEMATICS has no second="
         }
+        foreach text [values PKM MECHANISM_CLEARANCE] {
+            complain PKM MECHANISM_CLEARANCE "= \"$text\": is for two mechanisms, and \[KINS\]KINEMATICS has no second="
+        }
         return {}
     }
     check_keys SECOND [dict keys $second_keys]

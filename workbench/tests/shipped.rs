@@ -7,11 +7,12 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 10] = [
+pub const MACHINES: [&str; 11] = [
     "four-rod-lathe",
     "hexapod",
     "lab-hexapod",
     "lathe-counter-spindle",
+    "lathe-mirrored",
     "linear-delta",
     "pentapod",
     "pyramid",

@@ -478,7 +478,7 @@ fn joint_ranges(report: &mut Report, config: &MachineConfig, seen: &Seen) {
     }
 }
 
-fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
+pub(super) fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
     let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
     let word =
         |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);

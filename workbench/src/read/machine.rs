@@ -365,7 +365,16 @@ fn check_second_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
             name,
             "one section too many; [KINS]KINEMATICS has no second mechanism, second=",
         )),
-        None => ini.check_keys("SECOND", of_second::ALL.iter().copied()),
+        None => {
+            let key = of_machine::MECHANISM_CLEARANCE.name;
+            match ini.first("PKM", key).filter(|_| load.second().is_none()) {
+                Some(entry) => {
+                    let text = "it is for two mechanisms, and [KINS]KINEMATICS has no second=";
+                    Err(ini.refuse(entry, text))
+                }
+                None => ini.check_keys("SECOND", of_second::ALL.iter().copied()),
+            }
+        }
     }
 }
 
