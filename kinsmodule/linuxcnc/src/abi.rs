@@ -270,11 +270,27 @@ pub unsafe extern "C" fn kinematicsForward(
     code(result)
 }
 
+/// [`kinematicsInverse`] of two mechanisms.
+///
+/// # Safety
+/// `joint` must have room for as many values as the machine has joints; `module` is the reference of
+/// [`module`].
+#[cold]
+#[inline(never)]
+unsafe fn inverse_of_both(world: &EmcPose, joint: *mut f64, module: &mut Module) -> c_int {
+    // SAFETY: the caller vouches for the room.
+    let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.load().joints()) };
+    // SAFETY: the caller's reference is the only one.
+    let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
+    code(pair.inverse(&world.world(), joints))
+}
+
 /// [`kinematicsForward`] of two mechanisms.
 ///
 /// # Safety
 /// `joint` must hold as many values as the machine has joints; `module` is the reference of
 /// [`module`].
+#[cold]
 #[inline(never)]
 unsafe fn forward_of_both(joint: *const f64, world: &mut EmcPose, module: &mut Module) -> c_int {
     let address = &raw const *world as usize;
@@ -319,12 +335,7 @@ pub unsafe extern "C" fn kinematicsInverse(
         world.degrees()
     } else if module.load().second().is_some() {
         // SAFETY: as above.
-        let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.load().joints()) };
-        // SAFETY: this reference is the only one.
-        let pair = unsafe { pair(module) };
-        return pair.map_or(Cause::NullPointer.code(), |mut pair| {
-            code(pair.inverse(&world.world(), joints))
-        });
+        return unsafe { inverse_of_both(world, joint, module) };
     } else {
         module.without_extra(&world.world())
     };
@@ -496,7 +507,7 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
     module.monitor(seconds);
     // SAFETY: as above.
     if let Some(mut pair) = unsafe { pair(module) } {
-        pair.second.monitor(seconds);
+        pair.monitor_second(seconds);
         pair.end_cycle(seconds);
     }
 }

@@ -138,6 +138,13 @@ impl Pair<'_> {
         }
     }
 
+    /// The second one's monitor, after that of the first.
+    // A frame of its own, as that of a single mechanism is part of its caller's.
+    #[inline(never)]
+    pub fn monitor_second(&mut self, seconds: f64) {
+        self.second.monitor(seconds);
+    }
+
     /// The end of a cycle, after both monitors: what both ask of LinuxCNC.
     #[inline(never)]
     pub fn end_cycle(&mut self, seconds: f64) {

@@ -23,6 +23,8 @@ enum Taken {
 impl Module {
     /// Reads the pins that ask for something, and freezes what has to be frozen before a
     /// kinematics call; `drop_in` returns whether the call may do so without `.apply`.
+    // Every call begins with it.
+    #[inline(always)]
     pub(super) fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.is_monitored {
             self.watch_reset();

@@ -8,6 +8,7 @@ use kinematics::{Fault, Pose};
 impl Module {
     /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
     /// shows what only people read, and reports faults to the operator.
+    #[inline(always)]
     pub fn monitor(&mut self, seconds: f64) {
         self.is_monitored = true;
         self.start.count_cycle();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Two mechanisms on one module: each is what it is alone, and both move together or not at all.
 
-use abi_tests::geometry::{minus, norm};
+use abi_tests::geometry::{Vector, minus, norm, plus, scaled};
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::parallel::{Parallel, wire_leg};
 use abi_tests::random::{Random, cases};
@@ -451,4 +451,152 @@ fn the_feed_is_that_of_the_slower_one() {
     let [own, second] = ["feed-scale", "second.feed-scale"].map(|pin| module.get(pin));
     assert!((own - second).abs() == 0.0 && second < 0.5, "{own} {second}");
     assert!(module.is_on("limit-soon") && module.get("limit-leg") >= 4.0);
+}
+
+// ---------------------------------------------------------------- the distance between them
+
+/// Lines of a mechanism, with the number of a leg or -1 for the platform.
+fn lines(machine: &Parallel, pose: &Pose, joints: &[f64], first: usize) -> Vec<(f64, [Vector; 2])> {
+    let anchors: Vec<Vector> = (0..machine.legs.len()).map(|n| machine.anchor(pose, n)).collect();
+    let mut all = vec![];
+    for n in 0..anchors.len() {
+        let lower = minus(anchors[n], machine.span(pose, n, joints[n]));
+        all.push(((first + n) as f64, [lower, anchors[n]]));
+        all.extend((0..n).map(|m| (-1.0, [anchors[m], anchors[n]])));
+    }
+    all
+}
+
+/// Distance of two segments, by ternary search along both (it is convex).
+fn distance(one: [Vector; 2], other: [Vector; 2]) -> f64 {
+    let at = |s: [Vector; 2], share: f64| plus(s[0], scaled(minus(s[1], s[0]), share));
+    let least = |f: &dyn Fn(f64) -> f64| {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+            if f(a) < f(b) { high = b } else { low = a }
+        }
+        f((low + high) / 2.0)
+    };
+    least(&|s| least(&|t| norm(minus(at(one, s), at(other, t)))))
+}
+
+#[test]
+fn the_distance_shown_is_that_of_a_search_along_all_lines_of_both() {
+    let mut random = Random::new(83);
+    for two in pairs() {
+        let module = two.module();
+        for _ in 0..3 {
+            let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
+            let world = two.world(&poses[0], &poses[1]);
+            cycle(&module, &world);
+            let joints = module.inverse(&world).expect("poses of both workspaces");
+            let count = two.first.machine.joints();
+            let one = lines(&two.first.machine, &poses[0], &joints, 0);
+            let legs = two.first.machine.legs.len();
+            let other = lines(&two.second.machine, &poses[1], &joints[count..], legs);
+            let (mut least, mut parts) = (f64::INFINITY, [0.0; 2]);
+            for (a, mine) in &one {
+                for (b, theirs) in &other {
+                    let found = distance(*mine, *theirs);
+                    if found < least {
+                        (least, parts) = (found, [*a, *b]);
+                    }
+                }
+            }
+            let name = format!("{} and {}", two.first.name, two.second.name);
+            let shown = module.get("mechanism-distance");
+            // The search ends at (2/3)^60 of a line.
+            let size = two.first.machine.size().max(two.second.machine.size());
+            assert!((shown - least).abs() < 1e-7 * size, "{name}: {shown}, not {least}");
+            if least > 1e-6 * size {
+                // An anchor belongs to a leg and to the platform: either may be named.
+                let named = ["mechanism-pair-a", "mechanism-pair-b"].map(|pin| module.get(pin));
+                assert!(
+                    (0..2).all(|i| named[i] == parts[i] || named[i] == -1.0 || parts[i] == -1.0),
+                    "{name}"
+                );
+            }
+        }
+    }
+}
+
+/// The mirrored lathe on its guides: the second one 1600 further on, with a clearance.
+fn on_guides(clearance: f64) -> (Two, Module) {
+    let mut two = mirrored();
+    let mut home = two.second.home();
+    home[2] += 1600.0;
+    two.second.machine.home = Some(home);
+    let module = two.module();
+    module.set("mechanism-clearance", clearance);
+    module.set("linear-acceleration", 400.0);
+    module.set("angular-acceleration", 100.0);
+    module.set("machine-on", 1.0);
+    (two, module)
+}
+
+/// Moves W at this speed, and brakes with 400 mm/s² where feed is inhibited, three cycles late; the least
+/// distance, and whether it was stopped.
+fn approach(two: &Two, module: &Module, mut pose: Pose, speed: f64, way: f64) -> (f64, bool) {
+    let (mut v, mut least, mut held) = (0.0_f64, f64::INFINITY, [false; 3]);
+    module.set("requested-vel", speed.abs());
+    let start = pose[8];
+    let mut cycles = 0;
+    while (pose[8] - start).abs() < way && !(held[0] && v == 0.0) {
+        v = if held[0] { (v - 0.4).max(0.0) } else { (v + 0.4).min(speed.abs()) };
+        pose[8] += v * 1e-3 * speed.signum();
+        module.set("current-vel", v);
+        module.set("distance-to-go", way - (pose[8] - start).abs());
+        cycle(module, &pose);
+        let joints = module.inverse(&pose).expect("a pose of the workspaces");
+        // Carriages 1 and 4 run on one rail, and nothing else is as near.
+        least = least.min(joints[4] - joints[1]);
+        held = [held[1], held[2], module.is_on("feed-inhibit")];
+        cycles += 1;
+        assert!(cycles < 60_000, "{pose:?}");
+    }
+    assert_eq!(two.second.machine.legs.len(), 4);
+    (least, held[0])
+}
+
+#[test]
+fn the_guard_stops_before_the_clearance_is_lost_and_lets_them_move_apart() {
+    for speed in [5.0, 30.0, 60.0] {
+        let (two, module) = on_guides(150.0);
+        let mut pose = two.homes();
+        // 241 mm apart.
+        pose[8] -= 350.0;
+        let (least, stopped) = approach(&two, &module, pose, -speed, 900.0);
+        println!("at {speed} mm/s: stopped {:.3} mm before the limit", least - 150.0);
+        assert!(stopped && least >= 150.0, "{speed}: {least}");
+        // The brake that is counted on, 43 % of the acceleration, ten cycles, and what a place of the
+        // look ahead may be farther than the last one.
+        let most = speed * speed / (2.0 * 0.43 * 400.0) + 0.013 * speed + 0.1;
+        assert!(least - 150.0 <= most, "{speed}: {} of {most}", least - 150.0);
+        assert_eq!(module.get("fault") as i32, Cause::MechanismsNear.code());
+        assert_eq!((module.get("fault-leg"), module.get("limit-leg")), (1.0, 1.0));
+        assert!(module.is_on("limit-soon"));
+        // The program is aborted, and W goes back.
+        module.set("requested-vel", 0.0);
+        module.set("current-vel", 0.0);
+        let mut at = pose;
+        at[8] -= 241.0 - least;
+        (0..5).for_each(|_| cycle(&module, &at));
+        assert!(!module.is_on("feed-inhibit"));
+        let (_, stopped) = approach(&two, &module, at, speed, 100.0);
+        assert!(!stopped, "{speed}: away");
+    }
+}
+
+#[test]
+fn without_a_clearance_nothing_is_stopped_and_one_that_is_no_number_stops_what_comes_nearer() {
+    let (two, module) = on_guides(0.0);
+    let (least, stopped) = approach(&two, &module, two.homes(), -60.0, 500.0);
+    assert!(!stopped && least < 100.0, "{least}");
+    let (two, module) = on_guides(f64::NAN);
+    let (_, stopped) = approach(&two, &module, two.homes(), -60.0, 500.0);
+    assert!(stopped);
+    let (two, module) = on_guides(f64::NAN);
+    let (_, stopped) = approach(&two, &module, two.homes(), 60.0, 100.0);
+    assert!(!stopped, "away");
 }
