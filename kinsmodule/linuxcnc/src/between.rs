@@ -104,7 +104,10 @@ impl Between {
         {
             *motion = motion_of(module, old, *now, (seconds, linear));
         }
-        self.looked(&Cycle { modules, motions, poses }, seconds)
+        let found = self.looked(&Cycle { modules, motions, poses }, seconds);
+        let is_new = found.is_some_and(|(_, is_new)| is_new);
+        // What has stopped them is shown as long as it does.
+        if is_new { found } else { self.inhibited.map(|fault| (fault, false)).or(found) }
     }
 
     fn looked(&mut self, cycle: &Cycle<'_>, seconds: f64) -> Option<(Fault, bool)> {
