@@ -157,7 +157,7 @@ fn the_guard_stops_both_before_they_meet() {
     let least = rows.iter().map(|row| row.joints[4] - row.joints[1]).fold(f64::INFINITY, f64::min);
     println!("stopped {:.3} mm before the limit", least - 150.0);
     // Braking from 40 mm/s takes 2 mm; half of the acceleration is counted on, and ten cycles.
-    assert!(least >= 150.0 && least < 160.0, "{least}");
+    assert!((150.0..160.0).contains(&least), "{least}");
     assert_eq!(rows.last().map(|row| row.flags.held), Some(true));
 }
 

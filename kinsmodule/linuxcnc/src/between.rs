@@ -87,7 +87,7 @@ impl Between {
     #[inline(never)]
     pub fn watch(&mut self, modules: [&Module; 2], seconds: f64) -> Option<(Fault, bool)> {
         let commanded = modules.map(Module::commanded);
-        let before = core::mem::replace(&mut self.before, [[None; 2]; 2]);
+        let before = core::mem::take(&mut self.before);
         for ((kept, old), now) in self.before.iter_mut().zip(&before).zip(&commanded) {
             *kept = [old[1], *now];
         }
