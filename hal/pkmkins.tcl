@@ -6,7 +6,8 @@
 #     [HAL]
 #     HALFILE = LIB:pkmkins.tcl
 #
-# Reads [PKM], [LEG_N], [BOX_K], the limits of [JOINT_N], HOME and COORDINATES of [TRAJ], and [KINS]; sets
+# Reads [PKM], [LEG_N], [BOX_K], of a second mechanism [SECOND] and [SECOND_BOX_K], the limits of [JOINT_N],
+# HOME and COORDINATES of [TRAJ], and [KINS]; sets
 # the pins of the module, connects it to the motion controller (tool offsets, and the feed that the
 # module allows: motion.adaptive-feed, motion.feed-inhibit) and asks for the geometry to be
 # frozen (.apply). Everything is checked before the first pin is set: a file with an error stops
@@ -35,8 +36,13 @@ namespace eval pkmkins {
         MAX_ERROR {{} optional max-error any {} {}}
         CONDITIONING_LIMIT {{} optional conditioning-limit {above 0 1} {more than 0 and at most 1} {}}
         ROD_CLEARANCE {{} optional rod-clearance {above 0 Inf} {more than 0} {}}
+        MECHANISM_CLEARANCE {{} optional mechanism-clearance {above 0 Inf} {more than 0} {}}
         TILT_LIMIT {{} optional tilt-limit {from 0 180} {0 to 180 degrees} {}}
         FEED_FLOOR {{} optional feed-floor {above 0 1} {more than 0 and at most 1} {}}
+    }
+    variable second_keys {
+        CENTRE {{x y z} optional second.centre any {} {}}
+        SPINDLE_OFFSET {{} optional second.spindle-offset any {} {}}
     }
     variable joint_keys {
         MIN_LIMIT {{} needed min-limit.N any {} {}}
@@ -194,7 +200,7 @@ proc pkmkins::check_parameters {} {
             complain KINS KINEMATICS "= \"$text\": expected $name= once"
             return 0
         }
-        if {$value eq "" && $name ni {table axes}} {
+        if {$value eq "" && $name ni {table axes second_angles}} {
             complain KINS KINEMATICS "= \"$text\": expected a value after $name="
             return 0
         }
@@ -205,13 +211,23 @@ proc pkmkins::check_parameters {} {
 
 # The kind of every leg, from legs=KIND:COUNT[,KIND:COUNT].
 proc pkmkins::leg_kinds {} {
-    variable leg_keys
     if {![is_once KINS KINEMATICS "expected pkmkins and its load parameters"]} { return {} }
     if {![check_parameters]} { return {} }
+    return [kinds_of legs [parameter legs strut:6]]
+}
+
+# The same of a second mechanism; {} where there is none.
+proc pkmkins::second_kinds {} {
+    set text [parameter second ""]
+    return [expr {$text eq "" ? {} : [kinds_of second $text]}]
+}
+
+proc pkmkins::kinds_of {name text} {
+    variable leg_keys
     set kinds {}
-    foreach group [split [parameter legs strut:6] ,] {
+    foreach group [split $text ,] {
         if {![regexp {^([a-z]+):0?([1-9][0-9]?)$} $group -> kind count] || ![dict exists $leg_keys $kind]} {
-            complain KINS KINEMATICS "= \"[lindex [values KINS KINEMATICS] 0]\": expected legs=KIND:COUNT with KIND one of [join [dict keys $leg_keys] {, }], found \"$group\""
+            complain KINS KINEMATICS "= \"[lindex [values KINS KINEMATICS] 0]\": expected $name=KIND:COUNT with KIND one of [join [dict keys $leg_keys] {, }], found \"$group\""
             return {}
         }
         lappend kinds {*}[lrepeat $count $kind]
@@ -232,9 +248,24 @@ proc pkmkins::extra_letters {} {
     return [split [string toupper [parameter axes ""]] ""]
 }
 
-# Letters that the machine moves: those of the platform, of the table and of extra axes.
+# Coordinates of a second mechanism, as its own X Y Z A B C.
+proc pkmkins::second_coordinates {} {
+    return [split [string toupper [parameter second_coordinates ""]] ""]
+}
+
+# The letters that stand for them: U V W for X Y Z, and those that are named for its angles.
+proc pkmkins::second_letters {} {
+    set letters {}
+    foreach letter [second_coordinates] {
+        if {$letter in {X Y Z}} { lappend letters [string map {X U Y V Z W} $letter] }
+    }
+    return [concat $letters [split [string toupper [parameter second_angles ""]] ""]]
+}
+
+# Letters that the machine moves: those of the platform, of the table, of a second mechanism and of
+# extra axes.
 proc pkmkins::moved_letters {} {
-    return [concat [leg_letters] [table_letters] [extra_letters]]
+    return [concat [leg_letters] [table_letters] [second_letters] [extra_letters]]
 }
 
 proc pkmkins::check_joints {joints} {
@@ -366,25 +397,42 @@ proc pkmkins::leg_pins {n kind} {
     return [section_pins $section $keys $n]
 }
 
+# A section that only a second mechanism needs.
+proc pkmkins::second_pins {} {
+    variable second_keys
+    if {![llength [second_coordinates]]} {
+        if {[array exists ::SECOND]} {
+            complain SECOND "" "is one too many: \[KINS\]KINEMATICS has no second="
+        }
+        foreach text [values PKM MECHANISM_CLEARANCE] {
+            complain PKM MECHANISM_CLEARANCE "= \"$text\": is for two mechanisms, and \[KINS\]KINEMATICS has no second="
+        }
+        return {}
+    }
+    check_keys SECOND [dict keys $second_keys]
+    return [section_pins SECOND $second_keys ""]
+}
+
 # A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
-proc pkmkins::check_turn {n} {
-    set words [words [lindex [values LEG_$n OFFSET] 0]]
+proc pkmkins::check_turn {n leg} {
+    set words [words [lindex [values LEG_$leg OFFSET] 0]]
     set offset [expr {[llength $words] == 1 && [is_number [lindex $words 0]] ? [value [lindex $words 0]] : 0}]
     foreach key {MIN_LIMIT MAX_LIMIT} {
         set text [lindex [values JOINT_$n $key] 0]
         if {abs([value [lindex [words $text] 0]] + $offset) < 180} { continue }
-        complain JOINT_$n $key "= \"$text\": expected more than [expr {-180 - $offset}] and less than [expr {180 - $offset}] degrees, where the arm of LEG_$n points opposite to ARM"
+        complain JOINT_$n $key "= \"$text\": expected more than [expr {-180 - $offset}] and less than [expr {180 - $offset}] degrees, where the arm of LEG_$leg points opposite to ARM"
     }
 }
 
-proc pkmkins::joint_pins {n kind} {
+# Pins of a joint; `leg` is the number of its leg, of this kind, where it has one.
+proc pkmkins::joint_pins {n kind leg} {
     variable joint_keys
     set pins [section_pins JOINT_$n $joint_keys $n]
     if {![dict exists $pins min-limit.$n] || ![dict exists $pins max-limit.$n]} { return $pins }
     if {[value [dict get $pins min-limit.$n]] >= [value [dict get $pins max-limit.$n]]} {
         complain JOINT_$n MIN_LIMIT "= \"[dict get $pins min-limit.$n]\": expected less than MAX_LIMIT = [dict get $pins max-limit.$n]"
     }
-    if {$kind eq "crank"} { check_turn $n }
+    if {$kind eq "crank"} { check_turn $n $leg }
     return $pins
 }
 
@@ -393,7 +441,7 @@ proc pkmkins::joint_pins {n kind} {
 proc pkmkins::check_extra_axes {first} {
     set n $first
     foreach letter [extra_letters] {
-        joint_pins $n ""
+        joint_pins $n "" ""
         foreach key {MAX_VELOCITY MAX_ACCELERATION} {
             set joint [lindex [values JOINT_$n $key] 0]
             set axis [lindex [values AXIS_$letter $key] 0]
@@ -404,46 +452,67 @@ proc pkmkins::check_extra_axes {first} {
     }
 }
 
-# Number of boxes, from boxes=COUNT; the module has refused what is no such number.
-proc pkmkins::boxes {} {
-    scan [parameter boxes 0] %d count
+# Number of boxes, from boxes=COUNT or second_boxes=COUNT; the module has refused what is no such number.
+proc pkmkins::boxes {name} {
+    scan [parameter $name 0] %d count
     return [expr {[info exists count] ? $count : 0}]
 }
 
 proc pkmkins::check_boxes_present {} {
-    foreach name [lsort [info globals BOX_*]] {
-        if {![regexp {^BOX_(0|[1-9][0-9]*)$} $name -> k] || $k >= [boxes]} {
-            complain $name "" "is one too many: \[KINS\]KINEMATICS has boxes=[boxes]"
+    foreach {prefix parameter} {BOX_ boxes SECOND_BOX_ second_boxes} {
+        foreach name [lsort [info globals $prefix*]] {
+            if {![regexp "^${prefix}(0|\[1-9\]\[0-9\]*)\$" $name -> k] || $k >= [boxes $parameter]} {
+                complain $name "" "is one too many: \[KINS\]KINEMATICS has $parameter=[boxes $parameter]"
+            }
         }
     }
 }
 
-# Pins of the box K, over which `pkm boxes` has proved the kinematics to be one-to-one: its keys, and
-# a row of numbers for each letter that the legs move.
-proc pkmkins::box_pins {k legs} {
+# Pins of a box, over which `pkm boxes` has proved the kinematics to be one-to-one: its keys, and a row of
+# numbers for each letter that the legs move. `prefix` is that of the pins, `section` the box's.
+proc pkmkins::box_pins {section prefix k letters legs} {
     variable box_keys
     variable box_row
-    set section BOX_$k
     set known [dict keys $box_keys]
-    foreach letter [leg_letters] { lappend known $box_row$letter }
+    foreach letter $letters { lappend known $box_row$letter }
     check_keys $section $known
     set pins [section_pins $section $box_keys $k]
-    foreach letter [leg_letters] {
+    foreach letter $letters {
         set n 0
         foreach word [numbers $section $box_row$letter $legs $legs] {
             lappend pins box.$k.matrix.[string tolower $letter].$n $word
             incr n
         }
     }
+    set prefixed {}
+    foreach {pin text} $pins { lappend prefixed $prefix$pin $text }
+    return $prefixed
+}
+
+proc pkmkins::all_box_pins {legs second_legs} {
+    set pins {}
+    for {set k 0} {$k < [boxes boxes]} {incr k} {
+        lappend pins {*}[box_pins BOX_$k "" $k [leg_letters] $legs]
+    }
+    for {set k 0} {$k < [boxes second_boxes]} {incr k} {
+        lappend pins {*}[box_pins SECOND_BOX_$k second. $k [second_coordinates] $second_legs]
+    }
     return $pins
 }
 
 # Reference pose. LinuxCNC 2.9 takes the angles of HOME as 0 whatever the file says, so that
 # a tilted HOME would be another pose there than the one the geometry was measured at.
+# Of a second mechanism it is U V W, level as well.
 proc pkmkins::home_pins {} {
-    set words [numbers TRAJ HOME 3 9]
+    set is_pair [llength [second_coordinates]]
+    set words [numbers TRAJ HOME [expr {$is_pair ? 9 : 3}] 9]
     if {![llength $words]} { return {} }
     set pins {}
+    if {$is_pair} {
+        foreach letter {x y z a b c} word [concat [lrange $words 6 8] {0 0 0}] {
+            lappend pins second.home.$letter $word
+        }
+    }
     foreach letter {x y z a b c} word [lrange $words 0 5] {
         if {$word eq ""} { set word 0 }
         lappend pins home.$letter $word
@@ -472,8 +541,10 @@ proc pkmkins::planner_pins {} {
     set pins {}
     foreach {word letters} {linear {X Y Z} angular {A B C}} {
         set keys [list TRAJ MAX_[string toupper $word]_ACCELERATION]
+        if {$word eq "linear"} { set letters [concat $letters [second_letters]] }
         foreach letter [moved_letters] {
-            if {$letter in $letters} { lappend keys AXIS_$letter MAX_ACCELERATION }
+            if {$letter ni $letters || ($word eq "linear" && $letter in {A B C})} { continue }
+            lappend keys AXIS_$letter MAX_ACCELERATION
         }
         set most [smallest $keys]
         if {$most ne ""} { lappend pins $word-acceleration $most }
@@ -499,24 +570,32 @@ proc pkmkins::resolve_leads {pins kinds} {
 proc pkmkins::read_ini {} {
     variable errors
     set kinds [leg_kinds]
-    set joints [expr {[llength $kinds] ? [llength $kinds] + [llength [table_letters]] : 0}]
+    set second [expr {[llength $kinds] ? [second_kinds] : {}}]
+    # Legs are counted on, and the joints of a second mechanism stand behind the table's.
+    set legs [concat $kinds $second]
+    set of_first [expr {[llength $kinds] ? [llength $kinds] + [llength [table_letters]] : 0}]
+    set joints [expr {$of_first + [llength $second]}]
     check_joints [expr {$joints ? $joints + [llength [extra_letters]] : 0}]
-    check_legs_present [llength $kinds]
+    check_legs_present [llength $legs]
     check_coordinates
-    set pins [machine_pins $kinds]
+    set pins [concat [machine_pins $legs] [second_pins]]
     set n 0
-    foreach kind $kinds {
+    foreach kind $legs {
         lappend pins {*}[leg_pins $n $kind]
         incr n
     }
-    for {set n 0} {$n < $joints} {incr n} { lappend pins {*}[joint_pins $n [lindex $kinds $n]] }
+    for {set n 0} {$n < $joints} {incr n} {
+        set leg [expr {$n < $of_first ? $n : [llength $kinds] + $n - $of_first}]
+        set kind [expr {$n >= [llength $kinds] && $n < $of_first ? "" : [lindex $legs $leg]}]
+        lappend pins {*}[joint_pins $n $kind $leg]
+    }
     if {$joints} { check_extra_axes $joints }
     lappend pins {*}[home_pins] {*}[planner_pins]
     check_feed_inhibit
     check_boxes_present
-    for {set k 0} {$k < [boxes]} {incr k} { lappend pins {*}[box_pins $k [llength $kinds]] }
+    lappend pins {*}[all_box_pins [llength $kinds] [llength $second]]
     if {[llength $errors]} { stop }
-    set pins [resolve_leads $pins $kinds]
+    set pins [resolve_leads $pins $legs]
     check_pins $pins
     return $pins
 }
@@ -581,7 +660,11 @@ proc pkmkins::wire_guard {} {
 
 proc pkmkins::wire {} {
     connect pkmkins:machine-on motion.motion-enabled pkmkins.machine-on
-    foreach {axis pin} {x tool-offset-x y tool-offset-y z tool-offset} {
+    set pins {x tool-offset-x y tool-offset-y z tool-offset}
+    if {[llength [second_coordinates]]} {
+        lappend pins u second.tool-offset-x v second.tool-offset-y w second.tool-offset
+    }
+    foreach {axis pin} $pins {
         connect pkmkins:tool-offset-$axis motion.tooloffset.$axis pkmkins.$pin
     }
     if {[signal_of pkmkins.feed-inhibit ""] eq ""} {

@@ -143,6 +143,8 @@ enum pkmkins_cause {
   PKMKINS_BASE_PYRAMID_AHEAD = -97,
   // the leg comes to the end of its platform joint's pyramid (degrees shown).
   PKMKINS_PLATFORM_PYRAMID_AHEAD = -98,
+  // the two mechanisms come too near to each other (distance shown).
+  PKMKINS_MECHANISMS_NEAR = -99,
   // the pose asks for X, which this machine holds at 0.
   PKMKINS_HELD_X = -80,
   // the pose asks for Y, which this machine holds at 0.

@@ -28,6 +28,20 @@ def extra_letters(text):
     return found[1].upper() if found else ""
 
 
+def second_letters(text):
+    """Letters of a second mechanism, whose joints stand in front of those."""
+    words = dict(re.findall(r"(\S+)=(\S*)", value(text, "KINS", "KINEMATICS")))
+    linear = "".join("UVW"["XYZ".index(letter)] for letter in words.get("second_coordinates", "").upper()
+                     if letter in "XYZ")
+    return linear + words.get("second_angles", "").upper()
+
+
+def second_legs(text):
+    """Number of its legs."""
+    words = dict(re.findall(r"(\S+)=(\S*)", value(text, "KINS", "KINEMATICS")))
+    return sum(int(group.split(":")[1]) for group in words.get("second", "").split(",") if group)
+
+
 def _edited_lines(lines, edit):
     first, end = _section(lines, edit["section"])
     if edit.get("remove"):

@@ -65,15 +65,17 @@ class Config:
         self.file = folder / f"{folder.name}.ini"
         self.text = self.file.read_text()
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
-        # Without those of axes that move neither tool nor work in space.
+        # Without those of axes that move neither tool nor work in space, and of a second mechanism.
         passed = ini_edit.extra_letters(self.text)
-        self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in passed]
+        others = passed + ini_edit.second_letters(self.text)
+        self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in others]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
         self.home = dict(zip(LETTERS, home + [0.0] * 6))
         self.low, self.high, self.fastest = ({
             letter: float(self.value(f"AXIS_{letter}", key)) for letter in self.letters}
             for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
-        self.joints = int(self.value("KINS", "JOINTS")) - len(passed)  # of legs and table
+        # Of legs and table.
+        self.joints = int(self.value("KINS", "JOINTS")) - len(passed) - ini_edit.second_legs(self.text)
         self.speed = float(self.value("TRAJ", "MAX_LINEAR_VELOCITY"))
         self.acceleration = float(self.value("TRAJ", "MAX_LINEAR_ACCELERATION"))
         inch = self.value("TRAJ", "LINEAR_UNITS") == "inch"

@@ -12,7 +12,7 @@ makes, and writes them down. One request comes as JSON on standard input:
     parameter_file  scratch copy of the machine's parameter file
     tool_table      the machine's tool table, "" for none
     random_tools    true for a random tool changer
-    extra           letters of axes that move neither tool nor work in space
+    extra           letters of axes that move neither tool nor work in space, or another tool
     calls           true where blocks may call subroutines in files of their own
     spindle         true where the spindle is asked for, which takes half as long again
     chord_error     largest distance of an arc from its segments, millimetres
@@ -24,10 +24,10 @@ The process must own its HOME: LinuxCNC keeps its tool data in $HOME/.tool.mmap.
 Output: records as they come, a byte of kind first, numbers with the little end first. Lengths in
 millimetres, angles in degrees, rates per minute.
 
-    r f p  rapid, feed, probe: line, x y z a b c           uint32, 6 doubles
+    r f p  rapid, feed, probe: line, x y z a b c u v w     uint32, 9 doubles
     F      feed, angular feed of the moves that follow     2 doubles
     X      in the next move an extra axis turns, or moves along with the tool
-    T      tool offset x y z from here on                  3 doubles
+    T      tool offset x y z u v w from here on            6 doubles
     S      spindle from here on: ? not known, 0 stands,    1 byte, 1 double
            1 turns, 2 at a constant surface speed; its speed
     P      file that lines are in from here on             uint32 length, name
@@ -35,8 +35,7 @@ millimetres, angles in degrees, rates per minute.
     E      the end of the program
 
 A feed is infinite where the spindle sets the speed. Positions are commanded ones, as motion
-receives them: they hold work offset, G92, rotation and tool length. U V W move no leg and are left
-out.
+receives them: they hold work offset, G92, rotation and tool length.
 """
 
 import ctypes
@@ -69,10 +68,10 @@ FILES = "/proc/self/fd"
 # Blocks that one line may have waiting: a loop has no new line where it moves in a single one.
 WAITING = 1000
 
-MOVE = struct.Struct("<BI6d").pack
+MOVE = struct.Struct("<BI9d").pack
 RAPID, FEED, PROBE = b"rfp"
 RATES = struct.Struct("<c2d").pack
-TOOL = struct.Struct("<c3d").pack
+TOOL = struct.Struct("<c6d").pack
 SPINDLE = struct.Struct("<ccd").pack
 TEXT = struct.Struct("<cI").pack
 
@@ -271,8 +270,8 @@ class Canon(Translated, ArcsToSegmentsMixin):
                         "a loop without an end? --most-moves takes more")
         if self.calls:
             self.read_from()
-        (x, y, z, a, b, c, *_), (dx, dy, dz, da, db, dc, *_) = end, self.tool
-        self.waiting.append(MOVE(kind, self.line, (x + dx) * MM, (y + dy) * MM, (z + dz) * MM, a + da, b + db, c + dc))
+        x, y, z, a, b, c, u, v, w = (place + offset for place, offset in zip(end, self.tool))
+        self.waiting.append(MOVE(kind, self.line, x * MM, y * MM, z * MM, a, b, c, u * MM, v * MM, w * MM))
         if len(self.waiting) > WAITING:
             self.write(self.state)
 
@@ -366,7 +365,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         # The commanded position stays where it is; only its meaning changes.
         self.lo = tuple(p + t - o for p, t, o in zip(self.lo, self.tool, offset))
         self.tool = offset
-        self.waiting.append(TOOL(b"T", *(length * MM for length in offset[:3])))
+        self.waiting.append(TOOL(b"T", *(length * MM for length in offset[:3] + offset[6:])))
 
     def next_line(self, state):
         self.write(state)

@@ -56,6 +56,12 @@ fn least_distance(config: &MachineConfig) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
 }
 
+/// What the mechanisms of a machine have to keep of each other, machine units:
+/// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
+pub fn least_distance_between(config: &MachineConfig) -> f64 {
+    config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())
+}
+
 /// Visits the margins of all limits that are set at a pose.
 pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     let _ = at.margins(limits, |margin| {
@@ -97,19 +103,21 @@ pub fn meaning(limit: Limit) -> &'static str {
 
 /// What a limit is about, for people.
 pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
-    let joint = |i: usize| config.joint(i).name.clone();
+    let (first, joint) = (config.place.first_leg, |i: usize| config.joint(i).name.clone());
     let of_legs = |i: usize| match limit {
-        Limit::BaseCone | Limit::BasePyramid => format!("the base joint of leg {i}"),
-        Limit::PlatformCone | Limit::PlatformPyramid => format!("the platform joint of leg {i}"),
+        Limit::BaseCone | Limit::BasePyramid => format!("the base joint of leg {}", first + i),
+        Limit::PlatformCone | Limit::PlatformPyramid => {
+            format!("the platform joint of leg {}", first + i)
+        }
         _ => joint(i),
     };
     match (limit, part) {
-        (_, Part::Axis(letter)) => format!("axis {}", letter.name()),
+        (_, Part::Axis(letter)) => format!("axis {}", config.place.letter(letter)),
         (Limit::JointSpeed, Part::Joint(i)) => format!("the speed of {}", joint(i)),
         (Limit::JointAcceleration, Part::Joint(i)) => format!("the acceleration of {}", joint(i)),
         (_, Part::Joint(i)) => joint(i),
         (_, Part::Leg(i)) => of_legs(i),
-        (_, Part::Legs([i, j])) => format!("the distance of legs {i} and {j}"),
+        (_, Part::Legs([i, j])) => format!("the distance of legs {} and {}", first + i, first + j),
         (Limit::Tilt, Part::Whole) => "the tilt of the tool axis".into(),
         (Limit::Conditioning, Part::Whole) => "the conditioning".into(),
         (_, Part::Whole) => "the machine".into(),
@@ -196,7 +204,8 @@ pub(crate) fn sentence(config: &MachineConfig, margin: &Margin) -> String {
         (part(config, limit, of), unit(config, limit, of), bound(config, margin));
     match limit {
         Limit::Clearance if config.clearance.is_none() => {
-            let Part::Legs([i, j]) = of else { return name };
+            let Part::Legs(pair) = of else { return name };
+            let [i, j] = pair.map(|leg| config.place.first_leg + leg);
             format!("legs {i} and {j} meet, their centre lines {} {unit} apart", shown(value))
         }
         Limit::Conditioning => format!(

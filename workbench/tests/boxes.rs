@@ -249,12 +249,12 @@ fn a_box_is_found_for_a_machine_that_has_none() {
     let [(section, _)] = found.as_slice() else { panic!("{} boxes", found.len()) };
     prove(&config, section).unwrap();
     let letters = config.machine.layout().coordinates().as_slice();
-    let text = boxes::text(0, section, letters, config.legs());
+    let text = boxes::text("BOX_0", section, letters, config.legs());
     let path = Path::new("rotary-delta.ini");
     let ini = pkm::read::ini::Ini::parse(path, &text).unwrap();
     let load = kinematics::Load::parse(Some(b"crank:3"), Some(b"XYZ"), None);
     let load = load.unwrap().with_boxes(Some(b"1")).unwrap();
-    assert_eq!(boxes::read(&ini, &load).unwrap(), std::slice::from_ref(section));
+    assert_eq!(boxes::read(&ini, &load, &config.place).unwrap(), std::slice::from_ref(section));
 }
 
 /// Struts that nearly lie in the plane of the base at the lower end, and stand at the upper one.

@@ -26,7 +26,7 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
     });
     std::fs::write(&file, homed).unwrap();
     std::fs::copy(ini("hexapod").with_extension("tbl"), folder.path().join("hexapod.tbl")).unwrap();
-    check(&file, |_| ()).unwrap()
+    check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap()
 }
 
 fn without_clearance(text: &str) -> String {

@@ -34,12 +34,14 @@ fn config(folder: &Path) -> MachineConfig {
 fn joint_home_is_inverse_of_the_machine_home() {
     let mut wrong = vec![];
     for folder in folders() {
-        let config = config(&folder);
-        let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
-        for (i, (joint, limits)) in joints.iter().zip(&config.joints).enumerate() {
-            let off = (joint - limits.home).abs();
-            if !(off <= HOME_TOLERANCE) {
-                wrong.push(format!("{}: [JOINT_{i}]HOME = {joint}", name(&folder)));
+        for config in config(&folder).mechanisms() {
+            let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+            for (i, (joint, limits)) in joints.iter().zip(&config.joints).enumerate() {
+                let off = (joint - limits.home).abs();
+                if !(off <= HOME_TOLERANCE) {
+                    let number = config.place.first_joint + i;
+                    wrong.push(format!("{}: [JOINT_{number}]HOME = {joint}", name(&folder)));
+                }
             }
         }
     }
@@ -49,18 +51,23 @@ fn joint_home_is_inverse_of_the_machine_home() {
 #[test]
 fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
     for folder in folders() {
-        let config = config(&folder);
-        for (i, joint) in config.joints.iter().enumerate() {
-            assert!((joint.min..=joint.max).contains(&joint.home), "{}: joint {i}", name(&folder));
-        }
-        for (axis, home) in config.axes.iter().zip(config.home) {
-            assert!((axis.min..=axis.max).contains(&home), "{}: {home}", name(&folder));
-        }
-        let Cones { base, platform } =
-            config.machine.at(&config.home_pose(), &config.spindle).unwrap().cones();
-        for i in 0..config.legs() {
-            assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name(&folder));
-            assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name(&folder));
+        for config in config(&folder).mechanisms() {
+            for (i, joint) in config.joints.iter().enumerate() {
+                assert!(
+                    (joint.min..=joint.max).contains(&joint.home),
+                    "{}: joint {i}",
+                    name(&folder)
+                );
+            }
+            for (axis, home) in config.axes.iter().zip(config.home) {
+                assert!((axis.min..=axis.max).contains(&home), "{}: {home}", name(&folder));
+            }
+            let Cones { base, platform } =
+                config.machine.at(&config.home_pose(), &config.spindle).unwrap().cones();
+            for i in 0..config.legs() {
+                assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name(&folder));
+                assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name(&folder));
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::shipped::config;
 use kinematics::{Limit, MAX_JOINTS};
-use pkm::control::row::{Extra, Flags, Row};
+use pkm::control::row::{Beside, Extra, Flags, Row};
 use pkm::program::course::{Abscissa, Course, MOST_SAMPLES};
 use pkm::program::interpreter::{Move, MoveKind, Spindle};
 use pkm::program::loads::Motion;
@@ -21,6 +21,7 @@ fn standing(config: &MachineConfig) -> Row {
         errors: [0.0; MAX_JOINTS],
         allowed: [1.0; MAX_JOINTS],
         extra: Extra::default(),
+        second: Beside::default(),
         tool: config.spindle.into(),
         feed: 1.0,
     }
@@ -115,6 +116,7 @@ fn the_path_of_moves_goes_by_its_length() {
         tool: [0.0; 3],
         file: 0,
         extra: false,
+        second: None,
         spindle: Spindle::Unknown,
     };
     let mut ends = [config.home; 3];

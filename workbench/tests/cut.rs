@@ -5,7 +5,7 @@
 use crate::commands::Bench;
 use crate::shipped::{config, folder};
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
-use pkm::control::row::{Extra, Flags, Row};
+use pkm::control::row::{Beside, Extra, Flags, Row};
 use pkm::cut::moment::{Moment, Subject, cutter_frame};
 use pkm::cut::pass::Pass;
 use pkm::cut::program::Line;
@@ -183,6 +183,7 @@ fn row(cycle: u64, x: f64) -> Row {
         errors: joints,
         allowed: joints,
         extra: Extra::default(),
+        second: Beside::default(),
         tool: [0.0; 3],
         feed: 1.0,
     }

@@ -42,5 +42,6 @@ mod sources;
 mod stability;
 mod stiffness;
 mod studies;
+mod two_mechanisms;
 mod typical;
 mod workspace;

@@ -4,7 +4,7 @@
 use crate::commands::Bench;
 use crate::shipped::config;
 use kinematics::{MAX_JOINTS, Pose};
-use pkm::control::row::{Extra, Flags, Row};
+use pkm::control::row::{Beside, Extra, Flags, Row};
 use pkm::draw::margins::{Figure, figures};
 use pkm::draw::over::Mark;
 use pkm::draw::page::{Report, Verdict, of_program};
@@ -50,6 +50,7 @@ fn surface(config: &MachineConfig, lines: u32) -> Thinned {
             errors,
             allowed: [1.0; MAX_JOINTS],
             extra: Extra::default(),
+            second: Beside::default(),
             tool: config.spindle.into(),
             feed: if share > 0.5 { 0.7 } else { 1.0 },
         });

@@ -27,6 +27,7 @@ fn rapid(line: u32, end: [f64; 6]) -> Move {
         tool: [0.0; 3],
         file: 0,
         extra: false,
+        second: None,
         spindle: Spindle::Unknown,
     }
 }

@@ -7,12 +7,13 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 14] = [
+pub const MACHINES: [&str; 15] = [
     "four-rod-lathe",
     "hexaglide",
     "hexapod",
     "lab-hexapod",
     "lathe-counter-spindle",
+    "lathe-mirrored",
     "linapod",
     "linear-delta",
     "pentapod",

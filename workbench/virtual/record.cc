@@ -3,8 +3,8 @@
 //
 //     u32 kind, u32 bytes that follow, then
 //     1 head      text, lines of KEY=VALUE; once, first
-//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), f64 feed, pose[6],
-//                 tool[3], then for every joint command, following error and what is allowed of it
+//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), f64 feed, pose[9],
+//                 tool[6], of it that of a second mechanism last, then for every joint command, following error and what is allowed of it
 //     3 message   u64 cycle, i32 line, u32 kind, i32 line that is read, text
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
 //
@@ -22,8 +22,10 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 1;
+constexpr int VERSION = 2;
 constexpr size_t BLOCK = 1 << 16;
+// Of a pose, and tool offsets of two mechanisms.
+constexpr int LETTERS = 9, TOOLS = 6;
 constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4;
 
 struct Joint {
@@ -39,8 +41,9 @@ int last_line = 0;
 const int *line_pin;
 const bool *on_pin, *busy_pin, *held_pin;
 const double *feed_pin;
-const double *pose_pins[6], *tool_pins[3];
-double last_pose[6];
+const double none = 0;
+const double *pose_pins[LETTERS], *tool_pins[TOOLS];
+double last_pose[LETTERS];
 std::vector<Joint> joints;
 
 void flush() {
@@ -87,7 +90,7 @@ template <typename T> const T *needed(const std::string &name) {
 // The line that moves, or moved last: LinuxCNC forgets it when it aborts.
 void follow_line() {
     bool moves = false;
-    for (int n = 0; n < 6; n++) {
+    for (int n = 0; n < LETTERS; n++) {
         moves |= last_pose[n] != *pose_pins[n];
         last_pose[n] = *pose_pins[n];
     }
@@ -112,11 +115,14 @@ void find_pins() {
     busy_pin = needed<bool>("pkmkins.tool-busy");
     held_pin = needed<bool>("pkmkins.feed-inhibit");
     feed_pin = needed<double>("pkmkins.feed-scale");
-    for (int n = 0; n < 6; n++) {
-        pose_pins[n] = needed<double>(std::string("axis.") + "xyzabc"[n] + ".pos-cmd");
+    for (int n = 0; n < LETTERS; n++) {
+        pose_pins[n] = needed<double>(std::string("axis.") + "xyzabcuvw"[n] + ".pos-cmd");
     }
     for (int n = 0; n < 3; n++) {
-        tool_pins[n] = needed<double>(std::string("pkmkins.tool-offset-eff-") + "xyz"[n]);
+        const std::string name = std::string("tool-offset-eff-") + "xyz"[n];
+        tool_pins[n] = needed<double>("pkmkins." + name);
+        const double *second = pins::find<double>("pkmkins.second." + name);
+        tool_pins[n + 3] = second ? second : &none;
     }
     for (int n = 0;; n++) {
         const std::string joint = "joint." + std::to_string(n);
@@ -133,7 +139,7 @@ void cycle() {
         return;
     }
     follow_line();
-    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (10 + 3 * joints.size()));
+    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (1 + LETTERS + TOOLS + 3 * joints.size()));
     put(cycle_of_program());
     put(static_cast<int32_t>(*line_pin));
     put(static_cast<uint32_t>(*on_pin | *busy_pin << 1 | *held_pin << 2));

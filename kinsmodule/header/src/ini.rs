@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of the INI file as dictionaries of Tcl and as a section of the manual page.
 
-use keys::{KINDS, Key, Need, ROW, Range, joint, kind_name, leg, machine, of_leg, workspace_box};
+use keys::{
+    KINDS, Key, Need, ROW, Range, joint, kind_name, leg, machine, of_leg, second, workspace_box,
+};
 use std::fmt::Write as _;
 
 /// The dictionaries that pkmkins.tcl reads with.
@@ -17,6 +19,7 @@ pub fn dictionaries() -> String {
         text.push_str("    }\n");
     };
     put("machine_keys", &mut machine::ALL.iter().copied());
+    put("second_keys", &mut second::ALL.iter().copied());
     put("joint_keys", &mut joint::ALL.iter().copied());
     put("box_keys", &mut workspace_box::ALL.iter().copied());
     text.push_str("    variable leg_keys {\n");
@@ -66,11 +69,13 @@ pub fn manual() -> String {
     );
     [
         section("[PKM]", "the machine", machine::ALL, ""),
+        section("[SECOND]", "what a second mechanism has of its own", second::ALL, ""),
         section("[LEG_0]\\fR, \\fP[LEG_1]\\fR, ...\\fP", "one for each leg", leg::ALL, ""),
         section("[JOINT_0]\\fR, \\fP[JOINT_1]\\fR, ...\\fP", "LinuxCNC's own", joint::ALL, ""),
         section(
             "[BOX_0]\\fR, \\fP[BOX_1]\\fR, ...\\fP",
-            "as many as boxes= says; pkm boxes writes and proves them",
+            "as many as boxes= says, of a second mechanism [SECOND_BOX_0] and so on as many as \
+             second_boxes= says; pkm boxes writes and proves them",
             workspace_box::ALL,
             &row,
         ),

@@ -166,10 +166,20 @@ table! {
             ..key("Smallest singular value of the legs' rows (pin conditioning) at which the guard stops the machine.") };
         ROD_CLEARANCE = Key { pin: "rod-clearance", range: Above(0.0, f64::INFINITY), unit: LENGTH,
             ..key("Smallest distance of the centre lines of two legs.") };
+        MECHANISM_CLEARANCE = Key { pin: "mechanism-clearance", range: Above(0.0, f64::INFINITY), unit: LENGTH,
+            ..key("Smallest distance of the legs and the platform of one of two mechanisms from those of the other, which the guard stops the machine before.") };
         TILT_LIMIT = Key { pin: "tilt-limit", range: From(0.0, 180.0), unit: DEGREES,
             ..key("Largest angle between the tool axis and its direction at A = B = C = 0; 0: no limit.") };
         FEED_FLOOR = Key { pin: "feed-floor", range: Above(0.0, 1.0),
             ..key("Smallest feed scale that the guard sets.") };
+    }
+
+    /// `[SECOND]`: what a second mechanism has of its own.
+    second {
+        CENTRE = Key { parts: XYZ, pin: "second.centre", unit: LENGTH,
+            ..key("Point of its platform at which held X, Y, Z of it are held.") };
+        SPINDLE_OFFSET = Key { pin: "second.spindle-offset", unit: LENGTH,
+            ..key("Part of its tool length that no tool table holds.") };
     }
 
     /// `[LEG_N]`: leg N.
@@ -257,13 +267,15 @@ mod tests {
     use super::*;
 
     fn all() -> impl Iterator<Item = &'static Key> {
-        [machine::ALL, leg::ALL, joint::ALL, workspace_box::ALL].into_iter().flatten().copied()
+        let all = [machine::ALL, second::ALL, leg::ALL, joint::ALL, workspace_box::ALL];
+        all.into_iter().flatten().copied()
     }
 
     #[test]
     fn keys_are_the_names_of_pins_in_capitals() {
         for key in all().filter(|key| !key.pin.is_empty()) {
-            let stem = key.pin.strip_prefix("box.K.").unwrap_or(key.pin);
+            let stem = ["box.K.", "second."].iter().find_map(|name| key.pin.strip_prefix(name));
+            let stem = stem.unwrap_or(key.pin);
             let stem = stem.strip_suffix(".N").unwrap_or(stem);
             assert_eq!(key.name, stem.to_uppercase().replace('-', "_"));
         }

@@ -132,6 +132,17 @@ impl Motion {
         self.speed
     }
 
+    /// The pose after `time` at the present speed, along the circle that the path now follows.
+    pub fn pose_after(&self, time: f64) -> Pose {
+        self.after(time).0
+    }
+
+    /// How fast the motion surely brakes: the speed, as a multiple of the present one, falls by so much
+    /// a second. Infinite or NaN where the planner has no such limits.
+    pub fn braking(&self, planner: &Planner) -> f64 {
+        BRAKING_SHARE * self.acceleration(planner)
+    }
+
     /// The rate after its linear part has turned by an angle.
     fn turned(&self, angle: f64) -> [f64; 6] {
         let (sine, cosine) = sincos(angle);

@@ -31,6 +31,15 @@ impl MachinePart {
         }
     }
 
+    fn counted_from(self, legs: u8, joints: u8) -> Self {
+        match self {
+            Self::Leg(n) => Self::Leg(n.wrapping_add(legs)),
+            Self::Legs(both) => Self::Legs(both.map(|n| n.wrapping_add(legs))),
+            Self::Joint(n) => Self::Joint(n.wrapping_add(joints)),
+            Self::TableAxis(n, letter) => Self::TableAxis(n.wrapping_add(joints), letter),
+        }
+    }
+
     fn write_name<const LENGTH: usize>(self, text: &mut Text<LENGTH>) {
         match self {
             Self::Leg(leg) => {
@@ -90,6 +99,12 @@ impl Fault {
     /// Number of the leg or joint that is named, as the pins show it: of two legs the first.
     pub fn number(&self) -> Option<u8> {
         self.part.map(MachinePart::number)
+    }
+
+    /// The same of a mechanism whose legs and joints are counted from these numbers on.
+    #[must_use]
+    pub fn counted_from(self, legs: u8, joints: u8) -> Self {
+        Self { part: self.part.map(|part| part.counted_from(legs, joints)), ..self }
     }
 
     /// Appends what is wrong and the way out to a message.
@@ -304,6 +319,8 @@ causes! {
         "stop, and lead the program through another pose";
     PlatformPyramidAhead = -98, "the leg comes to the end of its platform joint's pyramid (degrees shown)",
         "stop, and lead the program through another pose";
+    MechanismsNear = -99, "the two mechanisms come too near to each other (distance shown)",
+        "if the feed is stopped: abort the program, and move one of them away";
     // Coordinates that no joint moves.
     HeldX = -80, "the pose asks for X, which this machine holds at 0",
         "leave X out of the program, and its work offset at 0";
@@ -402,6 +419,9 @@ mod tests {
             assert_eq!(fault.number(), Some(number));
         }
         assert_eq!(Fault::from(Cause::NotHomed).number(), None);
+        let of_second = |fault: Fault| fault.counted_from(4, 6).number();
+        assert_eq!(of_second(Fault::of_legs(Cause::LegsNear, [3, 0], 1.5)), Some(7));
+        assert_eq!((of_second(joint(3)), of_second(Cause::NotHomed.into())), (Some(9), None));
     }
 
     #[test]

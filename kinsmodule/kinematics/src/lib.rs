@@ -16,6 +16,7 @@
 
 mod ahead;
 mod at;
+mod between;
 mod boxes;
 mod certificate;
 mod extra;
@@ -40,6 +41,7 @@ mod placed;
 mod pose;
 mod pseudo_inverse;
 mod rings;
+mod second;
 mod segment;
 mod side;
 mod singular;
@@ -49,6 +51,7 @@ mod watch;
 
 pub use ahead::{Motion, Outlook, Planner, Sight};
 pub use at::At;
+pub use between::{Body, Gap};
 pub use boxes::{
     BOX_TOLERANCE, LAST_STEP, MAX_BOX_STEPS, MAX_BOXES, Progress, STEPS_PER_CALL, Search,
     WorkspaceBox,
@@ -69,6 +72,7 @@ pub use machine::Machine;
 pub use nalgebra::{Matrix3, Vector3};
 pub use nut::{LEAST_SINE_TO_AXIS, MIN_SIN_SQUARED};
 pub use pose::Pose;
+pub use second::Second;
 pub use segment::Segment;
 pub use side::Side;
 pub use text::{Piece, Text};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS
-//! axes=LETTERS boxes=COUNT`.
+//! axes=LETTERS boxes=COUNT`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
+//! second_coordinates=LETTERS second_angles=LETTERS second_boxes=COUNT`.
 
 use crate::boxes::MAX_BOXES;
 use crate::extra::ExtraAxes;
@@ -8,6 +9,7 @@ use crate::layout::{Layout, MAX_LEGS};
 use crate::leg::Kind;
 use crate::letters::Letters;
 use crate::load_error::LoadError;
+use crate::second::Second;
 
 /// What the load parameters ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,8 +17,19 @@ pub struct Load {
     kinds: [Kind; MAX_LEGS],
     /// Numbers and letters.
     pub layout: Layout,
-    /// Axes behind legs and table.
+    /// Axes behind legs and table, those of a second mechanism included.
     pub extra: ExtraAxes,
+    boxes: usize,
+    second: Option<Beside>,
+    /// Whether the mechanism is alone: no extra axis, no second mechanism.
+    is_plain: bool,
+}
+
+/// The second mechanism.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Beside {
+    kinds: [Kind; MAX_LEGS],
+    letters: Second,
     boxes: usize,
 }
 
@@ -38,7 +51,44 @@ impl Load {
         };
         let table = Letters::parse(table.unwrap_or(b"")).ok_or(LoadError::TableWrong)?;
         let layout = Layout::new(count, coordinates, table)?;
-        Ok(Self { kinds, layout, extra: ExtraAxes::NONE, boxes: 0 })
+        Ok(Self { kinds, layout, extra: ExtraAxes::NONE, boxes: 0, second: None, is_plain: true })
+    }
+
+    /// With a second mechanism of these legs, coordinates and letters of its angles, see [`Second`];
+    /// no legs: none. To be asked for before the extra axes.
+    ///
+    /// # Errors
+    /// As [`Load::parse`] and [`Second::new`]; [`LoadError::SecondAlone`] where one of the others is
+    /// given without legs.
+    pub fn with_second(
+        self,
+        legs: Option<&[u8]>,
+        coordinates: Option<&[u8]>,
+        angles: Option<&[u8]>,
+    ) -> Result<Self, LoadError> {
+        let [legs, coordinates, angles] = [legs, coordinates, angles].map(given);
+        let Some(legs) = legs else {
+            let is_alone = coordinates.or(angles).is_some();
+            return if is_alone { Err(LoadError::SecondAlone) } else { Ok(self) };
+        };
+        let (kinds, count) = legs_of(legs)?;
+        let coordinates =
+            coordinates.and_then(Letters::parse).ok_or(LoadError::SecondCoordinates)?;
+        let angles = Letters::parse(angles.unwrap_or(b"")).ok_or(LoadError::SecondAngles)?;
+        let letters = Second::new(count, coordinates, angles, &self.layout)?;
+        Ok(Self { second: Some(Beside { kinds, letters, boxes: 0 }), is_plain: false, ..self })
+    }
+
+    /// With as many boxes of the second mechanism's workspace as `text` says; `None` or empty = none.
+    ///
+    /// # Errors
+    /// [`LoadError::BoxesWrong`]; [`LoadError::SecondAlone`] where there is no second mechanism.
+    pub fn with_second_boxes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
+        let boxes = boxes_of(text)?;
+        let Some(second) = self.second else {
+            return if given(text).is_some() { Err(LoadError::SecondAlone) } else { Ok(self) };
+        };
+        Ok(Self { second: Some(Beside { boxes, ..second }), ..self })
     }
 
     /// With the extra axes that `text` names; `None` or empty = none.
@@ -47,7 +97,11 @@ impl Load {
     /// As [`ExtraAxes::parse`].
     pub fn with_axes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
         let extra = ExtraAxes::parse(text.unwrap_or(b""), &self.layout)?;
-        Ok(Self { extra, ..self })
+        let mut of_second = self.second.iter().flat_map(|second| second.letters.places());
+        if of_second.any(|taken| extra.places().any(|place| place == taken)) {
+            return Err(LoadError::AxisTaken);
+        }
+        Ok(Self { extra, is_plain: self.is_plain && extra.is_empty(), ..self })
     }
 
     /// With as many boxes of the workspace as `text` says; `None` or empty = none.
@@ -55,11 +109,7 @@ impl Load {
     /// # Errors
     /// [`LoadError::BoxesWrong`].
     pub fn with_boxes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
-        let boxes = match given(text) {
-            None => 0,
-            Some(text) => number(text).filter(|n| *n <= MAX_BOXES).ok_or(LoadError::BoxesWrong)?,
-        };
-        Ok(Self { boxes, ..self })
+        Ok(Self { boxes: boxes_of(text)?, ..self })
     }
 
     /// Number of boxes for the start without a seed.
@@ -67,9 +117,37 @@ impl Load {
         self.boxes
     }
 
-    /// Number of joints: legs, table and extra axes.
+    /// Number of joints: legs, table, legs of a second mechanism and extra axes.
     pub fn joints(&self) -> usize {
-        self.layout.joints() + self.extra.len()
+        self.first_extra_joint() + self.extra.len()
+    }
+
+    /// Number of the first joint of the extra axes, or what it would be.
+    pub fn first_extra_joint(&self) -> usize {
+        self.layout.joints() + self.second().map_or(0, |second| second.layout().joints())
+    }
+
+    /// Whether the mechanism is alone: no extra axis, no second mechanism.
+    #[inline(always)]
+    pub fn is_plain(&self) -> bool {
+        self.is_plain
+    }
+
+    /// Letters of the second mechanism.
+    pub fn second(&self) -> Option<&Second> {
+        self.second.as_ref().map(|second| &second.letters)
+    }
+
+    /// The second mechanism as if it were alone.
+    pub fn of_second(&self) -> Option<Self> {
+        let Beside { kinds, letters, boxes } = self.second?;
+        let (layout, extra) = (*letters.layout(), ExtraAxes::NONE);
+        Some(Self { kinds, layout, extra, boxes, second: None, is_plain: true })
+    }
+
+    /// Places in LinuxCNC's pose that belong neither to legs nor to table of the first mechanism.
+    pub fn other_places(&self) -> impl Iterator<Item = usize> + '_ {
+        self.extra.places().chain(self.second().into_iter().flat_map(Second::places))
     }
 
     /// Kind of every leg, in joint order.
@@ -80,6 +158,13 @@ impl Load {
 
 fn given(text: Option<&[u8]>) -> Option<&[u8]> {
     text.filter(|t| !t.is_empty())
+}
+
+fn boxes_of(text: Option<&[u8]>) -> Result<usize, LoadError> {
+    match given(text) {
+        None => Ok(0),
+        Some(text) => number(text).filter(|n| *n <= MAX_BOXES).ok_or(LoadError::BoxesWrong),
+    }
 }
 
 /// Kinds of the legs and their number.
@@ -151,6 +236,37 @@ mod tests {
     }
 
     #[test]
+    fn a_second_mechanism_stands_between_the_first_and_the_extra_axes() {
+        let given = |text: &'static [u8]| Some(text);
+        let first = Load::parse(given(b"slider:4"), given(b"XYZB"), None).unwrap();
+        let pair = first.with_second(given(b"slider:3"), given(b"XZB"), given(b"c")).unwrap();
+        let pair = pair.with_axes(given(b"VA")).unwrap().with_second_boxes(given(b"2")).unwrap();
+        assert_eq!((pair.joints(), pair.first_extra_joint(), pair.layout.joints()), (9, 7, 4));
+        assert!(pair.other_places().eq([7, 3, 6, 8, 5]) && !pair.is_plain());
+        let second = pair.of_second().unwrap();
+        let alone = Load::parse(given(b"slider:3"), given(b"XZB"), None).unwrap();
+        assert_eq!(second, alone.with_boxes(given(b"2")).unwrap());
+        assert_eq!(first.with_second(None, given(b""), None), Ok(first));
+        assert_eq!(pair.with_axes(given(b"U")), Err(LoadError::AxisTaken));
+        for refused in [
+            first.with_second(None, given(b"XYZ"), None),
+            first.with_second(None, None, given(b"C")),
+            first.with_second_boxes(given(b"1")),
+        ] {
+            assert_eq!(refused, Err(LoadError::SecondAlone));
+        }
+        let second = |legs, coordinates, angles| {
+            first.with_second(given(legs), given(coordinates), given(angles)).map(|_| ())
+        };
+        assert_eq!(second(b"slider", b"XYZ", b""), Err(LoadError::LegsMalformed));
+        assert_eq!(second(b"rail:4", b"XYZ", b""), Err(LoadError::KindUnknown));
+        assert_eq!(second(b"slider:4", b"XYU", b""), Err(LoadError::SecondCoordinates));
+        assert_eq!(second(b"slider:4", b"", b""), Err(LoadError::SecondCoordinates));
+        assert_eq!(second(b"slider:4", b"XYZB", b"W"), Err(LoadError::SecondAngles));
+        assert_eq!(second(b"slider:5", b"XYZB", b"C"), Err(LoadError::LegsTogether));
+    }
+
+    #[test]
     fn boxes_are_counted_from_none_to_eight() {
         let hexapod = legs("").unwrap();
         for (text, boxes) in [(None, 0), (Some(&b""[..]), 0), (Some(b"1"), 1), (Some(b"8"), 8)] {
@@ -174,6 +290,11 @@ mod tests {
             (LoadError::AxesWrong, "axes="),
             (LoadError::AxisTaken, "axes="),
             (LoadError::BoxesWrong, "boxes="),
+            (LoadError::LegsTogether, "second="),
+            (LoadError::SecondCoordinates, "second_coordinates="),
+            (LoadError::SecondAngles, "second_angles="),
+            (LoadError::SecondTaken, "second_angles="),
+            (LoadError::SecondAlone, "second="),
         ] {
             assert!(error.text().contains(told), "{error:?}");
         }

@@ -22,8 +22,19 @@ pub enum LoadError {
     AxesWrong,
     /// A letter of `axes` that legs or table move.
     AxisTaken,
-    /// `boxes` is no number from 0 to [`crate::MAX_BOXES`].
+    /// `boxes` or `second_boxes` is no number from 0 to [`crate::MAX_BOXES`].
     BoxesWrong,
+    /// Two mechanisms with no leg in the second one, or more legs together than the module drives.
+    LegsTogether,
+    /// `second_coordinates` holds another character than X Y Z A B C, one of them twice, none, or
+    /// more than the second mechanism has legs.
+    SecondCoordinates,
+    /// `second_angles` does not name as many of A B C as `second_coordinates` has angles, each once.
+    SecondAngles,
+    /// A letter of the second mechanism that the first one moves.
+    SecondTaken,
+    /// A parameter of the second mechanism without `second`.
+    SecondAlone,
 }
 
 impl LoadError {
@@ -48,9 +59,27 @@ impl LoadError {
             }
             Self::AxesWrong => "axes= may hold the letters X Y Z A B C U V W, each once",
             Self::AxisTaken => {
-                "a letter of axes= stands in coordinates= or table= as well: one of them moves it"
+                "a letter of axes= stands in coordinates= or table=, or belongs to the second \
+                 mechanism: one of them moves it"
             }
-            Self::BoxesWrong => "boxes= must be a number from 0 to 8",
+            Self::BoxesWrong => "boxes= and second_boxes= must be a number from 0 to 8",
+            Self::LegsTogether => {
+                "legs= and second= must have one to eight legs together, each at least one"
+            }
+            Self::SecondCoordinates => {
+                "second_coordinates= must hold some of the letters X Y Z A B C, each once, and no \
+                 more than second= has legs"
+            }
+            Self::SecondAngles => {
+                "second_angles= must name a letter of A B C for each angle of second_coordinates=, \
+                 each once; U V W stand for X Y Z by themselves"
+            }
+            Self::SecondTaken => {
+                "a letter of second_angles= stands in coordinates= as well: one mechanism moves it"
+            }
+            Self::SecondAlone => {
+                "second_...= needs second=KIND:COUNT, the legs of the second mechanism"
+            }
         }
     }
 }

@@ -4,15 +4,17 @@
 #![allow(missing_docs, reason = "LinuxCNC's layouts; their headers document the fields")]
 #![allow(non_camel_case_types, reason = "LinuxCNC's names")]
 
+use crate::between::{Between, BetweenPins};
 use crate::hal::{Component, HalError, print_error};
 use crate::load;
 use crate::module::{Kind, Module, World};
-use crate::pins::Pins;
+use crate::pair::{Pair, Second};
+use crate::pins::{Maker, Pins, Place};
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
 use kinematics::{
     Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Pose,
-    text,
+    Second as SecondLetters, text,
 };
 
 /// LinuxCNC's kinds of kinematics.
@@ -44,6 +46,9 @@ const _: () = assert!(MAX_JOINTS <= ROWS);
 
 // The letters of a table are none of an extra axis.
 const _: () = assert!(MAX_LEGS + MAX_EXTRA <= ROWS);
+
+// A second mechanism shares the legs with the first, and a letter of its own is none of an extra axis:
+// joints of a module with two are not more than those of one.
 
 /// LinuxCNC's PmCartesian.
 #[cfg(not(posemath_h))]
@@ -117,16 +122,31 @@ impl EmcPose {
         }
         self.set_degrees(values);
     }
+
+    /// The same of both mechanisms.
+    #[cold]
+    fn set_nan_of_both(&mut self, module: &Module) {
+        self.set_nan(Some(module.layout()));
+        let mut all = self.world();
+        for place in module.load().second().into_iter().flat_map(SecondLetters::places) {
+            all.get_mut(place).into_iter().for_each(|value| *value = f64::NAN);
+        }
+        self.set_world(all);
+    }
 }
 
-/// The module's state, made by `rtapi_app_main`.
-struct Cell(UnsafeCell<Option<Module>>);
+/// State, made by `rtapi_app_main`.
+struct Cell<T>(UnsafeCell<Option<T>>);
 
 // SAFETY: LinuxCNC calls the kinematics from its servo thread only, and main and exit
 // while no thread runs.
-unsafe impl Sync for Cell {}
+unsafe impl<T> Sync for Cell<T> {}
 
-static MODULE: Cell = Cell(UnsafeCell::new(None));
+/// That of the mechanism, or of the first one.
+static MODULE: Cell<Module> = Cell(UnsafeCell::new(None));
+
+/// That of a second mechanism, where there is one.
+static SECOND: Cell<Second> = Cell(UnsafeCell::new(None));
 
 /// The state.
 ///
@@ -138,10 +158,20 @@ unsafe fn module<'a>() -> Option<&'a mut Module> {
     unsafe { (*MODULE.0.get()).as_mut() }
 }
 
+/// Both mechanisms, where there are two.
+///
+/// # Safety
+/// `first` must be the reference of [`module`], and no other reference to the second one may be alive.
+unsafe fn pair(first: &mut Module) -> Option<Pair<'_>> {
+    // SAFETY: the caller vouches that this is the only reference.
+    let Second { module, between } = unsafe { (*SECOND.0.get()).as_mut() }?;
+    Some(Pair { first, second: module, between })
+}
+
 /// The pose of the tool in LinuxCNC's pose.
 #[inline(always)]
 fn pose_in(world: &EmcPose, module: &Module) -> [f64; 6] {
-    if module.extra().is_empty() { world.degrees() } else { module.without_extra(&world.world()) }
+    if module.load().is_plain() { world.degrees() } else { module.without_extra(&world.world()) }
 }
 
 /// What a C function returns: 0, or the code of the cause.
@@ -209,7 +239,14 @@ pub unsafe extern "C" fn kinematicsForward(
     // SAFETY: the array holds as many values as the machine has joints.
     let extra = unsafe { extra_joints(joint, module) };
     let address = &raw const *world as usize;
-    let mut pose = pose_in(world, module);
+    let mut pose = if module.load().is_plain() {
+        world.degrees()
+    } else if module.load().second().is_some() {
+        // SAFETY: LinuxCNC's array, from its servo thread.
+        return unsafe { forward_of_both(joint, world, module) };
+    } else {
+        module.without_extra(&world.world())
+    };
     let result = module.check_extra(extra).and_then(|()| match module.kind() {
         Kind::Identity => module.identity_forward(&joints, &mut pose),
         Kind::Machine => module.forward(&joints, &mut pose, address),
@@ -229,6 +266,44 @@ pub unsafe extern "C" fn kinematicsForward(
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
         Err(_) => world.set_nan(Some(module.layout())),
+    }
+    code(result)
+}
+
+/// [`kinematicsInverse`] of two mechanisms.
+///
+/// # Safety
+/// `joint` must have room for as many values as the machine has joints; `module` is the reference of
+/// [`module`].
+#[cold]
+#[inline(never)]
+unsafe fn inverse_of_both(world: &EmcPose, joint: *mut f64, module: &mut Module) -> c_int {
+    // SAFETY: the caller vouches for the room.
+    let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.load().joints()) };
+    // SAFETY: the caller's reference is the only one.
+    let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
+    code(pair.inverse(&world.world(), joints))
+}
+
+/// [`kinematicsForward`] of two mechanisms.
+///
+/// # Safety
+/// `joint` must hold as many values as the machine has joints; `module` is the reference of
+/// [`module`].
+#[cold]
+#[inline(never)]
+unsafe fn forward_of_both(joint: *const f64, world: &mut EmcPose, module: &mut Module) -> c_int {
+    let address = &raw const *world as usize;
+    // SAFETY: as above.
+    let joints = unsafe { core::slice::from_raw_parts(joint, module.load().joints()) };
+    let mut all = world.world();
+    // SAFETY: the caller's reference is the only one.
+    let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
+    let result = pair.forward(joints, &mut all, address);
+    match result {
+        Ok(()) => world.set_world(all),
+        Err(Fault { cause: Cause::NotHomed, .. }) => {}
+        Err(_) => world.set_nan_of_both(pair.first),
     }
     code(result)
 }
@@ -256,7 +331,14 @@ pub unsafe extern "C" fn kinematicsInverse(
     let count = module.layout().joints();
     // SAFETY: the array holds as many values as the machine has joints.
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, count) };
-    let pose = pose_in(world, module);
+    let pose = if module.load().is_plain() {
+        world.degrees()
+    } else if module.load().second().is_some() {
+        // SAFETY: as above.
+        return unsafe { inverse_of_both(world, joint, module) };
+    } else {
+        module.without_extra(&world.world())
+    };
     let result = match module.kind() {
         // A copy: registers, see the core's `lanes`.
         Kind::Identity => module.identity_inverse(&{ pose }, joints),
@@ -294,18 +376,27 @@ pub unsafe extern "C" fn kinematicsJacobian(
     let (Some(world), Some(jac), Some(module)) = (world, jac, module) else {
         return -1;
     };
-    let rows = match module.kind() {
-        Kind::Identity => Ok(module.identity_jacobian()),
-        Kind::Machine => module.jacobian(&Pose::from_degrees(pose_in(world, module))),
-    };
-    let Ok(rows) = rows else { return -1 };
-    *jac = [World::default(); ROWS];
-    for (out, row) in jac.iter_mut().zip(rows.row_iter()) {
-        for (to, value) in out.iter_mut().zip(row.iter()) {
-            *to = *value;
+    if module.load().second().is_some() {
+        let mut rows = [World::default(); ROWS];
+        // SAFETY: this reference is the only one.
+        let result =
+            unsafe { pair(module) }.map(|mut pair| pair.jacobian(&world.world(), &mut rows));
+        let Some(Ok(())) = result else { return -1 };
+        *jac = rows;
+    } else {
+        let rows = match module.kind() {
+            Kind::Identity => Ok(module.identity_jacobian()),
+            Kind::Machine => module.jacobian(&Pose::from_degrees(pose_in(world, module))),
+        };
+        let Ok(rows) = rows else { return -1 };
+        *jac = [World::default(); ROWS];
+        for (out, row) in jac.iter_mut().zip(rows.row_iter()) {
+            for (to, value) in out.iter_mut().zip(row.iter()) {
+                *to = *value;
+            }
         }
     }
-    let extra = jac.iter_mut().skip(module.layout().joints());
+    let extra = jac.iter_mut().skip(module.load().first_extra_joint());
     for (row, place) in extra.zip(module.extra().places()) {
         if let Some(rate) = row.get_mut(place) {
             *rate = 1.0;
@@ -393,7 +484,11 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
     let Some(module) = (unsafe { module() }) else {
         return Cause::NullPointer.code();
     };
-    code(module.switch(switchkins_type))
+    // SAFETY: this reference is the only one.
+    match unsafe { pair(module) } {
+        Some(mut pair) => code(pair.switch(switchkins_type)),
+        None => code(module.switch(switchkins_type)),
+    }
 }
 
 /// The HAL function `pkmkins.monitor`, to be added to the thread of the motion controller.
@@ -401,22 +496,50 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
 /// # Safety
 /// To be called by HAL, from that thread.
 unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
+    let seconds = period as f64 * 1e-9;
     // SAFETY: the caller vouches for the thread.
-    if let Some(module) = unsafe { module() } {
-        module.monitor(period as f64 * 1e-9);
+    let Some(module) = (unsafe { module() }) else { return };
+    // SAFETY: this reference is the only one, here and below. The frames of the two mechanisms stand
+    // one after the other.
+    if let Some(mut pair) = unsafe { pair(module) } {
+        pair.begin();
     }
+    module.monitor(seconds);
+    // SAFETY: as above.
+    if let Some(mut pair) = unsafe { pair(module) } {
+        pair.monitor_second(seconds);
+        pair.end_cycle(seconds);
+    }
+}
+
+/// The load parameters, by name.
+const PARAMETERS: [(&str, &load::Parameter); 9] = [
+    ("legs", &load::LEGS),
+    ("coordinates", &load::COORDINATES),
+    ("table", &load::TABLE),
+    ("axes", &load::AXES),
+    ("boxes", &load::BOXES),
+    ("second", &load::SECOND),
+    ("second_coordinates", &load::SECOND_COORDINATES),
+    ("second_angles", &load::SECOND_ANGLES),
+    ("second_boxes", &load::SECOND_BOXES),
+];
+
+fn parsed(parameters: [Option<&[u8]>; PARAMETERS.len()]) -> Result<Load, LoadError> {
+    let [legs, coordinates, table, axes, boxes, second @ ..] = parameters;
+    let [second, second_coordinates, second_angles, second_boxes] = second;
+    Load::parse(legs, coordinates, table)?
+        .with_second(second, second_coordinates, second_angles)?
+        .with_axes(axes)?
+        .with_boxes(boxes)?
+        .with_second_boxes(second_boxes)
 }
 
 /// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_main() -> c_int {
-    let parameters = [&load::LEGS, &load::COORDINATES, &load::TABLE, &load::AXES, &load::BOXES];
-    let parameters = parameters.map(|parameter| parameter.text());
-    let [legs, coordinates, table, axes, boxes] = parameters.map(|text| text.map(CStr::to_bytes));
-    let load = Load::parse(legs, coordinates, table)
-        .and_then(|load| load.with_axes(axes))
-        .and_then(|load| load.with_boxes(boxes));
-    let load = match load {
+    let parameters = PARAMETERS.map(|(_, parameter)| parameter.text());
+    let load = match parsed(parameters.map(|text| text.map(CStr::to_bytes))) {
         Ok(load) => load,
         Err(error) => {
             refuse_load(error, parameters);
@@ -438,7 +561,7 @@ pub extern "C" fn rtapi_app_exit() {
     // SAFETY: LinuxCNC stops its threads before it unloads a module.
     let component = unsafe { (*COMPONENT.0.get()).take() };
     // SAFETY: as above.
-    unsafe { *MODULE.0.get() = None };
+    unsafe { (*MODULE.0.get(), *SECOND.0.get()) = (None, None) };
     if let Some(component) = component {
         component.exit();
     }
@@ -460,7 +583,7 @@ fn start(load: Load) -> Result<(), HalError> {
         Ok(()) => unsafe { *COMPONENT.0.get() = Some(component) },
         Err(_) => {
             // SAFETY: as above.
-            unsafe { *MODULE.0.get() = None };
+            unsafe { (*MODULE.0.get(), *SECOND.0.get()) = (None, None) };
             component.exit();
         }
     }
@@ -468,32 +591,55 @@ fn start(load: Load) -> Result<(), HalError> {
 }
 
 fn build(component: Component, load: Load) -> Result<(), HalError> {
-    let pins = component.allocate::<Pins>()?;
-    // SAFETY: fresh, zeroed HAL memory; all-zero bytes are null pins, which `create`
-    // fills before anyone reads them.
-    let pins = unsafe { &mut *pins };
-    pins.create(component, &load)?;
+    let first = build_one(component, &load, Place::FIRST)?;
+    if let Some(second) = load.of_second() {
+        let (leg, joint) = (load.layout.legs() as u8, load.layout.joints() as u8);
+        build_one(component, &second, Place { leg, joint, is_second: true })?.share(first);
+    }
     component.export(c"pkmkins.monitor", monitor)?;
-    // SAFETY: no thread runs yet.
-    unsafe { *MODULE.0.get() = Some(Module::new(pins, load)) };
     component.ready()
 }
 
-fn refuse_load(error: LoadError, parameters: [Option<&CStr>; 5]) {
-    let [legs, coordinates, table, axes, boxes] =
-        parameters.map(|text| text.map_or(&[][..], CStr::to_bytes));
-    print_error(&text![
-        "pkmkins: refused legs=",
-        legs,
-        " coordinates=",
-        coordinates,
-        " table=",
-        table,
-        " axes=",
-        axes,
-        " boxes=",
-        boxes,
-        ": ",
-        error.text(),
-    ]);
+/// Makes pins and state of a mechanism.
+// Frames of two mechanisms stand one after the other.
+#[inline(never)]
+fn build_one(component: Component, load: &Load, place: Place) -> Result<&'static Pins, HalError> {
+    let pins = zeroed::<Pins>(component)?;
+    pins.create(component, load, place)?;
+    let module = Module::new(pins, *load, place);
+    if place.is_second {
+        let of_pair = zeroed::<BetweenPins>(component)?;
+        of_pair.create(&Maker { component, place })?;
+        // SAFETY: no thread runs yet.
+        unsafe { *SECOND.0.get() = Some(Second { module, between: Between::new(of_pair) }) };
+    } else {
+        // SAFETY: as above.
+        unsafe { *MODULE.0.get() = Some(module) };
+    }
+    Ok(pins)
+}
+
+/// Pins in fresh HAL memory, not yet made: all-zero bytes are null pins.
+fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
+    let pins = component.allocate::<T>()?;
+    // SAFETY: HAL memory of this size, of structures that hold pins alone, which lives as long as
+    // LinuxCNC; nobody else knows it.
+    Ok(unsafe { &mut *pins })
+}
+
+fn refuse_load(error: LoadError, parameters: [Option<&CStr>; PARAMETERS.len()]) {
+    let mut message = text!["pkmkins: refused"];
+    for ((name, _), value) in PARAMETERS.iter().zip(parameters) {
+        // Those of a second mechanism only where they are given.
+        let is_first = !name.starts_with("second");
+        if is_first || value.is_some() {
+            message.push(" ");
+            message.push(*name);
+            message.push("=");
+            message.push(value.map_or(&[][..], CStr::to_bytes));
+        }
+    }
+    message.push(": ");
+    message.push(error.text());
+    print_error(&message);
 }

@@ -4,7 +4,7 @@
 //!
 //! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
 
-use crate::pins::{GuardInputs, GuardOutputs, GuardPins, Pins};
+use crate::pins::{GuardInputs, GuardPins, Pins, Place};
 use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
 
 /// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
@@ -20,6 +20,8 @@ const SHOWN_IN: u32 = 4;
 /// What the guard goes by in one cycle.
 pub struct Cycle<'a> {
     pub pins: &'a Pins,
+    /// Which mechanism it is.
+    pub place: Place,
     pub machine: &'a Machine,
     /// Tool offset in effect.
     pub tool: &'a Vector3<f64>,
@@ -98,7 +100,7 @@ impl Guard {
         self.speed_before = speed;
         let was_inhibited = self.inhibited.is_some();
         self.allow(cycle, view);
-        pins.shown.limit(self.inhibited.or(soon));
+        pins.shown.limit(self.inhibited.or(soon).map(|fault| cycle.place.counted(&fault)));
         self.inhibited.filter(|_| !was_inhibited)
     }
 
@@ -110,7 +112,7 @@ impl Guard {
         match self.part {
             0 => show_joints(cycle, at),
             1 => show_cones(&cycle.pins.guard, at),
-            2 => show_nearest(&cycle.pins.guard.shown, at),
+            2 => show_nearest(cycle, at),
             _ => cycle.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
         }
     }
@@ -224,11 +226,12 @@ fn show_cones(pins: &GuardPins, at: &At<'_>) {
     }
 }
 
-fn show_nearest(shown: &GuardOutputs, at: &At<'_>) {
+fn show_nearest(cycle: &Cycle<'_>, at: &At<'_>) {
     if let Some(nearest) = at.nearest() {
+        let (shown, first) = (&cycle.pins.guard.shown, i32::from(cycle.place.leg));
         shown.rod_distance.set(nearest.distance);
         for (pin, leg) in shown.rod_pair.iter().zip(nearest.pair) {
-            pin.set(leg as i32);
+            pin.set(first + leg as i32);
         }
     }
 }

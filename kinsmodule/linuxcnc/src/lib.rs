@@ -5,7 +5,8 @@
 //! | --- | --- |
 //! | [`abi`], [`hal`] | what LinuxCNC calls; what this module calls |
 //! | [`load`], [`pins`] | the load parameters; the HAL pins |
-//! | [`module`] | the state between calls, and the rules that go with it |
+//! | [`module`] | the state between calls of a mechanism, and the rules that go with it |
+//! | [`pair`], [`between`] | two mechanisms behind one pose and one row of joints; how near they come to each other |
 //! | [`calls`], [`crossing`] | the commanded pose of a cycle; whether the commanded motion has passed a singular pose |
 //! | [`start`], [`tool`], [`guard`] | the start without a seed; the change of the tool offset; the feed that the motion ahead allows |
 //!
@@ -16,12 +17,14 @@
 #![no_std]
 
 pub mod abi;
+mod between;
 mod calls;
 mod crossing;
 mod guard;
 mod hal;
 mod load;
 mod module;
+mod pair;
 mod pins;
 mod start;
 mod tool;

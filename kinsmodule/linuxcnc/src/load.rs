@@ -90,6 +90,42 @@ string_parameter!(
     c"number of workspace boxes in which a start without a seed searches"
 );
 
+string_parameter!(
+    second,
+    SECOND,
+    rtapi_info_address_second,
+    rtapi_info_type_second,
+    rtapi_info_description_second,
+    c"kinds and numbers of legs of a second mechanism, as legs"
+);
+
+string_parameter!(
+    second_coordinates,
+    SECOND_COORDINATES,
+    rtapi_info_address_second_coordinates,
+    rtapi_info_type_second_coordinates,
+    rtapi_info_description_second_coordinates,
+    c"coordinates that its legs move, as its own X Y Z A B C; U V W stand for X Y Z"
+);
+
+string_parameter!(
+    second_angles,
+    SECOND_ANGLES,
+    rtapi_info_address_second_angles,
+    rtapi_info_type_second_angles,
+    rtapi_info_description_second_angles,
+    c"letters of A B C that stand for its angles, in the order of second_coordinates"
+);
+
+string_parameter!(
+    second_boxes,
+    SECOND_BOXES,
+    rtapi_info_address_second_boxes,
+    rtapi_info_type_second_boxes,
+    rtapi_info_description_second_boxes,
+    c"number of its workspace boxes, as boxes"
+);
+
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 static rtapi_info_license: Shared<*const c_char> = Shared(c"GPL".as_ptr());

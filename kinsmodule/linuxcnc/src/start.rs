@@ -21,13 +21,16 @@ impl Start {
         Self { boxes: [WorkspaceBox::EMPTY; MAX_BOXES], count: 0, search: None, idle: 0 }
     }
 
+    /// Whether the boxes of the pins can be taken for a geometry with this hash.
+    pub fn check(&self, pins: &Pins, load: &Load, hash: u32) -> Result<(), Fault> {
+        (0..load.boxes()).try_for_each(|k| checked(pins, load, k, hash).map(|_| ()))
+    }
+
     /// Takes the boxes of the pins, or leaves the last ones.
     ///
     /// They are read twice, so that no second set of them needs room on the stack.
     pub fn freeze(&mut self, pins: &Pins, load: &Load, hash: u32) -> Result<(), Fault> {
-        for k in 0..load.boxes() {
-            checked(pins, load, k, hash)?;
-        }
+        self.check(pins, load, hash)?;
         (self.count, self.search, self.idle) = (0, None, 0);
         for (k, place) in self.boxes.iter_mut().enumerate().take(load.boxes()) {
             *place = checked(pins, load, k, hash)?;

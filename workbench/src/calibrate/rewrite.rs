@@ -92,7 +92,10 @@ pub fn with_boxes(file: &Path, text: &str) -> Result<String, RewriteError> {
         })
         .collect::<String>();
     for (k, (section, _)) in found.iter().enumerate() {
-        text += &format!("\n{}", boxes::text(k, section, letters, config.legs()));
+        text += &format!(
+            "\n{}",
+            boxes::text(&config.place.box_section(k), section, letters, config.legs())
+        );
     }
     read_back(file, &text)?;
     Ok(text)

@@ -26,7 +26,7 @@ struct Homing {
 /// What is wrong with the order of homing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Trouble {
-    /// This joint is left out when all are homed.
+    /// This joint, as LinuxCNC counts it, is left out when all are homed.
     LeftOut(usize),
     /// On the way of a sequence a limit is not kept: sequence, and the limit.
     Limit(i64, Margin),
@@ -39,13 +39,16 @@ pub enum Trouble {
 /// # Errors
 /// A value that is no number.
 pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
-    let joints: Vec<Homing> =
-        (0..config.all_joints().count()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
-    let mut troubles: Vec<Trouble> = joints
+    // Its own, and those of extra axes, which stand behind a second mechanism's.
+    let own = config.place.first_joint..config.place.first_joint + config.joints.len();
+    let extra = config.guarded_joints()..config.guarded_joints() + config.extra.len();
+    let numbers: Vec<usize> = own.chain(extra).collect();
+    let joints: Vec<Homing> = numbers.iter().map(|i| homing(ini, *i)).collect::<Result<_, _>>()?;
+    let mut troubles: Vec<Trouble> = numbers
         .iter()
-        .enumerate()
+        .zip(&joints)
         .filter(|(_, joint)| joint.sequence.is_none())
-        .map(|(i, _)| Trouble::LeftOut(i))
+        .map(|(i, _)| Trouble::LeftOut(*i))
         .collect();
     let mut sequences: Vec<i64> = joints.iter().filter_map(|joint| joint.sequence).collect();
     // A negative number only makes the last move of a sequence one of all its joints together.

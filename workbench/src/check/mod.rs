@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a user should know of a machine before it moves.
 
+pub mod between;
 pub mod cautions;
 mod homing;
 pub mod mobility;

@@ -18,7 +18,6 @@ use kinematics::{Fault, Letter, Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
 /// machine's size (of a radian for arms): some micrometres, so that four digits after the point
@@ -81,12 +80,11 @@ impl Report {
     }
 }
 
-/// Checks a machine; `progress` is told the share of the work that is done.
+/// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
 ///
 /// # Errors
 /// The file describes no machine.
-pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
-    let config = MachineConfig::read(file)?;
+pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
     let ini = &*config.ini;
     let mut report = Report {
         config: config.clone(),
@@ -97,20 +95,21 @@ pub fn check(file: &Path, progress: impl FnMut(f64)) -> Result<Report, MachineEr
         proved_tools: vec![],
         is_whole: false,
     };
-    structure(&mut report, &config)?;
-    homes(&mut report, ini, &config)?;
-    for trouble in homing::check(ini, &config)? {
-        report.finding(severity(&trouble), homing_problem(ini, &config, &trouble));
+    structure(&mut report, config)?;
+    homes(&mut report, ini, config)?;
+    for trouble in homing::check(ini, config)? {
+        report.finding(severity(&trouble), homing_problem(ini, config, &trouble));
     }
-    for error in wiring::check(ini)? {
+    // Both mechanisms are on one module.
+    for error in if config.place.is_second { vec![] } else { wiring::check(ini)? } {
         report.finding(Severity::Warning, error);
     }
-    workspace(&mut report, ini, &config, progress);
+    workspace(&mut report, ini, config, progress);
     Ok(report)
 }
 
 fn refused(config: &MachineConfig, fault: Fault) -> MachineError {
-    MachineError::of_geometry(&config.ini, fault)
+    MachineError::of_geometry(&config.ini, &config.place, fault)
 }
 
 fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {
@@ -142,7 +141,7 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
         .map_err(|fault| refused(config, fault))?;
     let mut farthest = 0.0_f64;
     for (i, (joint, wanted)) in config.joints.iter().zip(joints).enumerate() {
-        let section = format!("JOINT_{i}");
+        let section = config.place.joint_section(i);
         let away = (joint.home - wanted).abs();
         farthest = farthest.max(away);
         if !(away <= tolerance(config, joint.kind)) {
@@ -159,12 +158,10 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
     }
     for (letter, (axis, home)) in Letter::ALL.iter().zip(config.axes.iter().zip(config.home)) {
         if !(axis.min..=axis.max).contains(&home) {
+            let name = config.place.letter(*letter);
             let text = format!(
-                "{} = {home} is outside of [AXIS_{}], {} to {}",
-                letter.name(),
-                letter.name(),
-                axis.min,
-                axis.max
+                "{name} = {home} is outside of [AXIS_{name}], {} to {}",
+                axis.min, axis.max
             );
             report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
         }
@@ -184,7 +181,7 @@ fn extra_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
                 "{} is outside of its limits as joint and as [AXIS_{}], {least} to {most}",
                 joint.name, extra.letter
             );
-            let section = format!("JOINT_{}", config.joints.len() + n);
+            let section = format!("JOINT_{}", config.guarded_joints() + n);
             report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
         }
     }
@@ -421,6 +418,7 @@ fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
 
 fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
     let (distance, unit) = (limits::shown(*distance), config.length_unit());
+    let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
     format!("the centre lines of legs {i} and {j} are {distance} {unit} apart")
 }
 
@@ -435,6 +433,7 @@ fn nearest_at_home(report: &mut Report, config: &MachineConfig) {
         .pairs()
         .into_iter()
         .filter(|pair| !config.machine.watch().is_watched(*pair))
+        .map(|pair| pair.map(|leg| config.place.first_leg + leg))
         .map(|[i, j]| format!("{i} and {j}"))
         .collect();
     if !meeting.is_empty() {
@@ -479,9 +478,10 @@ fn joint_ranges(report: &mut Report, config: &MachineConfig, seen: &Seen) {
     }
 }
 
-fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
+pub(super) fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
     let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
-    let word = |letter: &Letter| format!("{}{:.2}", letter.name(), pose[letter.index()]);
+    let word =
+        |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
     Letter::ALL.iter().filter(moved).map(word).collect::<Vec<_>>().join(" ")
 }
 
@@ -518,7 +518,7 @@ pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> S
         let range = |letter: &Letter| match part {
             Some(AxisBox { low, high }) => {
                 let k = letter.index();
-                format!("  {} {} to {}", letter.name(), low[k], high[k])
+                format!("  {} {} to {}", config.place.letter(*letter), low[k], high[k])
             }
             None => String::new(),
         };
@@ -535,7 +535,11 @@ pub fn axis_lines(config: &MachineConfig, limits: &AxisBox) -> String {
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let (low, high) = (limits.low[letter.index()], limits.high[letter.index()]);
         // Writing to a String does not fail.
-        let _ = writeln!(text, "[AXIS_{}]\nMIN_LIMIT = {low}\nMAX_LIMIT = {high}", letter.name());
+        let _ = writeln!(
+            text,
+            "[AXIS_{}]\nMIN_LIMIT = {low}\nMAX_LIMIT = {high}",
+            config.place.letter(letter)
+        );
     }
     text
 }

@@ -5,7 +5,7 @@ use crate::control::pulse::Pulse;
 use crate::control::refusal::{LIBRARY, NotJudged};
 use crate::control::row::{Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
-use crate::control::stream::{Cause, Record, Records, VERSION};
+use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
 use crate::files::Locate;
 use crate::read::machine::MachineConfig;
 use command_fds::{CommandFdExt, FdMapping};
@@ -77,6 +77,9 @@ pub fn run(
     options: &Options,
     see: impl FnMut(&Row) -> ControlFlow<()>,
 ) -> Result<Outcome, NotJudged> {
+    if config.place.is_of_pair && config.second.is_none() {
+        return Err(NotJudged::HalfOfPair);
+    }
     let library = library();
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
@@ -177,8 +180,11 @@ impl<'a> Run<'a> {
         let pulse = Pulse::new(from, self.milltask.id());
         let mut records = Records::new(
             BufReader::with_capacity(1 << 16, pulse),
-            config.joints.len(),
-            config.extra_axes,
+            Columns {
+                joints: config.guarded_joints(),
+                extra: config.extra_axes,
+                second: config.second_letters,
+            },
         );
         let mut watch = Watch::new(config.period, options);
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
@@ -277,7 +283,7 @@ struct Watch<'a> {
     period: f64,
     options: &'a Options,
     messages: Vec<Message>,
-    pose: [f64; 6],
+    pose: [[f64; 6]; 2],
     /// Cycle of the last motion, and its line.
     moved: u64,
     line: u32,
@@ -285,7 +291,7 @@ struct Watch<'a> {
 
 impl<'a> Watch<'a> {
     fn new(period: f64, options: &'a Options) -> Self {
-        Self { period, options, messages: vec![], pose: [f64::NAN; 6], moved: 0, line: 0 }
+        Self { period, options, messages: vec![], pose: [[f64::NAN; 6]; 2], moved: 0, line: 0 }
     }
 
     fn seconds(&self, cycles: u64) -> f64 {
@@ -294,8 +300,9 @@ impl<'a> Watch<'a> {
 
     /// How the program ended, where it stands and will not go on.
     fn row(&mut self, row: &Row) -> Result<Option<Ending>, NotJudged> {
-        if row.pose != self.pose {
-            (self.pose, self.moved) = (row.pose, row.cycle);
+        let pose = [row.pose, row.second.pose];
+        if pose != self.pose {
+            (self.pose, self.moved) = (pose, row.cycle);
         }
         if row.line > 0 {
             self.line = row.line;

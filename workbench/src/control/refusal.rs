@@ -41,6 +41,9 @@ pub enum NotJudged {
     /// The system refuses something else.
     #[error("LinuxCNC cannot be run: {0}")]
     System(#[from] io::Error),
+    /// Half of a machine.
+    #[error("LinuxCNC runs both mechanisms of the machine or none: leave --mechanism out")]
+    HalfOfPair,
     /// LinuxCNC cannot be brought to run the program.
     #[error("{0}")]
     Refused(String),

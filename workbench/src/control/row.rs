@@ -26,6 +26,15 @@ pub struct Extra {
     pub allowed: [f64; MAX_EXTRA],
 }
 
+/// A second mechanism in a servo cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Beside {
+    /// Commanded pose: X Y Z in machine units, A B C in degrees.
+    pub pose: [f64; 6],
+    /// Tool offset in effect, machine units.
+    pub tool: [f64; 3],
+}
+
 /// One servo cycle of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
@@ -36,9 +45,11 @@ pub struct Row {
     /// States.
     pub flags: Flags,
     /// Commanded pose of the tool, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees. 0 for a
-    /// letter of an extra axis, whose coordinate is no part of it.
+    /// letter of an extra axis or of a second mechanism, whose coordinate is no part of it.
     pub pose: [f64; 6],
-    /// Commanded joint values, `joint.N.pos-cmd`.
+    /// Pose and tool offset in effect of a second mechanism, in its own coordinates; zeros without one.
+    pub second: Beside,
+    /// Commanded joint values, `joint.N.pos-cmd`, those of a second mechanism behind the first one's.
     pub joints: Joints,
     /// Following errors, `joint.N.f-error`, of drives that keep the joint's speed and acceleration.
     pub errors: Joints,

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
-use crate::control::row::{Extra, Flags, Message, MessageKind, Row};
-use kinematics::{ExtraAxes, MAX_JOINTS};
+use crate::control::row::{Beside, Extra, Flags, Message, MessageKind, Row};
+use kinematics::{ExtraAxes, MAX_JOINTS, Second};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -46,18 +46,28 @@ pub enum Record {
     End(u64, u32, Cause, String),
 }
 
-/// Reads records of a machine with so many joints of legs and table, and these extra axes.
+/// What the rows are of.
+#[derive(Clone, Copy, Debug)]
+pub struct Columns {
+    /// Number of joints of legs and table, of both mechanisms where there are two.
+    pub joints: usize,
+    /// Axes behind them.
+    pub extra: ExtraAxes,
+    /// Letters of a second mechanism.
+    pub second: Option<Second>,
+}
+
+/// Reads records of a machine.
 pub struct Records<R> {
     from: R,
-    joints: usize,
-    extra: ExtraAxes,
+    columns: Columns,
     bytes: Vec<u8>,
 }
 
 impl<R: Read> Records<R> {
     /// Records from a buffered reader.
-    pub fn new(from: R, joints: usize, extra: ExtraAxes) -> Self {
-        Self { from, joints, extra, bytes: vec![] }
+    pub fn new(from: R, columns: Columns) -> Self {
+        Self { from, columns, bytes: vec![] }
     }
 
     /// The next record; `None` where there are no more.
@@ -80,7 +90,7 @@ impl<R: Read> Records<R> {
         let mut fields = Fields(&self.bytes);
         let record = match kind {
             HEAD => head_of(&fields.text()),
-            ROW => fields.row(self.joints, &self.extra).map(Record::Row),
+            ROW => fields.row(&self.columns).map(Record::Row),
             MESSAGE => fields.message(),
             END => fields.end(),
             _ => None,
@@ -140,15 +150,20 @@ impl Fields<'_> {
         String::from_utf8_lossy(self.0).into_owned()
     }
 
-    fn row(&mut self, joints: usize, axes: &ExtraAxes) -> Option<Row> {
+    fn row(&mut self, columns: &Columns) -> Option<Row> {
+        let (joints, axes) = (columns.joints, &columns.extra);
         let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
+        let feed = self.value()?;
+        let world: [f64; 9] = self.values(9)?;
+        let [x, y, z, a, b, c, ..] = world;
         let mut row = Row {
             cycle,
             line,
             flags: Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 },
-            feed: self.value()?,
-            pose: self.values(6)?,
+            feed,
+            pose: [x, y, z, a, b, c],
             tool: self.values(3)?,
+            second: Beside { pose: [0.0; 6], tool: self.values(3)? },
             joints: self.values::<MAX_JOINTS>(joints)?,
             extra: Extra { positions: self.values(axes.len())?, ..Extra::default() },
             errors: self.values::<MAX_JOINTS>(joints)?,
@@ -157,9 +172,11 @@ impl Fields<'_> {
         row.extra.errors = self.values(axes.len())?;
         row.allowed = self.values::<MAX_JOINTS>(joints)?;
         row.extra.allowed = self.values(axes.len())?;
-        for place in axes.places() {
+        let second = columns.second.iter().flat_map(Second::places);
+        for place in axes.places().chain(second) {
             row.pose.get_mut(place).into_iter().for_each(|value| *value = 0.0);
         }
+        row.second.pose = columns.second.map_or([0.0; 6], |second| second.pose_of(&world));
         Some(row)
     }
 
@@ -184,6 +201,10 @@ mod tests {
     use super::*;
     use kinematics::{Layout, Letters};
 
+    fn plain(joints: usize) -> Columns {
+        Columns { joints, extra: ExtraAxes::NONE, second: None }
+    }
+
     fn record(kind: u32, payload: &[&[u8]]) -> Vec<u8> {
         let payload = payload.concat();
         [&kind.to_ne_bytes()[..], &(payload.len() as u32).to_ne_bytes(), &payload].concat()
@@ -191,9 +212,9 @@ mod tests {
 
     #[test]
     fn records_come_back_as_they_were_written() {
-        let values: Vec<u8> = (1..=16).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=1\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[b"version=2\nlinuxcnc=2.9\n"]),
             record(
                 ROW,
                 &[&7_u64.to_ne_bytes(), &(-1_i32).to_ne_bytes(), &5_u32.to_ne_bytes(), &values],
@@ -201,44 +222,61 @@ mod tests {
             record(END, &[&9_u64.to_ne_bytes(), &4_i32.to_ne_bytes(), &1_u32.to_ne_bytes(), b"so"]),
         ]
         .concat();
-        let mut records = Records::new(bytes.as_slice(), 2, ExtraAxes::NONE);
-        let head = Record::Head { version: 1, linuxcnc: "2.9".into() };
+        let mut records = Records::new(bytes.as_slice(), plain(2));
+        let head = Record::Head { version: 2, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(
             (row.cycle, row.line, row.feed, row.pose[5], row.tool[2]),
-            (7, 0, 1.0, 7.0, 10.0)
+            (7, 0, 1.0, 7.0, 13.0)
         );
         assert_eq!((row.flags.on, row.flags.tool_busy, row.flags.held), (true, false, true));
-        assert_eq!((row.joints[1], row.errors[0], row.allowed[1]), (12.0, 13.0, 16.0));
+        assert_eq!((row.joints[1], row.errors[0], row.allowed[1]), (18.0, 19.0, 22.0));
         assert_eq!(records.read().unwrap(), Some(Record::End(9, 4, Cause::Stopped, "so".into())));
         assert_eq!(records.read().unwrap(), None);
     }
 
     #[test]
     fn values_of_extra_axes_stand_behind_those_of_legs_and_table() {
-        let values: Vec<u8> = (1..=19).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let values: Vec<u8> = (1..=25).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = record(ROW, &[&[0; 16], &values]);
         let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
         let axes = ExtraAxes::parse(b"WC", &layout).unwrap();
-        let record = Records::new(bytes.as_slice(), 1, axes).read().unwrap();
+        let columns = Columns { extra: axes, ..plain(1) };
+        let record = Records::new(bytes.as_slice(), columns).read().unwrap();
         let Some(Record::Row(row)) = record else { panic!("no row") };
         // Feed, pose with C taken out, tool; then commands, errors and what is allowed of three joints.
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         let first = |values: &[f64]| [values[0], values[1], values[2]];
-        assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (11.0, 14.0, 17.0));
-        assert_eq!(first(&row.extra.positions), [12.0, 13.0, 0.0]);
-        assert_eq!(first(&row.extra.errors), [15.0, 16.0, 0.0]);
-        assert_eq!(first(&row.extra.allowed), [18.0, 19.0, 0.0]);
+        assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (17.0, 20.0, 23.0));
+        assert_eq!(first(&row.extra.positions), [18.0, 19.0, 0.0]);
+        assert_eq!(first(&row.extra.errors), [21.0, 22.0, 0.0]);
+        assert_eq!(first(&row.extra.allowed), [24.0, 25.0, 0.0]);
+    }
+
+    #[test]
+    fn a_second_mechanism_has_its_own_pose_and_tool_and_takes_its_letters_out_of_the_first() {
+        let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let bytes = record(ROW, &[&[0; 16], &values]);
+        let letters = |text: &[u8]| Letters::parse(text).unwrap();
+        let first = Layout::new(1, letters(b"X"), Letters::NONE).unwrap();
+        let second = Second::new(2, letters(b"ZB"), letters(b"C"), &first).unwrap();
+        let columns = Columns { second: Some(second), ..plain(2) };
+        let record = Records::new(bytes.as_slice(), columns).read().unwrap();
+        let Some(Record::Row(row)) = record else { panic!("no row") };
+        assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
+        assert_eq!(row.second.pose, [0.0, 0.0, 10.0, 0.0, 7.0, 0.0]);
+        assert_eq!((row.tool, row.second.tool), ([11.0, 12.0, 13.0], [14.0, 15.0, 16.0]));
     }
 
     #[test]
     fn what_is_cut_off_or_is_no_record_is_an_error() {
-        let whole = record(ROW, &[&[0; 16 + 16 * 8]]);
-        assert!(Records::new(whole.as_slice(), 2, ExtraAxes::NONE).read().is_ok());
-        assert!(Records::new(whole.as_slice(), 3, ExtraAxes::NONE).read().is_err());
-        assert!(Records::new(&whole[..whole.len() - 1], 2, ExtraAxes::NONE).read().is_err());
-        assert!(Records::new(record(9, &[]).as_slice(), 2, ExtraAxes::NONE).read().is_err());
-        assert!(Records::new([0xff; 8].as_slice(), 2, ExtraAxes::NONE).read().is_err());
+        let whole = record(ROW, &[&[0; 16 + 22 * 8]]);
+        let read = |bytes: &[u8], joints| Records::new(bytes, plain(joints)).read();
+        assert!(read(&whole, 2).is_ok());
+        assert!(read(&whole, 3).is_err());
+        assert!(read(&whole[..whole.len() - 1], 2).is_err());
+        assert!(read(&record(9, &[]), 2).is_err());
+        assert!(read(&[0xff; 8], 2).is_err());
     }
 }

@@ -239,6 +239,7 @@ impl<'a> Writer<'a> {
             tool: self.tool,
             file: 0,
             extra: false,
+            second: None,
             spindle: Spindle::Unknown,
         });
     }

@@ -28,7 +28,7 @@ const SCALES: [&str; 4] = ["STEP_SCALE", "STEPGEN_SCALE", "SCALE", "INPUT_SCALE"
 /// Half a step of every drive in joint units; `None` where one of them is not known.
 pub fn half_steps(config: &MachineConfig) -> Option<Vec<f64>> {
     let half = |joint: usize| {
-        let section = format!("JOINT_{joint}");
+        let section = config.place.joint_section(joint);
         let scale = SCALES.iter().find_map(|key| config.ini.first(&section, key))?;
         let scale: f64 = scale.value.split_whitespace().next()?.parse().ok()?;
         (scale != 0.0 && scale.is_finite()).then(|| 0.5 / scale.abs())

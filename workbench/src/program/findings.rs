@@ -13,6 +13,8 @@ use serde::{Serialize, Serializer};
 pub enum Rule {
     /// A limit of the machine.
     Limit(Limit),
+    /// How near two mechanisms may come to each other.
+    Mechanisms,
     /// How far LinuxCNC lets a joint lag behind its command.
     FollowingError,
     /// LinuxCNC's own checks, which end in a message.
@@ -24,6 +26,7 @@ impl Rule {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Limit(limit) => limit.name(),
+            Self::Mechanisms => "mechanisms apart",
             Self::FollowingError => "following error",
             Self::Control => "LinuxCNC",
         }
@@ -33,6 +36,7 @@ impl Rule {
     pub fn is_of_time(self) -> bool {
         match self {
             Self::Limit(limit) => limits::is_of_feed(limit),
+            Self::Mechanisms => false,
             Self::FollowingError | Self::Control => true,
         }
     }
@@ -54,6 +58,7 @@ impl Serialize for Rule {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Limit(limit) => limits::word(limit, to),
+            Self::Mechanisms => to.serialize_str("mechanisms"),
             Self::FollowingError => to.serialize_str("following-error"),
             Self::Control => to.serialize_str("linuxcnc"),
         }
@@ -71,8 +76,11 @@ pub struct Break {
     pub line: u32,
     /// Number of the file that the line is in, 0 for the program itself.
     pub file: usize,
-    /// X Y Z A B C there, machine units and degrees.
+    /// X Y Z A B C there, machine units and degrees; of the mechanism that is meant.
     pub pose: [f64; 6],
+    /// Whether the second of two mechanisms is meant.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub of_second: bool,
     /// Seconds since the program was started, of what LinuxCNC's cycles show.
     pub seconds: Option<f64>,
     /// Moves that leave the limit; lines, where LinuxCNC's cycles are judged.

@@ -360,6 +360,7 @@ impl<'a> Pilot<'a> {
             line: leg.line,
             file: leg.file,
             pose: leg.at(found.share),
+            of_second: false,
             seconds: None,
             moves: 1,
             step: leg.number,

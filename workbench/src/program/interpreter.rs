@@ -7,7 +7,7 @@
 
 use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
-use kinematics::POSE_LETTERS;
+use kinematics::{Letter, POSE_LETTERS};
 use serde::Serialize;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -71,10 +71,29 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file that its line belongs to, in the order of [`each`].
     pub file: usize,
-    /// Whether an extra axis turns in it, or moves along with the tool.
+    /// Whether an extra axis turns in it, or moves along with the tool; the same of another mechanism.
     pub extra: bool,
+    /// The same move of the second mechanism, in its own coordinates, where the machine has two.
+    pub second: Option<Beside>,
     /// The spindle during the move, where [`with_spindle`] asked for it.
     pub spindle: Spindle,
+}
+
+/// What a move is for the second of two mechanisms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// End point, as [`Move::end`].
+    pub end: [f64; 6],
+    /// Tool length offset, as [`Move::tool`].
+    pub tool: [f64; 3],
+}
+
+impl Move {
+    /// The move as the second mechanism sees it.
+    pub fn of_second(&self) -> Option<Self> {
+        let Beside { end, tool } = self.second?;
+        Some(Self { end, tool, second: None, ..*self })
+    }
 }
 
 /// How long a program may go on before it counts as endless.
@@ -228,6 +247,8 @@ struct Records<'a, R> {
     config: &'a MachineConfig,
     /// Axes that words may name and that move the tool or the work.
     axes: [bool; 6],
+    /// Tool offsets U V W, machine units.
+    tool_beside: [f64; 3],
     files: Vec<PathBuf>,
     input: Option<BufReader<R>>,
     /// The next move, but for its line and end.
@@ -240,9 +261,13 @@ impl<'a, R: Read> Records<'a, R> {
         Self {
             config,
             axes: std::array::from_fn(|k| {
-                let is_extra = config.extra_axes.places().any(|place| place == k);
-                letters.contains(POSE_LETTERS[k]) && !is_extra
+                let letter = POSE_LETTERS[config.place.places[k]];
+                // A coordinate that a second mechanism holds has no letter.
+                let has_letter =
+                    !config.place.is_second || !config.machine.layout().is_held(Letter::ALL[k]);
+                has_letter && letters.contains(letter) && !others(config).contains(letter)
             }),
+            tool_beside: [0.0; 3],
             files: vec![program.to_path_buf()],
             input: input.map(|input| BufReader::with_capacity(BLOCK, input)),
             next: Move {
@@ -254,6 +279,7 @@ impl<'a, R: Read> Records<'a, R> {
                 tool: [0.0; 3],
                 file: 0,
                 extra: false,
+                second: None,
                 spindle: Spindle::default(),
             },
         }
@@ -274,7 +300,11 @@ impl<'a, R: Read> Records<'a, R> {
                     self.next.feed = feed * units / 60.0;
                     self.next.angular_feed = angular_feed / 60.0;
                 }
-                b'T' => self.next.tool = self.numbers()?.map(|length: f64| length * units),
+                b'T' => {
+                    let [x, y, z, u, v, w] = self.numbers()?.map(|length: f64| length * units);
+                    let own = if self.config.place.is_second { [u, v, w] } else { [x, y, z] };
+                    (self.next.tool, self.tool_beside) = (own, [u, v, w]);
+                }
                 b'S' => self.next.spindle = self.spindle()?,
                 b'P' => self.enter_file()?,
                 b'R' => return Ok(End::Refused(self.text()?)),
@@ -286,18 +316,25 @@ impl<'a, R: Read> Records<'a, R> {
 
     fn step(&mut self, kind: u8) -> io::Result<&Move> {
         let line = u32::from_le_bytes(self.bytes()?);
-        let place: [f64; 6] = self.numbers()?;
-        let (units, home, axes) = (self.config.units_per_mm, self.config.home, self.axes);
+        let mut place: [f64; 9] = self.numbers()?;
+        let units = self.config.units_per_mm;
+        for k in [0, 1, 2, 6, 7, 8] {
+            place[k] *= units;
+        }
         self.next.kind = match kind {
             b'r' => MoveKind::Rapid,
             b'f' => MoveKind::Feed,
             _ => MoveKind::Probe,
         };
         self.next.line = line;
-        self.next.end = std::array::from_fn(|k| match axes[k] {
-            false => home[k],
-            true if k < 3 => place[k] * units,
-            true => place[k],
+        let (config, axes) = (self.config, self.axes);
+        let own = |k: usize| if axes[k] { place[config.place.places[k]] } else { config.home[k] };
+        self.next.end = std::array::from_fn(own);
+        self.next.second = config.second.as_deref().map(|second| {
+            let is_held = |k: usize| second.machine.layout().is_held(Letter::ALL[k]);
+            let own =
+                |k: usize| if is_held(k) { second.home[k] } else { place[second.place.places[k]] };
+            Beside { end: std::array::from_fn(own), tool: self.tool_beside }
         });
         Ok(&self.next)
     }
@@ -400,7 +437,7 @@ fn request(
         parameter_file,
         tool_table: absolute(config.program.tool_table.as_deref())?,
         random_tools: config.program.random_tools,
-        extra: config.extra_axes.letters().collect(),
+        extra: others(config),
         spindle: false,
         chord_error: CHORD_ERROR_MM,
         most_moves: patience.moves,
@@ -450,6 +487,18 @@ fn calls(line: &[u8]) -> bool {
             }))
 }
 
+/// Letters that move no leg of the mechanism: of extra axes, and of another one.
+fn others(config: &MachineConfig) -> String {
+    let own = config.place.places;
+    let is_own = |k: &usize| {
+        let letter = own.iter().position(|place| place == k).map(|n| Letter::ALL[n]);
+        letter.is_some_and(|letter| !config.machine.layout().is_held(letter))
+    };
+    let all = (0..POSE_LETTERS.len()).filter(|k| !is_own(k)).map(|k| POSE_LETTERS[k]);
+    let extra: String = config.extra_axes.letters().collect();
+    all.filter(|letter| config.place.is_of_pair || extra.contains(*letter)).collect()
+}
+
 /// Letters of the machine's axes.
 fn axes(config: &MachineConfig) -> String {
     let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
@@ -472,13 +521,13 @@ fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
     let mut codes = vec![format!("{units} G90 G94")];
     codes.extend(config.program.startup_code.clone());
     codes.extend(block.map(String::from));
-    codes.push(format!("G53 G0 {}", words(config.home, &axes(config))));
+    codes.push(format!("G53 G0 {}", words(config.world_home, &axes(config))));
     codes
 }
 
 /// Words of these axes; the interpreter reads no exponents.
-fn words(values: [f64; 6], axes: &str) -> String {
-    let word = |(letter, value): (&str, f64)| format!("{letter}{value:.12}");
-    let all = ["X", "Y", "Z", "A", "B", "C"].into_iter().zip(values);
-    all.filter(|(letter, _)| axes.contains(letter)).map(word).collect::<Vec<_>>().join(" ")
+fn words(values: [f64; 9], axes: &str) -> String {
+    let word = |(letter, value): (char, f64)| format!("{letter}{value:.12}");
+    let all = POSE_LETTERS.into_iter().zip(values);
+    all.filter(|(letter, _)| axes.contains(*letter)).map(word).collect::<Vec<_>>().join(" ")
 }

@@ -205,7 +205,7 @@ impl<'a> Loads<'a> {
     }
 
     fn note_errors(&mut self, row: &Row) {
-        let (place, count) = (self.end, self.config.joints.len());
+        let (place, count) = (self.end, self.config.guarded_joints());
         let own = row.errors.iter().zip(&row.allowed).take(count);
         let extra = row.extra.errors.iter().zip(&row.extra.allowed).take(self.config.extra.len());
         for (joint, (error, allowed)) in own.chain(extra).enumerate() {
@@ -240,7 +240,7 @@ impl<'a> Loads<'a> {
             self.close_line();
             self.line = (place.line, 0.0);
         }
-        let own = speeds.iter().zip(&accelerations).take(self.config.joints.len());
+        let own = speeds.iter().zip(&accelerations).take(self.config.guarded_joints());
         let values = own.chain(extra[0].iter().zip(&extra[1]));
         for (joint, (limits, values)) in self.config.all_joints().zip(values).enumerate() {
             let (speed, acceleration) = (values.0.abs(), values.1.abs());
@@ -267,7 +267,7 @@ impl<'a> Loads<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Extra, Flags};
+    use crate::control::row::{Beside, Extra, Flags};
     use std::path::Path;
 
     /// Some hundred differences of numbers near 1000 over a thousandth of a second, twice.
@@ -289,6 +289,7 @@ mod tests {
             errors: [0.0; MAX_JOINTS],
             allowed: [1.0; MAX_JOINTS],
             extra: Extra::default(),
+            second: Beside::default(),
             tool: [0.0; 3],
             feed: 1.0,
         };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs: what LinuxCNC makes of them, and whether they fit a machine.
 
+pub mod beside;
+pub mod both;
 pub mod course;
 pub mod findings;
 mod follow;

@@ -9,6 +9,7 @@
 use crate::control::process::{self, Options};
 use crate::control::row::{Ending, Outcome, Row};
 use crate::limits;
+use crate::program::both::Flights;
 use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
@@ -67,7 +68,7 @@ impl<'a> Flight<'a> {
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn preflight(config: &MachineConfig, moves: &[Move]) -> Result<Preflight, Fault> {
-    let mut flight = Flight::new(config)?;
+    let mut flight = Flights::new(config)?;
     moves.iter().for_each(|step| flight.see(step));
     flight.finish()
 }
@@ -189,7 +190,7 @@ impl Preflight {
             self.margins.extend(least(config, limit, peaks));
         }
         self.breaks.extend(timing.breaks.iter().cloned());
-        let first = config.joints.len();
+        let first = config.guarded_joints();
         self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
             |(n, (axis, used))| {
                 let joint = &axis.joint;
@@ -266,7 +267,7 @@ fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (
             );
             (part, text)
         }
-        Rule::FollowingError | Rule::Control => {
+        Rule::FollowingError | Rule::Control | Rule::Mechanisms => {
             let limit = Limit::JointRange;
             let (part, unit) =
                 (limits::part(config, limit, joint), limits::unit(config, limit, joint));
@@ -308,6 +309,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
         line,
         file,
         pose,
+        of_second: false,
         seconds: Some(seconds),
         moves,
         step,
@@ -321,7 +323,7 @@ fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Extra, Flags, Message, MessageKind};
+    use crate::control::row::{Beside, Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
     fn config() -> MachineConfig {
@@ -343,6 +345,7 @@ mod tests {
                 errors: [0.0; MAX_JOINTS],
                 allowed: [1.0; MAX_JOINTS],
                 extra: Extra::default(),
+                second: Beside::default(),
                 tool: [0.0; 3],
                 feed: 1.0,
             });

@@ -506,6 +506,7 @@ mod tests {
             tool,
             file: 0,
             extra: false,
+            second: None,
             spindle: Spindle::Unknown,
         }
     }

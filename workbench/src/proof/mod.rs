@@ -2,6 +2,7 @@
 //! Statements about boxes of poses that hold for every pose in them.
 
 pub mod axis_box;
+pub(crate) mod between;
 mod bounds;
 pub mod boxes;
 pub mod cell;

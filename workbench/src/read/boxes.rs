@@ -3,6 +3,7 @@
 //! their proof needs.
 
 use crate::read::ini::{Ini, IniError};
+use crate::read::place::Place;
 use keys::{ROW, workspace_box};
 use kinematics::{Cause, Fault, Geometry, Letter, Load, WorkspaceBox};
 use std::fmt::Write;
@@ -27,16 +28,20 @@ pub struct BoxSection {
     pub geometry: u32,
 }
 
-/// The sections of a file: as many as `boxes=` says.
+/// The sections of a mechanism of a file: as many as `boxes=` or `second_boxes=` says; `load` is that of the
+/// mechanism.
 ///
 /// # Errors
 /// A section or key is missing, unknown or malformed.
-pub fn read(ini: &Ini, load: &Load) -> Result<Vec<BoxSection>, IniError> {
-    let names: Vec<String> = (0..load.boxes()).map(|k| format!("BOX_{k}")).collect();
-    for name in ini.sections().filter(|name| name.starts_with("BOX_")) {
+pub fn read(ini: &Ini, load: &Load, place: &Place) -> Result<Vec<BoxSection>, IniError> {
+    let names: Vec<String> = (0..load.boxes()).map(|k| place.box_section(k)).collect();
+    for name in ini.sections().filter(|name| name.starts_with(place.box_prefix())) {
         if !names.iter().any(|own| own == name) {
-            let expected =
-                format!("one section too many; [KINS]KINEMATICS has boxes={}", load.boxes());
+            let expected = format!(
+                "one section too many; [KINS]KINEMATICS has {}={}",
+                place.boxes_parameter(),
+                load.boxes()
+            );
             return Err(ini.refuse_section(name, &expected));
         }
     }
@@ -91,11 +96,11 @@ fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
     Ok(BoxSection { claim, geometry: ini.require_value(name, &workspace_box::GEOMETRY)? as u32 })
 }
 
-/// The text of the section, as an INI file holds it.
-pub fn text(k: usize, section: &BoxSection, load_letters: &[Letter], legs: usize) -> String {
+/// The text of the section of this name, as an INI file holds it.
+pub fn text(name: &str, section: &BoxSection, load_letters: &[Letter], legs: usize) -> String {
     let BoxSection { claim, geometry } = section;
     let list = |values: &[f64]| values.iter().map(|x| x.to_string()).collect::<Vec<_>>().join(" ");
-    let mut text = format!("[BOX_{k}]\n");
+    let mut text = format!("[{name}]\n");
     let mut line = |key: &str, value: String| {
         writeln!(text, "{key} = {value}").expect("a string takes everything");
     };

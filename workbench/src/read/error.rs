@@ -2,6 +2,7 @@
 //! Why no machine could be made of an INI file: everything that was found, at once.
 
 use crate::read::ini::{Ini, IniError};
+use crate::read::place::Place;
 use kinematics::{Fault, MachinePart};
 use std::fmt;
 use std::path::PathBuf;
@@ -17,8 +18,9 @@ pub enum MachineError {
 }
 
 impl MachineError {
-    /// The refusal of the geometry of a file.
-    pub(crate) fn of_geometry(ini: &Ini, fault: Fault) -> Self {
+    /// The refusal of the geometry of a mechanism of a file.
+    pub(crate) fn of_geometry(ini: &Ini, place: &Place, fault: Fault) -> Self {
+        let fault = place.counted(fault);
         let section = match fault.part {
             Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
                 Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))

@@ -3,11 +3,10 @@
 
 use crate::read::error::{Errors, leg_section};
 use crate::read::ini::{Ini, IniError};
+use crate::read::place::Place;
 use keys::{joint as of_joint, leg as of_leg};
 use kinematics::Load;
 use kinematics::leg::Kind;
-
-pub(super) const AXES: [&str; 6] = ["AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C"];
 
 /// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
 /// of emccfg.h), machine units or degrees per second.
@@ -149,8 +148,9 @@ impl ExtraAxis {
 /// The extra axis `n`, whose joint stands behind those of legs and table.
 pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<ExtraAxis> {
     let letter = load.extra.letters().nth(n)?;
-    let number = load.layout.joints() + n;
-    let joint = joint(ini, number, load, errors);
+    let number = load.first_extra_joint() + n;
+    let name = format!("{} {letter}", JointKind::Extra.name());
+    let joint = limited(ini, &format!("JOINT_{number}"), (JointKind::Extra, name), None, errors);
     let section = format!("AXIS_{letter}");
     let axis = axis(ini, &section, errors);
     let (joint, axis) = (joint?, axis?);
@@ -169,22 +169,38 @@ pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Op
     Some(ExtraAxis { letter, joint, axis })
 }
 
-pub(super) fn joint(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<Joint> {
-    let section = format!("JOINT_{n}");
-    let value = |key, errors: &mut Errors| errors.of(ini.require_value(&section, key));
+/// Joint `n` of a mechanism, of a leg or of the table.
+pub(super) fn joint(
+    ini: &Ini,
+    n: usize,
+    (load, place): (&Load, &Place),
+    errors: &mut Errors,
+) -> Option<Joint> {
+    let leg = (n < load.layout.legs()).then(|| place.first_leg + n);
+    limited(ini, &place.joint_section(n), kind_and_name(n, load, place), leg, errors)
+}
+
+/// A joint of this section; that of a leg has the leg's number.
+fn limited(
+    ini: &Ini,
+    section: &str,
+    (kind, name): (JointKind, String),
+    leg: Option<usize>,
+    errors: &mut Errors,
+) -> Option<Joint> {
+    let value = |key, errors: &mut Errors| errors.of(ini.require_value(section, key));
     let min = value(&of_joint::MIN_LIMIT, errors);
     let max = value(&of_joint::MAX_LIMIT, errors);
-    let (kind, name) = kind_and_name(n, load);
     if let (Some(min), Some(max)) = (min, max) {
         let expected = format!("expected less than MAX_LIMIT = {max}");
-        errors.of(check_least(ini, &section, min < max, &expected));
-        if kind == JointKind::Arm {
-            errors.of(check_turn(ini, n, &section));
+        errors.of(check_least(ini, section, min < max, &expected));
+        if let Some(leg) = leg.filter(|_| kind == JointKind::Arm) {
+            errors.of(check_turn(ini, leg, section));
         }
     }
     let max_velocity = value(&of_joint::MAX_VELOCITY, errors);
     let max_acceleration = value(&of_joint::MAX_ACCELERATION, errors);
-    let home = errors.of(ini.number_or(&section, "HOME", 0.0));
+    let home = errors.of(ini.number_or(section, "HOME", 0.0));
     let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
     Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
 }
@@ -216,18 +232,16 @@ fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
     Ok(())
 }
 
-fn kind_and_name(n: usize, load: &Load) -> (JointKind, String) {
+fn kind_and_name(n: usize, load: &Load, place: &Place) -> (JointKind, String) {
     match load.kinds().get(n) {
         Some(kind) => {
             let kind = JointKind::of_leg(*kind);
-            (kind, format!("{} {n}", kind.name()))
+            (kind, format!("{} {}", kind.name(), place.first_leg + n))
         }
         None => {
-            let table = load.layout.table().as_slice().iter().map(|letter| letter.name());
-            let letter = table.chain(load.extra.letters()).nth(n - load.layout.legs());
-            let is_table = n < load.layout.joints();
-            let kind = if is_table { JointKind::Table } else { JointKind::Extra };
-            (kind, format!("{} {}", kind.name(), letter.unwrap_or_default()))
+            let letter = load.layout.table().as_slice().get(n - load.layout.legs());
+            let letter = letter.map(|letter| letter.name()).unwrap_or_default();
+            (JointKind::Table, format!("{} {letter}", JointKind::Table.name()))
         }
     }
 }

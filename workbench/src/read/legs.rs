@@ -54,33 +54,32 @@ pub(super) fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError>
 
 pub(super) fn leg_geometry(
     ini: &Ini,
-    n: usize,
+    section: &str,
     kind: Kind,
     errors: &mut Errors,
 ) -> Option<LegGeometry> {
-    let section = leg_section(n);
-    errors.of(ini.check_keys(&section, keys::of_leg(kind)));
-    let base = errors.of(ini.require_values(&section, &of_leg::BASE));
-    let mut platform = || errors.of(ini.require_values(&section, &of_leg::PLATFORM));
+    errors.of(ini.check_keys(section, keys::of_leg(kind)));
+    let base = errors.of(ini.require_values(section, &of_leg::BASE));
+    let mut platform = || errors.of(ini.require_values(section, &of_leg::PLATFORM));
     match kind {
         Kind::Ring => {
-            let [radius, height] = errors.of(ini.require_values(&section, &of_leg::EFFECTOR))?;
+            let [radius, height] = errors.of(ini.require_values(section, &of_leg::EFFECTOR))?;
             let kind = LegKind::Ring(RingGeometry { radius });
             Some(LegGeometry { base: base?, platform: [0.0, 0.0, height], kind })
         }
         Kind::Strut => {
             let platform = platform();
-            let strut = strut(ini, &section, errors);
+            let strut = strut(ini, section, errors);
             Some(LegGeometry::strut(base?, platform?, strut?))
         }
         Kind::Slider => {
             let platform = platform();
-            let kind = LegKind::Slider(slider(ini, &section, errors)?);
+            let kind = LegKind::Slider(slider(ini, section, errors)?);
             Some(LegGeometry { base: base?, platform: platform?, kind })
         }
         Kind::Crank => {
             let platform = platform();
-            let kind = LegKind::Crank(crank(ini, &section, errors)?);
+            let kind = LegKind::Crank(crank(ini, section, errors)?);
             Some(LegGeometry { base: base?, platform: platform?, kind })
         }
     }

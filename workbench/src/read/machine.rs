@@ -5,16 +5,15 @@
 //! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
 
 use crate::read::boxes::{self, BoxSection};
-use crate::read::error::{Errors, MachineError, leg_section};
+use crate::read::error::{Errors, MachineError};
 use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::joints::{
-    AXES, Axis, ExtraAxis, Group, Joint, JointKind, axis, extra, joint, positive,
-};
+use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind, axis, extra, joint, positive};
 use crate::read::legs::{check_leg_sections, leg_geometry};
-use keys::{leg as of_leg, machine as of_machine};
+use crate::read::place::Place;
+use keys::{leg as of_leg, machine as of_machine, second as of_second};
 use kinematics::{
-    CONDITIONING_LIMIT, ExtraAxes, Geometry, LegGeometry, Letter, Load, MAX_LEGS, Machine, PerLeg,
-    Pose, Solver, Vector3,
+    CONDITIONING_LIMIT, ExtraAxes, Geometry, LegGeometry, Letter, Load, MAX_LEGS, Machine,
+    POSE_LETTERS, PerLeg, Pose, Second, Solver, Vector3,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,9 +26,22 @@ const SPEEDS: [&str; 4] = [
     "MAX_ANGULAR_ACCELERATION",
 ];
 
-/// Load parameters of the module, in the order that [`Load::parse`] takes them; the last
-/// ones are those of [`Load::with_axes`] and [`Load::with_boxes`].
-const PARAMETERS: [&str; 5] = ["legs", "coordinates", "table", "axes", "boxes"];
+/// Load parameters of the module, in the order that [`Load::parse`] takes them; the next ones are those
+/// of [`Load::with_axes`] and [`Load::with_boxes`], then those of a second mechanism.
+const PARAMETERS: [&str; 9] = [
+    "legs",
+    "coordinates",
+    "table",
+    "axes",
+    "boxes",
+    "second",
+    "second_coordinates",
+    "second_angles",
+    "second_boxes",
+];
+
+/// Those that may be given without a value.
+const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
 
 /// What LinuxCNC's interpreter needs to read programs as this machine does.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,9 +58,20 @@ pub struct Program {
     pub expanded: Option<String>,
 }
 
-/// A machine with everything its INI file says that this crate uses.
+/// A machine with everything its INI file says that this crate uses; of two mechanisms the first one.
 #[derive(Clone, Debug)]
 pub struct MachineConfig {
+    /// Which mechanism of the file it is.
+    pub place: Place,
+    /// Letters of a second mechanism.
+    pub second_letters: Option<Second>,
+    /// The second mechanism of the file as a machine in its own coordinates, if there is one.
+    pub second: Option<Box<MachineConfig>>,
+    /// Smallest distance of the legs and the platform of one of two mechanisms from those of the
+    /// other, machine units, `[PKM]MECHANISM_CLEARANCE`.
+    pub mechanism_clearance: Option<f64>,
+    /// `[TRAJ]HOME` as LinuxCNC has it, X Y Z A B C U V W.
+    pub world_home: [f64; 9],
     /// The INI file.
     pub file: PathBuf,
     /// What was read from it.
@@ -59,7 +82,7 @@ pub struct MachineConfig {
     pub geometry: Geometry,
     /// Joint offsets, `[LEG_N]OFFSET`.
     pub offsets: PerLeg,
-    /// `[TRAJ]HOME`: x y z in machine units, a b c in degrees.
+    /// `[TRAJ]HOME` in its own coordinates: x y z in machine units, a b c in degrees.
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
@@ -87,7 +110,7 @@ pub struct MachineConfig {
     pub extra_axes: ExtraAxes,
     /// Their limits, in joint order.
     pub extra: Vec<ExtraAxis>,
-    /// `[AXIS_X]` to `[AXIS_C]`.
+    /// `[AXIS_X]` to `[AXIS_C]`, or those of the letters that stand for them.
     pub axes: Vec<Axis>,
     /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
     pub units_per_mm: f64,
@@ -122,19 +145,40 @@ impl MachineConfig {
     /// One of the values, or the geometry is refused.
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
         let load = load(ini)?;
+        let second = Place::second(&load).zip(load.of_second());
+        let legs = load.layout.legs() + second.as_ref().map_or(0, |(_, own)| own.layout.legs());
         let mut errors = Errors::default();
         errors.of(check_joints(ini, &load));
-        errors.of(check_leg_sections(ini, load.layout.legs()));
+        errors.of(check_leg_sections(ini, legs));
         errors.of(check_coordinates(ini, &load));
+        errors.of(check_second_sections(ini, &load));
         // Where these are wrong, what follows only repeats it.
         errors.checked()?;
         let mut errors = Errors::default();
-        let read = Values::read(ini, &load, &mut errors);
-        let read = errors.value(read)?;
-        let refused = |fault| MachineError::of_geometry(ini, fault);
-        let geometry = read.geometry(&load);
+        let first = Place::first(&load);
+        let read = Values::read(ini, &load, &first, &mut errors);
+        let of_second = second
+            .map(|(place, load)| (Values::read(ini, &load, &place, &mut errors), load, place));
+        let (read, of_second) = match of_second {
+            None => (errors.value(read)?, None),
+            Some((own, load, place)) => {
+                let (read, own) = errors.value(read.zip(own))?;
+                (read, Some((own, load, place)))
+            }
+        };
+        let mut config = Self::of_values(ini, &load, first, read)?;
+        if let Some((own, load, place)) = of_second {
+            config.second = Some(Box::new(Self::of_values(ini, &load, place, own)?));
+        }
+        Ok(config)
+    }
+
+    /// Of the values of a mechanism, whose load parameters are as if it were alone.
+    fn of_values(ini: &Ini, load: &Load, place: Place, read: Values) -> Result<Self, MachineError> {
+        let refused = |fault| MachineError::of_geometry(ini, &place, fault);
+        let geometry = read.geometry(load);
         let machine = Machine::freeze(&geometry, &read.offsets).map_err(refused)?;
-        let boxes = boxes::read(ini, &load)?;
+        let boxes = boxes::read(ini, load, &place)?;
         boxes::check(&boxes, &geometry).map_err(refused)?;
         let [
             max_linear_velocity,
@@ -144,6 +188,11 @@ impl MachineConfig {
         ] = read.speeds;
         Ok(Self {
             file: ini.file().into(),
+            place,
+            second_letters: load.second().copied(),
+            second: None,
+            mechanism_clearance: read.mechanism_clearance,
+            world_home: read.world_home,
             machine,
             geometry,
             offsets: read.offsets,
@@ -173,6 +222,11 @@ impl MachineConfig {
         })
     }
 
+    /// Its mechanisms, the first one first.
+    pub fn mechanisms(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(self.second.as_deref())
+    }
+
     /// Name of the machine's unit of length.
     pub fn length_unit(&self) -> &'static str {
         if self.units_per_mm == 1.0 { "mm" } else { "inch" }
@@ -188,22 +242,31 @@ impl MachineConfig {
         self.machine.layout().legs()
     }
 
-    /// The joints of legs, table and extra axes.
-    pub fn all_joints(&self) -> impl Iterator<Item = &Joint> {
-        self.joints.iter().chain(self.extra.iter().map(|axis| &axis.joint))
+    /// Number of joints of legs and table, those of a second mechanism included: behind them stand
+    /// those of extra axes.
+    pub fn guarded_joints(&self) -> usize {
+        self.mechanisms().map(|mechanism| mechanism.joints.len()).sum()
     }
 
-    /// Joint `i`, of legs, table or extra axes.
+    /// The joints of legs and table, of a second mechanism and of extra axes, as LinuxCNC counts them.
+    pub fn all_joints(&self) -> impl Iterator<Item = &Joint> {
+        let own = self.mechanisms().flat_map(|mechanism| &mechanism.joints);
+        own.chain(self.extra.iter().map(|axis| &axis.joint))
+    }
+
+    /// Joint `i` of [`MachineConfig::all_joints`].
+    ///
+    /// # Panics
+    /// If there is none.
     pub fn joint(&self, i: usize) -> &Joint {
-        let extra = i.checked_sub(self.joints.len());
-        extra.map_or_else(|| &self.joints[i], |n| &self.extra[n].joint)
+        self.all_joints().nth(i).expect("a joint of the machine")
     }
 
     /// Unit of the values of joint `i`.
     pub fn unit_of(&self, i: usize) -> &'static str {
-        match i.checked_sub(self.joints.len()) {
+        match i.checked_sub(self.guarded_joints()) {
             Some(n) => self.extra[n].unit(self.length_unit()),
-            None => self.unit(self.joints[i].kind),
+            None => self.unit(self.joint(i).kind),
         }
     }
 
@@ -231,13 +294,13 @@ impl MachineConfig {
 
 /// The load parameters in `[KINS]KINEMATICS`.
 fn load(ini: &Ini) -> Result<Load, IniError> {
-    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT]";
+    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    let mut given: [Option<&[u8]>; 5] = [None; 5];
+    let mut given: [Option<&[u8]>; PARAMETERS.len()] = [None; PARAMETERS.len()];
     for word in words {
         let place = word
             .split_once('=')
@@ -248,15 +311,18 @@ fn load(ini: &Ini) -> Result<Load, IniError> {
         if given[place].is_some() {
             return Err(ini.refuse(entry, &format!("expected {name}= once; {expected}")));
         }
-        if text.is_empty() && !["table", "axes"].contains(&name) {
+        if text.is_empty() && !MAY_BE_EMPTY.contains(&name) {
             return Err(ini.refuse(entry, &format!("expected a value after {name}=; {expected}")));
         }
         given[place] = Some(text.as_bytes());
     }
-    let [legs, coordinates, table, axes, boxes] = given;
+    let [legs, coordinates, table, axes, boxes, second, of_second @ ..] = given;
+    let [second_coordinates, second_angles, second_boxes] = of_second;
     Load::parse(legs, coordinates, table)
+        .and_then(|load| load.with_second(second, second_coordinates, second_angles))
         .and_then(|load| load.with_axes(axes))
         .and_then(|load| load.with_boxes(boxes))
+        .and_then(|load| load.with_second_boxes(second_boxes))
         .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
 }
 
@@ -277,7 +343,8 @@ fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
 fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let moved = || {
         let letters = Letter::ALL.into_iter().filter(|letter| !load.layout.is_held(*letter));
-        letters.map(Letter::name).chain(load.extra.letters())
+        let second = load.second().into_iter().flat_map(Second::places).map(|k| POSE_LETTERS[k]);
+        letters.map(Letter::name).chain(second).chain(load.extra.letters())
     };
     let wanted: String = moved().collect();
     let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
@@ -289,21 +356,48 @@ fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
     }
 }
 
-fn home(ini: &Ini) -> Result<[f64; 6], IniError> {
-    let expected = "expected 3 to 9 decimal numbers separated by blanks";
+/// What only a second mechanism has.
+fn check_second_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
+    let mut names = ini.sections();
+    let is_own = |name: &str| name == "SECOND" || name.starts_with("SECOND_BOX_");
+    match names.find(|name| is_own(name)).filter(|_| load.second().is_none()) {
+        Some(name) => Err(ini.refuse_section(
+            name,
+            "one section too many; [KINS]KINEMATICS has no second mechanism, second=",
+        )),
+        None => {
+            let key = of_machine::MECHANISM_CLEARANCE.name;
+            match ini.first("PKM", key).filter(|_| load.second().is_none()) {
+                Some(entry) => {
+                    let text = "it is for two mechanisms, and [KINS]KINEMATICS has no second=";
+                    Err(ini.refuse(entry, text))
+                }
+                None => ini.check_keys("SECOND", of_second::ALL.iter().copied()),
+            }
+        }
+    }
+}
+
+/// `[TRAJ]HOME` as LinuxCNC has it; a second mechanism needs all nine numbers.
+fn world_home(ini: &Ini, is_whole: bool) -> Result<[f64; 9], IniError> {
+    let (least, expected) = match is_whole {
+        true => (9, "expected 9 decimal numbers separated by blanks, X Y Z A B C U V W"),
+        false => (3, "expected 3 to 9 decimal numbers separated by blanks"),
+    };
     let entry = ini.require("TRAJ", "HOME", expected)?;
-    let values = ini.number_list(entry).filter(|values| (3..=9).contains(&values.len()));
+    let values = ini.number_list(entry).filter(|values| (least..=9).contains(&values.len()));
     let mut values = values.ok_or_else(|| ini.refuse(entry, expected))?;
-    values.resize(6, 0.0);
-    let home = std::array::from_fn(|i| values[i]);
-    if home[3..].iter().any(|angle| *angle != 0.0) {
+    values.resize(9, 0.0);
+    if values[3..6].iter().any(|angle| *angle != 0.0) {
         return Err(ini.refuse(entry, "expected a level pose, A = B = C = 0"));
     }
-    Ok(home)
+    Ok(std::array::from_fn(|i| values[i]))
 }
 
 /// The values of a file, before the machine is made of them.
 struct Values {
+    world_home: [f64; 9],
+    mechanism_clearance: Option<f64>,
     home: [f64; 6],
     centre: [f64; 3],
     spindle: f64,
@@ -325,7 +419,7 @@ struct Values {
 
 impl Values {
     /// Everything is read, also where something is wrong before it.
-    fn read(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Self> {
+    fn read(ini: &Ini, load: &Load, place: &Place, errors: &mut Errors) -> Option<Self> {
         let legs = load.layout.legs();
         errors.of(ini.check_keys("PKM", of_machine::ALL.iter().copied()));
         let machine = |key, errors: &mut Errors| errors.of(ini.value("PKM", key));
@@ -333,10 +427,18 @@ impl Values {
         for key in [&of_machine::MAX_ERROR, &of_machine::FEED_FLOOR, &of_machine::SCREW_LEAD] {
             machine(key, errors);
         }
-        let home = errors.of(home(ini));
-        let centre = errors.of(ini.values("PKM", &of_machine::CENTRE));
-        let spindle = machine(&of_machine::SPINDLE_OFFSET, errors);
-        let leg = |n, errors: &mut Errors| leg_geometry(ini, n, load.kinds()[n], errors);
+        let world_home = errors.of(world_home(ini, place.is_of_pair));
+        let own = |key, of_second| match place.is_second {
+            true => ("SECOND", of_second),
+            false => ("PKM", key),
+        };
+        let (section, key) = own(&of_machine::CENTRE, &of_second::CENTRE);
+        let centre = errors.of(ini.values(section, key));
+        let (section, key) = own(&of_machine::SPINDLE_OFFSET, &of_second::SPINDLE_OFFSET);
+        let spindle = errors.of(ini.value(section, key));
+        let leg_section = |n| place.leg_section(n);
+        let leg =
+            |n, errors: &mut Errors| leg_geometry(ini, &leg_section(n), load.kinds()[n], errors);
         let of_legs = errors.each(legs, leg);
         let offset =
             |n, errors: &mut Errors| errors.of(ini.value(&leg_section(n), &of_leg::OFFSET));
@@ -354,13 +456,19 @@ impl Values {
         let solver = solver(ini, errors);
         let conditioning_limit = machine(&of_machine::CONDITIONING_LIMIT, errors);
         let clearance = machine(&of_machine::ROD_CLEARANCE, errors);
+        let mechanism_clearance = machine(&of_machine::MECHANISM_CLEARANCE, errors);
         let tilt_limit = machine(&of_machine::TILT_LIMIT, errors);
-        let joints = errors.each(load.layout.joints(), |n, errors| joint(ini, n, load, errors));
+        let joints =
+            errors.each(load.layout.joints(), |n, errors| joint(ini, n, (load, place), errors));
         let extra = errors.each(load.extra.len(), |n, errors| extra(ini, n, load, errors));
-        let axes = errors.each(AXES.len(), |n, errors| match load.extra.places().any(|k| k == n) {
-            // The coordinate of an extra axis is none of the tool's.
-            true => Some(Axis::UNLIMITED),
-            false => axis(ini, AXES[n], errors),
+        let axes = errors.each(Letter::ALL.len(), |n, errors| {
+            let letter = Letter::ALL[n];
+            let is_of_others = load.other_places().any(|k| k == place.places[n]);
+            match is_of_others || (place.is_second && load.layout.is_held(letter)) {
+                // The coordinate of another mechanism or of an extra axis is none of the tool's.
+                true => Some(Axis::UNLIMITED),
+                false => axis(ini, &place.axis_section(letter), errors),
+            }
         });
         let units_per_mm = errors.of(units_per_mm(ini));
         let speeds = errors.each(SPEEDS.len(), |n, errors| {
@@ -369,8 +477,12 @@ impl Values {
         let period = errors.of(positive(ini, "EMCMOT", "SERVO_PERIOD", Some(1e6)));
         let mut padded = [0.0; MAX_LEGS];
         padded.iter_mut().zip(offsets?).for_each(|(to, given)| *to = given.unwrap_or(0.0));
+        let world_home = world_home?;
+        let [x, y, z, a, b, c, u, v, w] = world_home;
         Some(Self {
-            home: home?,
+            world_home,
+            mechanism_clearance: mechanism_clearance?,
+            home: if place.is_second { [u, v, w, 0.0, 0.0, 0.0] } else { [x, y, z, a, b, c] },
             centre: centre?.unwrap_or_default(),
             spindle: spindle?.unwrap_or(0.0),
             legs: of_legs?,

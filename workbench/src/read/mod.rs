@@ -8,4 +8,5 @@ pub mod ini;
 pub mod joints;
 pub(crate) mod legs;
 pub mod machine;
+pub mod place;
 pub mod tools;

@@ -3,7 +3,7 @@
 
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
-use kinematics::Vector3;
+use kinematics::{Letter, Vector3};
 use std::fs;
 use std::io;
 use std::path::PathBuf;
@@ -15,12 +15,14 @@ pub struct Tool {
     pub number: i64,
     /// Its offset x y z, machine units.
     pub offset: Vector3<f64>,
+    /// Letters of the table that hold it: of a second mechanism U V W.
+    letters: [char; 3],
 }
 
 impl Tool {
     /// Number and offset for people.
     pub(crate) fn name(&self) -> String {
-        let words = ["X", "Y", "Z"].into_iter().zip(self.offset.iter());
+        let words = self.letters.iter().zip(self.offset.iter());
         let words: Vec<String> =
             words.filter(|(_, x)| **x != 0.0).map(|(letter, x)| format!(" {letter}{x}")).collect();
         format!("T{}{}", self.number, words.concat())
@@ -69,15 +71,16 @@ pub(crate) fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
         let words = line.split(';').next().unwrap_or_default();
         if !words.trim().is_empty() {
             let bad = |error| TableError::Line { file: file.clone(), line: n + 1, error };
-            tools.push(tool(words).map_err(bad)?);
+            let letters = [Letter::X, Letter::Y, Letter::Z].map(|l| config.place.letter(l));
+            tools.push(tool(words, letters).map_err(bad)?);
         }
     }
     Ok(tools)
 }
 
 /// Letters, each with its number behind it.
-fn tool(words: &str) -> Result<Tool, BadTool> {
-    let mut found = Tool { number: 0, offset: Vector3::zeros() };
+fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
+    let mut found = Tool { number: 0, offset: Vector3::zeros(), letters };
     let mut has_number = false;
     for word in words.split_whitespace() {
         let refused = || BadTool::Word(word.into());
@@ -86,10 +89,10 @@ fn tool(words: &str) -> Result<Tool, BadTool> {
         if !value.is_finite() {
             return Err(refused());
         }
-        match letter {
-            'T' => (found.number, has_number) = (value as i64, true),
-            'X' | 'Y' | 'Z' => found.offset[letter as usize - 'X' as usize] = value,
-            _ => {}
+        if letter == 'T' {
+            (found.number, has_number) = (value as i64, true);
+        } else if let Some(k) = letters.iter().position(|own| *own == letter) {
+            found.offset[k] = value;
         }
     }
     if has_number { Ok(found) } else { Err(BadTool::NoNumber) }
@@ -101,9 +104,12 @@ mod tests {
 
     #[test]
     fn words_stand_in_any_order_and_other_letters_do_not_count() {
-        let found = tool("P3 Z+40.5 t2 D5 x-1.25 I12").unwrap();
-        assert_eq!(found, Tool { number: 2, offset: Vector3::new(-1.25, 0.0, 40.5) });
+        let letters = ['X', 'Y', 'Z'];
+        let line = "P3 Z+40.5 t2 D5 x-1.25 I12 W7";
+        let found = tool(line, letters).unwrap();
+        assert_eq!(found, Tool { number: 2, offset: Vector3::new(-1.25, 0.0, 40.5), letters });
         assert_eq!(found.name(), "T2 X-1.25 Z40.5");
+        assert_eq!(tool(line, ['U', 'V', 'W']).unwrap().name(), "T2 W7");
     }
 
     #[test]
@@ -114,7 +120,10 @@ mod tests {
             ("T1 é", "not é"),
             ("P1 Z3", "no number T"),
         ] {
-            assert!(tool(line).unwrap_err().to_string().contains(expected), "{line}");
+            assert!(
+                tool(line, ['X', 'Y', 'Z']).unwrap_err().to_string().contains(expected),
+                "{line}"
+            );
         }
     }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Replay cases: a machine, a program, and what is expected of them, as TOML.
 
+use pkm::program::beside::moves_of;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS};
 use pkm::program::replay::{Replay, replay};
 use pkm::read::machine::MachineConfig;
@@ -16,6 +17,9 @@ const LINUXCNC: &str = "linuxcnc:";
 pub struct Case {
     /// Folder and file name of the configuration: configs/NAME/NAME.ini.
     pub machine: String,
+    /// Whether the second of two mechanisms is meant.
+    #[serde(default)]
+    pub second: bool,
     /// Program beside the INI file, or `linuxcnc:NAME` for one that LinuxCNC ships.
     pub program: String,
     /// G54 for this run: x y z in machine units, a b c in degrees.
@@ -82,19 +86,26 @@ impl Case {
     /// # Errors
     /// A sentence, where the machine or program cannot be read, or a pose fails.
     pub fn run(&self, configs: &Path) -> Result<Outcome, String> {
-        let mut config = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
+        let mut whole = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
         // A case does not depend on what an earlier run left in the parameter file.
-        config.program.parameter_file = None;
+        whole.program.parameter_file = None;
+        let config = match self.second {
+            true => whole.second.as_deref().ok_or("no second mechanism")?,
+            false => &whole,
+        };
         let program = self.program(configs);
         let block = self.work_offset.map(|[x, y, z, a, b, c]| {
             format!("G10 L2 P1 X{x:.12} Y{y:.12} Z{z:.12} A{a:.12} B{b:.12} C{c:.12}")
         });
-        let moves =
-            interpreter::moves(&config, &program, block.as_deref()).map_err(|e| e.to_string())?;
-        let replay = replay(&config, &moves, self.period)
+        let moves = match whole.second {
+            Some(_) => moves_of(config, &whole, &program),
+            None => interpreter::moves(config, &program, block.as_deref()),
+        };
+        let moves = moves.map_err(|e| e.to_string())?;
+        let replay = replay(config, &moves, self.period)
             .map_err(|e| format!("{}: {e}", program.display()))?;
         let mut failures = self.expect.failures(&replay);
-        failures.extend(replay.violations(&config));
+        failures.extend(replay.violations(config));
         Ok(Outcome { replay, failures })
     }
 }

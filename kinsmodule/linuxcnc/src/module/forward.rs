@@ -10,6 +10,7 @@ use kinematics::{Cause, Fault, Joints, Pose, Solution};
 impl Module {
     /// Writes the pose of the joints, in degrees, over the seed in `pose`, which may hold NaN.
     /// `address` is that of LinuxCNC's pose and distinguishes the kinds of call.
+    #[inline(always)]
     pub fn forward(
         &mut self,
         joints: &Joints,

@@ -13,9 +13,18 @@ pub(super) struct Frozen {
     pub(super) given: Given,
 }
 
+/// Whether a geometry that is offered is taken, or only looked at.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Taken {
+    Not,
+    InForce,
+}
+
 impl Module {
     /// Reads the pins that ask for something, and freezes what has to be frozen before a
     /// kinematics call; `drop_in` returns whether the call may do so without `.apply`.
+    // Every call begins with it.
+    #[inline(always)]
     pub(super) fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.is_monitored {
             self.watch_reset();
@@ -23,7 +32,7 @@ impl Module {
         self.machine_was_on |= self.pins.machine_on();
         self.watch_apply();
         if self.frozen.is_none() && !self.apply_used && drop_in() {
-            let result = self.freeze();
+            let result = self.freeze(Taken::InForce);
             if let Err(fault) = &result {
                 self.report_unmonitored(fault);
             }
@@ -32,33 +41,78 @@ impl Module {
         Ok(())
     }
 
-    /// Honours a rising edge of `.apply`.
+    /// Honours a rising edge of `.apply`. Of two mechanisms none does that by itself: both are frozen
+    /// together, see [`crate::pair`].
     pub(super) fn watch_apply(&mut self) {
         let apply = self.pins.apply();
         let rising = apply && !self.apply_was;
-        self.apply_was = apply;
-        if !rising {
+        if rising && self.is_of_pair {
             return;
         }
-        self.apply_used = true;
-        let result =
-            if self.pins.machine_on() { Err(Cause::ApplyWhileOn.into()) } else { self.freeze() };
-        if let Err(fault) = result {
-            self.record(&fault);
-            self.report_unmonitored(&fault);
+        self.apply_was = apply;
+        if rising {
+            self.take_offered();
         }
     }
 
+    /// Freezes what the pins offer, with the machine off.
+    pub fn take_offered(&mut self) {
+        self.note_offered();
+        let result = if self.pins.machine_on() {
+            Err(Cause::ApplyWhileOn.into())
+        } else {
+            self.freeze(Taken::InForce)
+        };
+        if let Err(fault) = result {
+            self.refuse_offered(&fault);
+        }
+    }
+
+    /// The rising edge of `.apply` is taken.
+    pub fn note_offered(&mut self) {
+        (self.apply_was, self.apply_used) = (true, true);
+    }
+
+    // A frame of its own, which is gone while a geometry is frozen.
+    #[cold]
+    #[inline(never)]
+    fn refuse_offered(&mut self, fault: &Fault) {
+        self.record(fault);
+        self.report_unmonitored(fault);
+    }
+
+    /// Whether `.apply` has risen and nothing was frozen since.
+    pub fn is_offered(&self) -> bool {
+        self.pins.apply() && !self.apply_was
+    }
+
+    /// Whether the pins hold a geometry that can be frozen; nothing is. A refusal is recorded.
+    pub fn checks_offered(&mut self) -> bool {
+        let checked = self.freeze(Taken::Not);
+        if let Err(fault) = &checked {
+            self.refuse_offered(fault);
+        }
+        checked.is_ok()
+    }
+
     /// Takes the geometry of the pins, or leaves the last good one in force.
-    fn freeze(&mut self) -> Result<(), Fault> {
+    ///
+    /// A trial is the same function: frames of two that freeze would stand side by side.
+    fn freeze(&mut self, taken: Taken) -> Result<(), Fault> {
         let given = self.pins.given(&self.load);
         let hash = given.geometry.hash();
         let checked = given.checked().and_then(|machine| {
-            self.start.freeze(self.pins, &self.load, hash)?;
+            match taken {
+                Taken::Not => self.start.check(self.pins, &self.load, hash)?,
+                Taken::InForce => self.start.freeze(self.pins, &self.load, hash)?,
+            }
             Ok(machine)
         });
         self.pins.geometry_ok.set(checked.is_ok());
         let machine = checked?;
+        if taken == Taken::Not {
+            return Ok(());
+        }
         self.pins.geometry_hash.set(hash);
         self.pins.geometry_changed.set(false);
         let tool = self.pins.tool(given.spindle_offset);

@@ -12,23 +12,42 @@ pub enum Kind {
     Identity,
 }
 
+/// What a switch of the kinematics leads to.
+#[derive(Clone, Copy)]
+pub struct Asked {
+    kind: Kind,
+    /// The pose to which the identity kinematics have moved the joints, if they have.
+    pose: Option<Pose>,
+}
+
 impl Module {
-    /// Changes the kinematics: 0 the machine, 1 identity.
+    /// Changes the kinematics: 0 the machine, 1 identity. Where it is refused, nothing changes.
     pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
-        match self.switched_to(number) {
-            Ok(kind) => self.kind = kind,
-            Err(fault) => {
-                self.report_unmonitored(&fault);
-                return self.recorded(Err(fault));
-            }
-        }
-        self.pins.show_type(number);
+        let asked = self.asked(number);
+        let asked = self.switch_granted(asked)?;
+        self.switch_to(asked);
         Ok(())
     }
 
-    /// The kinematics after a switch, for which this prepares; where it is refused, nothing changes.
-    fn switched_to(&mut self, number: i32) -> Result<Kind, Fault> {
+    /// What a switch leads to. Nothing changes.
+    pub fn asked(&self, number: i32) -> Result<Asked, Fault> {
         let kind = self.kind_of(number)?;
+        let is_back = kind == Kind::Machine && kind != self.kind;
+        let pose = if is_back { self.pose_after_identity()? } else { None };
+        Ok(Asked { kind, pose })
+    }
+
+    /// Records why a switch is refused, if it is.
+    pub fn switch_granted(&mut self, asked: Result<Asked, Fault>) -> Result<Asked, Fault> {
+        if let Err(fault) = &asked {
+            self.report_unmonitored(fault);
+        }
+        self.recorded(asked)
+    }
+
+    /// Switches.
+    pub fn switch_to(&mut self, asked: Asked) {
+        let Asked { kind, pose } = asked;
         match kind {
             _ if kind == self.kind => {}
             Kind::Identity => {
@@ -36,12 +55,12 @@ impl Module {
                 self.crossing = Crossing::new();
             }
             Kind::Machine => {
-                let pose = self.pose_after_identity()?;
                 self.seeds.switch_back(pose);
                 self.pose_is_unknown = true;
             }
         }
-        Ok(kind)
+        self.kind = kind;
+        self.pins.show_type(kind);
     }
 
     /// The pose to which the identity kinematics have moved the joints, if they have.

@@ -17,18 +17,22 @@ use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::guard::Guard;
 use crate::hal::nanoseconds;
-use crate::pins::Pins;
+use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
 use freezing::Frozen;
-use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Pose};
+use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
 use report::Reports;
 use seeds::Seeds;
 
-/// State between calls.
+/// State between calls, of one mechanism.
 pub struct Module {
-    pins: &'static Pins,
+    pub pins: &'static Pins,
     load: Load,
+    /// Which mechanism it is.
+    place: Place,
+    /// Whether there are two.
+    is_of_pair: bool,
     /// Whether the monitor runs. It then reports the faults and moves the tool offset.
     is_monitored: bool,
     frozen: Option<Frozen>,
@@ -59,10 +63,12 @@ pub struct Module {
 }
 
 impl Module {
-    pub fn new(pins: &'static Pins, load: Load) -> Self {
+    pub fn new(pins: &'static Pins, load: Load, place: Place) -> Self {
         Self {
             pins,
+            is_of_pair: place.is_second || load.second().is_some(),
             load,
+            place,
             is_monitored: false,
             frozen: None,
             apply_was: false,
@@ -78,7 +84,7 @@ impl Module {
             start: Start::new(),
             crossing: Crossing::new(),
             guard: Guard::new(),
-            reports: Reports::new(),
+            reports: Reports::new(place.is_second),
             reset_was: false,
         }
     }
@@ -89,6 +95,30 @@ impl Module {
 
     pub fn layout(&self) -> &Layout {
         &self.load.layout
+    }
+
+    /// The frozen machine.
+    pub fn machine(&self) -> Option<&Machine> {
+        Some(&self.frozen.as_ref()?.machine).filter(|_| self.kind == Kind::Machine)
+    }
+
+    /// The tool offset in effect.
+    pub fn tool(&self) -> Vector3<f64> {
+        self.tool.offset()
+    }
+
+    /// After the monitor: the pose that was commanded in its cycle.
+    pub fn commanded(&self) -> Option<Pose> {
+        self.calls.commanded_before().copied()
+    }
+
+    /// The last good pose that forward found.
+    pub fn last_pose(&self) -> Option<Pose> {
+        self.seeds.last()
+    }
+
+    pub fn load(&self) -> &Load {
+        &self.load
     }
 
     /// Joints of a pose in degrees, written to `joints`; left alone after an error.

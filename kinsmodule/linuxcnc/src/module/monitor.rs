@@ -8,6 +8,7 @@ use kinematics::{Fault, Pose};
 impl Module {
     /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
     /// shows what only people read, and reports faults to the operator.
+    #[inline(always)]
     pub fn monitor(&mut self, seconds: f64) {
         self.is_monitored = true;
         self.start.count_cycle();
@@ -32,6 +33,7 @@ impl Module {
         };
         self.guard.run(&Cycle {
             pins: self.pins,
+            place: self.place,
             machine: &frozen.machine,
             tool: &self.tool.offset(),
             pose: self.seeds.last(),
@@ -41,7 +43,7 @@ impl Module {
     }
 
     /// Whether no motion may begin or go on.
-    fn inhibits_feed(&self) -> bool {
+    pub fn inhibits_feed(&self) -> bool {
         self.tool.is_busy() || self.guard.inhibits_feed()
     }
 

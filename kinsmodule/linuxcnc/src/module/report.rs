@@ -20,11 +20,12 @@ pub(super) struct Reports {
     reported: [Option<(Cause, Option<MachinePart>)>; MOST_REPORTED],
     /// Cycles since the last fault.
     quiet: u32,
+    is_of_second: bool,
 }
 
 impl Reports {
-    pub(super) const fn new() -> Self {
-        Self { pending: None, reported: [None; MOST_REPORTED], quiet: 0 }
+    pub(super) const fn new(is_of_second: bool) -> Self {
+        Self { pending: None, reported: [None; MOST_REPORTED], quiet: 0, is_of_second }
     }
 
     /// Leaves a fault to the monitor.
@@ -59,6 +60,10 @@ impl Reports {
         if let Some(free) = self.reported.iter_mut().find(|place| place.is_none()) {
             *free = key;
             let mut message = text!["pkmkins: "];
+            // A leg or joint says by its number which mechanism it belongs to.
+            if self.is_of_second && fault.part.is_none() {
+                message.push("second mechanism: ");
+            }
             fault.write_message(&mut message);
             print_error(&message);
         }
@@ -75,9 +80,10 @@ impl Module {
     }
 
     /// Shows a fault on the pins, and leaves its report to the monitor.
-    pub(super) fn record(&mut self, fault: &Fault) {
-        self.pins.show_fault(fault);
-        self.reports.add(*fault);
+    pub fn record(&mut self, fault: &Fault) {
+        let fault = self.place.counted(fault);
+        self.pins.show_fault(&fault);
+        self.reports.add(fault);
     }
 
     /// Honours a rising edge of `.fault-reset`.
@@ -95,7 +101,7 @@ impl Module {
     /// would, and it does not happen in the course of motion.
     pub(super) fn report_unmonitored(&mut self, fault: &Fault) {
         if !self.is_monitored {
-            self.reports.report(fault);
+            self.reports.report(&self.place.counted(fault));
         }
     }
 }

@@ -146,7 +146,7 @@ impl Module {
             folded = machine.fold_at(&solution.pose, tool).ok();
         }
         if let Some(doubt) = folded.flatten() {
-            self.reports.add(doubt);
+            self.reports.add(self.place.counted(&doubt));
             self.report_unmonitored(&doubt);
         }
         Ok(())

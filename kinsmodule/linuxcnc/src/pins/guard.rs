@@ -78,7 +78,8 @@ impl GuardPins {
             leg.create(make, n)?;
         }
         self.shown.create(make)?;
-        self.asked.create(make)
+        // A second mechanism goes by those of the first.
+        if make.place.is_second { Ok(()) } else { self.asked.create(make) }
     }
 
     /// Limits of the machine, live.
@@ -115,23 +116,24 @@ impl GuardPins {
 impl GuardJointPins {
     fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::Out;
-        make.one(&mut self.margin, Out, text!["pkmkins.margin.", n], 0.0)?;
-        make.one(&mut self.speed_ratio, Out, text!["pkmkins.speed-ratio.", n], 0.0)
+        make.one(&mut self.margin, Out, make.of_joint("margin", n), 0.0)?;
+        make.one(&mut self.speed_ratio, Out, make.of_joint("speed-ratio", n), 0.0)
     }
 }
 
 impl GuardLegPins {
     fn create(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::{In, Out};
-        make.one(&mut self.base_angle, Out, text!["pkmkins.base-angle.", n], 0.0)?;
-        make.one(&mut self.platform_angle, Out, text!["pkmkins.platform-angle.", n], 0.0)?;
-        make.one(&mut self.base_cone, In, text!["pkmkins.base-cone.", n], 0.0)?;
-        make.one(&mut self.platform_cone, In, text!["pkmkins.platform-cone.", n], 0.0)?;
-        for (pins, end) in
-            [(&mut self.base_pyramid, "base"), (&mut self.platform_pyramid, "platform")]
-        {
+        make.one(&mut self.base_angle, Out, make.of_leg("base-angle", n, ""), 0.0)?;
+        make.one(&mut self.platform_angle, Out, make.of_leg("platform-angle", n, ""), 0.0)?;
+        make.one(&mut self.base_cone, In, make.of_leg("base-cone", n, ""), 0.0)?;
+        make.one(&mut self.platform_cone, In, make.of_leg("platform-cone", n, ""), 0.0)?;
+        for (pins, name) in [
+            (&mut self.base_pyramid, "base-pyramid"),
+            (&mut self.platform_pyramid, "platform-pyramid"),
+        ] {
             for (pin, way) in pins.iter_mut().zip([".about", ".across"]) {
-                make.one(pin, In, text!["pkmkins.", end, "-pyramid.", n, way], 0.0)?;
+                make.one(pin, In, make.of_leg(name, n, way), 0.0)?;
             }
         }
         Ok(())
@@ -141,17 +143,33 @@ impl GuardLegPins {
 impl GuardOutputs {
     fn create(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::Out;
-        make.one(&mut self.conditioning, Out, text!["pkmkins.conditioning"], 0.0)?;
-        make.one(&mut self.rod_distance, Out, text!["pkmkins.rod-distance"], FAR)?;
+        make.one(&mut self.conditioning, Out, text![make.stem(), "conditioning"], 0.0)?;
+        make.one(&mut self.rod_distance, Out, text![make.stem(), "rod-distance"], FAR)?;
         for (pin, letter) in self.rod_pair.iter_mut().zip(["a", "b"]) {
-            make.one(pin, Out, text!["pkmkins.rod-pair-", letter], -1)?;
+            make.one(pin, Out, text![make.stem(), "rod-pair-", letter], -1)?;
         }
-        make.one(&mut self.inverse_time, Out, text!["pkmkins.inverse-time"], 0)?;
-        make.one(&mut self.forward_time, Out, text!["pkmkins.forward-time"], 0)?;
-        make.one(&mut self.feed_scale, Out, text!["pkmkins.feed-scale"], 1.0)?;
-        make.one(&mut self.limit_soon, Out, text!["pkmkins.limit-soon"], false)?;
-        make.one(&mut self.limit_leg, Out, text!["pkmkins.limit-leg"], -1)?;
-        make.one(&mut self.limit_reason, Out, text!["pkmkins.limit-reason"], 0)
+        make.one(&mut self.inverse_time, Out, text![make.stem(), "inverse-time"], 0)?;
+        make.one(&mut self.forward_time, Out, text![make.stem(), "forward-time"], 0)?;
+        make.one(&mut self.feed_scale, Out, text![make.stem(), "feed-scale"], 1.0)?;
+        make.one(&mut self.limit_soon, Out, text![make.stem(), "limit-soon"], false)?;
+        make.one(&mut self.limit_leg, Out, text![make.stem(), "limit-leg"], -1)?;
+        make.one(&mut self.limit_reason, Out, text![make.stem(), "limit-reason"], 0)
+    }
+
+    /// Shows which limit is near of another mechanism, where none is of this one.
+    pub fn limit_of_either(&self, other: &Self) {
+        if !self.limit_soon.get() && other.limit_soon.get() {
+            self.limit_soon.set(true);
+            self.limit_leg.set(other.limit_leg.get());
+            self.limit_reason.set(other.limit_reason.get());
+        }
+    }
+
+    /// Shows a limit that is near, where no other one is.
+    pub fn limit_if_none(&self, fault: &Fault) {
+        if !self.limit_soon.get() {
+            self.limit(Some(*fault));
+        }
     }
 
     /// Shows which limit is near, if one is.
@@ -163,6 +181,28 @@ impl GuardOutputs {
 }
 
 impl GuardInputs {
+    fn all(&self) -> [&Pin<f64>; 10] {
+        [
+            &self.conditioning_limit,
+            &self.rod_clearance,
+            &self.tilt_limit,
+            &self.feed_floor,
+            &self.max_override,
+            &self.linear_acceleration,
+            &self.angular_acceleration,
+            &self.requested_vel,
+            &self.current_vel,
+            &self.distance_to_go,
+        ]
+    }
+
+    /// Takes those of the first mechanism for its own.
+    pub(super) fn share(&self, first: &Self) {
+        for (own, first) in self.all().into_iter().zip(first.all()) {
+            own.share(first);
+        }
+    }
+
     fn create(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::In;
         let one = |pin: &mut Pin<f64>, name: &str, value: f64| {

@@ -4,7 +4,7 @@
 use super::maker::{Maker, Vector, read};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
-use kinematics::{LegGeometry, LegKind, text};
+use kinematics::{LegGeometry, LegKind};
 
 /// Anchors and axes of genhexkins (inches): base, platform, base axis, platform axis.
 #[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
@@ -57,23 +57,23 @@ impl LegPins {
     pub(super) fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
         use Direction::In;
         // genhexkins' machine where it has such a leg, so that its HAL files work.
-        let drop_in = (kind == Kind::Strut).then(|| GENHEXKINS.get(n)).flatten();
+        let drop_in = (kind == Kind::Strut).then(|| make.drop_in(&GENHEXKINS, n)).flatten();
         let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
         if kind != Kind::Ring {
-            make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
-            make.letters(&mut self.platform, In, text!["pkmkins.platform.", n, "."], platform)?;
+            make.letters(&mut self.base, In, make.of_leg("base", n, "."), base)?;
+            make.letters(&mut self.platform, In, make.of_leg("platform", n, "."), platform)?;
         }
-        make.one(&mut self.offset, In, text!["pkmkins.offset.", n], 0.0)?;
+        make.one(&mut self.offset, In, make.of_leg("offset", n, ""), 0.0)?;
         match kind {
             Kind::Ring => self.create_ring(make, n),
             Kind::Strut => self.create_strut(make, n, base_axis, platform_axis),
             Kind::Slider => {
-                make.letters(&mut self.guide, In, text!["pkmkins.guide.", n, "."], [0.0; 3])?;
+                make.letters(&mut self.guide, In, make.of_leg("guide", n, "."), [0.0; 3])?;
                 self.create_rod(make, n)
             }
             Kind::Crank => {
-                make.letters(&mut self.axis, In, text!["pkmkins.axis.", n, "."], [0.0; 3])?;
-                make.letters(&mut self.arm, In, text!["pkmkins.arm.", n, "."], [0.0; 3])?;
+                make.letters(&mut self.axis, In, make.of_leg("axis", n, "."), [0.0; 3])?;
+                make.letters(&mut self.arm, In, make.of_leg("arm", n, "."), [0.0; 3])?;
                 self.create_rod(make, n)
             }
         }
@@ -87,27 +87,27 @@ impl LegPins {
         platform: [f64; 3],
     ) -> Result<(), HalError> {
         use Direction::{In, Out};
-        make.letters(&mut self.base_axis, In, text!["pkmkins.base-n.", n, "."], base)?;
+        make.letters(&mut self.base_axis, In, make.of_leg("base-n", n, "."), base)?;
         let axis = &mut self.platform_axis;
-        make.letters(axis, In, text!["pkmkins.platform-n.", n, "."], platform)?;
-        make.one(&mut self.lead, In, text!["pkmkins.lead.", n], 0.0)?;
-        make.one(&mut self.correction, Out, text!["pkmkins.correction.", n], 0.0)
+        make.letters(axis, In, make.of_leg("platform-n", n, "."), platform)?;
+        make.one(&mut self.lead, In, make.of_leg("lead", n, ""), 0.0)?;
+        make.one(&mut self.correction, Out, make.of_leg("correction", n, ""), 0.0)
     }
 
     fn create_ring(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
         // pentakins' machine, so that its HAL files work.
-        let (base, effector) = *PENTAKINS.get(n).unwrap_or(&([0.0; 3], [0.0; 2]));
-        make.letters(&mut self.base, In, text!["pkmkins.base.", n, "."], base)?;
+        let (base, effector) = *make.drop_in(&PENTAKINS, n).unwrap_or(&([0.0; 3], [0.0; 2]));
+        make.letters(&mut self.base, In, make.of_leg("base", n, "."), base)?;
         let [radius, height] = &mut self.effector;
-        make.one(radius, In, text!["pkmkins.effector.", n, ".r"], effector[0])?;
-        make.one(height, In, text!["pkmkins.effector.", n, ".z"], effector[1])
+        make.one(radius, In, make.of_leg("effector", n, ".r"), effector[0])?;
+        make.one(height, In, make.of_leg("effector", n, ".z"), effector[1])
     }
 
     fn create_rod(&mut self, make: &Maker, n: usize) -> Result<(), HalError> {
         use Direction::In;
-        make.one(&mut self.rod, In, text!["pkmkins.rod.", n], 0.0)?;
-        make.one(&mut self.side, In, text!["pkmkins.side.", n], 0)
+        make.one(&mut self.rod, In, make.of_leg("rod", n, ""), 0.0)?;
+        make.one(&mut self.side, In, make.of_leg("side", n, ""), 0)
     }
 
     /// The leg as the pins give it now; `common_lead` is that of all struts.

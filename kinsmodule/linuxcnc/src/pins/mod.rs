@@ -9,9 +9,11 @@ mod leg;
 mod maker;
 mod workspace_box;
 
-pub use guard::{GuardInputs, GuardOutputs, GuardPins};
+pub use guard::{GuardInputs, GuardPins};
+pub use maker::{Maker, Place};
 
 use crate::hal::{Component, Direction, HalError, Pin};
+use crate::module::Kind as Kinematics;
 use crate::tool::JointLimits;
 use kinematics::leg::Kind;
 use kinematics::{
@@ -19,7 +21,7 @@ use kinematics::{
     PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
 use leg::LegPins;
-use maker::{Maker, Pose6, Vector, read};
+use maker::{Pose6, Vector, read};
 use workspace_box::BoxPins;
 
 /// Pins of one joint.
@@ -31,7 +33,7 @@ struct JointPins {
     max_acceleration: Pin<f64>,
 }
 
-/// All pins, in HAL memory.
+/// All pins of a mechanism, in HAL memory.
 #[repr(C)]
 pub struct Pins {
     legs: [LegPins; MAX_LEGS],
@@ -100,7 +102,7 @@ impl JointPins {
             (&mut self.max_velocity, "max-velocity", absent.velocity),
             (&mut self.max_acceleration, "max-acceleration", absent.acceleration),
         ] {
-            make.one(pin, In, text!["pkmkins.", name, ".", n], value)?;
+            make.one(pin, In, make.of_joint(name, n), value)?;
         }
         Ok(())
     }
@@ -116,9 +118,15 @@ impl JointPins {
 }
 
 impl Pins {
-    /// Makes all pins; `self` must be in memory from [`Component::allocate`].
-    pub fn create(&mut self, component: Component, load: &Load) -> Result<(), HalError> {
-        let make = Maker(component);
+    /// Makes all pins of a mechanism; `self` must be in memory from [`Component::allocate`]. Those that
+    /// a second mechanism has in common with the first are not made: see [`Pins::share`].
+    pub fn create(
+        &mut self,
+        component: Component,
+        load: &Load,
+        place: Place,
+    ) -> Result<(), HalError> {
+        let make = Maker { component, place };
         for (n, (leg, kind)) in self.legs.iter_mut().zip(load.kinds()).enumerate() {
             leg.create(&make, n, *kind)?;
         }
@@ -130,55 +138,86 @@ impl Pins {
         }
         if load.boxes() > 0 {
             let searching = &mut self.searching;
-            make.one(searching, Direction::Out, text!["pkmkins.searching"], false)?;
+            make.one(searching, Direction::Out, text![make.stem(), "searching"], false)?;
         }
         self.create_inputs(&make)?;
         self.create_outputs(&make)?;
+        if !place.is_second {
+            self.create_common(&make)?;
+        }
         self.guard.create(&make, &load.layout)
+    }
+
+    /// Takes the pins that both mechanisms have in common from those of the first.
+    pub fn share(&self, first: &Self) {
+        for (own, first) in [
+            (&self.screw_lead, &first.screw_lead),
+            (&self.convergence_criterion, &first.convergence_criterion),
+            (&self.residual_limit, &first.residual_limit),
+        ] {
+            own.share(first);
+        }
+        for (own, first) in [
+            (&self.machine_on, &first.machine_on),
+            (&self.apply, &first.apply),
+            (&self.fault_reset, &first.fault_reset),
+        ] {
+            own.share(first);
+        }
+        self.limit_iterations.share(&first.limit_iterations);
+        self.fault.share(&first.fault);
+        self.fault_leg.share(&first.fault_leg);
+        self.fault_count.share(&first.fault_count);
+        self.is_type.iter().zip(&first.is_type).for_each(|(own, first)| own.share(first));
+        // The pose has one set of names here.
+        self.skgui.iter().zip(&self.pose).for_each(|(gui, own)| gui.share(own));
+        self.guard.asked.share(&first.guard.asked);
     }
 
     fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::In;
+        let name = |name: &str| text![make.stem(), name];
+        make.letters(&mut self.home, In, name("home."), [f64::NAN; 6])?;
+        make.letters(&mut self.centre, In, name("centre."), [0.0; 3])?;
+        make.one(&mut self.spindle_offset, In, name("spindle-offset"), 0.0)?;
+        make.one(&mut self.tool_offset, In, name("tool-offset"), 0.0)?;
+        make.one(&mut self.tool_offset_x, In, name("tool-offset-x"), 0.0)?;
+        make.one(&mut self.tool_offset_y, In, name("tool-offset-y"), 0.0)
+    }
+
+    fn create_outputs(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::Out;
+        let name = |name: &str| text![make.stem(), name];
+        make.letters(&mut self.tool_offset_eff, Out, name("tool-offset-eff-"), [0.0; 3])?;
+        make.one(&mut self.tool_busy, Out, name("tool-busy"), false)?;
+        make.one(&mut self.feed_inhibit, Out, name("feed-inhibit"), false)?;
+        make.letters(&mut self.pose, Out, name(""), [0.0; 6])?;
+        make.one(&mut self.last_iterations, Out, name("last-iterations"), 0)?;
+        make.one(&mut self.max_iterations, Out, name("max-iterations"), 0)?;
+        make.one(&mut self.fwd_kins_fail, Out, name("fwd-kins-fail"), false)?;
+        make.one(&mut self.residual, Out, name("residual"), 0.0)?;
+        make.one(&mut self.assembly, Out, name("assembly"), 0)?;
+        make.one(&mut self.geometry_ok, Out, name("geometry-ok"), false)?;
+        make.one(&mut self.geometry_hash, Out, name("geometry-hash"), 0)?;
+        make.one(&mut self.geometry_changed, Out, name("geometry-changed"), false)
+    }
+
+    /// Those that a module has once, however many mechanisms it has.
+    fn create_common(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::{In, Out};
         make.one(&mut self.screw_lead, In, text!["pkmkins.screw-lead"], 0.0)?;
-        make.letters(&mut self.home, In, text!["pkmkins.home."], [f64::NAN; 6])?;
-        make.letters(&mut self.centre, In, text!["pkmkins.centre."], [0.0; 3])?;
-        make.one(&mut self.spindle_offset, In, text!["pkmkins.spindle-offset"], 0.0)?;
-        make.one(&mut self.tool_offset, In, text!["pkmkins.tool-offset"], 0.0)?;
-        make.one(&mut self.tool_offset_x, In, text!["pkmkins.tool-offset-x"], 0.0)?;
-        make.one(&mut self.tool_offset_y, In, text!["pkmkins.tool-offset-y"], 0.0)?;
-        make.one(
-            &mut self.convergence_criterion,
-            In,
-            text!["pkmkins.convergence-criterion"],
-            1e-9,
-        )?;
+        let criterion = &mut self.convergence_criterion;
+        make.one(criterion, In, text!["pkmkins.convergence-criterion"], 1e-9)?;
         make.one(&mut self.limit_iterations, In, text!["pkmkins.limit-iterations"], 120)?;
         make.one(&mut self.residual_limit, In, text!["pkmkins.residual-limit"], 0.0)?;
         make.one(&mut self.max_error, In, text!["pkmkins.max-error"], 500.0)?;
         make.one(&mut self.machine_on, In, text!["pkmkins.machine-on"], false)?;
         make.one(&mut self.apply, In, text!["pkmkins.apply"], false)?;
-        make.one(&mut self.fault_reset, In, text!["pkmkins.fault-reset"], false)
-    }
-
-    fn create_outputs(&mut self, make: &Maker) -> Result<(), HalError> {
-        use Direction::Out;
-        let (eff, pose, gui) = (&mut self.tool_offset_eff, &mut self.pose, &mut self.skgui);
-        make.letters(eff, Out, text!["pkmkins.tool-offset-eff-"], [0.0; 3])?;
-        make.one(&mut self.tool_busy, Out, text!["pkmkins.tool-busy"], false)?;
-        make.one(&mut self.feed_inhibit, Out, text!["pkmkins.feed-inhibit"], false)?;
-        make.letters(pose, Out, text!["pkmkins."], [0.0; 6])?;
-        make.letters(gui, Out, text!["skgui."], [0.0; 6])?;
-        make.one(&mut self.last_iterations, Out, text!["pkmkins.last-iterations"], 0)?;
-        make.one(&mut self.max_iterations, Out, text!["pkmkins.max-iterations"], 0)?;
-        make.one(&mut self.fwd_kins_fail, Out, text!["pkmkins.fwd-kins-fail"], false)?;
-        make.one(&mut self.residual, Out, text!["pkmkins.residual"], 0.0)?;
-        make.one(&mut self.assembly, Out, text!["pkmkins.assembly"], 0)?;
+        make.one(&mut self.fault_reset, In, text!["pkmkins.fault-reset"], false)?;
+        make.letters(&mut self.skgui, Out, text!["skgui."], [0.0; 6])?;
         for (n, pin) in self.is_type.iter_mut().enumerate() {
             make.one(pin, Out, text!["kinstype.is-", n], n == 0)?;
         }
-        make.one(&mut self.geometry_ok, Out, text!["pkmkins.geometry-ok"], false)?;
-        make.one(&mut self.geometry_hash, Out, text!["pkmkins.geometry-hash"], 0)?;
-        make.one(&mut self.geometry_changed, Out, text!["pkmkins.geometry-changed"], false)?;
         make.one(&mut self.fault, Out, text!["pkmkins.fault"], 0)?;
         make.one(&mut self.fault_leg, Out, text!["pkmkins.fault-leg"], -1)?;
         make.one(&mut self.fault_count, Out, text!["pkmkins.fault-count"], 0)
@@ -301,9 +340,9 @@ impl Pins {
         }
     }
 
-    pub fn show_type(&self, number: i32) {
+    pub fn show_type(&self, kind: Kinematics) {
         for (n, pin) in self.is_type.iter().enumerate() {
-            pin.set(n as i32 == number);
+            pin.set(n == kind as usize);
         }
     }
 }

@@ -19,17 +19,17 @@ pub(super) struct BoxPins {
 impl BoxPins {
     pub(super) fn create(&mut self, make: &Maker, k: usize, load: &Load) -> Result<(), HalError> {
         use Direction::In;
-        make.letters(&mut self.low, In, text!["pkmkins.box.", k, ".low."], [0.0; 6])?;
-        make.letters(&mut self.high, In, text!["pkmkins.box.", k, ".high."], [0.0; 6])?;
+        make.letters(&mut self.low, In, text![make.stem(), "box.", k, ".low."], [0.0; 6])?;
+        make.letters(&mut self.high, In, text![make.stem(), "box.", k, ".high."], [0.0; 6])?;
         for letter in load.layout.coordinates().as_slice() {
             let row = letter.index().min(5);
             for (n, pin) in self.matrix[row].iter_mut().enumerate().take(load.layout.legs()) {
-                let name = text!["pkmkins.box.", k, ".matrix.", LETTERS[row], ".", n];
+                let name = text![make.stem(), "box.", k, ".matrix.", LETTERS[row], ".", n];
                 make.one(pin, In, name, 0.0)?;
             }
         }
-        make.one(&mut self.steps, In, text!["pkmkins.box.", k, ".steps"], 0)?;
-        make.one(&mut self.geometry, In, text!["pkmkins.box.", k, ".geometry"], 0)
+        make.one(&mut self.steps, In, text![make.stem(), "box.", k, ".steps"], 0)?;
+        make.one(&mut self.geometry, In, text![make.stem(), "box.", k, ".geometry"], 0)
     }
 
     pub(super) fn given(&self, layout: &Layout) -> WorkspaceBox {

@@ -104,9 +104,9 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// Joints of legs, table and extra axes.
+    /// Joints of legs and table, of a second mechanism, which is not judged here, and of extra axes.
     fn joints(&self) -> impl Iterator<Item = usize> + use<> {
-        0..self.config.joints.len() + self.config.extra.len()
+        0..self.config.guarded_joints() + self.config.extra.len()
     }
 
     fn struts(&self) -> impl Iterator<Item = usize> {
@@ -158,9 +158,14 @@ impl Columns<'_> {
 }
 
 impl Columns<'_> {
-    /// Takes the coordinates of extra axes out of a pose; the largest difference of one from its joint.
+    /// Takes the coordinates of extra axes and of a second mechanism out of a pose; the largest difference of
+    /// one of an extra axis from its joint.
     fn take_out(&self, pose: &mut [f64; 6], joints: &[f64; MOST_JOINTS]) -> f64 {
-        let extra = self.config.extra_axes.places().zip(&joints[self.config.joints.len()..]);
+        let second = self.config.second_letters.iter().flat_map(|letters| letters.places());
+        for place in second {
+            pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = 0.0);
+        }
+        let extra = self.config.extra_axes.places().zip(&joints[self.config.guarded_joints()..]);
         let gaps = extra.filter_map(|(place, joint)| {
             let coordinate = pose.get_mut(place)?;
             Some((std::mem::take(coordinate) - joint).abs())

@@ -36,6 +36,27 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("axes", "C", "coordinates="),
     ("boxes", "9", "boxes=9"),
     ("boxes", "many", "boxes=many"),
+    ("second_coordinates", "XYZ", "second_coordinates=XYZ"),
+    ("second_angles", "C", "second_angles=C"),
+    ("second_boxes", "1", "second_boxes=1"),
+];
+
+/// Second mechanisms beside slider:4 with XYZB that must be refused: legs, coordinates, angles, and a
+/// word of the reason.
+const SECOND_REFUSED: &[([&str; 3], &str)] = &[
+    (["slider:5", "XYZB", "C"], "one to eight legs"),
+    (["slider:0", "XYZB", "C"], "one to eight legs"),
+    (["slider", "XYZB", "C"], "KIND:COUNT"),
+    (["rail:4", "XYZB", "C"], "strut, slider"),
+    (["slider:4", "", "C"], "second_coordinates="),
+    (["slider:4", "XYZBA", "CA"], "second_coordinates="),
+    (["slider:4", "UVWC", ""], "second_coordinates="),
+    (["slider:4", "XYZB", ""], "second_angles="),
+    (["slider:4", "XYZB", "CA"], "second_angles="),
+    (["slider:4", "XYZB", "W"], "second_angles="),
+    (["slider:4", "XYZB", "X"], "second_angles="),
+    (["slider:4", "XYAB", "CC"], "second_angles="),
+    (["slider:4", "XYZB", "B"], "one mechanism moves it"),
 ];
 
 /// Parameters that do not fit together, and words the refusal has to contain: what was
@@ -145,6 +166,29 @@ fn parameters_that_do_not_fit_together_are_refused_with_the_reason() {
 }
 
 #[test]
+fn a_second_mechanism_that_does_not_fit_is_refused_with_what_was_written_and_the_reason() {
+    let load = |texts: [&str; 3], more: &[(&str, &str)]| {
+        let mut all = vec![("legs", "slider:4"), ("coordinates", "XYZB")];
+        all.extend(["second", "second_coordinates", "second_angles"].into_iter().zip(texts));
+        all.extend(more);
+        Module::try_pkmkins(&all)
+    };
+    let mut wrong = Vec::new();
+    for (texts, word) in SECOND_REFUSED {
+        let said = load(*texts, &[]).err().map(|error| error.messages.join(" "));
+        let written = format!("second={}", texts[0]);
+        if !said.as_ref().is_some_and(|said| said.contains(word) && said.contains(&written)) {
+            wrong.push(format!("{texts:?}: {said:?}"));
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    let good = ["slider:4", "XYZB", "C"];
+    for (more, is_taken) in [("A", true), ("C", false), ("U", false), ("B", false)] {
+        assert_eq!(load(good, &[("axes", more)]).is_ok(), is_taken, "axes={more}");
+    }
+}
+
+#[test]
 fn machines_of_one_to_eight_legs_and_any_letters_load_quietly() {
     for (texts, joints) in ACCEPTED {
         let module = load(*texts).unwrap_or_else(|error| panic!("{texts:?}: {error:?}"));
@@ -179,7 +223,7 @@ fn the_module_is_of_type_both_and_switchable() {
 fn parameters_and_licence_are_described_for_rtapi_app() {
     let module = Module::pkmkins(&[]);
     assert_eq!(module.text("rtapi_info_license").as_deref(), Some("GPL"));
-    for parameter in ["legs", "coordinates", "table", "boxes"] {
+    for parameter in ["legs", "coordinates", "table", "boxes", "second", "second_angles"] {
         let kind = module.text(&format!("rtapi_info_type_{parameter}"));
         assert_eq!(kind.as_deref(), Some("s"), "{parameter}");
         let description = module.text(&format!("rtapi_info_description_{parameter}"));

@@ -15,6 +15,7 @@ mod held;
 mod host_library;
 mod jacobian;
 mod loading;
+mod pair;
 mod peers;
 mod pins;
 mod rods;

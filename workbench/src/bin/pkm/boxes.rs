@@ -31,14 +31,22 @@ enum Unproved {
     #[error(transparent)]
     Search(#[from] Doubt),
     /// Of a section of the file.
-    #[error("[BOX_{0}] {1}")]
-    Section(usize, Doubt),
+    #[error("[{0}] {1}")]
+    Section(String, Doubt),
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_all()?;
+    let mut verdict = Verdict::Fits;
+    for mechanism in config.mechanisms() {
+        verdict = verdict.max(of_mechanism(mechanism)?);
+    }
+    Ok(verdict)
+}
+
+fn of_mechanism(config: &MachineConfig) -> Result<Verdict, Failure> {
     let bar = Bar::spinner("looking for a proof");
-    let result = if config.boxes.is_empty() { found(&config) } else { proved(&config) };
+    let result = if config.boxes.is_empty() { found(config) } else { proved(config) };
     drop(bar);
     match result {
         Ok(text) => {
@@ -57,10 +65,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 fn found(config: &MachineConfig) -> Result<String, Unproved> {
     let found = proof::found(config)?;
     let letters = config.machine.layout().coordinates().as_slice();
-    let mut text = format!("# boxes={} in [KINS]KINEMATICS\n", found.len());
+    let parameter = config.place.boxes_parameter();
+    let mut text = format!("# {parameter}={} in [KINS]KINEMATICS\n", found.len());
     for (k, (section, cells)) in found.iter().enumerate() {
         text += &format!("\n# proved with {cells} cells\n");
-        text += &boxes::text(k, section, letters, config.legs());
+        text += &boxes::text(&config.place.box_section(k), section, letters, config.legs());
     }
     Ok(text)
 }
@@ -68,9 +77,11 @@ fn found(config: &MachineConfig) -> Result<String, Unproved> {
 fn proved(config: &MachineConfig) -> Result<String, Unproved> {
     let mut text = String::new();
     for (k, section) in config.boxes.iter().enumerate() {
-        let cells = proof::prove(config, section).map_err(|doubt| Unproved::Section(k, doubt))?;
+        let name = config.place.box_section(k);
+        let cells = proof::prove(config, section)
+            .map_err(|doubt| Unproved::Section(name.clone(), doubt))?;
         let c = section.claim.contraction;
-        text += &format!("[BOX_{k}] proved with {cells} cells: contraction {c}\n");
+        text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");
     }
     Ok(text)
 }

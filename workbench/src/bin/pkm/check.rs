@@ -3,6 +3,7 @@
 
 use super::failure::Failure;
 use super::{Bar, MachineFile, Verdict};
+use pkm::check::between::{self, Between};
 use pkm::check::report::{Report, axis_lines, check, tilt_table};
 use pkm::read::diagnostic::rendered;
 use std::io::Write;
@@ -19,6 +20,9 @@ use std::io::Write;
 /// gains in X, Y and Z. They stay within the axis limits that the file gives already; where it gives
 /// none, the machine sets the end.
 ///
+/// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
+/// other at home and, seen, within the axis limits.
+///
 /// Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2
 /// where the file describes no machine.
 #[derive(clap::Args, Debug)]
@@ -28,19 +32,44 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let file = &arguments.machine.machine;
-    let bar = Bar::new("looking for boxes of poses");
-    let report = check(file, |share| bar.set(share))?;
-    drop(bar);
-    let verdict = if report.fits() { Verdict::Fits } else { Verdict::Misfit };
-    // A reader that has gone away does not change the verdict.
-    Failure::unless_unread(write(&report).map_err(Failure::from))?;
-    Ok(verdict)
+    let config = arguments.machine.read_all()?;
+    let mut fits = true;
+    for mechanism in config.mechanisms() {
+        let bar = Bar::new("looking for boxes of poses");
+        let report = check(mechanism, |share| bar.set(share))?;
+        drop(bar);
+        fits &= report.fits();
+        // A reader that has gone away does not change the verdict.
+        let heading = config.second.as_ref().map(|_| match mechanism.place.is_second {
+            true => "\nThe second mechanism\n",
+            false => "The first mechanism\n",
+        });
+        let told = write(&report, heading.unwrap_or_default());
+        Failure::unless_unread(told.map_err(Failure::from))?;
+    }
+    if let Some(between) = between::check(&config)? {
+        fits &= between.fits();
+        Failure::unless_unread(write_between(&between).map_err(Failure::from))?;
+    }
+    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn write(report: &Report) -> std::io::Result<()> {
+fn write_between(between: &Between) -> std::io::Result<()> {
+    let mut out = anstream::stdout().lock();
+    writeln!(out, "\nBetween the two")?;
+    for (name, value) in &between.facts {
+        writeln!(out, "  {name:<14} {value}")?;
+    }
+    for finding in &between.findings {
+        writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
+    }
+    out.flush()
+}
+
+fn write(report: &Report, heading: &str) -> std::io::Result<()> {
     let config = &report.config;
     let mut out = anstream::stdout().lock();
+    write!(out, "{heading}")?;
     writeln!(out, "{}", config.file.display())?;
     for (name, value) in &report.facts {
         writeln!(out, "  {name:<14} {value}")?;

@@ -35,6 +35,7 @@ use failure::{Failure, MovesNothing};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use kinematics::{Letter, Pose};
 use pkm::files::{Locate, leave_nothing};
+use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
@@ -131,11 +132,39 @@ struct MachineFile {
     /// The machine's LinuxCNC INI file
     #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
     machine: PathBuf,
+    /// Of a machine with two mechanisms the one that is meant, 1 or 2, each in its own coordinates X Y
+    /// Z A B C; where it matters not both at once, the first one without it
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
+    mechanism: Option<u8>,
 }
 
 impl MachineFile {
+    /// One mechanism: the one that is meant.
     fn read(&self) -> Result<MachineConfig, Failure> {
-        Ok(MachineConfig::read(&self.machine)?)
+        let mut config = MachineConfig::read(&self.machine)?;
+        let second = config.second.take();
+        let file = self.machine.display();
+        match (self.mechanism, second) {
+            (Some(2), Some(second)) => return Ok(*second),
+            (Some(2), None) => {
+                return Err(failure::refused(format!(
+                    "--mechanism 2: {file} has one mechanism; second= in [KINS]KINEMATICS gives another"
+                )));
+            }
+            (None, Some(_)) => failure::tell_error(&format!(
+                "{file} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second"
+            )),
+            _ => {}
+        }
+        Ok(config)
+    }
+
+    /// Both mechanisms, of which the first has the second beside it, or the one that is named.
+    fn read_all(&self) -> Result<MachineConfig, Failure> {
+        match self.mechanism {
+            None => Ok(MachineConfig::read(&self.machine)?),
+            Some(_) => self.read(),
+        }
     }
 }
 
@@ -143,7 +172,10 @@ impl MachineFile {
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     // Told before the interpreter, in the system's words.
     std::fs::File::open(program).at(program)?;
-    let moves = interpreter::moves(config, program, None)?;
+    let moves = match config.place.is_of_pair {
+        true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
+        false => interpreter::moves(config, program, None)?,
+    };
     match moves.iter().all(|step| step.end == config.home) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),

@@ -11,11 +11,12 @@ use pkm::control::row::{Ending, Message};
 use pkm::draw::margins::figures;
 use pkm::draw::page::{self, Report, of_program};
 use pkm::files::{Locate, write_whole};
+use pkm::program::both::Flights;
 use pkm::program::course::{Course, Thinned};
 use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time, Timing};
 use pkm::program::interpreter::{self, Patience};
 use pkm::program::offset::{self, Offset};
-use pkm::program::preflight::{Flight, timed};
+use pkm::program::preflight::timed;
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
@@ -131,7 +132,11 @@ impl Answer {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_all()?;
+    if config.second.is_some() && arguments.report.is_some() {
+        let text = "--report shows one mechanism: --mechanism 1 or 2 says which";
+        return Err(refused(text));
+    }
     if let [program] = arguments.programs.as_slice()
         && !program.is_dir()
     {
@@ -324,7 +329,7 @@ fn read(
     message: &'static str,
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let bar = Bar::spinner(message);
-    let mut flight = Flight::new(config)?;
+    let mut flight = Flights::new(config)?;
     let patience = Patience { moves: arguments.most_moves, seconds: arguments.patience };
     let mut moves = 0;
     let files = interpreter::each(config, program, block, &patience, |step| {
@@ -373,8 +378,8 @@ fn offset(
     program: &Path,
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    if found.breaks.iter().all(|told| told.limit.is_of_time()) {
-        // Another place does not make a program slower.
+    // Another place does not make a program slower, and two mechanisms have two places.
+    if found.breaks.iter().all(|told| told.limit.is_of_time()) || config.second.is_some() {
         return Ok(None);
     }
     let bar = Bar::new("looking for another work offset");
@@ -449,7 +454,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
     }
     for told in &found.breaks {
-        text.push_str(&format!("\nerror: {}", in_a_sentence(told, &answer.files, blocks)));
+        text.push_str(&format!("\nerror: {}", in_a_sentence(config, told, &answer.files, blocks)));
     }
     for Caution { line, file, text: caution } in &answer.warnings {
         let place = line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ");
@@ -556,14 +561,24 @@ fn block<'a>(told: &Break, blocks: &[Vec<&'a str>]) -> Option<&'a str> {
     blocks[told.file].get(number).copied()
 }
 
-fn in_a_sentence(told: &Break, files: &[PathBuf], blocks: &[Vec<&str>]) -> String {
+fn in_a_sentence(
+    config: &MachineConfig,
+    told: &Break,
+    files: &[PathBuf],
+    blocks: &[Vec<&str>],
+) -> String {
+    let mechanism = config.second.as_deref().filter(|_| told.of_second).unwrap_or(config);
     let words: Vec<String> = Letter::ALL
         .iter()
         .zip(told.pose)
+        // Letters of another mechanism, or of nothing.
+        .filter(|(letter, _)| {
+            !mechanism.place.is_of_pair || !mechanism.machine.layout().is_held(**letter)
+        })
         .map(|(letter, value)| {
             // What rounds to 0 has no sign.
             let value = (value / PLACES).round() * PLACES + 0.0;
-            format!("{}{value:.4}", letter.name())
+            format!("{}{value:.4}", mechanism.place.letter(*letter))
         })
         .collect();
     let block = block(told, blocks).map_or(String::new(), |block| format!("  {}\n", block.trim()));

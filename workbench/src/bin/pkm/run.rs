@@ -70,7 +70,7 @@ impl Control {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_all()?;
     File::open(&arguments.program).at(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut unwritten = None;
@@ -159,23 +159,33 @@ impl<'a> Trace<'a> {
         let mut out = csv::Writer::from_writer(Whole::new(file)?);
         let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));
+        let is_pair = config.second.is_some();
+        let beside = |names: &[&str]| -> Vec<String> {
+            names.iter().filter(|_| is_pair).map(ToString::to_string).collect()
+        };
         let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
-        let tail = ["tool_x", "tool_y", "tool_z", "feed"].map(String::from);
+        let tail = ["tool_x", "tool_y", "tool_z"].map(String::from).into_iter();
+        let tail = tail.chain(beside(&["tool_u", "tool_v", "tool_w"])).chain(["feed".into()]);
+        let head = head.chain(beside(&["u", "v", "w"]));
         out.write_record(head.chain(joints.clone()).chain(errors).chain(tail))?;
         Ok(Self { config, out, file })
     }
 
     fn write(&mut self, row: &Row) -> Result<(), Failure> {
-        let (joints, extra) = (self.config.joints.len(), self.config.extra.len());
+        let (joints, extra) = (self.config.guarded_joints(), self.config.extra.len());
         let time = row.cycle as f64 * self.config.period;
-        let mut pose = row.pose;
+        let [x, y, z, a, b, c] = row.pose;
+        let mut pose = [x, y, z, a, b, c, 0.0, 0.0, 0.0];
         for (place, value) in self.config.extra_axes.places().zip(row.extra.positions) {
             pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
         }
+        let second = self.config.second_letters.as_ref();
+        second.into_iter().for_each(|letters| letters.put(&row.second.pose, &mut pose));
+        let (letters, tools) = if second.is_some() { (9, 3) } else { (6, 0) };
         let commands = row.joints[..joints].iter().chain(&row.extra.positions[..extra]);
         let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
-        let values = pose.iter().chain(commands).chain(errors);
-        let values = values.chain(&row.tool).chain([&row.feed]).map(f64::to_string);
+        let values = pose[..letters].iter().chain(commands).chain(errors).chain(&row.tool);
+        let values = values.chain(&row.second.tool[..tools]).chain([&row.feed]).map(f64::to_string);
         self.out
             .write_record([time.to_string(), row.line.to_string()].into_iter().chain(values))?;
         Ok(())

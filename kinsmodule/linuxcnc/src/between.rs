@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The watch over the distance of two mechanisms: what it is, and that the machine stops before they
+//! meet.
+//!
+//! Both poses go on as they move now, and brake together. Where the distance falls below what has to be
+//! kept before they would stand, the feed is inhibited. In a cycle the present place, the last one and
+//! one between are looked at.
+
+use crate::hal::{Direction, HalError, Pin};
+use crate::module::Module;
+use crate::pins::Maker;
+use kinematics::{At, Body, Fault, Gap, Motion, Planner, Pose, text};
+
+/// The distance shown before one is known; no limit, where it is given.
+const FAR: f64 = 1e99;
+
+/// Places before the last one, of which a cycle looks at one.
+const BETWEEN: u32 = 7;
+
+/// Cycles until what is inhibited acts on the poses, and after which every place was looked at.
+const LATENCY: f64 = 3.0 + BETWEEN as f64;
+
+/// Share of the distance by which it has to shrink ahead: less is rounding.
+const NEARER: f64 = 1e-9;
+
+/// Pins that only two mechanisms have, in HAL memory.
+#[repr(C)]
+pub struct BetweenPins {
+    clearance: Pin<f64>,
+    distance: Pin<f64>,
+    pair: [Pin<i32>; 2],
+}
+
+impl BetweenPins {
+    /// Makes them; `self` must be in memory from [`crate::hal::Component::allocate`].
+    pub fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+        use Direction::{In, Out};
+        make.one(&mut self.clearance, In, text!["pkmkins.mechanism-clearance"], 0.0)?;
+        make.one(&mut self.distance, Out, text!["pkmkins.mechanism-distance"], FAR)?;
+        for (pin, letter) in self.pair.iter_mut().zip(["a", "b"]) {
+            make.one(pin, Out, text!["pkmkins.mechanism-pair-", letter], -1)?;
+        }
+        Ok(())
+    }
+
+    fn show(&self, gap: &Gap, first_leg: i32) {
+        self.distance.set(gap.distance);
+        for ((pin, body), first) in self.pair.iter().zip(gap.bodies).zip([0, first_leg]) {
+            pin.set(match body {
+                Body::Leg(n) => first + n as i32,
+                Body::Platform => -1,
+            });
+        }
+    }
+}
+
+/// What is remembered from cycle to cycle.
+pub struct Between {
+    pins: &'static BetweenPins,
+    /// Commanded poses of the two cycles before, older first, of both.
+    before: [[Option<Pose>; 2]; 2],
+    /// The place that is looked at next.
+    next: u32,
+    /// Why the feed is inhibited, until no move is left to be made.
+    inhibited: Option<Fault>,
+}
+
+/// A cycle of both.
+struct Cycle<'a> {
+    modules: [&'a Module; 2],
+    motions: [Option<Motion>; 2],
+    poses: [Pose; 2],
+}
+
+impl Between {
+    pub fn new(pins: &'static BetweenPins) -> Self {
+        Self { pins, before: [[None; 2]; 2], next: 1, inhibited: None }
+    }
+
+    /// Whether nothing may move until the program is aborted.
+    pub fn inhibits_feed(&self) -> bool {
+        self.inhibited.is_some()
+    }
+
+    /// One cycle, after both monitors. Returns what is too near now or ahead, and whether the feed is
+    /// inhibited for it from this cycle on.
+    #[inline(never)]
+    pub fn watch(&mut self, modules: [&Module; 2], seconds: f64) -> Option<(Fault, bool)> {
+        let commanded = modules.map(Module::commanded);
+        let before = core::mem::take(&mut self.before);
+        for ((kept, old), now) in self.before.iter_mut().zip(&before).zip(&commanded) {
+            *kept = [old[1], *now];
+        }
+        let pins = modules[0].pins;
+        if pins.guard.asked.requested_vel.get() == 0.0 {
+            self.inhibited = None;
+        }
+        let [Some(first), Some(second)] = modules.map(Module::last_pose) else { return None };
+        let poses = [commanded[0].unwrap_or(first), commanded[1].unwrap_or(second)];
+        let linear = pins.guard.asked.linear_acceleration.get();
+        let mut motions = [None; 2];
+        for (((motion, module), old), now) in
+            motions.iter_mut().zip(modules).zip(&before).zip(&commanded)
+        {
+            *motion = motion_of(module, old, *now, (seconds, linear));
+        }
+        let found = self.looked(&Cycle { modules, motions, poses }, seconds);
+        let is_new = found.is_some_and(|(_, is_new)| is_new);
+        // What has stopped them is shown as long as it does.
+        if is_new { found } else { self.inhibited.map(|fault| (fault, false)).or(found) }
+    }
+
+    fn looked(&mut self, cycle: &Cycle<'_>, seconds: f64) -> Option<(Fault, bool)> {
+        let [one, other] = cycle.modules.map(Module::machine);
+        let (mut one, mut other) = (one?.nowhere(), other?.nowhere());
+        let both = &mut [&mut one, &mut other];
+        let now = cycle.gap(both, 0.0)?;
+        let first_leg = cycle.modules[0].layout().legs();
+        self.pins.show(&now, first_leg as i32);
+        let clearance = self.pins.clearance.get();
+        if clearance == 0.0 {
+            return None;
+        }
+        let near = |gap: &Gap| !(gap.distance >= clearance);
+        let mut found = Some(now).filter(near);
+        if let Some(horizon) = cycle.horizon(seconds) {
+            self.next = if self.next < BETWEEN { self.next + 1 } else { 1 };
+            let share = f64::from(self.next) / f64::from(BETWEEN + 1);
+            for time in [share * horizon, horizon] {
+                let ahead = cycle.gap(both, time);
+                // A place that cannot be reached is for the guard of its mechanism.
+                let Some(ahead) = ahead.filter(near) else { continue };
+                found = found.or(Some(ahead));
+                if ahead.distance < now.distance * (1.0 - NEARER) {
+                    let fault = ahead.fault(first_leg);
+                    let is_new = self.inhibited.is_none();
+                    self.inhibited = self.inhibited.or(Some(fault));
+                    return Some((fault, is_new));
+                }
+            }
+        }
+        found.map(|gap| (gap.fault(first_leg), false))
+    }
+}
+
+fn motion_of(
+    module: &Module,
+    before: &[Option<Pose>; 2],
+    now: Option<Pose>,
+    (seconds, linear): (f64, f64),
+) -> Option<Motion> {
+    let second = before[1]?;
+    let poses = [&before[0].unwrap_or(second), &second, &now?];
+    Motion::of(module.machine()?, poses, seconds, linear)
+}
+
+impl Cycle<'_> {
+    /// The nearest parts after a time at the present speed; `None` where a pose cannot be taken.
+    fn gap(&self, both: &mut [&mut At<'_>; 2], time: f64) -> Option<Gap> {
+        let mechanisms = both.iter_mut().zip(self.modules).zip(&self.motions).zip(&self.poses);
+        for (((at, module), motion), pose) in mechanisms {
+            let pose = motion.as_ref().map_or(*pose, |motion| motion.pose_after(time));
+            at.move_to(&pose, &module.tool()).ok()?;
+        }
+        Some(Gap::between(both[0], both[1]))
+    }
+
+    /// The time at the present speed until both stand, if the feed is inhibited now; `None` where
+    /// nothing moves, or nobody says how it brakes.
+    fn horizon(&self, seconds: f64) -> Option<f64> {
+        let asked = &self.modules[0].pins.guard.asked;
+        let latency = LATENCY * seconds;
+        let planner = Planner {
+            linear: asked.linear_acceleration.get(),
+            angular: asked.angular_acceleration.get(),
+            requested: 1.0,
+            latency,
+        };
+        // Both brake as the path does: as slowly as the one that has to brake most.
+        let braking = self.motions.iter().flatten().map(|motion| motion.braking(&planner));
+        let braking =
+            braking.fold(f64::INFINITY, |least, own| if own >= least { least } else { own });
+        (braking > 0.0 && braking.is_finite()).then(|| latency + 0.5 / braking)
+    }
+}

@@ -1,0 +1,604 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Two mechanisms on one module: each is what it is alone, and both move together or not at all.
+
+use abi_tests::geometry::{Vector, minus, norm, plus, scaled};
+use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::parallel::{Parallel, wire_leg};
+use abi_tests::random::{Random, cases};
+use abi_tests::subjects::{Subject, subjects};
+use abi_tests::tolerances::ROUND_TRIP_REL;
+use kinematics::Cause;
+
+const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+
+/// Two machines, and the letters of the second one's angles.
+struct Two {
+    first: Subject,
+    second: Subject,
+    angles: &'static str,
+}
+
+fn two(first: &str, second: &str, angles: &'static str) -> Two {
+    let find = |name: &str| {
+        let found = subjects().into_iter().find(|subject| subject.name == name);
+        found.unwrap_or_else(|| panic!("no machine {name}"))
+    };
+    Two { first: find(first), second: find(second), angles }
+}
+
+/// The mirrored lathe, and pairs of other numbers of legs, with a table, and of other angles.
+fn pairs() -> Vec<Two> {
+    vec![
+        two("four-rod lathe", "four-rod lathe", "C"),
+        two("pyramid", "linear delta", ""),
+        two("tripod", "pentapod on rings", "CA"),
+        two("rotary delta", "four-rod lathe", "A"),
+    ]
+}
+
+impl Two {
+    /// Places in LinuxCNC's pose of the second one's X Y Z A B C.
+    fn places(&self) -> [Option<usize>; 6] {
+        let mut angles = self.angles.chars();
+        let machine = &self.second.machine;
+        let mut places = [None; 6];
+        for letter in machine.coordinates.chars() {
+            let k = "XYZABC".find(letter).expect("a letter of a pose");
+            places[k] = Some(match k {
+                0..3 => 6 + k,
+                _ => "XYZABC".find(angles.next().expect("a letter for each angle")).unwrap(),
+            });
+        }
+        places
+    }
+
+    fn world(&self, first: &Pose, second: &Pose) -> Pose {
+        let mut world = *first;
+        for (value, place) in second.iter().zip(self.places()) {
+            place.into_iter().for_each(|place| world[place] = *value);
+        }
+        world
+    }
+
+    fn second_of(&self, world: &Pose) -> Pose {
+        let mut pose = [0.0; 9];
+        for (value, place) in pose.iter_mut().zip(self.places()) {
+            *value = place.map_or(0.0, |place| world[place]);
+        }
+        pose
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, String)> {
+        let [legs, coordinates, _] = self.second.machine.parameters();
+        let mut all = self.first.machine.parameters().to_vec();
+        all.push(("second", legs.1));
+        all.push(("second_coordinates", coordinates.1));
+        all.push(("second_angles", self.angles.into()));
+        all
+    }
+
+    fn loaded(&self) -> Module {
+        let all = self.parameters();
+        let all: Vec<_> = all.iter().map(|(name, value)| (*name, value.as_str())).collect();
+        Module::pkmkins(&all)
+    }
+
+    fn module(&self) -> Module {
+        let module = self.loaded();
+        self.wire(&module);
+        module.apply();
+        assert!(module.is_on("geometry-ok"), "{:?}", module.messages());
+        module
+    }
+
+    fn wire(&self, module: &Module) {
+        self.first.machine.wire(module);
+        let Parallel { legs, centre, home, tool, spindle_offset, .. } = &self.second.machine;
+        let first = self.first.machine.legs.len();
+        legs.iter().enumerate().for_each(|(n, leg)| wire_leg(module, first + n, leg));
+        for (letter, value) in LETTERS.into_iter().zip(centre) {
+            module.set(&format!("second.centre.{letter}"), *value);
+        }
+        for (letter, value) in LETTERS.into_iter().zip(home.expect("a reference pose")) {
+            module.set(&format!("second.home.{letter}"), value);
+        }
+        for (pin, value) in ["tool-offset-x", "tool-offset-y", "tool-offset"].into_iter().zip(tool)
+        {
+            module.set(&format!("second.{pin}"), *value);
+        }
+        module.set("second.spindle-offset", *spindle_offset);
+    }
+
+    fn joints(&self, first: &Joints, second: &Joints) -> Joints {
+        let (of_first, of_second) = (self.first.machine.joints(), self.second.machine.joints());
+        let mut joints = [0.0; 16];
+        joints[..of_first].copy_from_slice(&first[..of_first]);
+        joints[of_first..of_first + of_second].copy_from_slice(&second[..of_second]);
+        joints
+    }
+
+    fn homes(&self) -> Pose {
+        self.world(&self.first.home(), &self.second.home())
+    }
+
+    /// Distance of two of the second one's poses, as a share of its size.
+    fn gap(machine: &Parallel, one: &Pose, other: &Pose) -> f64 {
+        let way = norm(minus([one[0], one[1], one[2]], [other[0], other[1], other[2]]));
+        let turn = (3..6).map(|k| (one[k] - other[k]).abs().to_radians()).sum::<f64>();
+        (way + machine.radius() * turn) / machine.size()
+    }
+}
+
+fn mirrored() -> Two {
+    pairs().swap_remove(0)
+}
+
+fn both_homed(two: &Two, module: &Module) -> (Pose, Joints) {
+    let pose = two.homes();
+    let joints = module.inverse(&pose).expect("the reference poses");
+    assert_eq!(module.forward(&joints, &pose).map(|_| ()), Ok(()));
+    (pose, joints)
+}
+
+#[test]
+fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
+    let mut random = Random::new(81);
+    for two in pairs() {
+        let name = format!("{} and {}", two.first.name, two.second.name);
+        let module = two.module();
+        let alone = [two.first.machine.module(), two.second.machine.module()];
+        // 10^5 poses of the mirrored lathe, which is a shipped machine.
+        let count = if two.angles == "C" { cases(100_000) } else { cases(2_000) };
+        let mut worst = 0.0_f64;
+        let mut seeds = [two.first.home(), two.second.home()];
+        for _ in 0..count {
+            let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
+            let world = two.world(&poses[0], &poses[1]);
+            let joints = module.inverse(&world).expect("poses of both workspaces");
+            let expected = [0, 1].map(|i| alone[i].inverse(&poses[i]).expect("the same alone"));
+            assert_eq!(joints, two.joints(&expected[0], &expected[1]), "{name} at {world:?}");
+            // From the reference poses, which the joints of every pose are connected with.
+            let found = module.forward(&joints, &two.homes()).expect("their own joints");
+            let own = [0, 1].map(|i| {
+                let home = [two.first.home(), two.second.home()][i];
+                alone[i].forward(&expected[i], &home).expect("the same alone")
+            });
+            assert_eq!(found, two.world(&own[0], &own[1]), "{name} at {world:?}");
+            let machines = [&two.first.machine, &two.second.machine];
+            let back = [found, two.second_of(&found)];
+            for i in 0..2 {
+                let mut back = back[i];
+                // Letters of the other one.
+                (0..6).filter(|k| !machines[i].moves(*k)).for_each(|k| back[k] = 0.0);
+                worst = worst.max(Two::gap(machines[i], &back, &poses[i]));
+            }
+            seeds = poses;
+        }
+        let _ = seeds;
+        println!("{name}: {count} poses, back within {worst:.1e} of the size");
+        assert!(worst <= ROUND_TRIP_REL, "{name}: {worst:e}");
+    }
+}
+
+#[test]
+fn a_module_with_one_mechanism_has_no_pin_of_a_second() {
+    for subject in subjects() {
+        let module = subject.machine.module();
+        assert!(module.pins().iter().all(|pin| !pin.name.contains("second")), "{}", subject.name);
+    }
+}
+
+#[test]
+fn legs_and_joints_of_the_second_are_counted_on() {
+    let two = two("pyramid", "linear delta", "");
+    let module = two.loaded();
+    for pin in ["base.6.x", "guide.4.z", "max-velocity.8", "second.home.x", "second.geometry-ok"] {
+        assert!(module.has(pin), "{pin}");
+    }
+    for pin in ["base.7.x", "max-velocity.9", "second.apply", "second.fault", "second.base.0.x"] {
+        assert!(!module.has(pin), "{pin}");
+    }
+}
+
+#[test]
+fn nothing_is_given_in_part() {
+    let two = mirrored();
+    let module = two.module();
+    let (good, joints) = both_homed(&two, &module);
+    // Out of reach of the second one's rods: the first one alone could go on.
+    let mut far = good;
+    far[7] += 5000.0;
+    let mut untouched = [4.0; 16];
+    assert_eq!(module.inverse_into(&far, &mut untouched), Cause::OutOfReach.code());
+    assert_eq!(untouched, [4.0; 16]);
+    assert_eq!(module.get("fault") as i32, Cause::OutOfReach.code());
+    assert!((4.0..8.0).contains(&module.get("fault-leg")), "{}", module.get("fault-leg"));
+    // Joints at which the second one's platform does not close.
+    let mut torn = joints;
+    torn[4] -= 900.0;
+    let mut world = good;
+    assert!(module.forward_into(&torn, &mut world) < 0);
+    let moved = [0, 1, 2, 4, 5, 6, 7, 8];
+    assert!(moved.iter().all(|k| world[*k].is_nan()) && world[3] == 0.0, "{world:?}");
+    assert!(module.is_on("fwd-kins-fail") && module.is_on("second.fwd-kins-fail"));
+    // LinuxCNC hands the NaN on, and the reason stays that of forward.
+    let why = module.get("fault");
+    assert_eq!(module.inverse(&world), Err(Cause::PoseNotFinite.code()));
+    assert_eq!(module.get("fault"), why);
+    let back = module.forward(&joints, &world).expect("the joints of the last good pose");
+    assert!(Two::gap(&two.second.machine, &two.second_of(&back), &two.second.home()) < 1e-9);
+    assert!(!module.is_on("fwd-kins-fail"));
+}
+
+#[test]
+fn what_is_no_number_is_refused_with_its_joint() {
+    let two = mirrored();
+    let module = two.module();
+    let (good, joints) = both_homed(&two, &module);
+    for value in [f64::NAN, f64::INFINITY] {
+        for i in 0..8 {
+            let mut bad = joints;
+            bad[i] = value;
+            assert_eq!(module.forward(&bad, &good), Err(Cause::JointNotFinite.code()), "{i}");
+            assert_eq!(module.get("fault-leg"), i as f64);
+        }
+        for k in [0, 1, 2, 4, 5, 6, 7, 8] {
+            let mut bad = good;
+            bad[k] = value;
+            assert_eq!(module.inverse(&bad), Err(Cause::PoseNotFinite.code()), "{k}");
+        }
+    }
+    assert!(module.forward(&joints, &good).is_ok() && module.inverse(&good) == Ok(joints));
+}
+
+#[test]
+fn a_fault_of_the_second_names_its_leg_or_the_mechanism() {
+    let two = mirrored();
+    let module = two.module();
+    let (good, joints) = both_homed(&two, &module);
+    let said = |module: &Module| {
+        module.monitor();
+        let all: Vec<String> = module.messages().into_iter().map(|m| m.text).collect();
+        module.clear_messages();
+        all.join("\n")
+    };
+    let mut far = good;
+    far[8] = f64::NAN;
+    assert!(module.inverse(&far).is_err());
+    assert!(said(&module).contains("second mechanism: the pose"), "of the whole");
+    let mut bad = joints;
+    bad[6] = f64::NAN;
+    assert!(module.forward(&bad, &good).is_err());
+    let text = said(&module);
+    assert!(text.contains("joint 6: ") && !text.contains("second"), "{text}");
+}
+
+#[test]
+fn both_geometries_are_frozen_or_none() {
+    let two = mirrored();
+    let module = two.module();
+    let (good, joints) = both_homed(&two, &module);
+    let hashes = ["geometry-hash", "second.geometry-hash"].map(|pin| module.get(pin));
+    // Each in turn is spoilt while the other one is another good machine.
+    for (good_pin, bad_pin, leg) in [("rod.1", "rod.5", 5.0), ("rod.5", "rod.1", 1.0)] {
+        module.set(good_pin, 720.0);
+        module.set(bad_pin, -1.0);
+        module.apply();
+        assert!(!module.is_on("geometry-ok") && !module.is_on("second.geometry-ok"));
+        assert_eq!(module.get("fault") as i32, Cause::RodNotPositive.code());
+        assert_eq!(module.get("fault-leg"), leg);
+        assert_eq!(["geometry-hash", "second.geometry-hash"].map(|pin| module.get(pin)), hashes);
+        assert!(module.is_on("geometry-changed"));
+        assert_eq!(module.inverse(&good), Ok(joints), "the last good ones stay");
+        module.set(good_pin, 700.0);
+        module.set(bad_pin, 700.0);
+    }
+    module.apply();
+    assert!(module.is_on("geometry-ok") && !module.is_on("geometry-changed"));
+    module.set("rod.5", f64::NAN);
+    module.set("machine-on", 1.0);
+    module.apply();
+    assert_eq!(module.get("fault") as i32, Cause::ApplyWhileOn.code());
+    assert_eq!(module.inverse(&good), Ok(joints));
+}
+
+#[test]
+fn joints_before_homing_leave_the_pose_alone_and_are_no_fault() {
+    let two = mirrored();
+    let module = two.module();
+    let mut world = two.homes();
+    assert_eq!(module.forward_into(&[0.0; 16], &mut world), Cause::NotHomed.code());
+    assert_eq!(world, two.homes());
+    assert_eq!(module.get("fault-count"), 0.0);
+}
+
+#[test]
+fn the_identity_kinematics_are_those_of_both() {
+    let two = mirrored();
+    let module = two.module();
+    let (good, joints) = both_homed(&two, &module);
+    assert_eq!(module.switch(1), 0);
+    let pose = [1.0, 2.0, 3.0, 0.0, 4.0, 8.0, 5.0, 6.0, 7.0];
+    let found = module.inverse(&pose).expect("every letter has a joint");
+    assert_eq!(found[..8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    assert_eq!(module.forward(&found, &pose), Ok(pose));
+    // Joints at which the second one does not close: neither goes back.
+    let mut torn = joints;
+    torn[4] -= 900.0;
+    module.forward(&torn, &pose).expect("letters of joints");
+    assert!(module.switch(0) < 0 && module.is_on("kinstype.is-1"));
+    module.forward(&joints, &pose).expect("letters of joints");
+    assert_eq!(module.switch(0), 0);
+    assert!(module.forward(&joints, &good).is_ok() && module.is_on("kinstype.is-0"));
+    // More legs than coordinates have no identity kinematics.
+    let module = pairs().swap_remove(1).module();
+    assert_eq!(module.switch(1), Cause::IdentityImpossible.code());
+    assert!(module.is_on("kinstype.is-0"));
+}
+
+#[test]
+fn the_jacobian_has_the_rows_of_both_in_their_own_columns() {
+    let mut random = Random::new(82);
+    for two in pairs() {
+        let module = two.module();
+        let alone = [two.first.machine.module(), two.second.machine.module()];
+        let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
+        let world = two.world(&poses[0], &poses[1]);
+        let joints = module.inverse(&world).expect("poses of both workspaces");
+        let own = [0, 1].map(|i| {
+            let joints = alone[i].inverse(&poses[i]).expect("the same alone");
+            alone[i].jacobian(&joints, &poses[i]).expect("regular")
+        });
+        let count = two.first.machine.joints();
+        let mut expected = own[0];
+        for (row, of_second) in expected[count..].iter_mut().zip(own[1]) {
+            for (value, place) in of_second.iter().zip(two.places()) {
+                place.into_iter().for_each(|place| row[place] = *value);
+            }
+        }
+        let found = module.jacobian(&joints, &world).expect("regular");
+        assert_eq!(found, expected, "{} and {}", two.first.name, two.second.name);
+    }
+}
+
+#[test]
+fn extra_axes_stand_behind_both_and_take_what_is_left() {
+    let two = mirrored();
+    let all = two.parameters();
+    let mut all: Vec<_> = all.iter().map(|(name, value)| (*name, value.as_str())).collect();
+    all.push(("axes", "A"));
+    let module = Module::pkmkins(&all);
+    two.wire(&module);
+    module.apply();
+    let mut pose = two.homes();
+    pose[3] = 33.0;
+    let joints = module.inverse(&pose).expect("the reference poses");
+    assert_eq!(joints[8], 33.0);
+    let plain = two.module();
+    let mut expected = plain.inverse(&two.homes()).expect("the reference poses");
+    expected[8] = 33.0;
+    assert_eq!(joints, expected);
+    assert_eq!(module.forward(&joints, &pose).map(|pose| pose[3]), Ok(33.0));
+    let mut bad = joints;
+    bad[8] = f64::NAN;
+    assert_eq!(module.forward(&bad, &pose), Err(Cause::JointNotFinite.code()));
+    assert_eq!(module.get("fault-leg"), 8.0);
+    assert!(module.forward(&joints, &pose).is_ok());
+}
+
+/// World mode at a pose, machine on.
+fn cycle(module: &Module, pose: &Pose) {
+    let joints = module.inverse(pose).expect("a pose of the workspaces");
+    module.forward(&joints, pose).expect("its own joints");
+    module.inverse(pose).expect("the same");
+    module.monitor();
+}
+
+#[test]
+fn a_tool_change_of_one_at_a_tilt_moves_that_one_and_holds_both() {
+    let two = mirrored();
+    let module = two.module();
+    for j in 0..8 {
+        module.set(&format!("max-velocity.{j}"), 400.0);
+        module.set(&format!("max-acceleration.{j}"), 4000.0);
+    }
+    let mut pose = two.homes();
+    (pose[4], pose[5]) = (8.0, -5.0);
+    cycle(&module, &pose);
+    module.set("machine-on", 1.0);
+    (0..3).for_each(|_| cycle(&module, &pose));
+    let before = module.inverse(&pose).expect("at rest");
+    module.set("second.tool-offset-x", 100.0);
+    cycle(&module, &pose);
+    assert!(module.is_on("second.tool-busy") && module.is_on("tool-busy"));
+    assert!(module.is_on("feed-inhibit"), "nothing else may move");
+    let mut cycles = 0;
+    while module.is_on("tool-busy") {
+        cycle(&module, &pose);
+        cycles += 1;
+        assert!(cycles < 20_000, "a tool change does not end");
+    }
+    let after = module.inverse(&pose).expect("at rest");
+    assert_eq!(after[..4], before[..4], "the first stands still");
+    assert!((4..8).all(|j| (after[j] - before[j]).abs() > 0.1), "{after:?} {before:?}");
+    assert_eq!(module.get("second.tool-offset-eff-x"), 100.0);
+    assert!(!module.is_on("feed-inhibit"));
+}
+
+#[test]
+fn the_feed_is_that_of_the_slower_one() {
+    let two = mirrored();
+    let module = two.module();
+    for j in 0..8 {
+        module.set(&format!("min-limit.{j}"), -100.0);
+        module.set(&format!("max-limit.{j}"), 2100.0);
+        module.set(&format!("max-velocity.{j}"), if j < 4 { 400.0 } else { 40.0 });
+    }
+    module.set("linear-acceleration", 400.0);
+    module.set("angular-acceleration", 100.0);
+    module.set("machine-on", 1.0);
+    // Both at 100 mm/s along their Z.
+    for (pin, value) in [("requested-vel", 100.0), ("current-vel", 100.0), ("distance-to-go", 1e9)]
+    {
+        module.set(pin, value);
+    }
+    let mut pose = two.homes();
+    for _ in 0..30 {
+        cycle(&module, &pose);
+        pose[2] += 0.1;
+        pose[8] += 0.1;
+    }
+    let [own, second] = ["feed-scale", "second.feed-scale"].map(|pin| module.get(pin));
+    assert!((own - second).abs() == 0.0 && second < 0.5, "{own} {second}");
+    assert!(module.is_on("limit-soon") && module.get("limit-leg") >= 4.0);
+}
+
+// ---------------------------------------------------------------- the distance between them
+
+/// Lines of a mechanism, with the number of a leg or -1 for the platform.
+fn lines(machine: &Parallel, pose: &Pose, joints: &[f64], first: usize) -> Vec<(f64, [Vector; 2])> {
+    let anchors: Vec<Vector> = (0..machine.legs.len()).map(|n| machine.anchor(pose, n)).collect();
+    let mut all = vec![];
+    for n in 0..anchors.len() {
+        let lower = minus(anchors[n], machine.span(pose, n, joints[n]));
+        all.push(((first + n) as f64, [lower, anchors[n]]));
+        all.extend((0..n).map(|m| (-1.0, [anchors[m], anchors[n]])));
+    }
+    all
+}
+
+/// Distance of two segments, by ternary search along both (it is convex).
+fn distance(one: [Vector; 2], other: [Vector; 2]) -> f64 {
+    let at = |s: [Vector; 2], share: f64| plus(s[0], scaled(minus(s[1], s[0]), share));
+    let least = |f: &dyn Fn(f64) -> f64| {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+            if f(a) < f(b) { high = b } else { low = a }
+        }
+        f((low + high) / 2.0)
+    };
+    least(&|s| least(&|t| norm(minus(at(one, s), at(other, t)))))
+}
+
+#[test]
+fn the_distance_shown_is_that_of_a_search_along_all_lines_of_both() {
+    let mut random = Random::new(83);
+    for two in pairs() {
+        let module = two.module();
+        for _ in 0..3 {
+            let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
+            let world = two.world(&poses[0], &poses[1]);
+            cycle(&module, &world);
+            let joints = module.inverse(&world).expect("poses of both workspaces");
+            let count = two.first.machine.joints();
+            let one = lines(&two.first.machine, &poses[0], &joints, 0);
+            let legs = two.first.machine.legs.len();
+            let other = lines(&two.second.machine, &poses[1], &joints[count..], legs);
+            let (mut least, mut parts) = (f64::INFINITY, [0.0; 2]);
+            for (a, mine) in &one {
+                for (b, theirs) in &other {
+                    let found = distance(*mine, *theirs);
+                    if found < least {
+                        (least, parts) = (found, [*a, *b]);
+                    }
+                }
+            }
+            let name = format!("{} and {}", two.first.name, two.second.name);
+            let shown = module.get("mechanism-distance");
+            // The search ends at (2/3)^60 of a line.
+            let size = two.first.machine.size().max(two.second.machine.size());
+            assert!((shown - least).abs() < 1e-7 * size, "{name}: {shown}, not {least}");
+            if least > 1e-6 * size {
+                // An anchor belongs to a leg and to the platform: either may be named.
+                let named = ["mechanism-pair-a", "mechanism-pair-b"].map(|pin| module.get(pin));
+                assert!(
+                    (0..2).all(|i| named[i] == parts[i] || named[i] == -1.0 || parts[i] == -1.0),
+                    "{name}"
+                );
+            }
+        }
+    }
+}
+
+/// The mirrored lathe on its guides: the second one 1600 further on, with a clearance.
+fn on_guides(clearance: f64) -> (Two, Module) {
+    let mut two = mirrored();
+    let mut home = two.second.home();
+    home[2] += 1600.0;
+    two.second.machine.home = Some(home);
+    let module = two.module();
+    module.set("mechanism-clearance", clearance);
+    module.set("linear-acceleration", 400.0);
+    module.set("angular-acceleration", 100.0);
+    module.set("machine-on", 1.0);
+    (two, module)
+}
+
+/// Moves W at this speed, and brakes with 400 mm/s² where feed is inhibited, three cycles late; the least
+/// distance, and whether it was stopped.
+fn approach(two: &Two, module: &Module, mut pose: Pose, speed: f64, way: f64) -> (f64, bool) {
+    let (mut v, mut least, mut held) = (0.0_f64, f64::INFINITY, [false; 3]);
+    module.set("requested-vel", speed.abs());
+    let start = pose[8];
+    let mut cycles = 0;
+    while (pose[8] - start).abs() < way && !(held[0] && v == 0.0) {
+        v = if held[0] { (v - 0.4).max(0.0) } else { (v + 0.4).min(speed.abs()) };
+        pose[8] += v * 1e-3 * speed.signum();
+        module.set("current-vel", v);
+        module.set("distance-to-go", way - (pose[8] - start).abs());
+        cycle(module, &pose);
+        let joints = module.inverse(&pose).expect("a pose of the workspaces");
+        // Carriages 1 and 4 run on one rail, and nothing else is as near.
+        least = least.min(joints[4] - joints[1]);
+        held = [held[1], held[2], module.is_on("feed-inhibit")];
+        cycles += 1;
+        assert!(cycles < 60_000, "{pose:?}");
+    }
+    assert_eq!(two.second.machine.legs.len(), 4);
+    (least, held[0])
+}
+
+#[test]
+fn the_guard_stops_before_the_clearance_is_lost_and_lets_them_move_apart() {
+    for speed in [5.0, 30.0, 60.0] {
+        let (two, module) = on_guides(150.0);
+        let mut pose = two.homes();
+        // 241 mm apart, and nearer on the rail of carriages 1 and 4 than on the other one.
+        (pose[0], pose[6]) = (30.0, 30.0);
+        pose[8] -= 350.0;
+        let begin = module.inverse(&pose).map(|joints| joints[4] - joints[1]).expect("in reach");
+        let (least, stopped) = approach(&two, &module, pose, -speed, 900.0);
+        println!("at {speed} mm/s: stopped {:.3} mm before the limit", least - 150.0);
+        assert!(stopped && least >= 150.0, "{speed}: {least}");
+        // The brake that is counted on, 43 % of the acceleration, ten cycles, and what a place of the
+        // look ahead may be farther than the last one.
+        let most = speed * speed / (2.0 * 0.43 * 400.0) + 0.013 * speed + 0.1;
+        assert!(least - 150.0 <= most, "{speed}: {} of {most}", least - 150.0);
+        assert_eq!(module.get("fault") as i32, Cause::MechanismsNear.code());
+        assert_eq!((module.get("fault-leg"), module.get("limit-leg")), (1.0, 1.0));
+        assert!(module.is_on("limit-soon"));
+        // The program is aborted, and W goes back.
+        module.set("requested-vel", 0.0);
+        module.set("current-vel", 0.0);
+        let mut at = pose;
+        at[8] -= begin - least;
+        (0..5).for_each(|_| cycle(&module, &at));
+        assert!(!module.is_on("feed-inhibit"));
+        let (_, stopped) = approach(&two, &module, at, speed, 100.0);
+        assert!(!stopped, "{speed}: away");
+    }
+}
+
+#[test]
+fn without_a_clearance_nothing_is_stopped_and_one_that_is_no_number_stops_what_comes_nearer() {
+    let (two, module) = on_guides(0.0);
+    let (least, stopped) = approach(&two, &module, two.homes(), -60.0, 500.0);
+    assert!(!stopped && least < 100.0, "{least}");
+    let (two, module) = on_guides(f64::NAN);
+    let (_, stopped) = approach(&two, &module, two.homes(), -60.0, 500.0);
+    assert!(stopped);
+    let (two, module) = on_guides(f64::NAN);
+    let (_, stopped) = approach(&two, &module, two.homes(), 60.0, 100.0);
+    assert!(!stopped, "away");
+}

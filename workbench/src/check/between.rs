@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How near two mechanisms of a machine come to each other, at home and within their axis limits.
+
+use crate::check::report::Finding;
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::program::both;
+use crate::proof::axis_box;
+use crate::proof::reach::Reach;
+use crate::read::diagnostic::Severity;
+use crate::read::error::MachineError;
+use crate::read::ini::IniError;
+use crate::read::machine::MachineConfig;
+use kinematics::Gap;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Pairs of poses drawn from the axis limits.
+const DRAWN: usize = 20_000;
+
+/// What was found between two mechanisms.
+#[derive(Clone, Debug, Default)]
+pub struct Between {
+    /// Names and values, one line each.
+    pub facts: Vec<(String, String)>,
+    /// What does not fit, or may not.
+    pub findings: Vec<Finding>,
+}
+
+impl Between {
+    /// Whether nothing is wrong.
+    pub fn fits(&self) -> bool {
+        self.findings.iter().all(|finding| finding.severity == Severity::Warning)
+    }
+
+    fn finding(&mut self, severity: Severity, error: IniError) {
+        self.findings.push(Finding { severity, problem: *error.0 });
+    }
+}
+
+/// Looks at the two mechanisms of a machine together; `None` where it has one.
+///
+/// # Errors
+/// A mechanism cannot be at its reference pose.
+pub fn check(config: &MachineConfig) -> Result<Option<Between>, MachineError> {
+    let Some(second) = config.second.as_deref() else { return Ok(None) };
+    let configs = [config, second];
+    let refused =
+        |i: usize| move |fault| MachineError::of_geometry(&config.ini, &configs[i].place, fault);
+    let one = config.machine.at(&config.home_pose(), &config.spindle).map_err(refused(0))?;
+    let other = second.machine.at(&second.home_pose(), &second.spindle).map_err(refused(1))?;
+    let mut found = Between::default();
+    let gap = Gap::between(&one, &other);
+    let told = |gap: &Gap| shown(configs, gap);
+    found.facts.push(("nearest parts".into(), format!("{} at home", told(&gap))));
+    let least = limits::least_distance_between(config);
+    if gap.distance < least {
+        let text = format!("{}, and {} have to be kept", told(&gap), limits::shown(least));
+        found.finding(Severity::Error, at_key(&config.ini, "TRAJ", "HOME", &text));
+    }
+    if let Some((gap, poses)) = nearest(configs) {
+        let [one, other] = [0, 1].map(|i| crate::check::report::shown_pose(configs[i], &poses[i]));
+        let (apart, place) = (told(&gap), format!("{one} and {other}"));
+        found.facts.push((
+            String::new(),
+            format!("{apart}, the least seen in the axis limits of both, at {place}"),
+        ));
+        if config.mechanism_clearance.is_none() {
+            let (severity, text) = match gap.distance < least {
+                true => (
+                    Severity::Error,
+                    format!("{apart} at {place}: they meet within the axis limits, and nothing stops them"),
+                ),
+                false => (
+                    Severity::Warning,
+                    "the thickness of rods, platforms and carriages is not judged: give the distance that \
+                     the lines of one mechanism have to keep from those of the other"
+                        .into(),
+                ),
+            };
+            let error = at_key(&config.ini, "PKM", "MECHANISM_CLEARANCE", &text);
+            found.finding(severity, error);
+        }
+    }
+    Ok(Some(found))
+}
+
+fn shown(configs: [&MachineConfig; 2], gap: &Gap) -> String {
+    let name = both::between(configs, gap.bodies);
+    format!("{name} is {} {}", limits::shown(gap.distance), configs[0].length_unit())
+}
+
+/// The nearest parts at poses drawn from the axis limits, which both mechanisms can take.
+fn nearest(configs: [&MachineConfig; 2]) -> Option<(Gap, [[f64; 6]; 2])> {
+    let mut rng = Pcg64::seed_from_u64(3);
+    let reaches = [Reach::new(configs[0]).ok()?, Reach::new(configs[1]).ok()?];
+    let within = configs.map(axis_box::range);
+    let mut nearest: Option<(Gap, [[f64; 6]; 2])> = None;
+    for _ in 0..DRAWN {
+        let mut drawn =
+            || [0, 1].map(|i: usize| within[i].at(std::array::from_fn(|_| rng.random())));
+        let poses = drawn();
+        let (Ok(one), Ok(other)) = (reaches[0].at(&poses[0]), reaches[1].at(&poses[1])) else {
+            continue;
+        };
+        let gap = Gap::between(&one, &other);
+        if nearest.is_none_or(|(least, _)| gap.distance < least.distance) {
+            nearest = Some((gap, poses));
+        }
+    }
+    nearest
+}

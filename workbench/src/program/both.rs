@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Programs of two mechanisms: each followed for itself, and the distance between them.
+//!
+//! Both run through a move at the same time, so that their distance is followed as that of two legs of
+//! one machine is: a piece whose distance is not proved is halved, the earlier half first. Where a tool
+//! offset changes while a platform is tilted, only the end of that change is judged.
+
+use crate::limits;
+use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
+use crate::program::follow::length;
+use crate::program::interpreter::Move;
+use crate::program::preflight::Flight;
+use crate::proof::between::{Approach, approach};
+use crate::proof::reach::Reach;
+use crate::read::machine::MachineConfig;
+use kinematics::{Body, Fault, Part, Vector3};
+
+/// A piece of a move is halved until it is this short, as a share of the machine's size.
+const SHORTEST: f64 = 1e-6;
+
+/// Halving ends here at the latest.
+const MOST_HALVINGS: i32 = 40;
+
+/// Least margins are told within this share of the distance.
+const ACCURACY: f64 = 0.01;
+
+/// Poses looked at on a move that breaks the limit, for how far it leaves it.
+const SAMPLES: usize = 33;
+
+/// Follows the moves of a program with every mechanism of a machine.
+pub struct Flights<'a> {
+    first: Flight<'a>,
+    second: Option<(Flight<'a>, Between<'a>)>,
+}
+
+impl<'a> Flights<'a> {
+    /// Before the first move.
+    ///
+    /// # Errors
+    /// A spindle that a mechanism cannot take.
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        let second = match config.second.as_deref() {
+            None => None,
+            Some(second) => {
+                let flight = Flight::new(second).map_err(|fault| second.place.counted(fault))?;
+                Some((flight, Between::new([config, second])?))
+            }
+        };
+        Ok(Self { first: Flight::new(config)?, second })
+    }
+
+    /// Follows the next move.
+    pub fn see(&mut self, step: &Move) {
+        if let Some((flight, between)) = &mut self.second {
+            between.see(step);
+            step.of_second().iter().for_each(|step| flight.see(step));
+        }
+        self.first.see(step);
+    }
+
+    /// What is known after the last move, see [`Flight::finish`].
+    ///
+    /// # Errors
+    /// A tool vector that a mechanism cannot take.
+    pub fn finish(self) -> Result<Preflight, Fault> {
+        let mut found = self.first.finish()?;
+        if let Some((flight, between)) = self.second {
+            let second = between.configs[1];
+            let of_second = flight.finish().map_err(|fault| second.place.counted(fault))?;
+            found.add(of_second);
+            between.finish(&mut found)?;
+        }
+        Ok(found)
+    }
+}
+
+impl Preflight {
+    /// Adds what the second mechanism does in the same moves.
+    fn add(&mut self, second: Self) {
+        self.pieces += second.pieces;
+        self.is_still &= second.is_still;
+        self.runnable = self.runnable.min(second.runnable);
+        self.ranges.extend(second.ranges);
+        self.margins.extend(second.margins);
+        self.breaks.extend(second.breaks.into_iter().map(|told| Break { of_second: true, ..told }));
+        for change in second.tilted_tool_changes {
+            if !self.tilted_tool_changes.contains(&change) {
+                self.tilted_tool_changes.push(change);
+            }
+        }
+    }
+}
+
+/// The distance of two mechanisms.
+struct Between<'a> {
+    configs: [&'a MachineConfig; 2],
+    reaches: [Reach<'a>; 2],
+    tools: [Vector3<f64>; 2],
+    at: [[f64; 6]; 2],
+    /// Smallest distance that is kept.
+    clearance: f64,
+    number: usize,
+    /// Length of the first one's path so far.
+    length: f64,
+    /// Distance beyond the clearance where it is least, with its parts and line.
+    least: Option<(f64, [Body; 2], u32)>,
+    broken: Option<Break>,
+    fault: Option<Fault>,
+}
+
+/// A move of both.
+struct Leg<'a> {
+    step: &'a Move,
+    from: [[f64; 6]; 2],
+    delta: [[f64; 6]; 2],
+}
+
+impl Leg<'_> {
+    fn at(&self, share: f64) -> [[f64; 6]; 2] {
+        [0, 1].map(|i| std::array::from_fn(|k| self.from[i][k] + share * self.delta[i][k]))
+    }
+}
+
+impl<'a> Between<'a> {
+    fn new(configs: [&'a MachineConfig; 2]) -> Result<Self, Fault> {
+        Ok(Self {
+            configs,
+            reaches: [Reach::new(configs[0])?, Reach::new(configs[1])?],
+            tools: configs.map(|config| config.spindle),
+            at: configs.map(|config| config.home),
+            clearance: limits::least_distance_between(configs[0]),
+            number: 0,
+            length: 0.0,
+            least: None,
+            broken: None,
+            fault: None,
+        })
+    }
+
+    fn see(&mut self, step: &Move) {
+        let Some(beside) = step.second.filter(|_| self.fault.is_none()) else { return };
+        let (ends, tools) = ([step.end, beside.end], [step.tool, beside.tool]);
+        for i in 0..2 {
+            let tool = self.configs[i].spindle + Vector3::from(tools[i]);
+            if tool != self.tools[i] {
+                self.tools[i] = tool;
+                match Reach::with_tool(self.configs[i], tool) {
+                    Ok(reach) => self.reaches[i] = reach,
+                    Err(fault) => return self.fault = Some(self.configs[i].place.counted(fault)),
+                }
+            }
+        }
+        let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
+        self.follow(&Leg { step, from: self.at, delta });
+        self.length += length(&delta[0]);
+        self.at = ends;
+        self.number += 1;
+    }
+
+    fn follow(&mut self, leg: &Leg) {
+        let size = self.configs[0].machine.size();
+        let extent = |delta: &[f64; 6]| {
+            let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
+            length(delta) + turn * size / 2.0
+        };
+        let extent = leg.delta.iter().map(extent).sum::<f64>();
+        let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
+        let mut first: Option<(f64, [Body; 2])> = None;
+        let mut open = vec![(0.0, 1.0)];
+        while let Some((from, to)) = open.pop() {
+            if first.is_some_and(|(share, _)| share <= from) {
+                continue;
+            }
+            let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
+            // A pose that cannot be taken is told by its own mechanism.
+            let Some(found) = self.approach(leg, middle, half) else { continue };
+            let [seen, proved] = [found.distance, found.least].map(|d| d - self.clearance);
+            let note = |share: f64, first: &mut Option<(f64, [Body; 2])>| {
+                if first.is_none_or(|(known, _)| share < known) {
+                    *first = Some((share, found.bodies));
+                }
+            };
+            let is_short = to - from <= shortest;
+            if seen < 0.0 {
+                note(middle, &mut first);
+            }
+            if proved < 0.0 && is_short && proved.is_finite() {
+                note(from, &mut first);
+            }
+            let known = self.least.map_or(seen, |(least, ..)| least.min(seen));
+            let is_coarse = proved < known - ACCURACY * found.distance;
+            if !is_short && (proved < 0.0 || is_coarse) {
+                open.extend([(middle, to), (from, middle)]);
+            } else if proved.is_finite() && self.least.is_none_or(|(least, ..)| proved < least) {
+                self.least = Some((proved.min(seen), found.bodies, leg.step.line));
+            }
+        }
+        if let Some((share, bodies)) = first {
+            self.tell(leg, share, bodies);
+        }
+    }
+
+    fn approach(&self, leg: &Leg, middle: f64, half: f64) -> Option<Approach> {
+        let [one, other] = &self.reaches;
+        let poses = leg.at(middle);
+        let steps = leg.delta.map(|delta| delta.map(|d| d * half));
+        let least = self.least.map_or(0.0, |(least, ..)| least.max(0.0));
+        // Farther than what is told does not matter.
+        let enough = if half > 0.0 { self.clearance + least } else { f64::NEG_INFINITY };
+        approach([one, other], [&poses[0], &poses[1]], [&steps[0], &steps[1]], enough).ok()
+    }
+
+    fn tell(&mut self, leg: &Leg, share: f64, bodies: [Body; 2]) {
+        if let Some(told) = &mut self.broken {
+            told.moves += 1;
+            return;
+        }
+        let seen = (0..=SAMPLES).filter_map(|n| {
+            self.approach(leg, n as f64 / SAMPLES as f64, 0.0).map(|found| found.distance)
+        });
+        let worst = seen.fold(f64::INFINITY, f64::min) - self.clearance;
+        let (part, unit) = (self.part(bodies), self.configs[0].length_unit());
+        let text = match (self.configs[0].mechanism_clearance, worst < 0.0) {
+            (None, _) => format!("{part} falls to nothing: they meet"),
+            (Some(limit), true) => {
+                format!(
+                    "{part} leaves its limit of {limit} {unit}, on this move by {:.4} {unit}",
+                    -worst
+                )
+            }
+            (Some(limit), false) => format!("{part} touches its limit of {limit} {unit}"),
+        };
+        self.broken = Some(Break {
+            limit: Rule::Mechanisms,
+            part,
+            line: leg.step.line,
+            file: leg.step.file,
+            pose: leg.at(share)[0],
+            of_second: false,
+            seconds: None,
+            moves: 1,
+            step: self.number,
+            share,
+            last: self.number,
+            before: self.length + share * length(&leg.delta[0]),
+            text,
+        });
+    }
+
+    fn part(&self, bodies: [Body; 2]) -> String {
+        between(self.configs, bodies)
+    }
+
+    fn finish(self, found: &mut Preflight) -> Result<(), Fault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        if let Some((value, bodies, line)) = self.least {
+            found.margins.push(LeastMargin {
+                limit: Rule::Mechanisms,
+                value,
+                unit: self.configs[0].length_unit().into(),
+                part: self.part(bodies),
+                of: Part::Whole,
+                line,
+            });
+        }
+        if let Some(told) = self.broken {
+            let share = if found.length > 0.0 { told.before / found.length } else { 0.0 };
+            found.runnable = found.runnable.min(share);
+            found.breaks.push(told);
+        }
+        found.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
+        Ok(())
+    }
+}
+
+/// The distance of two parts, for people.
+pub(crate) fn between(configs: [&MachineConfig; 2], bodies: [Body; 2]) -> String {
+    let name = |i: usize| match bodies[i] {
+        Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
+        Body::Platform => format!("the {} platform", ["first", "second"][i]),
+    };
+    format!("the distance of {} and {}", name(0), name(1))
+}

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where the mechanism that is read stands in its INI file: a file may hold two.
+//!
+//! Each is read as an ordinary machine in its own coordinates. What differs is here: from which number
+//! on its legs and joints are counted, which letters its coordinates have, and names of sections.
+
+use crate::read::error::leg_section;
+use kinematics::{Fault, Letter, Load, POSE_LETTERS};
+
+/// Places that stand for X Y Z A B C of a second mechanism, where nothing else is said.
+const OWN: [usize; 6] = [6, 7, 8, 3, 4, 5];
+
+/// A mechanism of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Number of its first leg.
+    pub first_leg: usize,
+    /// Number of its first joint.
+    pub first_joint: usize,
+    /// Whether the file has two.
+    pub is_of_pair: bool,
+    /// Whether it is the second one.
+    pub is_second: bool,
+    /// Places of its X Y Z A B C among LinuxCNC's letters. Those of coordinates that a second one
+    /// holds are its own, and nothing stands there.
+    pub places: [usize; 6],
+}
+
+impl Place {
+    /// Of the first mechanism, or of the only one.
+    pub(super) fn first(load: &Load) -> Self {
+        Self {
+            first_leg: 0,
+            first_joint: 0,
+            is_of_pair: load.second().is_some(),
+            is_second: false,
+            places: [0, 1, 2, 3, 4, 5],
+        }
+    }
+
+    /// Of the second one of these load parameters.
+    pub(super) fn second(load: &Load) -> Option<Self> {
+        let second = load.second()?;
+        Some(Self {
+            first_leg: load.layout.legs(),
+            first_joint: load.layout.joints(),
+            is_of_pair: true,
+            is_second: true,
+            places: std::array::from_fn(|k| second.place(Letter::ALL[k]).unwrap_or(OWN[k])),
+        })
+    }
+
+    /// LinuxCNC's letter of one of its coordinates.
+    pub fn letter(&self, letter: Letter) -> char {
+        POSE_LETTERS[self.places[letter.index()]]
+    }
+
+    /// Section of its leg `n`, counted from 0.
+    pub(crate) fn leg_section(&self, n: usize) -> String {
+        leg_section(self.first_leg + n)
+    }
+
+    /// Section of its joint `n`, counted from 0.
+    pub(crate) fn joint_section(&self, n: usize) -> String {
+        format!("JOINT_{}", self.first_joint + n)
+    }
+
+    /// Section of the axis of one of its coordinates.
+    pub(crate) fn axis_section(&self, letter: Letter) -> String {
+        format!("AXIS_{}", self.letter(letter))
+    }
+
+    /// Section of a box of its workspace.
+    pub fn box_section(&self, k: usize) -> String {
+        format!("{}{k}", self.box_prefix())
+    }
+
+    pub(super) fn box_prefix(&self) -> &'static str {
+        if self.is_second { "SECOND_BOX_" } else { "BOX_" }
+    }
+
+    /// The load parameter with the number of its boxes.
+    pub fn boxes_parameter(&self) -> &'static str {
+        if self.is_second { "second_boxes" } else { "boxes" }
+    }
+
+    /// A fault with the numbers that legs and joints have in the file.
+    pub(crate) fn counted(&self, fault: Fault) -> Fault {
+        fault.counted_from(self.first_leg as u8, self.first_joint as u8)
+    }
+}
