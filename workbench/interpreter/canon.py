@@ -27,6 +27,7 @@ millimetres, angles in degrees, rates per minute.
     r f p  rapid, feed, probe: line, x y z a b c           uint32, 6 doubles
     F      feed, angular feed of the moves that follow     2 doubles
     X      in the next move an extra axis turns, or moves along with the tool
+    U      u v w from here on, of a machine with extra axes 3 doubles
     T      tool offset x y z from here on                  3 doubles
     S      spindle from here on: ? not known, 0 stands,    1 byte, 1 double
            1 turns, 2 at a constant surface speed; its speed
@@ -35,8 +36,8 @@ millimetres, angles in degrees, rates per minute.
     E      the end of the program
 
 A feed is infinite where the spindle sets the speed. Positions are commanded ones, as motion
-receives them: they hold work offset, G92, rotation and tool length. U V W move no leg and are left
-out.
+receives them: they hold work offset, G92, rotation and tool length. U V W move no leg and are told of
+extra axes alone.
 """
 
 import ctypes
@@ -73,6 +74,7 @@ MOVE = struct.Struct("<BI6d").pack
 RAPID, FEED, PROBE = b"rfp"
 RATES = struct.Struct("<c2d").pack
 TOOL = struct.Struct("<c3d").pack
+SLIDES = struct.Struct("<c3d").pack
 SPINDLE = struct.Struct("<ccd").pack
 TEXT = struct.Struct("<cI").pack
 
@@ -215,6 +217,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         self.rates = self.unfed = None
         self.asks_spindle = request["spindle"]
         self.extra = {AXES.index(letter) for letter in request["extra"]}
+        self.slides = (0.0,) * 3
         self.spindle = self.turning = None
         self.rotation_cos, self.rotation_sin = 1.0, 0.0
         self.state = None
@@ -280,6 +283,10 @@ class Canon(Translated, ArcsToSegmentsMixin):
         moved = {axis for axis, (there, here) in enumerate(zip(end, self.lo)) if there != here}
         if moved & ROTARY & self.extra or (moved & self.extra and moved - self.extra):
             self.waiting.append(b"X")
+        slides = tuple((place + offset) * MM for place, offset in zip(end[6:], self.tool[6:]))
+        if slides != self.slides:
+            self.slides = slides
+            self.waiting.append(SLIDES(b"U", *slides))
 
     def write(self, state):
         """Writes what waits; `state` is the one after its block."""

@@ -2,7 +2,7 @@
 //! Programs thinned for plots: nothing that matters gets lost.
 
 use crate::shipped::config;
-use kinematics::{Limit, MAX_JOINTS};
+use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use pkm::control::row::{Extra, Flags, Row};
 use pkm::program::course::{Abscissa, Course, MOST_SAMPLES};
 use pkm::program::interpreter::{Move, MoveKind, Spindle};
@@ -115,6 +115,7 @@ fn the_path_of_moves_goes_by_its_length() {
         tool: [0.0; 3],
         file: 0,
         extra: false,
+        extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
     };
     let mut ends = [config.home; 3];

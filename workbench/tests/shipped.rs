@@ -20,6 +20,11 @@ pub const MACHINES: [&str; 10] = [
     "tripod",
 ];
 
+/// Those whose own pose is that of programs: no axis carries work, tool or legs.
+pub fn unchained() -> Vec<&'static str> {
+    MACHINES.into_iter().filter(|machine| config(machine).chain.is_empty()).collect()
+}
+
 /// `usual` cases, times PKMKINS_CASES where that is set.
 pub fn cases(usual: usize) -> usize {
     let factor = std::env::var("PKMKINS_CASES").map_or(1.0, |text| text.parse().unwrap());

@@ -22,7 +22,7 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 1;
+constexpr int VERSION = 2;
 constexpr size_t BLOCK = 1 << 16;
 constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4;
 
@@ -39,8 +39,9 @@ int last_line = 0;
 const int *line_pin;
 const bool *on_pin, *busy_pin, *held_pin;
 const double *feed_pin;
-const double *pose_pins[6], *tool_pins[3];
-double last_pose[6];
+const char AXES[] = "xyzabcuvw";
+const double *pose_pins[9], *tool_pins[3];
+double last_pose[9];
 std::vector<Joint> joints;
 
 void flush() {
@@ -87,7 +88,7 @@ template <typename T> const T *needed(const std::string &name) {
 // The line that moves, or moved last: LinuxCNC forgets it when it aborts.
 void follow_line() {
     bool moves = false;
-    for (int n = 0; n < 6; n++) {
+    for (int n = 0; n < 9; n++) {
         moves |= last_pose[n] != *pose_pins[n];
         last_pose[n] = *pose_pins[n];
     }
@@ -112,8 +113,8 @@ void find_pins() {
     busy_pin = needed<bool>("pkmkins.tool-busy");
     held_pin = needed<bool>("pkmkins.feed-inhibit");
     feed_pin = needed<double>("pkmkins.feed-scale");
-    for (int n = 0; n < 6; n++) {
-        pose_pins[n] = needed<double>(std::string("axis.") + "xyzabc"[n] + ".pos-cmd");
+    for (int n = 0; n < 9; n++) {
+        pose_pins[n] = needed<double>(std::string("axis.") + AXES[n] + ".pos-cmd");
     }
     for (int n = 0; n < 3; n++) {
         tool_pins[n] = needed<double>(std::string("pkmkins.tool-offset-eff-") + "xyz"[n]);
@@ -133,7 +134,7 @@ void cycle() {
         return;
     }
     follow_line();
-    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (10 + 3 * joints.size()));
+    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (13 + 3 * joints.size()));
     put(cycle_of_program());
     put(static_cast<int32_t>(*line_pin));
     put(static_cast<uint32_t>(*on_pin | *busy_pin << 1 | *held_pin << 2));

@@ -2,11 +2,11 @@
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
 use crate::control::row::{Extra, Flags, Message, MessageKind, Row};
-use kinematics::{ExtraAxes, MAX_JOINTS};
+use kinematics::{ExtraAxes, MAX_JOINTS, World};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -142,15 +142,18 @@ impl Fields<'_> {
 
     fn row(&mut self, joints: usize, axes: &ExtraAxes) -> Option<Row> {
         let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
+        let feed = self.value()?;
+        let world: World = self.values(9)?;
+        let [x, y, z, a, b, c, ..] = world;
         let mut row = Row {
             cycle,
             line,
             flags: Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 },
-            feed: self.value()?,
-            pose: self.values(6)?,
+            feed,
+            pose: [x, y, z, a, b, c],
             tool: self.values(3)?,
             joints: self.values::<MAX_JOINTS>(joints)?,
-            extra: Extra { positions: self.values(axes.len())?, ..Extra::default() },
+            extra: Extra { world, positions: self.values(axes.len())?, ..Extra::default() },
             errors: self.values::<MAX_JOINTS>(joints)?,
             allowed: [0.0; MAX_JOINTS],
         };
@@ -191,9 +194,9 @@ mod tests {
 
     #[test]
     fn records_come_back_as_they_were_written() {
-        let values: Vec<u8> = (1..=16).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let values: Vec<u8> = (1..=19).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=1\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[b"version=2\nlinuxcnc=2.9\n"]),
             record(
                 ROW,
                 &[&7_u64.to_ne_bytes(), &(-1_i32).to_ne_bytes(), &5_u32.to_ne_bytes(), &values],
@@ -202,39 +205,40 @@ mod tests {
         ]
         .concat();
         let mut records = Records::new(bytes.as_slice(), 2, ExtraAxes::NONE);
-        let head = Record::Head { version: 1, linuxcnc: "2.9".into() };
+        let head = Record::Head { version: 2, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(
             (row.cycle, row.line, row.feed, row.pose[5], row.tool[2]),
-            (7, 0, 1.0, 7.0, 10.0)
+            (7, 0, 1.0, 7.0, 13.0)
         );
         assert_eq!((row.flags.on, row.flags.tool_busy, row.flags.held), (true, false, true));
-        assert_eq!((row.joints[1], row.errors[0], row.allowed[1]), (12.0, 13.0, 16.0));
+        assert_eq!((row.joints[1], row.errors[0], row.allowed[1]), (15.0, 16.0, 19.0));
         assert_eq!(records.read().unwrap(), Some(Record::End(9, 4, Cause::Stopped, "so".into())));
         assert_eq!(records.read().unwrap(), None);
     }
 
     #[test]
     fn values_of_extra_axes_stand_behind_those_of_legs_and_table() {
-        let values: Vec<u8> = (1..=19).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
+        let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = record(ROW, &[&[0; 16], &values]);
         let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
         let axes = ExtraAxes::parse(b"WC", &layout).unwrap();
         let record = Records::new(bytes.as_slice(), 1, axes).read().unwrap();
         let Some(Record::Row(row)) = record else { panic!("no row") };
-        // Feed, pose with C taken out, tool; then commands, errors and what is allowed of three joints.
+        // Feed, all coordinates, of which the pose has no C, tool; then commands, errors and what is allowed of three joints.
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         let first = |values: &[f64]| [values[0], values[1], values[2]];
-        assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (11.0, 14.0, 17.0));
-        assert_eq!(first(&row.extra.positions), [12.0, 13.0, 0.0]);
-        assert_eq!(first(&row.extra.errors), [15.0, 16.0, 0.0]);
-        assert_eq!(first(&row.extra.allowed), [18.0, 19.0, 0.0]);
+        assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (14.0, 17.0, 20.0));
+        assert_eq!(first(&row.extra.positions), [15.0, 16.0, 0.0]);
+        assert_eq!(row.extra.world[5..], [7.0, 8.0, 9.0, 10.0]);
+        assert_eq!(first(&row.extra.errors), [18.0, 19.0, 0.0]);
+        assert_eq!(first(&row.extra.allowed), [21.0, 22.0, 0.0]);
     }
 
     #[test]
     fn what_is_cut_off_or_is_no_record_is_an_error() {
-        let whole = record(ROW, &[&[0; 16 + 16 * 8]]);
+        let whole = record(ROW, &[&[0; 16 + 19 * 8]]);
         assert!(Records::new(whole.as_slice(), 2, ExtraAxes::NONE).read().is_ok());
         assert!(Records::new(whole.as_slice(), 3, ExtraAxes::NONE).read().is_err());
         assert!(Records::new(&whole[..whole.len() - 1], 2, ExtraAxes::NONE).read().is_err());

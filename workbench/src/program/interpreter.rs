@@ -7,7 +7,7 @@
 
 use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
-use kinematics::POSE_LETTERS;
+use kinematics::{MAX_EXTRA, POSE_LETTERS};
 use serde::Serialize;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -73,6 +73,8 @@ pub struct Move {
     pub file: usize,
     /// Whether an extra axis turns in it, or moves along with the tool.
     pub extra: bool,
+    /// Values of the extra axes at its end, in joint order: machine units and degrees.
+    pub extra_end: [f64; MAX_EXTRA],
     /// The spindle during the move, where [`with_spindle`] asked for it.
     pub spindle: Spindle,
 }
@@ -232,6 +234,8 @@ struct Records<'a, R> {
     input: Option<BufReader<R>>,
     /// The next move, but for its line and end.
     next: Move,
+    /// Where U V W are, machine units.
+    slides: [f64; 3],
 }
 
 impl<'a, R: Read> Records<'a, R> {
@@ -248,14 +252,16 @@ impl<'a, R: Read> Records<'a, R> {
             next: Move {
                 kind: MoveKind::Rapid,
                 line: 0,
-                end: config.home,
+                end: config.start,
                 feed: 0.0,
                 angular_feed: 0.0,
                 tool: [0.0; 3],
                 file: 0,
                 extra: false,
+                extra_end: [0.0; MAX_EXTRA],
                 spindle: Spindle::default(),
             },
+            slides: [0.0; 3],
         }
     }
 
@@ -269,6 +275,7 @@ impl<'a, R: Read> Records<'a, R> {
                     self.next.extra = false;
                 }
                 b'X' => self.next.extra = true,
+                b'U' => self.slides = self.numbers()?.map(|length: f64| length * units),
                 b'F' => {
                     let [feed, angular_feed] = self.numbers()?;
                     self.next.feed = feed * units / 60.0;
@@ -287,7 +294,7 @@ impl<'a, R: Read> Records<'a, R> {
     fn step(&mut self, kind: u8) -> io::Result<&Move> {
         let line = u32::from_le_bytes(self.bytes()?);
         let place: [f64; 6] = self.numbers()?;
-        let (units, home, axes) = (self.config.units_per_mm, self.config.home, self.axes);
+        let (units, home, axes) = (self.config.units_per_mm, self.config.start, self.axes);
         self.next.kind = match kind {
             b'r' => MoveKind::Rapid,
             b'f' => MoveKind::Feed,
@@ -299,6 +306,13 @@ impl<'a, R: Read> Records<'a, R> {
             true if k < 3 => place[k] * units,
             true => place[k],
         });
+        let values: [f64; 9] = std::array::from_fn(|k| match k {
+            0..3 => place[k] * units,
+            3..6 => place[k],
+            _ => self.slides[k - 6],
+        });
+        let extra = self.config.extra_axes.places();
+        self.next.extra_end.iter_mut().zip(extra).for_each(|(to, k)| *to = values[k]);
         Ok(&self.next)
     }
 
@@ -472,7 +486,7 @@ fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
     let mut codes = vec![format!("{units} G90 G94")];
     codes.extend(config.program.startup_code.clone());
     codes.extend(block.map(String::from));
-    codes.push(format!("G53 G0 {}", words(config.home, &axes(config))));
+    codes.push(format!("G53 G0 {}", words(config.start, &axes(config))));
     codes
 }
 

@@ -4,6 +4,7 @@
 pub mod axis_box;
 mod bounds;
 pub mod boxes;
+pub(crate) mod carried;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;

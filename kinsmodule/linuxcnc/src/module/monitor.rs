@@ -33,9 +33,10 @@ impl Module {
         self.guard.run(&Cycle {
             pins: self.pins,
             machine: &frozen.machine,
-            tool: &self.tool.offset(),
+            tool: &self.tool.of_machine(),
             pose: self.seeds.last(),
             commanded,
+            programmed: self.carrying.programmed(period),
             period,
         })
     }
@@ -49,7 +50,7 @@ impl Module {
     pub(super) fn show_assembly(&self) {
         let sign = self.seeds.last().and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;
-            machine.at(&pose, &self.tool.offset()).ok()?.assembly().ok()
+            machine.at(&pose, &self.tool.of_machine()).ok()?.assembly().ok()
         });
         self.pins.assembly.set(sign.unwrap_or(0));
     }

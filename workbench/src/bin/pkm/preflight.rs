@@ -377,6 +377,10 @@ fn offset(
         // Another place does not make a program slower.
         return Ok(None);
     }
+    if !config.chain.is_empty() {
+        // The search knows the machine's own poses alone.
+        return Ok(None);
+    }
     let bar = Bar::new("looking for another work offset");
     let shifted = offset::shift(config, &found.poses, |share| bar.set(share))?;
     drop(bar);
