@@ -7,11 +7,14 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 10] = [
+pub const MACHINES: [&str; 13] = [
     "four-rod-lathe",
     "hexapod",
+    "hexapod-rotary-table",
     "lab-hexapod",
     "lathe-counter-spindle",
+    "lathe-two-turrets",
+    "lathe-work-on-platform",
     "linear-delta",
     "pentapod",
     "pyramid",
