@@ -109,6 +109,18 @@ enum pkmkins_cause {
   PKMKINS_RING_NEGATIVE = -67,
   // the reference pose asks for a coordinate that this machine holds at 0.
   PKMKINS_HOME_HELD = -66,
+  // the axis carries something that does not exist.
+  PKMKINS_CHAIN_UNKNOWN = -110,
+  // the axis has no direction.
+  PKMKINS_CHAIN_AXIS_ZERO = -111,
+  // the axis holds a value that is NaN or infinite.
+  PKMKINS_CHAIN_NOT_FINITE = -112,
+  // the point on the axis is farther away than a million times the machine's size.
+  PKMKINS_CHAIN_TOO_FAR = -113,
+  // the place of the resting tool holder is incomplete, NaN or infinite.
+  PKMKINS_HOLDER_NOT_FINITE = -114,
+  // the resting tool holder is farther away than a million times the machine's size.
+  PKMKINS_HOLDER_TOO_FAR = -115,
   // no valid geometry is frozen.
   PKMKINS_NO_GEOMETRY = -70,
   // a new geometry was offered while the machine is on; the last one stays.
@@ -287,13 +299,15 @@ int kinematicsToolFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
 
-// Work axes in world coordinates as columns: a table moves the work, but does not turn it.
+// Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
+// that it is on. A table moves it only.
 //
-// Returns 0, or −1 for a null pointer.
+// Returns 0, or −1 and leaves `rot` alone.
 //
 // # Safety
-// `rot` must be null or valid; the other arguments are not read.
-int kinematicsWorkFrame(const double *_joint,
+// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+// not read.
+int kinematicsWorkFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
 

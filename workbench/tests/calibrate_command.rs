@@ -103,7 +103,7 @@ impl Shop {
             "touch {number}.000000 hole {hole}.000000 approach {approach}.000000 at {}\njoints {number}.000000 {} tool 0.000000 0.000000 60.000000 geometry {}.000000",
             list(&at),
             list(&joints[..6]),
-            self.config.geometry.hash()
+            self.config.hash
         )
         .unwrap();
     }

@@ -32,7 +32,7 @@ fn table(columns: &str, count: usize, is_tilted: bool) -> String {
     let changes: Vec<f64> =
         model.parameters.iter().map(|_| random.random_range(-OFF..OFF)).collect();
     let truth = model.machine(&changes).unwrap();
-    let hash = config.geometry.hash();
+    let hash = config.hash;
     let mut text = format!("# geometry {hash}\n# tool 0 0 60\nx,y,z,a,b,c,{columns}\n");
     for pose in at_tool::poses(&config, &TOOL, count, 2) {
         let angles = if is_tilted { pose.angles } else { Vector3::zeros() };
@@ -104,7 +104,7 @@ fn one_orientation_is_said_to_be_one() {
 #[test]
 fn what_is_wrong_with_a_table_is_told_with_its_line_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
-    let hash = shipped::config(MACHINE).geometry.hash();
+    let hash = shipped::config(MACHINE).hash;
     for (columns, count) in [(TRACKER, 14), (BAR, 60)] {
         let whole = table(columns, count, true);
         let lines: Vec<&str> = whole.lines().collect();

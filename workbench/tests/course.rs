@@ -2,7 +2,7 @@
 //! Programs thinned for plots: nothing that matters gets lost.
 
 use crate::shipped::config;
-use kinematics::{Limit, MAX_JOINTS};
+use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use pkm::control::row::{Beside, Extra, Flags, Row};
 use pkm::program::course::{Abscissa, Course, MOST_SAMPLES};
 use pkm::program::interpreter::{Move, MoveKind, Spindle};
@@ -117,6 +117,7 @@ fn the_path_of_moves_goes_by_its_length() {
         file: 0,
         extra: false,
         second: None,
+        extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
     };
     let mut ends = [config.home; 3];

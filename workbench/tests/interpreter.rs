@@ -34,7 +34,7 @@ fn read(
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
     let mut moves = ask(&config, &program).map_err(|e| e.to_string())?;
-    assert_eq!((moves[0].line, moves[0].end), (0, config.home));
+    assert_eq!((moves[0].line, moves[0].end), (0, config.start));
     moves.remove(0);
     Ok(moves)
 }
@@ -129,10 +129,10 @@ fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
     let mut config = config(&tools);
     config.units_per_mm = 1.0 / 25.4;
     config.program.startup_code = None;
-    config.home = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0];
+    config.start = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0];
     let steps = moves(&config, &program, Some("G10 L2 P1 X0 Y0.5 Z0 A0 B0 C0")).unwrap();
     let [home, inch, metric, tool] = steps.as_slice() else { panic!("{steps:?}") };
-    assert_end(home, config.home);
+    assert_end(home, config.start);
     assert_end(inch, [1.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
     assert_end(metric, [2.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
     assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);

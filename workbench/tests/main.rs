@@ -6,6 +6,7 @@ mod calibrate;
 mod calibrate_command;
 mod calibrate_tables;
 mod cell;
+mod chain;
 mod check;
 mod commands;
 mod configs;

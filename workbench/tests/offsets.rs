@@ -73,6 +73,10 @@ fn assert_same(file: &Path, legs: usize, found: &Joints, expected: &Joints, shif
 fn every_machine_made_of_a_file_keeps_its_offsets() {
     for file in machines() {
         let text = fs::read_to_string(&file).unwrap();
+        if text.contains("[CHAIN_") {
+            // HOME of an axis that carries something is 0.
+            continue;
+        }
         let (plain, moved) = (config(&file, &text), config(&file, &shifted(&text)));
         let legs = plain.legs();
         assert_eq!(moved.offsets[..legs], vec![OFFSET; legs]);

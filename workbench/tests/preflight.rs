@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
-use crate::shipped::{MACHINES, cases, config, folder, follow};
-use kinematics::{At, Limit, MAX_JOINTS, Pose, Vector3};
+use crate::shipped::{MACHINES, cases, config, folder, follow, unchained};
+use kinematics::{At, Limit, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
 use pkm::limits;
 use pkm::program::findings::Preflight;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
@@ -28,6 +28,7 @@ fn rapid(line: u32, end: [f64; 6]) -> Move {
         file: 0,
         extra: false,
         second: None,
+        extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
     }
 }
@@ -54,7 +55,7 @@ fn every_shipped_program_fits_its_machine() {
 #[test]
 fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {
     let mut config = config("hexapod");
-    for (axis, [low, high]) in config.axes.iter_mut().zip([[-48.0, 56.0], [-20.0, 20.0]]) {
+    for (axis, [low, high]) in config.programmed.iter_mut().zip([[-48.0, 56.0], [-20.0, 20.0]]) {
         (axis.min, axis.max) = (low, high);
     }
     let at = |x, y| [x, y, 250.0, 0.0, 0.0, 0.0];
@@ -82,7 +83,7 @@ fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {
 #[test]
 fn a_move_with_good_ends_breaks_in_its_middle() {
     let mut rng = Pcg64::seed_from_u64(51);
-    for machine in MACHINES {
+    for machine in unchained() {
         let mut config = config(machine);
         let whole = range(&config);
         let values = |config: &MachineConfig, pose: &[f64; 6]| {

@@ -7,13 +7,16 @@ use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
 
-pub const MACHINES: [&str; 15] = [
+pub const MACHINES: [&str; 18] = [
     "four-rod-lathe",
     "hexaglide",
     "hexapod",
+    "hexapod-rotary-table",
     "lab-hexapod",
     "lathe-counter-spindle",
     "lathe-mirrored",
+    "lathe-two-turrets",
+    "lathe-work-on-platform",
     "linapod",
     "linear-delta",
     "pentapod",
@@ -24,6 +27,11 @@ pub const MACHINES: [&str; 15] = [
     "triaglide",
     "tripod",
 ];
+
+/// Those whose own pose is that of programs: no axis carries work, tool or legs.
+pub fn unchained() -> Vec<&'static str> {
+    MACHINES.into_iter().filter(|machine| config(machine).chain.is_empty()).collect()
+}
 
 /// `usual` cases, times PKMKINS_CASES where that is set.
 pub fn cases(usual: usize) -> usize {

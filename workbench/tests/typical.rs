@@ -2,7 +2,7 @@
 //! Typical tool paths: as programs, as subroutines and as remapped codes they make the same moves, and
 //! every machine can run those that its work needs.
 
-use crate::shipped::{MACHINES, config, folder, ini};
+use crate::shipped::{config, folder, ini, unchained};
 use pkm::curve::file::PathFile;
 use pkm::curve::job::{Job, job};
 use pkm::curve::route::route;
@@ -445,7 +445,7 @@ fn assert_passes(config: &MachineConfig, program: &Path) {
 
 #[test]
 fn small_typical_paths_pass_preflight_on_every_machine() {
-    for machine in MACHINES {
+    for machine in unchained() {
         let config = config(machine);
         let [x, y, z] = middle(&config);
         let head =

@@ -2,7 +2,8 @@
 //! The keys of the INI file as dictionaries of Tcl and as a section of the manual page.
 
 use keys::{
-    KINDS, Key, Need, ROW, Range, joint, kind_name, leg, machine, of_leg, second, workspace_box,
+    KINDS, Key, Need, ROW, Range, chain, joint, kind_name, leg, machine, of_leg, second,
+    workspace_box,
 };
 use std::fmt::Write as _;
 
@@ -10,7 +11,7 @@ use std::fmt::Write as _;
 pub fn dictionaries() -> String {
     let mut text = String::from(
         "# By name: names of its numbers ({} where it is one), need, pin (with N for the leg or joint, K\n\
-         # for the box), range, the range in words, what the pin is set to where the key is absent.\n\
+         # for the box, L for the axis), range, the range in words, what the pin is set to where the key is absent.\n\
          namespace eval pkmkins {\n",
     );
     let mut put = |name: &str, keys: &mut dyn Iterator<Item = &Key>| {
@@ -20,6 +21,7 @@ pub fn dictionaries() -> String {
     };
     put("machine_keys", &mut machine::ALL.iter().copied());
     put("second_keys", &mut second::ALL.iter().copied());
+    put("chain_keys", &mut chain::ALL.iter().copied());
     put("joint_keys", &mut joint::ALL.iter().copied());
     put("box_keys", &mut workspace_box::ALL.iter().copied());
     text.push_str("    variable leg_keys {\n");
@@ -59,6 +61,7 @@ fn range(range: Range) -> String {
         Range::From(least, most) => format!("{{from {} {}}}", bound(least), bound(most)),
         Range::Whole(least, most) => format!("{{whole {least} {most}}}"),
         Range::Sign => "sign".into(),
+        Range::Word(words) => format!("{{word {}}}", words.join(" ")),
     }
 }
 
@@ -71,6 +74,12 @@ pub fn manual() -> String {
         section("[PKM]", "the machine", machine::ALL, ""),
         section("[SECOND]", "what a second mechanism has of its own", second::ALL, ""),
         section("[LEG_0]\\fR, \\fP[LEG_1]\\fR, ...\\fP", "one for each leg", leg::ALL, ""),
+        section(
+            "[CHAIN_A]\\fR, ... \\fP[CHAIN_C]\\fR, \\fP[CHAIN_U]\\fR, ... \\fP[CHAIN_W]",
+            "what an extra axis carries; without its section it passes its coordinate through",
+            chain::ALL,
+            "",
+        ),
         section("[JOINT_0]\\fR, \\fP[JOINT_1]\\fR, ...\\fP", "LinuxCNC's own", joint::ALL, ""),
         section(
             "[BOX_0]\\fR, \\fP[BOX_1]\\fR, ...\\fP",

@@ -5,9 +5,9 @@
 //! hal/pkmkins.tcl and the section of docs/pkmkins.9 from it, and the workbench reads with it.
 
 use Need::{Cardan, Needed, Optional, With};
-use Range::{Above, Any, From, Sign, Whole};
-use kinematics::MAX_ITERATIONS;
+use Range::{Above, Any, From, Sign, Whole, Word};
 use kinematics::leg::Kind;
+use kinematics::{Carries, MAX_ITERATIONS};
 
 /// Name of the key with row L of a box's matrix, in front of the letter; one number a leg.
 pub const ROW: &str = "ROW_";
@@ -34,7 +34,7 @@ pub struct Key {
     pub parts: &'static [&'static str],
     /// Whether it has to be given.
     pub need: Need,
-    /// The pin without `pkmkins.`, with N for the leg or joint and K for the box; its numbers
+    /// The pin without `pkmkins.`, with N for the leg or joint, K for the box and L for the axis; its numbers
     /// go to pins of their own. Empty: no pin.
     pub pin: &'static str,
     /// What each of its numbers may be.
@@ -75,6 +75,8 @@ pub enum Range {
     Whole(u32, u32),
     /// 1 or -1.
     Sign,
+    /// A word instead of a number: its place in the list, counted from 1, goes to the pin.
+    Word(&'static [&'static str]),
 }
 
 impl Range {
@@ -89,6 +91,7 @@ impl Range {
                 digits && value >= f64::from(least) && value <= f64::from(most)
             }
             Sign => matches!(word, "1" | "+1" | "-1"),
+            Word(words) => words.contains(&word),
         }
     }
 }
@@ -110,6 +113,7 @@ impl Key {
             Whole(0, u32::MAX) => "a whole number without sign".into(),
             Whole(least, most) => format!("a whole number from {least} to {most}"),
             Sign => "1 or -1".into(),
+            Word(words) => words.join(" or "),
         }
     }
 }
@@ -172,6 +176,8 @@ table! {
             ..key("Largest angle between the tool axis and its direction at A = B = C = 0; 0: no limit.") };
         FEED_FLOOR = Key { pin: "feed-floor", range: Above(0.0, 1.0),
             ..key("Smallest feed scale that the guard sets.") };
+        WORK_ON_PLATFORM = Key { parts: XYZ, pin: "work-on-platform", unit: LENGTH,
+            ..key("The work is on the platform and the tools stand in base: where the control point of their resting holder is.") };
     }
 
     /// `[SECOND]`: what a second mechanism has of its own.
@@ -218,6 +224,16 @@ table! {
             ..key("The same seen from the platform, about and across the axis PLATFORM_N.") };
     }
 
+    /// `[CHAIN_L]`: what the extra axis L carries.
+    chain {
+        CARRIES = Key { need: Needed, pin: "chain.L.carries", range: Word(CARRIED),
+            ..key("What the axis carries: the work, the tool, or the base of the legs.") };
+        AXIS = Key { parts: XYZ, need: Needed, pin: "chain.L.axis",
+            ..key("Its direction, any length, as what carries the axis sees it: right-handed for growing A B C, the way of what it carries for growing U V W.") };
+        POINT = Key { parts: XYZ, need: Needed, pin: "chain.L.point", unit: LENGTH,
+            ..key("(A, B, C) A point on the axis, as what carries it sees it with every axis of the chain at 0.") };
+    }
+
     /// `[JOINT_N]`: joint N, beside LinuxCNC's own keys.
     joint {
         MIN_LIMIT = Key { need: Needed, pin: "min-limit.N", unit: "joint units",
@@ -257,6 +273,15 @@ pub const fn kind_name(kind: Kind) -> &'static str {
     }
 }
 
+/// Words of what an axis carries.
+const CARRIED: &[&str] = &[Carries::ALL[0].name(), Carries::ALL[1].name(), Carries::ALL[2].name()];
+
+/// The keys of the axis with this letter: only those that turn have a point.
+pub fn of_axis(letter: char) -> impl Iterator<Item = &'static Key> {
+    let turns = "ABC".contains(letter);
+    chain::ALL.iter().copied().filter(move |key| turns || key.name != chain::POINT.name)
+}
+
 /// The keys of a leg of this kind.
 pub fn of_leg(kind: Kind) -> impl Iterator<Item = &'static Key> {
     leg::ALL.iter().copied().filter(move |key| key.kinds.contains(&kind))
@@ -267,14 +292,15 @@ mod tests {
     use super::*;
 
     fn all() -> impl Iterator<Item = &'static Key> {
-        let all = [machine::ALL, second::ALL, leg::ALL, joint::ALL, workspace_box::ALL];
+        let all = [machine::ALL, second::ALL, leg::ALL, chain::ALL, joint::ALL, workspace_box::ALL];
         all.into_iter().flatten().copied()
     }
 
     #[test]
     fn keys_are_the_names_of_pins_in_capitals() {
         for key in all().filter(|key| !key.pin.is_empty()) {
-            let stem = ["box.K.", "second."].iter().find_map(|name| key.pin.strip_prefix(name));
+            let stems = ["box.K.", "second.", "chain.L."];
+            let stem = stems.iter().find_map(|name| key.pin.strip_prefix(name));
             let stem = stem.unwrap_or(key.pin);
             let stem = stem.strip_suffix(".N").unwrap_or(stem);
             assert_eq!(key.name, stem.to_uppercase().replace('-', "_"));

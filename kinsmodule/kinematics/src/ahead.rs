@@ -143,6 +143,13 @@ impl Motion {
         BRAKING_SHARE * self.acceleration(planner)
     }
 
+    /// Accelerations of the planner that let this motion brake by `braking`, a share of its speed per
+    /// second: where LinuxCNC's own motion is another one.
+    pub fn braked(&self, braking: f64, planner: &Planner) -> Planner {
+        let angular = self.rate[3].abs().max(self.rate[4].abs()).max(self.rate[5].abs());
+        Planner { linear: braking * self.linear().norm(), angular: braking * angular, ..*planner }
+    }
+
     /// The rate after its linear part has turned by an angle.
     fn turned(&self, angle: f64) -> [f64; 6] {
         let (sine, cosine) = sincos(angle);

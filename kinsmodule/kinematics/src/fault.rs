@@ -21,13 +21,19 @@ pub enum MachinePart {
     Joint(u8),
     /// The joint of a table axis, and the axis.
     TableAxis(u8, Letter),
+    /// The joint of an extra axis, and its letter.
+    ExtraAxis(u8, u8),
 }
 
 impl MachinePart {
     /// Number of the leg (of two, the first) or of the joint.
     pub const fn number(self) -> u8 {
         match self {
-            Self::Leg(n) | Self::Legs([n, _]) | Self::Joint(n) | Self::TableAxis(n, _) => n,
+            Self::Leg(n)
+            | Self::Legs([n, _])
+            | Self::Joint(n)
+            | Self::TableAxis(n, _)
+            | Self::ExtraAxis(n, _) => n,
         }
     }
 
@@ -37,6 +43,7 @@ impl MachinePart {
             Self::Legs(both) => Self::Legs(both.map(|n| n.wrapping_add(legs))),
             Self::Joint(n) => Self::Joint(n.wrapping_add(joints)),
             Self::TableAxis(n, letter) => Self::TableAxis(n.wrapping_add(joints), letter),
+            Self::ExtraAxis(n, letter) => Self::ExtraAxis(n.wrapping_add(joints), letter),
         }
     }
 
@@ -52,7 +59,7 @@ impl MachinePart {
                 text.push(" and ");
                 text.push(other);
             }
-            Self::Joint(joint) | Self::TableAxis(joint, _) => {
+            Self::Joint(joint) | Self::TableAxis(joint, _) | Self::ExtraAxis(joint, _) => {
                 text.push("joint ");
                 text.push(joint);
             }
@@ -60,6 +67,11 @@ impl MachinePart {
         if let Self::TableAxis(_, letter) = self {
             text.push(" (table ");
             text.push(&[letter.name() as u8][..]);
+            text.push(")");
+        }
+        if let Self::ExtraAxis(_, letter) = self {
+            text.push(" (axis ");
+            text.push(&[letter][..]);
             text.push(")");
         }
     }
@@ -283,6 +295,19 @@ causes! {
         "give EFFECTOR as radius and height";
     HomeHeld = -66, "the reference pose asks for a coordinate that this machine holds at 0",
         "set the letters of HOME that no joint moves to 0";
+    // The axes that carry work, tool or legs.
+    ChainUnknown = -110, "the axis carries something that does not exist",
+        "set CARRIES to WORK, TOOL or LEGS, its pin to 1, 2 or 3, or to 0 for none";
+    ChainAxisZero = -111, "the axis has no direction",
+        "give AXIS of its [CHAIN_L] as a direction";
+    ChainNotFinite = -112, "the axis holds a value that is NaN or infinite",
+        "correct AXIS and POINT of its [CHAIN_L]";
+    ChainTooFar = -113, "the point on the axis is farther away than a million times the machine's size",
+        "correct POINT of its [CHAIN_L]";
+    HolderNotFinite = -114, "the place of the resting tool holder is incomplete, NaN or infinite",
+        "correct WORK_ON_PLATFORM, or leave it out";
+    HolderTooFar = -115, "the resting tool holder is farther away than a million times the machine's size",
+        "correct WORK_ON_PLATFORM";
     // The module around the kinematics.
     NoGeometry = -70, "no valid geometry is frozen",
         "correct the geometry and raise pkmkins.apply with the machine off";

@@ -138,14 +138,14 @@ impl Geometry {
     }
 }
 
-struct Fnv1a(u32);
+pub(crate) struct Fnv1a(pub(crate) u32);
 
 impl Fnv1a {
     const fn new() -> Self {
         Self(0x811c_9dc5)
     }
 
-    fn add(&mut self, values: &[f64]) {
+    pub(crate) fn add(&mut self, values: &[f64]) {
         for v in values {
             // −0 + 0 = +0: the sign of zero changes no joint.
             for byte in (v + 0.0).to_bits().to_le_bytes() {

@@ -19,6 +19,7 @@ mod at;
 mod between;
 mod boxes;
 mod certificate;
+mod chain;
 mod extra;
 mod fault;
 mod forward;
@@ -57,6 +58,7 @@ pub use boxes::{
     WorkspaceBox,
 };
 pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
+pub use chain::{Carries, Chain, ChainGeometry, Link, LinkGeometry, MAX_LINKS, World, WorldRates};
 pub use extra::{ExtraAxes, MAX_EXTRA, POSE_LETTERS};
 pub use fault::{CAUSES, Cause, Fault, MachinePart};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};

@@ -11,7 +11,7 @@ const FLOORS: [&[&str]; 12] = [
     &["fault", "placed", "pseudo_inverse", "singular", "trig"],
     &["layout", "leg", "pose"],
     &["extra", "geometry", "nut", "rings", "second"],
-    &["mechanism", "watch"],
+    &["chain", "mechanism", "watch"],
     &["certificate", "inverse"],
     &["forward", "freeze", "legs_at"],
     &["jacobian"],

@@ -6,6 +6,7 @@ mod ahead;
 mod bad_input;
 mod boxes;
 mod certified;
+mod chain;
 mod common;
 mod dead_points;
 mod forward;

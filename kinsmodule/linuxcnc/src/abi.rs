@@ -7,14 +7,14 @@
 use crate::between::{Between, BetweenPins};
 use crate::hal::{Component, HalError, print_error};
 use crate::load;
-use crate::module::{Kind, Module, World};
+use crate::module::{Kind, Module};
 use crate::pair::{Pair, Second};
 use crate::pins::{Maker, Pins, Place};
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int, c_long, c_ulong, c_void};
 use kinematics::{
-    Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Pose,
-    Second as SecondLetters, text,
+    Cause, Fault, Joints, Layout, Letter, Load, LoadError, MAX_EXTRA, MAX_JOINTS, MAX_LEGS,
+    Matrix3, Pose, Second as SecondLetters, World, text,
 };
 
 /// LinuxCNC's kinds of kinematics.
@@ -168,12 +168,6 @@ unsafe fn pair(first: &mut Module) -> Option<Pair<'_>> {
     Some(Pair { first, second: module, between })
 }
 
-/// The pose of the tool in LinuxCNC's pose.
-#[inline(always)]
-fn pose_in(world: &EmcPose, module: &Module) -> [f64; 6] {
-    if module.load().is_plain() { world.degrees() } else { module.without_extra(&world.world()) }
-}
-
 /// What a C function returns: 0, or the code of the cause.
 fn code<T>(result: Result<T, Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |_| 0)
@@ -238,31 +232,16 @@ pub unsafe extern "C" fn kinematicsForward(
     };
     // SAFETY: the array holds as many values as the machine has joints.
     let extra = unsafe { extra_joints(joint, module) };
-    let address = &raw const *world as usize;
-    let mut pose = if module.load().is_plain() {
-        world.degrees()
+    let result = if module.is_plain() {
+        plain_forward(module, &joints, world)
     } else if module.load().second().is_some() {
         // SAFETY: LinuxCNC's array, from its servo thread.
         return unsafe { forward_of_both(joint, world, module) };
     } else {
-        module.without_extra(&world.world())
+        forward_of(module, &joints, extra, world)
     };
-    let result = module.check_extra(extra).and_then(|()| match module.kind() {
-        Kind::Identity => module.identity_forward(&joints, &mut pose),
-        Kind::Machine => module.forward(&joints, &mut pose, address),
-    });
     match result {
-        Ok(()) if extra.is_empty() => world.set_degrees(pose),
-        Ok(()) => {
-            world.set_degrees(pose);
-            let mut all = world.world();
-            for (place, value) in module.extra().places().zip(extra) {
-                if let Some(coordinate) = all.get_mut(place) {
-                    *coordinate = *value;
-                }
-            }
-            world.set_world(all);
-        }
+        Ok(()) => {}
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
         Err(_) => world.set_nan(Some(module.layout())),
@@ -308,6 +287,38 @@ unsafe fn forward_of_both(joint: *const f64, world: &mut EmcPose, module: &mut M
     code(result)
 }
 
+/// Forward of a machine whose pose is LinuxCNC's.
+#[inline(always)]
+fn plain_forward(module: &mut Module, joints: &Joints, world: &mut EmcPose) -> Result<(), Fault> {
+    let address = &raw const *world as usize;
+    let mut pose = world.degrees();
+    match module.kind() {
+        Kind::Identity => module.identity_forward(joints, &mut pose),
+        Kind::Machine => module.forward(joints, &mut pose, address),
+    }?;
+    world.set_degrees(pose);
+    Ok(())
+}
+
+/// Forward of every machine.
+#[inline(never)]
+fn forward_of(
+    module: &mut Module,
+    joints: &Joints,
+    extra: &[f64],
+    world: &mut EmcPose,
+) -> Result<(), Fault> {
+    let address = &raw const *world as usize;
+    module.check_extra(extra)?;
+    let mut all = world.world();
+    match module.kind() {
+        Kind::Identity => module.identity_forward_of(joints, extra, &mut all),
+        Kind::Machine => module.forward_of(joints, extra, &mut all, address),
+    }?;
+    world.set_world(all);
+    Ok(())
+}
+
 /// Pose to joints.
 ///
 /// Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
@@ -331,18 +342,17 @@ pub unsafe extern "C" fn kinematicsInverse(
     let count = module.layout().joints();
     // SAFETY: the array holds as many values as the machine has joints.
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, count) };
-    let pose = if module.load().is_plain() {
-        world.degrees()
-    } else if module.load().second().is_some() {
-        // SAFETY: as above.
-        return unsafe { inverse_of_both(world, joint, module) };
-    } else {
-        module.without_extra(&world.world())
-    };
     let result = match module.kind() {
-        // A copy: registers, see the core's `lanes`.
-        Kind::Identity => module.identity_inverse(&{ pose }, joints),
-        Kind::Machine => module.inverse(&pose, joints),
+        Kind::Machine if module.is_plain() => module.inverse(&world.degrees(), joints),
+        _ if module.load().second().is_some() => {
+            // SAFETY: as above, from its servo thread.
+            return unsafe { inverse_of_both(world, joint, module) };
+        }
+        Kind::Machine => module.inverse_of(&world.world(), joints),
+        Kind::Identity => {
+            let pose = module.without_extra(&world.world());
+            module.identity_inverse(&pose, joints)
+        }
     };
     if result.is_ok() && !module.extra().is_empty() {
         let all = world.world();
@@ -385,14 +395,23 @@ pub unsafe extern "C" fn kinematicsJacobian(
         *jac = rows;
     } else {
         let rows = match module.kind() {
-            Kind::Identity => Ok(module.identity_jacobian()),
-            Kind::Machine => module.jacobian(&Pose::from_degrees(pose_in(world, module))),
+            Kind::Identity => Ok((module.identity_jacobian(), None)),
+            Kind::Machine if module.is_plain() => {
+                module.jacobian(&Pose::from_degrees(world.degrees())).map(|rows| (rows, None))
+            }
+            Kind::Machine => {
+                module.jacobian_of(&world.world()).map(|(rows, rates)| (rows, Some(rates)))
+            }
         };
-        let Ok(rows) = rows else { return -1 };
+        let Ok((rows, rates)) = rows else { return -1 };
         *jac = [World::default(); ROWS];
         for (out, row) in jac.iter_mut().zip(rows.row_iter()) {
-            for (to, value) in out.iter_mut().zip(row.iter()) {
-                *to = *value;
+            let Some(rates) = &rates else {
+                out.iter_mut().zip(row.iter()).for_each(|(to, value)| *to = *value);
+                continue;
+            };
+            for (to, column) in out.iter_mut().zip(rates.column_iter()) {
+                *to = row.iter().zip(column.iter()).map(|(value, rate)| value * rate).sum();
             }
         }
     }
@@ -427,41 +446,58 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
         return -1;
     };
-    let joints = &joints;
-    let pose = match module.kind() {
+    let frame = match module.kind() {
         // No joint turns a tool there, whatever the letters of the pose say.
-        Kind::Identity => Ok(Pose::from_degrees([0.0; 6])),
-        Kind::Machine => module.pose_of(joints),
+        Kind::Identity => Ok(Matrix3::identity()),
+        Kind::Machine if module.is_plain() => module.pose_of(&joints).map(|pose| pose.rotation()),
+        Kind::Machine => {
+            // SAFETY: the array holds as many values as the machine has joints.
+            let extra = unsafe { extra_joints(joint, module) };
+            module.frames(&joints, extra).map(|[tool, _]| tool)
+        }
     };
-    let Ok(pose) = pose else { return -1 };
-    let r = pose.rotation();
-    let column = |k: usize| PmCartesian { x: r[(0, k)], y: r[(1, k)], z: r[(2, k)] };
-    *rot = RotationColumns { x: column(0), y: column(1), z: column(2) };
+    let Ok(frame) = frame else { return -1 };
+    *rot = columns(&frame);
     0
 }
 
-/// Work axes in world coordinates as columns: a table moves the work, but does not turn it.
+fn columns(frame: &Matrix3<f64>) -> RotationColumns {
+    let column = |k: usize| PmCartesian { x: frame[(0, k)], y: frame[(1, k)], z: frame[(2, k)] };
+    RotationColumns { x: column(0), y: column(1), z: column(2) }
+}
+
+/// Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
+/// that it is on. A table moves it only.
 ///
-/// Returns 0, or −1 for a null pointer.
+/// Returns 0, or −1 and leaves `rot` alone.
 ///
 /// # Safety
-/// `rot` must be null or valid; the other arguments are not read.
+/// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+/// not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsWorkFrame(
-    _joint: *const f64,
+    joint: *const f64,
     rot: *mut PmRotationMatrix,
     _fflags: *const KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
-    // SAFETY: LinuxCNC passes a matrix.
-    let Some(rot) = (unsafe { rot.as_mut() }) else {
+    // SAFETY: LinuxCNC passes its joint array and a matrix, from its servo thread.
+    let (rot, module) = unsafe { (rot.as_mut(), module()) };
+    let Some(rot) = rot else {
         return -1;
     };
-    let unit = |k: usize| PmCartesian {
-        x: f64::from(u8::from(k == 0)),
-        y: f64::from(u8::from(k == 1)),
-        z: f64::from(u8::from(k == 2)),
+    let turning = module.filter(|module| module.kind() == Kind::Machine && !module.is_plain());
+    let Some(module) = turning else {
+        *rot = columns(&Matrix3::identity());
+        return 0;
     };
-    *rot = RotationColumns { x: unit(0), y: unit(1), z: unit(2) };
+    // SAFETY: as above.
+    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+        return -1;
+    };
+    // SAFETY: the array holds as many values as the machine has joints.
+    let extra = unsafe { extra_joints(joint, module) };
+    let Ok([_, work]) = module.frames(&joints, extra) else { return -1 };
+    *rot = columns(&work);
     0
 }
 
@@ -601,22 +637,37 @@ fn build(component: Component, load: Load) -> Result<(), HalError> {
 }
 
 /// Makes pins and state of a mechanism.
-// Frames of two mechanisms stand one after the other.
-#[inline(never)]
 fn build_one(component: Component, load: &Load, place: Place) -> Result<&'static Pins, HalError> {
-    let pins = zeroed::<Pins>(component)?;
-    pins.create(component, load, place)?;
-    let module = Module::new(pins, *load, place);
+    let pins = make_pins(component, load, place)?;
     if place.is_second {
         let of_pair = zeroed::<BetweenPins>(component)?;
         of_pair.create(&Maker { component, place })?;
-        // SAFETY: no thread runs yet.
-        unsafe { *SECOND.0.get() = Some(Second { module, between: Between::new(of_pair) }) };
+        begin_second(pins, load, place, of_pair);
     } else {
-        // SAFETY: as above.
-        unsafe { *MODULE.0.get() = Some(module) };
+        begin(pins, load, place);
     }
     Ok(pins)
+}
+
+// The frames of these stand one after the other.
+#[inline(never)]
+fn make_pins(component: Component, load: &Load, place: Place) -> Result<&'static Pins, HalError> {
+    let pins = zeroed::<Pins>(component)?;
+    pins.create(component, load, place)?;
+    Ok(pins)
+}
+
+#[inline(never)]
+fn begin(pins: &'static Pins, load: &Load, place: Place) {
+    // SAFETY: no thread runs yet.
+    unsafe { *MODULE.0.get() = Some(Module::new(pins, *load, place)) };
+}
+
+#[inline(never)]
+fn begin_second(pins: &'static Pins, load: &Load, place: Place, of_pair: &'static BetweenPins) {
+    let module = Module::new(pins, *load, place);
+    // SAFETY: no thread runs yet.
+    unsafe { *SECOND.0.get() = Some(Second { module, between: Between::new(of_pair) }) };
 }
 
 /// Pins in fresh HAL memory, not yet made: all-zero bytes are null pins.

@@ -5,7 +5,8 @@
 //! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
 
 use crate::pins::{GuardInputs, GuardPins, Pins, Place};
-use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3};
+use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3, World};
+use libm::sqrt;
 
 /// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
 const RISE: f64 = 10.0;
@@ -29,8 +30,56 @@ pub struct Cycle<'a> {
     pub pose: Option<Pose>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
+    /// How LinuxCNC moves, where that is not the machine's own motion.
+    pub programmed: Option<Programmed>,
     /// Servo period, seconds.
     pub period: f64,
+}
+
+/// LinuxCNC's motion in a cycle.
+#[derive(Clone, Copy)]
+pub struct Programmed {
+    /// As LinuxCNC counts it, per second: of X Y Z, else of U V W, else of A B C.
+    pub speed: f64,
+    /// The largest rates of what has lengths and of angles, per second.
+    pub rates: [f64; 2],
+}
+
+impl Programmed {
+    /// Of two poses a period apart.
+    pub fn between(before: &World, now: &World, period: f64) -> Self {
+        let rate = |k: usize| match (now.get(k), before.get(k)) {
+            (Some(now), Some(before)) => (now - before) / period,
+            _ => 0.0,
+        };
+        let norm = |first: usize| {
+            let [a, b, c] = [rate(first), rate(first + 1), rate(first + 2)];
+            sqrt(a * a + b * b + c * c)
+        };
+        let [tip, turns, slides] = [norm(0), norm(3), norm(6)];
+        let speed = if tip > 0.0 {
+            tip
+        } else if slides > 0.0 {
+            slides
+        } else {
+            turns
+        };
+        Self { speed, rates: [tip.max(slides), turns] }
+    }
+
+    /// Share of the speed per second that LinuxCNC brakes by at least.
+    fn braking(&self, asked: &GuardInputs) -> f64 {
+        let limits = [asked.linear_acceleration.get(), asked.angular_acceleration.get()];
+        let mut least = f64::INFINITY;
+        for (limit, rate) in limits.iter().zip(self.rates) {
+            let braking = if rate > 0.0 { limit / rate } else { f64::INFINITY };
+            // What is no number brakes nothing.
+            if !(braking >= least) {
+                least = braking;
+            }
+        }
+        least
+    }
 }
 
 /// What the guard remembers.
@@ -134,12 +183,17 @@ impl Guard {
         let asked = &cycle.pins.guard.asked;
         // In the first and last cycles of a motion only the poses show how fast the machine is.
         let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
-        let speed = if slow { motion.speed() } else { reported };
+        let own = cycle.programmed.map_or(motion.speed(), |programmed| programmed.speed);
+        let speed = if slow { own } else { reported };
         let planner = Planner {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
             requested: requested(asked) / speed,
             latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
+        };
+        let planner = match &cycle.programmed {
+            Some(programmed) => motion.braked(programmed.braking(asked), &planner),
+            None => planner,
         };
         let view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         (view.soon, Some((view, speed)))

@@ -7,8 +7,8 @@
 //! and scaled as the slower one needs it.
 
 use crate::between::Between;
-use crate::module::{Kind, Module, World};
-use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose};
+use crate::module::{Kind, Module};
+use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose, World};
 
 /// The two.
 pub struct Pair<'a> {

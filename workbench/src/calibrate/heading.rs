@@ -70,7 +70,7 @@ pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadL
         Some(digits) => u32::from_str_radix(digits, 16),
         None => word.parse(),
     };
-    let own = config.geometry.hash();
+    let own = config.hash;
     let bad = |text| Err(BadLog { line, text });
     match hash {
         Ok(hash) if hash == own => Ok(()),

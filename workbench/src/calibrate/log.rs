@@ -265,7 +265,7 @@ fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, BadLog> {
 
 /// Pose, tool and joints of a touch that this machine can have logged.
 fn checked(config: &MachineConfig, touch: &Touch) -> Result<Taken, BadLog> {
-    let own = config.geometry.hash();
+    let own = config.hash;
     if touch.geometry != own {
         return Err(touch.bad(format!(
             "logged with geometry {:#010x}, {} is {own:#010x}: calibrate the file that LinuxCNC ran with",

@@ -58,7 +58,7 @@ pub(crate) fn readings(
     for (line, at) in lines(text)? {
         let (hole, approach) = placed(plate, &lying, &at)
             .map_err(|nowhere| BadLog { line, text: nowhere.to_string() })?;
-        let (joints, geometry) = (vec![], config.geometry.hash());
+        let (joints, geometry) = (vec![], config.hash);
         let touch = Touch { line, hole, approach, at, joints, tool: tool.into(), geometry };
         match touches.last_mut() {
             Some(last) if is_one_place(plate, last, &touch) => *last = touch,

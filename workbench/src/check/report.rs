@@ -122,7 +122,7 @@ fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineE
         .fact("joints", [legs, extra.into_iter().map(String::from).collect()].concat().join(", "));
     report.fact("mobility", structure.mobility());
     report.fact("count", structure.loops());
-    report.fact("geometry hash", format!("{:#010x}", config.geometry.hash()));
+    report.fact("geometry hash", format!("{:#010x}", config.hash));
     Ok(())
 }
 
@@ -284,7 +284,7 @@ fn tools(
     }
     for tool in table {
         let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
-        let share = 100.0 * taken(&reach, within);
+        let share = 100.0 * taken(config, &reach, within);
         let is_proved = axis_box::holds_with(config, &tool.offset, suggested);
         let proof = if is_proved { "proved" } else { "not proved" };
         let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
@@ -295,12 +295,32 @@ fn tools(
     }
 }
 
+/// A pose of the machine within the limits of the axes, and of those that carry something.
+fn drawn_pose(config: &MachineConfig, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6] {
+    if config.chain.is_empty() {
+        return within.at(std::array::from_fn(|_| rng.random()));
+    }
+    let mut between = |low: f64, high: f64| low + rng.random::<f64>() * (high - low);
+    let pose = std::array::from_fn(|k| {
+        let axis = &config.programmed[k];
+        match axis.min.is_finite() && axis.max.is_finite() {
+            true => between(axis.min, axis.max),
+            false => config.start[k],
+        }
+    });
+    let extra = std::array::from_fn(|n| {
+        config.extra.get(n).map_or(0.0, |axis| {
+            between(axis.joint.min.max(axis.axis.min), axis.joint.max.min(axis.axis.max))
+        })
+    });
+    config.carried(&pose, &extra, &config.spindle).unwrap_or(config.home)
+}
+
 /// Share of the poses of a box that the machine can take, seen.
-fn taken(reach: &Reach, within: &AxisBox) -> f64 {
+fn taken(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> f64 {
     let mut rng = Pcg64::seed_from_u64(2);
-    let inside = (0..DRAWN)
-        .filter(|_| reach.check(&within.at(std::array::from_fn(|_| rng.random()))).is_ok())
-        .count();
+    let inside =
+        (0..DRAWN).filter(|_| reach.check(&drawn_pose(config, within, &mut rng)).is_ok()).count();
     inside as f64 / DRAWN as f64
 }
 
@@ -355,7 +375,7 @@ impl Seen {
         let of_legs = Limits { conditioning: 0.0, ..limits::beyond_axes(config) };
         let mut drawn = vec![];
         for _ in 0..DRAWN {
-            let pose = within.at(std::array::from_fn(|_| rng.random()));
+            let pose = drawn_pose(config, within, &mut rng);
             let Ok(at) = reach.at(&pose) else { continue };
             for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
                 *range = (range.0.min(*value), range.1.max(*value));
@@ -372,6 +392,11 @@ impl Seen {
                 }
                 Err(_) => {}
             }
+        }
+        if !config.chain.is_empty() {
+            // What lies between the poses drawn need not be one of a program.
+            let least = drawn.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+            return Self { worst: least, ..seen };
         }
         seen.worst = conditioning::worst(within, drawn, |pose| {
             let at = reach.at(pose).ok()?;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a run of the control tells: a row in every servo cycle, messages, and its end.
 
-use kinematics::{Joints, MAX_EXTRA};
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, MAX_EXTRA, Vector3, World};
 use serde::Serialize;
 
 /// States of a servo cycle.
@@ -24,6 +25,9 @@ pub struct Extra {
     pub errors: [f64; MAX_EXTRA],
     /// What LinuxCNC allows them.
     pub allowed: [f64; MAX_EXTRA],
+    /// LinuxCNC's whole commanded pose, in which they are coordinates: `axis.L.pos-cmd`. Commands of
+    /// joints are two cycles behind it, and smoothed.
+    pub world: World,
 }
 
 /// A second mechanism in a servo cycle.
@@ -61,6 +65,19 @@ pub struct Row {
     pub tool: [f64; 3],
     /// Share of the feed that the guard allows, `pkmkins.feed-scale`.
     pub feed: f64,
+}
+
+impl Row {
+    /// The machine's own pose (x y z in machine units, a b c in degrees), and the tool vector that it
+    /// belongs to.
+    pub fn machine(&self, config: &MachineConfig) -> ([f64; 6], Vector3<f64>) {
+        let tool = Vector3::from(self.tool);
+        if config.chain.is_empty() {
+            return (self.pose, tool);
+        }
+        let pose = config.chain.to_machine(&self.extra.world, &tool);
+        (pose.unwrap_or([f64::NAN; 6]), config.chain.machine_tool(&tool))
+    }
 }
 
 /// Channel of a message.

@@ -2,7 +2,7 @@
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
 use crate::control::row::{Beside, Extra, Flags, Message, MessageKind, Row};
-use kinematics::{ExtraAxes, MAX_JOINTS, Second};
+use kinematics::{ExtraAxes, MAX_JOINTS, Second, World};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
@@ -154,7 +154,7 @@ impl Fields<'_> {
         let (joints, axes) = (columns.joints, &columns.extra);
         let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
         let feed = self.value()?;
-        let world: [f64; 9] = self.values(9)?;
+        let world: World = self.values(9)?;
         let [x, y, z, a, b, c, ..] = world;
         let mut row = Row {
             cycle,
@@ -165,7 +165,7 @@ impl Fields<'_> {
             tool: self.values(3)?,
             second: Beside { pose: [0.0; 6], tool: self.values(3)? },
             joints: self.values::<MAX_JOINTS>(joints)?,
-            extra: Extra { positions: self.values(axes.len())?, ..Extra::default() },
+            extra: Extra { world, positions: self.values(axes.len())?, ..Extra::default() },
             errors: self.values::<MAX_JOINTS>(joints)?,
             allowed: [0.0; MAX_JOINTS],
         };
@@ -245,11 +245,12 @@ mod tests {
         let columns = Columns { extra: axes, ..plain(1) };
         let record = Records::new(bytes.as_slice(), columns).read().unwrap();
         let Some(Record::Row(row)) = record else { panic!("no row") };
-        // Feed, pose with C taken out, tool; then commands, errors and what is allowed of three joints.
+        // Feed, all coordinates, of which the pose has no C, tool; then commands, errors and what is allowed of three joints.
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         let first = |values: &[f64]| [values[0], values[1], values[2]];
         assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (17.0, 20.0, 23.0));
         assert_eq!(first(&row.extra.positions), [18.0, 19.0, 0.0]);
+        assert_eq!(row.extra.world[5..], [7.0, 8.0, 9.0, 10.0]);
         assert_eq!(first(&row.extra.errors), [21.0, 22.0, 0.0]);
         assert_eq!(first(&row.extra.allowed), [24.0, 25.0, 0.0]);
     }

@@ -7,7 +7,7 @@ use crate::curve::planes::PLANES;
 use crate::program::interpreter::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
-use kinematics::Letter;
+use kinematics::{Letter, MAX_EXTRA};
 use std::fmt::Write;
 
 /// Decimals of a feed.
@@ -196,7 +196,7 @@ impl<'a> Writer<'a> {
     /// # Errors
     /// See [`SetupError::Held`].
     pub fn check(&self, pose: &[f64; 6], t: f64) -> Result<(), SetupError> {
-        let (there, home) = (self.in_machine(pose), self.config.home);
+        let (there, home) = (self.in_machine(pose), self.config.start);
         let held = (0..6).filter(|k| self.config.machine.layout().is_held(Letter::ALL[*k]));
         for k in held {
             if (there[k] - home[k]).abs() > HELD {
@@ -226,7 +226,7 @@ impl<'a> Writer<'a> {
         let mut end = self.in_machine(&pose);
         for k in 0..6 {
             if self.at[k].is_none() {
-                end[k] = self.moves.last().map_or(self.config.home[k], |last| last.end[k]);
+                end[k] = self.moves.last().map_or(self.config.start[k], |last| last.end[k]);
             }
         }
         let units = self.config.units_per_mm;
@@ -240,6 +240,7 @@ impl<'a> Writer<'a> {
             file: 0,
             extra: false,
             second: None,
+            extra_end: [0.0; MAX_EXTRA],
             spindle: Spindle::Unknown,
         });
     }

@@ -177,7 +177,7 @@ fn places(
     let mut all = vec![];
     // The way to an operation is none of it.
     let first = range.clone().find(|n| moves[*n].kind == MoveKind::Feed).unwrap_or(range.start);
-    let mut from = if first > 0 { moves[first - 1].end } else { config.home };
+    let mut from = if first > 0 { moves[first - 1].end } else { config.start };
     for step in &moves[first..range.end] {
         let tool = config.spindle + Vector3::from(step.tool);
         let joints = |pose: [f64; 6]| -> Result<_, Fault> {

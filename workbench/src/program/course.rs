@@ -12,7 +12,9 @@ use crate::limits;
 use crate::program::interpreter::Move;
 use crate::program::loads::Motion;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Letter, Limit, Limits, MAX_JOINTS, Margin, Part, Pose, Vector3};
+use kinematics::{
+    Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,
+};
 use std::ops::ControlFlow;
 
 /// Most samples that are kept: several for each column of pixels of a wide plot.
@@ -172,7 +174,7 @@ impl<'a> Course<'a> {
     pub fn along(config: &'a MachineConfig, moves: &[Move]) -> Thinned {
         let mut course = Self::over(config, Abscissa::Length);
         let total: f64 = lengths(config, moves).map(|(_, length)| length).sum();
-        let mut before = 0.0;
+        let (mut before, mut extra) = (0.0, [0.0; MAX_EXTRA]);
         for (number, (step, (from, length))) in moves.iter().zip(lengths(config, moves)).enumerate()
         {
             let tool = config.spindle + Vector3::from(step.tool);
@@ -180,7 +182,11 @@ impl<'a> Course<'a> {
             // The end of a move is the start of the next one.
             for n in usize::from(number > 0)..=count as usize {
                 let share = n as f64 / count;
-                let pose = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
+                let told = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
+                let values =
+                    std::array::from_fn(|k| extra[k] + share * (step.extra_end[k] - extra[k]));
+                let pose = config.carried(&told, &values, &tool).unwrap_or(told);
+                let tool = config.chain.machine_tool(&tool);
                 let at = config.machine.at(&Pose::from_degrees(pose), &tool);
                 course.take(&Moment {
                     at: before + share * length,
@@ -193,6 +199,7 @@ impl<'a> Course<'a> {
                 });
             }
             before += length;
+            extra = step.extra_end;
         }
         course.finish()
     }
@@ -208,9 +215,9 @@ impl<'a> Course<'a> {
             (&row.errors, &row.allowed),
         ]
         .map(|(values, limits)| shares(values, limits, count));
-        let tool = Vector3::from(row.tool);
+        let (pose, tool) = row.machine(self.config);
         let (joints, feed) = (Some(row.joints), row.feed);
-        self.take(&Moment { at, line: row.line, pose: row.pose, tool, joints, shares, feed });
+        self.take(&Moment { at, line: row.line, pose, tool, joints, shares, feed });
     }
 
     fn take(&mut self, moment: &Moment) {
@@ -326,7 +333,7 @@ fn lengths<'a>(
     config: &MachineConfig,
     moves: &'a [Move],
 ) -> impl Iterator<Item = ([f64; 6], f64)> + 'a {
-    moves.iter().scan(config.home, |at, step| {
+    moves.iter().scan(config.start, |at, step| {
         let from = std::mem::replace(at, step.end);
         let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
         let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A move, followed over its whole length.
 //!
-//! A move is straight in X Y Z A B C, angles included, as LinuxCNC's joints see it. A piece of it
+//! A move is straight in X Y Z A B C, angles included, as LinuxCNC's joints see it; where axes carry work,
+//! tool or legs it is a curve for the machine, which is enclosed ([`crate::proof::carried`]). A piece of it
 //! is a [`crate::proof::cell::Way`]: the values in its middle, their slopes and a bound of their second
 //! derivatives, which give their range over the piece. A piece that is not proved to keep a limit
 //! is halved, the earlier half first, until a pose is found beyond the limit or the piece is too
@@ -11,11 +12,12 @@
 use crate::limits;
 use crate::program::findings::{Break, Preflight, Range, Time};
 use crate::program::offset::Poses;
+use crate::proof::carried::Enclosure;
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
-use crate::proof::spans::Course;
+use crate::proof::spans;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Limit, MAX_JOINTS, Margin, Part, Vector3};
+use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
 /// below what any machine resolves.
@@ -61,14 +63,24 @@ impl Check {
     }
 }
 
-/// A straight line to follow.
+/// What the machine does along a move.
+pub(super) enum Course {
+    /// Its own pose goes straight on.
+    Straight { from: [f64; 6], delta: [f64; 6] },
+    /// LinuxCNC's pose does, and axes carry something.
+    Carried { from: World, delta: World },
+}
+
+/// A move to follow, straight for LinuxCNC.
 pub(super) struct Leg {
     /// Number of the move.
     pub(super) number: usize,
     pub(super) line: u32,
     pub(super) file: usize,
+    /// As programmed.
     pub(super) from: [f64; 6],
     pub(super) delta: [f64; 6],
+    pub(super) course: Course,
 }
 
 impl Leg {
@@ -126,7 +138,9 @@ pub(super) struct Pilot<'a> {
     pub(super) config: &'a MachineConfig,
     pub(super) reach: Reach<'a>,
     pub(super) tool: Vector3<f64>,
+    /// As programmed, and the values of the extra axes.
     pub(super) at: [f64; 6],
+    pub(super) extra: [f64; MAX_EXTRA],
     checks: Vec<Check>,
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
@@ -142,11 +156,12 @@ impl<'a> Pilot<'a> {
             config,
             reach: Reach::new(config)?,
             tool: config.spindle,
-            at: config.home,
+            at: config.start,
+            extra: std::array::from_fn(|n| config.extra.get(n).map_or(0.0, |axis| axis.joint.home)),
             checks: vec![],
             least: [f64::INFINITY; Limit::ALL.len()],
             margins: [None; Limit::ALL.len()],
-            axes: config.home.map(|value| [value; 2]),
+            axes: config.start.map(|value| [value; 2]),
             joints: [[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS],
             result: Preflight {
                 moves: 0,
@@ -166,9 +181,7 @@ impl<'a> Pilot<'a> {
 
     pub(super) fn follow(&mut self, leg: &Leg) {
         let size = self.config.machine.size();
-        let turn: f64 = leg.delta[3..].iter().map(|d| d.abs().to_radians()).sum();
-        let extent = length(&leg.delta) + turn * size / 2.0;
-        let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
+        let shortest = (SHORTEST * size / self.extent(leg)).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut firsts = Firsts::default();
         let mut open = vec![(0.0, 1.0)];
         while let Some((from, to)) = open.pop() {
@@ -189,6 +202,44 @@ impl<'a> Pilot<'a> {
         }
     }
 
+    /// How far the machine goes, more or less, with angles at half of its size.
+    fn extent(&self, leg: &Leg) -> f64 {
+        let arm = self.config.machine.size() / 2.0;
+        match &leg.course {
+            Course::Straight { delta, .. } => {
+                let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
+                length(delta) + turn * arm
+            }
+            Course::Carried { .. } => {
+                self.enclosure(leg, 0.5, 0.5).map_or(f64::INFINITY, |whole| whole.extent(arm))
+            }
+        }
+    }
+
+    /// What the machine does over a piece.
+    fn way(&self, leg: &Leg, middle: f64, half: f64) -> Result<Way, Fault> {
+        match &leg.course {
+            Course::Straight { from, delta } => {
+                let pose = std::array::from_fn(|k| from[k] + middle * delta[k]);
+                self.reach.way(&pose, &delta.map(|d| d * half))
+            }
+            Course::Carried { .. } => {
+                let Enclosure { middle, steps } = self.enclosure(leg, middle, half)?;
+                self.reach.way_within(&middle, &steps)
+            }
+        }
+    }
+
+    /// Poses of the machine over a piece of a move with axes that carry something.
+    fn enclosure(&self, leg: &Leg, middle: f64, half: f64) -> Result<Enclosure, Fault> {
+        let (from, delta) = match &leg.course {
+            Course::Carried { from, delta } => (*from, *delta),
+            Course::Straight { .. } => (self.config.world(&leg.from, &self.extra), [0.0; 9]),
+        };
+        let world = std::array::from_fn(|k| from[k] + middle * delta[k]);
+        Enclosure::of(&self.config.chain, &world, &delta.map(|d| d * half), &self.tool)
+    }
+
     /// Whether a piece needs no halving; what is found goes into `firsts`.
     fn is_done(
         &mut self,
@@ -206,8 +257,7 @@ impl<'a> Pilot<'a> {
         self.result.pieces += 1;
         let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
         let is_short = to - from <= shortest;
-        let pose = leg.at(middle);
-        let way = match self.reach.way(&pose, &leg.delta.map(|d| d * half)) {
+        let way = match self.way(leg, middle, half) {
             Ok(way) => way,
             Err(fault) => {
                 let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
@@ -286,7 +336,8 @@ impl<'a> Pilot<'a> {
 
     /// Ranges of the joints to first order, which the pieces are short enough for.
     fn widen(&mut self, way: &Way) {
-        for (range, Course { middle, slope, .. }) in self.joints.iter_mut().zip(&way.joints) {
+        for (range, spans::Course { middle, slope, .. }) in self.joints.iter_mut().zip(&way.joints)
+        {
             *range = [range[0].min(middle - slope), range[1].max(middle + slope)];
         }
     }
@@ -301,7 +352,7 @@ impl<'a> Pilot<'a> {
     /// What was used of the axes and joints.
     pub(super) fn ranges(&self) -> Vec<Range> {
         let config = self.config;
-        let axes = Letter::ALL.into_iter().zip(&config.axes).zip(self.axes);
+        let axes = Letter::ALL.into_iter().zip(&config.programmed).zip(self.axes);
         let axes = axes.filter(|((letter, _), _)| !config.machine.layout().is_held(*letter)).map(
             |((letter, axis), used)| {
                 Range::of(config, Limit::Axis, Part::Axis(letter), used, [axis.min, axis.max])
@@ -326,8 +377,7 @@ impl<'a> Pilot<'a> {
         let mut worst = vec![f64::INFINITY; firsts.0.len()];
         let half = 0.5 / SAMPLES as f64;
         for n in 0..=SAMPLES {
-            let pose = leg.at(n as f64 / SAMPLES as f64);
-            let Ok(way) = self.reach.way(&pose, &leg.delta.map(|d| d * half)) else { continue };
+            let Ok(way) = self.way(leg, n as f64 / SAMPLES as f64, half) else { continue };
             self.widen(&way);
             self.weigh(&way);
             for check in std::mem::take(&mut self.checks) {

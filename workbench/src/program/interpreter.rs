@@ -7,7 +7,7 @@
 
 use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
-use kinematics::{Letter, POSE_LETTERS};
+use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS};
 use serde::Serialize;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -75,6 +75,8 @@ pub struct Move {
     pub extra: bool,
     /// The same move of the second mechanism, in its own coordinates, where the machine has two.
     pub second: Option<Beside>,
+    /// Values of the extra axes at its end, in joint order: machine units and degrees.
+    pub extra_end: [f64; MAX_EXTRA],
     /// The spindle during the move, where [`with_spindle`] asked for it.
     pub spindle: Spindle,
 }
@@ -273,13 +275,14 @@ impl<'a, R: Read> Records<'a, R> {
             next: Move {
                 kind: MoveKind::Rapid,
                 line: 0,
-                end: config.home,
+                end: config.start,
                 feed: 0.0,
                 angular_feed: 0.0,
                 tool: [0.0; 3],
                 file: 0,
                 extra: false,
                 second: None,
+                extra_end: [0.0; MAX_EXTRA],
                 spindle: Spindle::default(),
             },
         }
@@ -328,14 +331,16 @@ impl<'a, R: Read> Records<'a, R> {
         };
         self.next.line = line;
         let (config, axes) = (self.config, self.axes);
-        let own = |k: usize| if axes[k] { place[config.place.places[k]] } else { config.home[k] };
+        let own = |k: usize| if axes[k] { place[config.place.places[k]] } else { config.start[k] };
         self.next.end = std::array::from_fn(own);
         self.next.second = config.second.as_deref().map(|second| {
             let is_held = |k: usize| second.machine.layout().is_held(Letter::ALL[k]);
             let own =
-                |k: usize| if is_held(k) { second.home[k] } else { place[second.place.places[k]] };
+                |k: usize| if is_held(k) { second.start[k] } else { place[second.place.places[k]] };
             Beside { end: std::array::from_fn(own), tool: self.tool_beside }
         });
+        let extra = self.config.extra_axes.places();
+        self.next.extra_end.iter_mut().zip(extra).for_each(|(to, k)| *to = place[k]);
         Ok(&self.next)
     }
 

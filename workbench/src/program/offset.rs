@@ -97,7 +97,7 @@ impl Poses {
     /// Those of all moves, from `[TRAJ]HOME` on.
     pub fn of(config: &MachineConfig, moves: &[Move]) -> Self {
         let mut poses = Self::default();
-        let mut from = config.home;
+        let mut from = config.start;
         for step in moves {
             poses.see(&from, step);
             from = step.end;
@@ -290,7 +290,7 @@ impl<'a> Search<'a> {
             let room = if k < 2 { self.room } else { 0.0 };
             (axis.min + room - x).max(x + room - axis.max).max(0.0) / self.config.machine.size()
         };
-        let axes: f64 = pose.iter().zip(&self.config.axes).enumerate().map(beyond).sum();
+        let axes: f64 = pose.iter().zip(&self.config.programmed).enumerate().map(beyond).sum();
         let Ok(at) = reach.at(pose) else { return axes + UNREACHED };
         let mut lack = axes;
         limits::each(&at, &self.limits, |margin| {

@@ -13,12 +13,12 @@ use crate::program::both::Flights;
 use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
-use crate::program::follow::{Found, Leg, Pilot, length};
+use crate::program::follow::{Course, Found, Leg, Pilot, length};
 use crate::program::interpreter::Move;
 use crate::program::loads::{Beyond, Demands, Load, Loads};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Limit, Part, Pose, Vector3};
+use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -100,7 +100,8 @@ impl Pilot<'_> {
             return Ok(());
         }
         let change = tool - self.tool;
-        let shift = Pose::from_degrees(self.at).rotation() * change - change;
+        let pose = self.config.carried(&self.at, &self.extra, &self.tool)?;
+        let shift = self.shift(&pose) * change;
         if shift.norm() > ROUNDING * self.config.machine.size() {
             self.result.tilted_tool_changes.push((step.file, step.line));
             // As a motion of the old tool. Where a table takes part of it, only its end is judged,
@@ -109,8 +110,9 @@ impl Pilot<'_> {
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
                 let (from, line, file) = (self.at, step.line, step.file);
-                let leg = Leg { number, line, file, from, delta };
-                self.follow(&leg);
+                let told = if self.config.chain.is_empty() { delta } else { [0.0; 6] };
+                let course = Course::Straight { from: pose, delta };
+                self.follow(&Leg { number, line, file, from, delta: told, course });
             }
         }
         self.reach = Reach::with_tool(self.config, tool)?;
@@ -118,24 +120,50 @@ impl Pilot<'_> {
         Ok(())
     }
 
+    /// How the platform shifts with the tool vector, at this pose of the machine.
+    fn shift(&self, pose: &[f64; 6]) -> Matrix3<f64> {
+        let chain = &self.config.chain;
+        match chain.is_empty() {
+            true => Pose::from_degrees(*pose).rotation() - Matrix3::identity(),
+            false => chain.tool_shift(&self.config.world(&self.at, &self.extra), &self.tool),
+        }
+    }
+
     fn go(&mut self, number: usize, step: &Move) {
         let from = self.at;
         let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
-        let leg = Leg { number, line: step.line, file: step.file, from, delta };
+        let course = self.course(step, &from, &delta);
+        let mut leg = Leg { number, line: step.line, file: step.file, from, delta, course };
+        if let Course::Carried { from, delta } = &leg.course {
+            // What is told of a place has the angles of the axes.
+            leg.from.copy_from_slice(&from[..6]);
+            leg.delta.copy_from_slice(&delta[..6]);
+        }
         self.check_axes(&leg, &step.end);
         self.follow(&leg);
         self.widen_axes(&step.end);
         self.result.poses.see(&from, step);
-        self.result.is_still &= step.end == self.config.home;
+        let stays = step.end == self.config.start;
+        self.result.is_still &= stays && !matches!(leg.course, Course::Carried { .. });
         self.result.moves += 1;
         self.result.length += length(&delta);
-        self.at = step.end;
+        (self.at, self.extra) = (step.end, step.extra_end);
+    }
+
+    /// What the machine does in a move.
+    fn course(&self, step: &Move, from: &[f64; 6], delta: &[f64; 6]) -> Course {
+        if self.config.chain.is_empty() {
+            return Course::Straight { from: *from, delta: *delta };
+        }
+        let begin = self.config.world(from, &self.extra);
+        let end = self.config.world(&step.end, &step.extra_end);
+        Course::Carried { from: begin, delta: std::array::from_fn(|k| end[k] - begin[k]) }
     }
 
     /// Axis limits hold on a straight line that ends within them.
     fn check_axes(&mut self, leg: &Leg, end: &[f64; 6]) {
         let slack = ROUNDING * self.config.machine.size();
-        for (k, axis) in self.config.axes.iter().enumerate() {
+        for (k, axis) in self.config.programmed.iter().enumerate() {
             let part = Part::Axis(Letter::ALL[k]);
             // Each limit by itself: the one that is left need not be the nearer one at the start.
             let ends = [

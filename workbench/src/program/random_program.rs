@@ -4,7 +4,7 @@
 
 use crate::limits;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Letter, Limits, MAX_JOINTS, Pose, Vector3};
+use kinematics::{Joints, Letter, Limits, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
@@ -40,7 +40,7 @@ pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result
         config,
         limits: limits::beyond_axes(config),
         rng: Pcg64::seed_from_u64(seed),
-        pose: config.home,
+        pose: config.start,
         tool: Vector3::zeros(),
         time: 0.0,
         text: format!("(random moves, seed {seed})\nG21 G17 G40 G49 G80 G90 G94 G64\nM52 P1\n"),
@@ -120,7 +120,7 @@ impl Walk<'_> {
         let mut next = self.pose;
         for letter in Letter::ALL {
             let i = letter.index();
-            let axis = &self.config.axes[i];
+            let axis = &self.config.programmed[i];
             let free = !self.config.machine.layout().is_held(letter) && axis.max > axis.min;
             if free && what != usize::from(letter.is_angle()) && axis.max - axis.min < 1e6 {
                 let to = self.rng.random_range(axis.min..axis.max);
@@ -134,10 +134,9 @@ impl Walk<'_> {
     /// along.
     fn followed(&self, way: impl Fn(f64) -> ([f64; 6], Vector3<f64>)) -> Option<f64> {
         let mut joints = Vec::with_capacity(PLACES + 1);
-        let mut seed = Pose::from_degrees(way(0.0).0);
+        let mut seed = self.of_machine(&way(0.0))?.0;
         for k in 0..=PLACES {
-            let (pose, offset) = way(k as f64 / PLACES as f64);
-            let (pose, tool) = (Pose::from_degrees(pose), self.config.spindle + offset);
+            let (pose, tool) = self.of_machine(&way(k as f64 / PLACES as f64))?;
             let here = self.config.machine.at(&pose, &tool).ok()?;
             let (machine, solver) = (&self.config.machine, &self.config.solver);
             seed = machine.forward(here.joints(), &seed, &tool, solver).ok()?.pose;
@@ -152,6 +151,16 @@ impl Walk<'_> {
         }
         let (from, to) = (way(0.0).0, way(1.0).0);
         Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
+    }
+
+    /// The machine's own pose and tool vector, with every extra axis at 0.
+    fn of_machine(
+        &self,
+        (pose, offset): &([f64; 6], Vector3<f64>),
+    ) -> Option<(Pose, Vector3<f64>)> {
+        let tool = self.config.spindle + offset;
+        let pose = self.config.carried(pose, &[0.0; MAX_EXTRA], &tool).ok()?;
+        Some((Pose::from_degrees(pose), self.config.chain.machine_tool(&tool)))
     }
 
     /// Seconds in which the joints run through these values, evenly apart in time.
@@ -171,7 +180,7 @@ impl Walk<'_> {
     }
 
     fn axis_seconds(&self, from: &[f64; 6], to: &[f64; 6]) -> f64 {
-        let axes = self.config.axes.iter().zip(from.iter().zip(to));
+        let axes = self.config.programmed.iter().zip(from.iter().zip(to));
         axes.map(|(axis, (a, b))| (b - a).abs() / axis.max_velocity).fold(0.0, f64::max)
     }
 

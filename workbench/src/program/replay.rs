@@ -7,10 +7,11 @@
 
 use crate::limits;
 use crate::program::interpreter::{Move, MoveKind};
-use crate::read::joints::Group;
+use crate::read::joints::{ExtraAxis, Group};
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    Certificate, Cones, Fault, Joints, Limits, Margin, PerLeg, Pose, Solution, Vector3,
+    Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, POSE_LETTERS, PerLeg, Pose,
+    Solution, Vector3, World,
 };
 use std::fmt;
 use std::ops::ControlFlow;
@@ -99,7 +100,8 @@ pub struct Replay {
 pub struct ReplayFault {
     /// Line of the program, counted from 1.
     pub line: u32,
-    /// The pose asked for: x y z in machine units, a b c in degrees.
+    /// The machine's pose asked for: x y z in machine units, a b c in degrees; what is programmed where
+    /// that has none.
     pub pose: [f64; 6],
     /// Whether forward failed (else inverse).
     pub forward: bool,
@@ -131,13 +133,15 @@ pub struct Visit {
     pub time: f64,
     /// Line of the program, counted from 1.
     pub line: u32,
-    /// x y z in machine units, a b c in degrees.
+    /// The machine's own: x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],
+    /// What is programmed, values of the extra axes included where they carry something.
+    pub world: World,
     /// Joint values.
     pub joints: Joints,
     /// Nut corrections.
     pub corrections: PerLeg,
-    /// Tool vector, spindle offset included.
+    /// Tool vector of the machine's pose, spindle offset included.
     pub tool: [f64; 3],
 }
 
@@ -170,7 +174,7 @@ pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
     let (linear, angular) = (norm(&delta[..3]), norm(&delta[3..]));
     let slowest_axis = delta
         .iter()
-        .zip(&config.axes)
+        .zip(&config.programmed)
         .map(|(d, axis)| d.abs() / axis.max_velocity)
         .fold(0.0, f64::max);
     let limited = slowest_axis.max(linear / config.max_linear_velocity).max(if linear == 0.0 {
@@ -188,12 +192,14 @@ pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
 
 /// Seconds that all moves take, from `[TRAJ]HOME` on.
 pub fn duration_of_all(config: &MachineConfig, moves: &[Move]) -> f64 {
-    let starts = std::iter::once(config.home).chain(moves.iter().map(|step| step.end));
+    let starts = std::iter::once(config.start).chain(moves.iter().map(|step| step.end));
     starts.zip(moves).map(|(from, step)| duration(config, &from, step)).sum()
 }
 
 struct Player<'a> {
     config: &'a MachineConfig,
+    /// Values of the extra axes.
+    extra: [f64; MAX_EXTRA],
     limits: Limits,
     period: f64,
     see: &'a mut dyn FnMut(&Visit),
@@ -214,10 +220,11 @@ impl<'a> Player<'a> {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
+            extra: [0.0; MAX_EXTRA],
             limits: limits::of(config),
             period,
             see,
-            at: config.home,
+            at: config.start,
             line: 0,
             ahead: 0.0,
             tool: config.spindle,
@@ -257,12 +264,12 @@ impl<'a> Player<'a> {
         }
         // Where the move before has ended, which the last pose was short of.
         let before = match self.joints {
-            Some(_) => self.config.machine.inverse(&Pose::from_degrees(self.at), &self.tool).ok(),
+            Some(_) => self.joints_at(&self.at, &self.extra),
             None => None,
         };
         self.tool = tool;
         self.joints = None;
-        let after = self.visit(self.at, step.line)?;
+        let after = self.visit(self.at, self.extra, step.line)?;
         for (old, new) in before.iter().flatten().zip(after) {
             larger(&mut self.result.tool_step, (new - old).abs(), step.line);
         }
@@ -272,27 +279,56 @@ impl<'a> Player<'a> {
     /// Poses at whole periods since the start of the program, wherever the moves end.
     fn play(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let from = self.at;
-        let duration = duration(self.config, &from, step);
+        let began = self.extra;
+        let duration = duration(self.config, &from, step).max(self.turning(step));
         while duration > 0.0 && self.ahead <= duration {
             let share = self.ahead / duration;
             let pose = std::array::from_fn(|i| from[i] + share * (step.end[i] - from[i]));
-            self.visit(pose, step.line)?;
+            let extra = std::array::from_fn(|i| began[i] + share * (step.extra_end[i] - began[i]));
+            self.visit(pose, extra, step.line)?;
             self.ahead += self.period;
         }
         self.ahead -= duration;
         self.note_end(step)?;
-        self.at = step.end;
+        (self.at, self.extra) = (step.end, step.extra_end);
         self.line = step.line;
         self.result.moves += usize::from(duration > 0.0);
         Ok(())
+    }
+
+    /// Least seconds that axes need which carry something.
+    fn turning(&self, step: &Move) -> f64 {
+        let carries = |axis: &ExtraAxis| {
+            self.config.chain.links().iter().any(|link| POSE_LETTERS[link.place] == axis.letter)
+        };
+        let extra = self.config.extra.iter().zip(self.extra.iter().zip(&step.extra_end));
+        let moving = extra.filter(|(axis, _)| carries(axis));
+        let seconds = moving.map(|(axis, (from, to))| (to - from).abs() / axis.axis.max_velocity);
+        seconds.fold(0.0, f64::max)
+    }
+
+    /// The machine's pose.
+    fn carried(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> Result<[f64; 6], Fault> {
+        self.config.carried(pose, extra, &self.tool)
+    }
+
+    fn machine_tool(&self) -> Vector3<f64> {
+        self.config.chain.machine_tool(&self.tool)
+    }
+
+    fn joints_at(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> Option<Joints> {
+        let pose = Pose::from_degrees(self.carried(pose, extra).ok()?);
+        self.config.machine.inverse(&pose, &self.machine_tool()).ok()
     }
 
     /// Limits and ranges where a move ends, which is mostly between two periods.
     fn note_end(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let (line, pose) = (step.line, step.end);
         let machine = &self.config.machine;
-        let failed = |fault| ReplayFault { line, pose, forward: false, fault };
-        let at = machine.at(&Pose::from_degrees(pose), &self.tool).map_err(failed)?;
+        let failed = |pose| move |fault| ReplayFault { line, pose, forward: false, fault };
+        let pose = self.carried(&pose, &step.extra_end).map_err(failed(pose))?;
+        let at = machine.at(&Pose::from_degrees(pose), &self.machine_tool());
+        let at = at.map_err(failed(pose))?;
         self.note_pose(&at, line);
         for (range, joint) in self.result.joints.iter_mut().zip(at.joints()) {
             range.add(*joint, line);
@@ -307,20 +343,27 @@ impl<'a> Player<'a> {
     fn end(&mut self) -> Result<(), ReplayFault> {
         let is_there = self.result.poses > 0 && self.ahead >= self.period * (1.0 - ROUNDING);
         if !is_there {
-            self.visit(self.at, self.line)?;
+            self.visit(self.at, self.extra, self.line)?;
         }
         Ok(())
     }
 
     /// Inverse, forward and the records of one pose.
-    fn visit(&mut self, pose: [f64; 6], line: u32) -> Result<Joints, ReplayFault> {
-        let asked = Pose::from_degrees(pose);
+    fn visit(
+        &mut self,
+        programmed: [f64; 6],
+        extra: [f64; MAX_EXTRA],
+        line: u32,
+    ) -> Result<Joints, ReplayFault> {
+        let refused = |fault| ReplayFault { line, pose: programmed, forward: false, fault };
+        let pose = self.carried(&programmed, &extra).map_err(refused)?;
+        let (asked, tool) = (Pose::from_degrees(pose), self.machine_tool());
         let failed = |forward| move |fault| ReplayFault { line, pose, forward, fault };
         let machine = &self.config.machine;
-        let at = machine.at(&asked, &self.tool).map_err(failed(false))?;
+        let at = machine.at(&asked, &tool).map_err(failed(false))?;
         let joints = *at.joints();
         let solution = machine
-            .forward(&joints, &self.seed, &self.tool, &self.config.solver)
+            .forward(&joints, &self.seed, &tool, &self.config.solver)
             .map_err(failed(true))?;
         self.seed = solution.pose;
         self.note_solution(&asked, &solution, line);
@@ -331,8 +374,9 @@ impl<'a> Player<'a> {
         }
         self.joints = Some(joints);
         let time = (self.result.poses - 1) as f64 * self.period;
-        let (corrections, tool) = (at.corrections(), self.tool.into());
-        (self.see)(&Visit { time, line, pose, joints, corrections, tool });
+        let (corrections, tool) = (at.corrections(), tool.into());
+        let world = self.config.world(&programmed, &extra);
+        (self.see)(&Visit { time, line, pose, world, joints, corrections, tool });
         Ok(joints)
     }
 
@@ -507,6 +551,7 @@ mod tests {
             file: 0,
             extra: false,
             second: None,
+            extra_end: [0.0; MAX_EXTRA],
             spindle: Spindle::Unknown,
         }
     }

@@ -42,7 +42,7 @@ pub fn found(config: &MachineConfig) -> Result<Vec<(BoxSection, usize)>, Doubt> 
     let claims = choose::claims(&prover, low, high, MAX_BOXES)?;
     let proved = |claim: Claim| {
         let cells = prover.prove(&claim, MOST_CELLS)?;
-        Ok((BoxSection { claim, geometry: config.geometry.hash() }, cells))
+        Ok((BoxSection { claim, geometry: config.hash }, cells))
     };
     claims.into_iter().map(proved).collect()
 }
@@ -52,7 +52,7 @@ pub fn found(config: &MachineConfig) -> Result<Vec<(BoxSection, usize)>, Doubt> 
 /// # Errors
 /// It belongs to another geometry, or is not proved.
 pub fn prove(config: &MachineConfig, section: &BoxSection) -> Result<usize, Doubt> {
-    if section.geometry != config.geometry.hash() {
+    if section.geometry != config.hash {
         return Err(Doubt::Malformed("GEOMETRY is that of another geometry"));
     }
     Prover::new(&config.machine, &config.geometry).prove(&section.claim, MOST_CELLS)

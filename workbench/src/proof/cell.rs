@@ -62,7 +62,7 @@ pub enum Verdict {
     Open(usize),
 }
 
-/// What is proved of a straight way.
+/// What is proved of a way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
     /// Joint values. Where all second derivatives are finite, every pose has joint values.
@@ -133,8 +133,17 @@ impl Reach<'_> {
     /// # Errors
     /// The pose in the middle has no joint values.
     pub(crate) fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
+        self.way_within(middle, &[*step])
+    }
+
+    /// The same on any way through the poses that are the middle plus a sum of steps, each times a
+    /// number from -1 to 1.
+    ///
+    /// # Errors
+    /// The pose in the middle has no joint values.
+    pub(crate) fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
         let middle = self.middle(middle)?;
-        let spread = self.spread([*step]);
+        let spread = self.spread(steps.iter().copied());
         let seconds: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.second_derivatives(i, &middle, &spread)).collect();
         let mut spans = vec![];

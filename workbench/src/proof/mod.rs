@@ -5,6 +5,7 @@ pub mod axis_box;
 pub(crate) mod between;
 mod bounds;
 pub mod boxes;
+pub(crate) mod carried;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;

@@ -104,11 +104,13 @@ impl<'a> Reach<'a> {
         Self::with_tool(config, config.spindle)
     }
 
-    /// Of this machine with a tool vector, spindle offset included.
+    /// Of this machine with a tool vector, spindle offset included. Poses are the machine's own: those of
+    /// the platform, where an axis carries the tool or the work is on the platform.
     ///
     /// # Errors
     /// Home cannot be taken.
     pub fn with_tool(config: &'a MachineConfig, tool: Vector3<f64>) -> Result<Self, Fault> {
+        let tool = config.chain.machine_tool(&tool);
         let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
         let home = config.machine.at(&config.home_pose(), &config.spindle)?;
         let centre = Vector3::from(config.geometry.centre);

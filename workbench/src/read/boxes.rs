@@ -5,7 +5,7 @@
 use crate::read::ini::{Ini, IniError};
 use crate::read::place::Place;
 use keys::{ROW, workspace_box};
-use kinematics::{Cause, Fault, Geometry, Letter, Load, WorkspaceBox};
+use kinematics::{Cause, Fault, Letter, Load, WorkspaceBox};
 use std::fmt::Write;
 
 /// A box with what its proof needs beside it.
@@ -52,12 +52,12 @@ pub fn read(ini: &Ini, load: &Load, place: &Place) -> Result<Vec<BoxSection>, In
 ///
 /// # Errors
 /// A box holds no numbers to compute with, or belongs to another geometry.
-pub(crate) fn check(sections: &[BoxSection], geometry: &Geometry) -> Result<(), Fault> {
+pub(crate) fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
     for (k, section) in sections.iter().enumerate() {
         if !section.claim.region.is_valid() {
             return Err(Fault::with_value(Cause::BoxInvalid, k as f64));
         }
-        if section.geometry != geometry.hash() {
+        if section.geometry != hash {
             return Err(Fault::with_value(Cause::BoxOfOther, k as f64));
         }
     }

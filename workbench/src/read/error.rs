@@ -12,7 +12,7 @@ use std::path::PathBuf;
 pub enum MachineError {
     /// The text of the file is wrong: everything that was found, never empty.
     Ini(Vec<IniError>),
-    /// The text is in order, but describes no machine; the section of the leg that the fault
+    /// The text is in order, but describes no machine; the section of the leg or axis that the fault
     /// names.
     Geometry(PathBuf, Fault, Option<IniError>),
 }
@@ -24,6 +24,10 @@ impl MachineError {
         let section = match fault.part {
             Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {
                 Some(ini.refuse_section(&leg_section(leg.into()), &fault.to_string()))
+            }
+            Some(MachinePart::ExtraAxis(_, letter)) => {
+                let section = chain_section(letter.into());
+                Some(ini.refuse_section(&section, &fault.to_string()))
             }
             _ => None,
         };
@@ -87,6 +91,10 @@ impl Errors {
     pub(super) fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
         value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
     }
+}
+
+pub(super) fn chain_section(letter: char) -> String {
+    format!("CHAIN_{letter}")
 }
 
 pub(super) fn leg_section(n: usize) -> String {

@@ -15,7 +15,7 @@
 //! things: such a line is refused, or its value where the machine depends on it.
 //! tests/inivar.rs compares this reader with `inivar`.
 
-use keys::{Key, Need};
+use keys::{Key, Need, Range};
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -466,6 +466,18 @@ impl Ini {
             true => Ok(values),
             false => Err(self.refuse(entry, &format!("expected {}", key.expected()))),
         }
+    }
+
+    /// The place of a word among those that a key of the table may have, counted from 1.
+    ///
+    /// # Errors
+    /// It is missing, given twice or another word.
+    pub(crate) fn require_word(&self, section: &str, key: &Key) -> Result<usize, IniError> {
+        let expected = format!("expected {}", key.expected());
+        let entry = self.require(section, key.name, &expected)?;
+        let Range::Word(words) = key.range else { return Err(self.refuse(entry, &expected)) };
+        let place = words.iter().position(|word| *word == entry.value);
+        place.map(|place| place + 1).ok_or_else(|| self.refuse(entry, &expected))
     }
 
     /// The one number of a key of the table, `None` as in [`Ini::values`].

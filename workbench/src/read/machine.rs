@@ -5,6 +5,7 @@
 //! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
 
 use crate::read::boxes::{self, BoxSection};
+use crate::read::chain;
 use crate::read::error::{Errors, MachineError};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind, axis, extra, joint, positive};
@@ -12,8 +13,8 @@ use crate::read::legs::{check_leg_sections, leg_geometry};
 use crate::read::place::Place;
 use keys::{leg as of_leg, machine as of_machine, second as of_second};
 use kinematics::{
-    CONDITIONING_LIMIT, ExtraAxes, Geometry, LegGeometry, Letter, Load, MAX_LEGS, Machine,
-    POSE_LETTERS, PerLeg, Pose, Second, Solver, Vector3,
+    CONDITIONING_LIMIT, Chain, ChainGeometry, ExtraAxes, Fault, Geometry, LegGeometry, Letter,
+    Load, MAX_EXTRA, MAX_LEGS, Machine, POSE_LETTERS, PerLeg, Pose, Second, Solver, Vector3, World,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -82,7 +83,13 @@ pub struct MachineConfig {
     pub geometry: Geometry,
     /// Joint offsets, `[LEG_N]OFFSET`.
     pub offsets: PerLeg,
-    /// `[TRAJ]HOME` in its own coordinates: x y z in machine units, a b c in degrees.
+    /// What the extra axes carry.
+    pub chain: Chain,
+    /// Hash of geometry and chain, as the module shows it.
+    pub hash: u32,
+    /// `[TRAJ]HOME` in its own letters, which programs begin at: x y z in machine units, a b c in degrees.
+    pub start: [f64; 6],
+    /// The machine's own pose there.
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
@@ -110,7 +117,9 @@ pub struct MachineConfig {
     pub extra_axes: ExtraAxes,
     /// Their limits, in joint order.
     pub extra: Vec<ExtraAxis>,
-    /// `[AXIS_X]` to `[AXIS_C]`, or those of the letters that stand for them.
+    /// `[AXIS_X]` to `[AXIS_C]`, or those of the letters that stand for them, of what programs say.
+    pub programmed: Vec<Axis>,
+    /// Limits of the machine's own coordinates: the same, but for where an axis carries something.
     pub axes: Vec<Axis>,
     /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
     pub units_per_mm: f64,
@@ -178,8 +187,13 @@ impl MachineConfig {
         let refused = |fault| MachineError::of_geometry(ini, &place, fault);
         let geometry = read.geometry(load);
         let machine = Machine::freeze(&geometry, &read.offsets).map_err(refused)?;
+        let chain = Chain::freeze(&read.chain, &load.extra, &load.layout, machine.size());
+        let chain = chain.map_err(refused)?;
+        let hash = read.chain.hash(&load.extra, geometry.hash());
         let boxes = boxes::read(ini, load, &place)?;
-        boxes::check(&boxes, &geometry).map_err(refused)?;
+        boxes::check(&boxes, hash).map_err(refused)?;
+        let spindle = Vector3::new(0.0, 0.0, read.spindle);
+        let axes = chain::machine_axes(&chain, &read.axes, &read.extra, &load.layout, &spindle);
         let [
             max_linear_velocity,
             max_angular_velocity,
@@ -194,10 +208,13 @@ impl MachineConfig {
             mechanism_clearance: read.mechanism_clearance,
             world_home: read.world_home,
             machine,
+            home: geometry.home.unwrap_or(read.home),
             geometry,
+            chain,
+            hash,
             offsets: read.offsets,
-            home: read.home,
-            spindle: Vector3::new(0.0, 0.0, read.spindle),
+            start: read.home,
+            spindle,
             solver: read.solver,
             base_cone: read.cones.iter().map(|[base, _]| *base).collect(),
             platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),
@@ -209,7 +226,8 @@ impl MachineConfig {
             joints: read.joints,
             extra_axes: load.extra,
             extra: read.extra,
-            axes: read.axes,
+            programmed: read.axes,
+            axes,
             units_per_mm: read.units_per_mm,
             max_linear_velocity,
             max_angular_velocity,
@@ -232,7 +250,33 @@ impl MachineConfig {
         if self.units_per_mm == 1.0 { "mm" } else { "inch" }
     }
 
-    /// `[TRAJ]HOME` as a pose.
+    /// LinuxCNC's pose for what is commanded of the tool, and these values of the extra axes.
+    pub fn world(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> World {
+        let mut world = [0.0; 9];
+        world[..6].copy_from_slice(pose);
+        for (place, value) in self.extra_axes.places().zip(extra) {
+            world[place] = *value;
+        }
+        world
+    }
+
+    /// The machine's own pose for one of LinuxCNC's, with this tool vector, spindle offset included.
+    ///
+    /// # Errors
+    /// As [`Chain::to_machine`].
+    pub fn carried(
+        &self,
+        pose: &[f64; 6],
+        extra: &[f64; MAX_EXTRA],
+        tool: &Vector3<f64>,
+    ) -> Result<[f64; 6], Fault> {
+        if self.chain.is_empty() {
+            return Ok(*pose);
+        }
+        self.chain.to_machine(&self.world(pose, extra), tool)
+    }
+
+    /// The machine's pose at `[TRAJ]HOME`.
     pub fn home_pose(&self) -> Pose {
         Pose::from_degrees(self.home)
     }
@@ -398,6 +442,7 @@ fn world_home(ini: &Ini, is_whole: bool) -> Result<[f64; 9], IniError> {
 struct Values {
     world_home: [f64; 9],
     mechanism_clearance: Option<f64>,
+    chain: ChainGeometry,
     home: [f64; 6],
     centre: [f64; 3],
     spindle: f64,
@@ -427,6 +472,10 @@ impl Values {
         for key in [&of_machine::MAX_ERROR, &of_machine::FEED_FLOOR, &of_machine::SCREW_LEAD] {
             machine(key, errors);
         }
+        let chain = match place.is_of_pair {
+            true => errors.of(chain::refuse(ini)).map(|()| ChainGeometry::NONE),
+            false => chain::geometry(ini, load, errors),
+        };
         let world_home = errors.of(world_home(ini, place.is_of_pair));
         let own = |key, of_second| match place.is_second {
             true => ("SECOND", of_second),
@@ -482,6 +531,7 @@ impl Values {
         Some(Self {
             world_home,
             mechanism_clearance: mechanism_clearance?,
+            chain: chain?,
             home: if place.is_second { [u, v, w, 0.0, 0.0, 0.0] } else { [x, y, z, a, b, c] },
             centre: centre?.unwrap_or_default(),
             spindle: spindle?.unwrap_or(0.0),
@@ -507,7 +557,7 @@ impl Values {
         let mut geometry = Geometry::new(&self.legs, coordinates, table)
             .expect("the layout of the load parameters is consistent");
         geometry.centre = self.centre;
-        geometry.home = Some(self.home);
+        geometry.home = Some(ChainGeometry::machine_home(self.chain.holder, self.home));
         geometry
     }
 }

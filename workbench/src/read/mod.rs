@@ -2,6 +2,7 @@
 //! A machine as its files describe it: INI file, tool table, and what is wrong with them.
 
 pub mod boxes;
+mod chain;
 pub mod diagnostic;
 pub mod error;
 pub mod ini;

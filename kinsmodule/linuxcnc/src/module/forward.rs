@@ -76,7 +76,7 @@ impl Module {
         solution: &mut Solution,
     ) -> Result<(), Fault> {
         self.retool_for_forward()?;
-        let tool = self.tool.offset();
+        let tool = self.tool.of_machine();
         let seed = match self.searched(joints, &tool) {
             Some(found) => Some(found?),
             None => self.seed_for(seed, address),
@@ -103,7 +103,7 @@ impl Module {
             }
             return Err(Cause::SingularPassed.into());
         };
-        if self.crossing.is_known_before(commanded, &self.tool.offset()) {
+        if self.crossing.is_known_before(commanded, &self.tool.of_machine()) {
             return Ok(());
         }
         self.compare_with_commanded(joints, found, &{ *commanded })
@@ -118,7 +118,7 @@ impl Module {
         commanded: &Pose,
     ) -> Result<(), Fault> {
         let Some(Frozen { machine, .. }) = &self.frozen else { return Ok(()) };
-        let (tool, solver) = (&self.tool.offset(), &self.pins.solver());
+        let (tool, solver) = (&self.tool.of_machine(), &self.pins.solver());
         let comparison = Comparison { machine, tool, solver, joints, found, commanded };
         self.crossing.update(&comparison);
         if self.crossing.has_passed() { Err(comparison.refusal()) } else { Ok(()) }
@@ -157,6 +157,6 @@ fn is_of_joints(cause: Cause) -> bool {
 }
 
 /// A seed without information: zeros, or the NaN that a refusal left.
-fn is_blank(seed: &[f64; 6]) -> bool {
+pub(super) fn is_blank(seed: &[f64; 6]) -> bool {
     is_zero(seed) || seed.iter().all(|v| v.is_nan())
 }

@@ -5,7 +5,7 @@ use super::{Module, seeds::Seeds};
 use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::pins::Given;
-use kinematics::{Cause, Fault, Machine, Pose};
+use kinematics::{Cause, ChainGeometry, Fault, Machine, Pose};
 
 /// The geometry in use.
 pub(super) struct Frozen {
@@ -100,8 +100,10 @@ impl Module {
     /// A trial is the same function: frames of two that freeze would stand side by side.
     fn freeze(&mut self, taken: Taken) -> Result<(), Fault> {
         let given = self.pins.given(&self.load);
-        let hash = given.geometry.hash();
-        let checked = given.checked().and_then(|machine| {
+        let hash = self.offered_hash(given.geometry.hash());
+        let holder = ChainGeometry::check_holder(self.pins.holder());
+        let checked = holder.and_then(|()| given.checked()).and_then(|machine| {
+            self.check_chain(machine.size())?;
             match taken {
                 Taken::Not => self.start.check(self.pins, &self.load, hash)?,
                 Taken::InForce => self.start.freeze(self.pins, &self.load, hash)?,
@@ -115,6 +117,7 @@ impl Module {
         }
         self.pins.geometry_hash.set(hash);
         self.pins.geometry_changed.set(false);
+        self.take_chain(machine.size());
         let tool = self.pins.tool(given.spindle_offset);
         if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
@@ -137,8 +140,9 @@ impl Module {
     /// Shows whether the pins differ from the frozen values.
     pub(super) fn watch_geometry(&self) {
         // NaN on a pin counts as a change: a frozen geometry holds none.
-        let changed =
-            self.frozen.as_ref().is_some_and(|frozen| self.pins.given(&self.load) != frozen.given);
+        let changed = self.frozen.as_ref().is_some_and(|frozen| {
+            self.pins.given(&self.load) != frozen.given || !self.has_chain_of_pins()
+        });
         self.pins.geometry_changed.set(changed);
     }
 

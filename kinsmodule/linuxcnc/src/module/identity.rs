@@ -3,7 +3,7 @@
 
 use super::Module;
 use crate::crossing::Crossing;
-use kinematics::{Cause, Fault, Jacobian, Joints, Letter, MAX_JOINTS, Pose};
+use kinematics::{Cause, Fault, Jacobian, Joints, Letter, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -73,7 +73,7 @@ impl Module {
             return Ok(None);
         };
         let (machine, solver) = (&self.frozen()?.machine, self.pins.solver());
-        Ok(Some(machine.forward(joints, &last, &self.tool.offset(), &solver)?.pose))
+        Ok(Some(machine.forward(joints, &last, &self.tool.of_machine(), &solver)?.pose))
     }
 
     fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
@@ -94,6 +94,22 @@ impl Module {
         *pose = self.recorded(result)?;
         self.identity_joints = Some(*joints);
         self.pins.show_pose(*pose);
+        Ok(())
+    }
+
+    /// The same with the joints of extra axes, which pass through.
+    pub fn identity_forward_of(
+        &mut self,
+        joints: &Joints,
+        extra: &[f64],
+        world: &mut World,
+    ) -> Result<(), Fault> {
+        let mut pose = [0.0; 6];
+        self.identity_forward(joints, &mut pose)?;
+        for (to, value) in world.iter_mut().zip(pose) {
+            *to = value;
+        }
+        self.write_extra(extra, world);
         Ok(())
     }
 

@@ -10,7 +10,6 @@ mod report;
 mod seeds;
 mod tool_offset;
 
-pub use extra::World;
 pub use identity::Kind;
 
 use crate::calls::Calls;
@@ -20,6 +19,7 @@ use crate::hal::nanoseconds;
 use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
+use extra::Carrying;
 use freezing::Frozen;
 use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
 use report::Reports;
@@ -36,6 +36,9 @@ pub struct Module {
     /// Whether the monitor runs. It then reports the faults and moves the tool offset.
     is_monitored: bool,
     frozen: Option<Frozen>,
+    /// A geometry is frozen, without extra axes and with the work in base.
+    is_plain: bool,
+    carrying: Carrying,
     apply_was: bool,
     /// Once `.apply` was used, no call freezes by itself.
     apply_used: bool,
@@ -71,6 +74,8 @@ impl Module {
             place,
             is_monitored: false,
             frozen: None,
+            is_plain: false,
+            carrying: Carrying::new(load.extra),
             apply_was: false,
             apply_used: false,
             machine_was_on: false,
@@ -139,6 +144,12 @@ impl Module {
         if timed {
             self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
         }
+        self.answered(result)
+    }
+
+    /// The end of a call of inverse.
+    #[inline(always)]
+    fn answered(&mut self, result: Result<(), Fault>) -> Result<(), Fault> {
         let Err(fault) = result else {
             self.refused = false;
             return Ok(());
@@ -151,7 +162,7 @@ impl Module {
 
     #[inline(always)]
     fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
-        let (frozen, tool) = (self.frozen()?, self.tool.offset());
+        let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
         let request = self.pins.tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
             return frozen.machine.inverse_into(pose, &tool, joints);
@@ -168,7 +179,7 @@ impl Module {
     pub fn pose_of(&self, joints: &Joints) -> Result<Pose, Fault> {
         let machine = &self.frozen()?.machine;
         let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
-        let tool = self.tool_in_effect()?;
+        let tool = self.carrying.chain.machine_tool(&self.tool_in_effect()?);
         Ok(machine.forward(joints, &seed, &tool, &self.pins.solver())?.pose)
     }
 

@@ -35,9 +35,10 @@ impl Module {
             pins: self.pins,
             place: self.place,
             machine: &frozen.machine,
-            tool: &self.tool.offset(),
+            tool: &self.tool.of_machine(),
             pose: self.seeds.last(),
             commanded,
+            programmed: self.carrying.programmed(period),
             period,
         })
     }
@@ -51,7 +52,7 @@ impl Module {
     pub(super) fn show_assembly(&self) {
         let sign = self.seeds.last().and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;
-            machine.at(&pose, &self.tool.offset()).ok()?.assembly().ok()
+            machine.at(&pose, &self.tool.of_machine()).ok()?.assembly().ok()
         });
         self.pins.assembly.set(sign.unwrap_or(0));
     }

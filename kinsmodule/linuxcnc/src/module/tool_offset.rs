@@ -40,11 +40,20 @@ impl Module {
         if self.is_monitored {
             return self.tool.refusal(&request).map_or(Ok(tool), Err);
         }
-        let jump = shift(&pose, &(request - tool)).norm();
+        let jump = self.shift_of(&pose, &tool, &(request - tool)).norm();
         if jump <= NOTICEABLE * frozen.machine.size() {
             return Ok(request);
         }
         Err(Fault::with_value(Cause::ToolChangedTilted, jump))
+    }
+
+    /// How far the platform shifts for a change of the offset; at the pose commanded last where an axis
+    /// carries something.
+    fn shift_of(&self, pose: &Pose, tool: &Vector3<f64>, change: &Vector3<f64>) -> Vector3<f64> {
+        match self.carrying.chain.is_empty() {
+            true => shift(pose, change),
+            false => self.carrying.tool_shift(tool) * change,
+        }
     }
 
     /// Whether the machine is off, as far as this can be known: a HAL file that does not
@@ -55,6 +64,8 @@ impl Module {
 
     /// Brings the tool offset nearer to the one requested. Shows the one that belongs to the pose
     /// and joints of this cycle: LinuxCNC's request changes after forward and inverse.
+    // A frame of its own: a cycle that freezes a geometry needs none of it.
+    #[inline(never)]
     pub(super) fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
         let of_this_cycle = self.tool.offset();
         if let Ok(tool) = self.tool_in_effect() {
@@ -75,18 +86,33 @@ impl Module {
         if self.tool.is_at(&request) {
             return Ok(());
         }
+        let carrying = &mut self.carrying;
+        if let Some(pose) = &commanded {
+            carrying.see_shift(pose, &self.tool.offset());
+        }
         let (limits, solver) = (self.pins.limits(&self.load), self.pins.solver());
-        self.tool.advance(&Cycle { machine, limits, solver, request, commanded, seconds })
+        let has_moved = (!carrying.chain.is_empty()).then_some(carrying.has_moved);
+        let shift = &carrying.shift;
+        self.tool.advance(&Cycle {
+            machine,
+            limits,
+            solver,
+            request,
+            commanded,
+            has_moved,
+            shift,
+            seconds,
+        })
     }
 
     /// Takes a tool offset. The joints stay, so that the poses move.
     fn retool(&mut self, tool: Vector3<f64>) {
-        let change = tool - self.tool.offset();
-        if change == Vector3::zeros() {
+        if tool == self.tool.offset() {
             return;
         }
+        let before = self.tool.of_machine();
         self.tool.take(tool);
-        self.seeds.change_tool(&change);
+        self.seeds.change_tool(&(self.tool.of_machine() - before));
     }
 
     /// Takes the tool offset that forward has to use.

@@ -4,6 +4,7 @@
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
 //! file for genhexkins works after replacing the name.
 
+mod chain;
 mod guard;
 mod leg;
 mod maker;
@@ -15,10 +16,11 @@ pub use maker::{Maker, Place};
 use crate::hal::{Component, Direction, HalError, Pin};
 use crate::module::Kind as Kinematics;
 use crate::tool::JointLimits;
+use chain::ChainPins;
 use kinematics::leg::Kind;
 use kinematics::{
-    Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS, Machine, Method,
-    PerLeg, Solver, Vector3, WorkspaceBox, text,
+    ChainGeometry, Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS, Machine,
+    Method, PerLeg, Solver, Vector3, WorkspaceBox, text,
 };
 use leg::LegPins;
 use maker::{Pose6, Vector, read};
@@ -71,6 +73,7 @@ pub struct Pins {
     fault_leg: Pin<i32>,
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
+    chain: ChainPins,
     pub guard: GuardPins,
 }
 
@@ -141,6 +144,9 @@ impl Pins {
             make.one(searching, Direction::Out, text![make.stem(), "searching"], false)?;
         }
         self.create_inputs(&make)?;
+        if !place.is_second && load.second().is_none() {
+            self.chain.create(&make, load)?;
+        }
         self.create_outputs(&make)?;
         if !place.is_second {
             self.create_common(&make)?;
@@ -233,12 +239,28 @@ impl Pins {
         geometry.centre = read(&self.centre);
         // All NaN is the default and means that no reference pose was given.
         let home = read(&self.home);
-        geometry.home = (!home.iter().all(|v| v.is_nan())).then_some(home);
+        let home = (!home.iter().all(|v| v.is_nan())).then_some(home);
+        geometry.home = home.map(|home| ChainGeometry::machine_home(self.chain.holder(), home));
         let mut offset = [0.0; MAX_LEGS];
         for (value, leg) in offset.iter_mut().zip(&self.legs).take(load.layout.legs()) {
             *value = leg.offset.get();
         }
         Given { geometry, offset, spindle_offset: self.spindle_offset.get() }
+    }
+
+    /// What the extra axes carry as the pins give it now.
+    pub fn chain(&self, load: &Load) -> ChainGeometry {
+        self.chain.given(load)
+    }
+
+    /// Where the control point of the resting tool holder is, if the work is on the platform.
+    pub fn holder(&self) -> Option<[f64; 3]> {
+        self.chain.holder()
+    }
+
+    /// Whether the pins give what was frozen of the chain.
+    pub fn give_chain(&self, frozen: &ChainGeometry, load: &Load) -> bool {
+        self.chain.give(frozen, load)
     }
 
     /// Box `k` of the workspace as the pins give it now, and the hash of its geometry.

@@ -2,7 +2,8 @@
 //! The tool offset in effect, and how it follows the one requested.
 //!
 //! With the platform tilted by R, an offset that changes by Δo shifts the platform by
-//! (R − I) Δo along a straight line, without turning it, while the control point stays.
+//! (R − I) Δo along a straight line, without turning it, while the control point stays; where an axis
+//! carries work or tool, by another linear function of Δo.
 //! A change waits until the machine stands still. Its path along this line is then surveyed, some
 //! places a cycle, and followed by a ramp.
 
@@ -12,7 +13,7 @@ mod survey;
 
 pub use path::shift;
 
-use kinematics::{Cause, Fault, MAX_JOINTS, Machine, Pose, Solver, Vector3};
+use kinematics::{Cause, Fault, MAX_JOINTS, Machine, Matrix3, Pose, Solver, Vector3};
 use path::Path;
 use ramp::Ramp;
 use survey::Survey;
@@ -64,10 +65,20 @@ pub struct Cycle<'a> {
     pub request: Vector3<f64>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
+    /// Whether the pose that LinuxCNC commands is another than in the cycle before, where the machine's
+    /// own does not tell: an axis that carries something changes it with the tool offset.
+    pub has_moved: Option<bool>,
+    /// How the platform shifts at that pose for a change of the offset.
+    pub shift: &'a Matrix3<f64>,
     pub seconds: f64,
 }
 
 impl Cycle<'_> {
+    /// Whether the commanded pose, once `from`, is another one.
+    fn is_elsewhere(&self, from: &Pose, pose: &Pose) -> bool {
+        self.has_moved.unwrap_or(pose != from)
+    }
+
     /// The refusal where a joint has no limits of velocity and acceleration.
     fn unlimited(&self) -> Option<Fault> {
         let layout = self.machine.layout();
@@ -80,6 +91,9 @@ impl Cycle<'_> {
 /// The offset in effect, and the change that is under way.
 pub struct Tool {
     offset: Vector3<f64>,
+    /// The tool vector of the machine's poses: the offset, or 0.
+    of_machine: Vector3<f64>,
+    is_bare: bool,
     change: Change,
 }
 
@@ -101,7 +115,12 @@ enum Change {
 
 impl Tool {
     pub fn new() -> Self {
-        Self { offset: Vector3::zeros(), change: Change::None }
+        Self {
+            offset: Vector3::zeros(),
+            of_machine: Vector3::zeros(),
+            is_bare: false,
+            change: Change::None,
+        }
     }
 
     /// The offset in effect.
@@ -109,9 +128,26 @@ impl Tool {
         self.offset
     }
 
+    /// The tool vector of the machine's poses.
+    #[inline(always)]
+    pub fn of_machine(&self) -> Vector3<f64> {
+        self.of_machine
+    }
+
+    /// Whether the machine's poses are those of the platform, whatever the offset.
+    pub fn set_bare(&mut self, is_bare: bool) {
+        self.is_bare = is_bare;
+        self.set(self.offset);
+    }
+
+    fn set(&mut self, offset: Vector3<f64>) {
+        self.offset = offset;
+        self.of_machine = if self.is_bare { Vector3::zeros() } else { offset };
+    }
+
     /// Takes an offset at once.
     pub fn take(&mut self, offset: Vector3<f64>) {
-        self.offset = offset;
+        self.set(offset);
         self.change = Change::None;
     }
 
@@ -172,7 +208,7 @@ impl Tool {
 
     /// The first step towards a request, if there is one: to wait until the machine stands still.
     fn started(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
-        if self.is_settled(cycle, pose) {
+        if self.is_settled(cycle) {
             return Ok(Change::None);
         }
         match cycle.unlimited() {
@@ -182,17 +218,17 @@ impl Tool {
     }
 
     /// Whether nothing is left to be done; a request that moves nothing is taken.
-    fn is_settled(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> bool {
+    fn is_settled(&mut self, cycle: &Cycle<'_>) -> bool {
         let request = cycle.request;
         // One that cannot be computed with makes inverse fail, which is enough.
         if request == self.offset || cycle.machine.check_tool(&request).is_err() {
             return true;
         }
         let share = if cycle.unlimited().is_some() { NOTICEABLE } else { IMPERCEPTIBLE };
-        let moves_nothing =
-            shift(pose, &(request - self.offset)).norm() <= share * cycle.machine.size();
+        let shift = cycle.shift * (request - self.offset);
+        let moves_nothing = shift.norm() <= share * cycle.machine.size();
         if moves_nothing {
-            self.offset = request;
+            self.set(request);
         }
         moves_nothing
     }
@@ -203,22 +239,24 @@ impl Tool {
         cycle: &Cycle<'_>,
         pose: &Pose,
     ) -> Result<Change, Fault> {
-        if self.is_settled(cycle, pose) {
+        if self.is_settled(cycle) {
             return Ok(Change::None);
         }
         let waiting = waiting.continued(cycle, pose)?;
         if waiting.cycles < REST_CYCLES {
             return Ok(Change::Waiting(waiting));
         }
-        let path = Path { pose: *pose, from: self.offset, to: cycle.request };
+        let (from, to) = (self.offset, cycle.request);
+        let travel = cycle.shift * (to - from);
+        let path = Path { pose: *pose, tool: self.of_machine, travel, from, to };
         Ok(Change::Surveying(Survey::new(path)))
     }
 
     fn moved(&mut self, ramp: Ramp, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
-        ramp.path.refuse_other_pose(pose)?;
+        ramp.path.refuse_other_pose(cycle, pose)?;
         let brake = cycle.request != ramp.path.to;
         let ramp = ramp.continued(brake, cycle.seconds);
-        self.offset = ramp.path.at(ramp.share);
+        self.set(ramp.path.at(ramp.share));
         if ramp.share >= 1.0 {
             return Ok(Change::Resting(REST_CYCLES));
         }
@@ -250,7 +288,8 @@ impl Waiting {
         if !(seconds <= MAX_WAIT) {
             return Err(disturbed());
         }
-        let cycles = if *pose == self.pose { self.cycles + 1 } else { 0 };
+        let moves = cycle.is_elsewhere(&self.pose, pose);
+        let cycles = if moves { 0 } else { self.cycles + 1 };
         Ok(Self { pose: *pose, cycles, seconds })
     }
 }

@@ -4,7 +4,7 @@
 //! Inverse and forward must find every place, within the limits of the joints. The largest rates
 //! and second derivatives of the joints bound the speed and the acceleration of the ramp.
 
-use super::path::{Path, shift};
+use super::path::Path;
 use super::ramp::Ramp;
 use super::{Change, Cycle};
 use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose, Solver, Vector3};
@@ -87,7 +87,7 @@ impl Survey {
 
     /// A cycle further: the survey, or the ramp where it has come to the end.
     pub(super) fn continued(mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
-        self.path.refuse_other_pose(pose)?;
+        self.path.refuse_other_pose(cycle, pose)?;
         for _ in 0..PLACES_PER_CYCLE {
             if self.next > PARTS {
                 return Ok(Change::Moving(self.ramp(cycle)));
@@ -102,15 +102,15 @@ impl Survey {
     // A frame of its own: a cycle that freezes a geometry needs none of it.
     #[inline(never)]
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
-        let Path { pose, from, to } = &self.path;
-        let tool = self.path.at(f64::from(self.next) / f64::from(PARTS));
-        let travel = shift(pose, &(to - from));
-        let before = Pose { position: pose.position - travel / f64::from(PARTS), ..*pose };
-        refuse_unreachable(pose, &before, &tool, cycle)?;
-        let at = cycle.machine.at(pose, &tool).map_err(blocked)?;
+        let Path { tool, travel, .. } = &self.path;
+        let part = 1.0 / f64::from(PARTS);
+        let share = f64::from(self.next) * part;
+        let pose = self.path.pose_at(share);
+        refuse_unreachable(&pose, &self.path.pose_at(share - part), tool, cycle)?;
+        let at = cycle.machine.at(&pose, tool).map_err(blocked)?;
         let jacobian = at.inverse_jacobian().map_err(blocked)?;
         for (i, joint) in self.rates.iter_mut().enumerate() {
-            let rate = rate_along(&jacobian, i, &travel);
+            let rate = rate_along(&jacobian, i, travel);
             if !rate.is_finite() {
                 let layout = cycle.machine.layout();
                 return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, rate));

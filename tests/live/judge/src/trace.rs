@@ -135,8 +135,9 @@ impl Columns<'_> {
         let mut pose = placed(&mut values, 0..6);
         let commands: [f64; MOST_JOINTS] = placed(&mut values, self.joints());
         let motors: [f64; MOST_JOINTS] = placed(&mut values, self.joints());
+        let given = pose;
         let passed = self.take_out(&mut pose, &commands);
-        let sample = Sample {
+        let mut sample = Sample {
             time,
             in_world: phase == PROGRAM_PHASE,
             pose,
@@ -149,6 +150,7 @@ impl Columns<'_> {
             iterations: next(&mut values),
             residual: next(&mut values),
         };
+        self.carry(&given, &mut sample)?;
         let Sample { iterations, residual, .. } = sample;
         if iterations < 0.0 || residual < 0.0 {
             return Err(format!("{iterations} iterations and a residual of {residual} cannot be"));
@@ -171,6 +173,23 @@ impl Columns<'_> {
             Some((std::mem::take(coordinate) - joint).abs())
         });
         gaps.fold(0.0, f64::max)
+    }
+
+    /// Puts the machine's own pose and tool vector in place of LinuxCNC's, where axes carry something.
+    /// U V W are in no line of a trace.
+    fn carry(&self, given: &[f64; 6], sample: &mut Sample) -> Result<(), String> {
+        let (chain, tool) = (&self.config.chain, Vector3::from(sample.tool));
+        if chain.is_empty() {
+            return Ok(());
+        }
+        if chain.links().iter().any(|link| link.place > 5) {
+            return Err("U, V or W carries something, which a trace does not hold".into());
+        }
+        let mut world = [0.0; 9];
+        world[..6].copy_from_slice(given);
+        sample.pose = chain.to_machine(&world, &tool).map_err(|fault| fault.to_string())?;
+        sample.tool = chain.machine_tool(&tool).into();
+        Ok(())
     }
 
     /// Joints of legs and table.
@@ -315,7 +334,7 @@ fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> V
     let messages = if texts.is_empty() { "none".to_string() } else { texts.join("; ") };
     let end = if result.ok { "to its end" } else { "not to its end" };
     let error = result.error.clone().unwrap_or_else(|| end.into());
-    let hash = config.geometry.hash();
+    let hash = config.hash;
     vec![
         info("moves", result.moves.to_string()),
         info("time of the program", format!("{:.1} s", result.seconds)),

@@ -75,7 +75,7 @@ fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
 }
 
 fn result(config: &MachineConfig) -> RunResult {
-    RunResult { ok: true, geometry_hash: config.geometry.hash(), ..RunResult::default() }
+    RunResult { ok: true, geometry_hash: config.hash, ..RunResult::default() }
 }
 
 /// Names of the figures that are not as they must be.
@@ -263,7 +263,7 @@ fn the_report_is_written_and_the_exit_code_tells_the_verdict() {
     let trace = folder.path().join("t.csv");
     let config = config();
     std::fs::write(&trace, csv(&config, &samples(&config))).unwrap();
-    let hash = config.geometry.hash();
+    let hash = config.hash;
     let run = |hash: u32, trace: &Path| report(folder.path(), "hexapod", hash, trace);
     let good = run(hash, &trace);
     assert_eq!(good.0, Some(0), "{good:?}");
@@ -283,7 +283,7 @@ fn the_report_of_any_machine_has_a_plot_for_each_kind_of_joint() {
         let trace = folder.path().join("t.csv");
         let config = config_of(machine);
         std::fs::write(&trace, csv(&config, &samples_by(&config, by))).unwrap();
-        let (code, text) = report(folder.path(), machine, config.geometry.hash(), &trace);
+        let (code, text) = report(folder.path(), machine, config.hash, &trace);
         assert_eq!(code, Some(0), "{text}");
         let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
         for group in config.groups() {

@@ -119,6 +119,8 @@ fn the_jacobian_has_a_row_for_each() {
     let plain = subject.machine.module();
     plain.inverse(&subject.home()).expect("the reference pose");
     let mut expected = plain.jacobian(&joints, &subject.home()).expect("regular");
+    // What turns the platform in its C is held: the axis C is not that.
+    expected.iter_mut().for_each(|row| row[5] = 0.0);
     [expected[count][8], expected[count + 1][5]] = [1.0, 1.0];
     assert_eq!(module.jacobian(&joints, &pose), Ok(expected));
 }

@@ -2,6 +2,7 @@
 //! All tests of the built module in one program, which is linked once.
 
 mod c_header;
+mod chain;
 mod connected;
 mod contradiction;
 mod exact_arrays;

@@ -147,6 +147,9 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
         }
     }
     for axis in ["x", "y", "z", "a", "b", "c"] {
+        if ["x", "y", "z"].contains(&axis) {
+            add(format!("pkmkins.work-on-platform.{axis}"), Float, In);
+        }
         add(format!("pkmkins.home.{axis}"), Float, In);
         add(format!("pkmkins.{axis}"), Float, Out);
         add(format!("skgui.{axis}"), Float, Out);

@@ -91,7 +91,7 @@ pub struct Arguments {
 struct OwnFile(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_unchained("the log")?;
     let wishes = wishes(arguments, &config)?;
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file).into());

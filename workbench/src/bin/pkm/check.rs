@@ -80,7 +80,13 @@ fn write(report: &Report, heading: &str) -> std::io::Result<()> {
     if let Some(limits) = &report.suggestion {
         let limited = if report.is_whole { "its axis limits" } else { "these limits" };
         let text = "Proved: without a tool the machine can take every pose within";
-        writeln!(out, "\n{text} {limited}:\n")?;
+        let whose = match config.chain.is_empty() {
+            true => "",
+            false => {
+                ", of its own coordinates: those of base, axes that carry something taken away"
+            }
+        };
+        writeln!(out, "\n{text} {limited}{whose}:\n")?;
         write!(out, "{}", axis_lines(config, limits))?;
     }
     if !report.tilts.is_empty() {

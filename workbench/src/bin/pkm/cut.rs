@@ -84,7 +84,7 @@ const DEEPEST: f64 = 20.0;
 type Lines = BTreeMap<u32, Line>;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.job.machine.read()?;
+    let config = arguments.job.machine.read_unchained("the cut")?;
     let study = Study::read(&arguments.job.study)?;
     let (subject, depth) = subject(&config, &study).at(&arguments.job.study)?;
     let setup = Setup::new(&config, &study).at(&arguments.job.study)?;

@@ -296,6 +296,12 @@ impl Subject<'_> {
 
     fn followed(&self, program: &Path, times: &Times) -> Result<(Record, Verdict), Failure> {
         File::open(program).at(program)?;
+        if self.config.chain.is_bare() {
+            return Err(refused(
+                "not judged: an axis carries the tool, or the work is on the platform: where the force acts is \
+                 not known along a program",
+            ));
+        }
         let cycles = (self.config.period / times.step).ceil();
         let force = self.acting(self.config.period / cycles)?;
         let mut follower = Follower::new(self.config, &self.model, force, times.step);
@@ -304,8 +310,8 @@ impl Subject<'_> {
         let options = self.arguments.control.options();
         let outcome = process::run(self.config, program, &options, |row| {
             progress.see(row);
-            let pose = Pose::from_degrees(row.pose);
-            match follower.see(&pose, &row.tool.into()) {
+            let (pose, tool) = row.machine(self.config);
+            match follower.see(&Pose::from_degrees(pose), &tool) {
                 Ok(()) => ControlFlow::Continue(()),
                 Err(error) => {
                     ended = Some(Failure::at(

@@ -166,6 +166,19 @@ impl MachineFile {
             Some(_) => self.read(),
         }
     }
+
+    /// A machine whose pose is that of programs, for what knows no other.
+    fn read_unchained(&self, what: &str) -> Result<MachineConfig, Failure> {
+        let config = self.read()?;
+        match config.chain.is_empty() {
+            true => Ok(config),
+            false => Err(failure::refused(format!(
+                "{}: not judged: axes carry the work, the tool or the legs, or the work is on the \
+                 platform, and {what} of a program knows the machine's own coordinates alone",
+                self.machine.display()
+            ))),
+        }
+    }
 }
 
 /// The moves of a program, which has to move something.
@@ -176,7 +189,8 @@ fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
         true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
         false => interpreter::moves(config, program, None)?,
     };
-    match moves.iter().all(|step| step.end == config.home) {
+    let stays = |step: &Move| step.end == config.start && step.extra_end == moves[0].extra_end;
+    match moves.iter().all(stays) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),
     }

@@ -87,7 +87,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_unchained("the path")?;
     let file = PathFile::read(&arguments.path)?;
     let place = arguments.path.display();
     match (&file.curve, file.operation.is_empty(), &file.carriages) {

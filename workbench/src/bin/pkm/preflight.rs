@@ -382,6 +382,10 @@ fn offset(
     if found.breaks.iter().all(|told| told.limit.is_of_time()) || config.second.is_some() {
         return Ok(None);
     }
+    if !config.chain.is_empty() {
+        // The search knows the machine's own poses alone.
+        return Ok(None);
+    }
     let bar = Bar::new("looking for another work offset");
     let shifted = offset::shift(config, &found.poses, |share| bar.set(share))?;
     drop(bar);

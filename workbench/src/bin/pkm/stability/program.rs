@@ -102,7 +102,7 @@ const SPEEDS: usize = 61;
 const DEEPEST: f64 = 20.0;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.job.machine.read()?;
+    let config = arguments.job.machine.read_unchained("the stability")?;
     let study = Study::read(&arguments.job.study)?;
     let setup = setup(&config, &study, &arguments.job.study)?;
     let range = arguments.speeds.range()?;

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the extra axes carry, as the integrator wrote it, and its part of the hash.
+
+use super::{FIRST, MAX_LINKS, is_rotary};
+use crate::extra::ExtraAxes;
+use crate::fault::{Cause, Fault};
+use crate::geometry::Fnv1a;
+
+/// What an extra axis carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carries {
+    /// The work.
+    Work,
+    /// The tool: it stands on the platform, or beside a work that is on the platform.
+    Tool,
+    /// The base of the legs.
+    Legs,
+}
+
+impl Carries {
+    /// All, in the order of their numbers on pins, from 1 on; 0 passes its coordinate through.
+    pub const ALL: [Self; 3] = [Self::Work, Self::Tool, Self::Legs];
+
+    /// Its word in the INI file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Work => "WORK",
+            Self::Tool => "TOOL",
+            Self::Legs => "LEGS",
+        }
+    }
+}
+
+/// An axis as given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkGeometry {
+    /// What it carries: 0 nothing, else the place in [`Carries::ALL`] plus 1.
+    pub carries: i32,
+    /// Its direction, any length: right-handed for growing angles, or the way that what it carries
+    /// goes for growing values.
+    pub axis: [f64; 3],
+    /// A point on it, for a rotary one; machine units.
+    pub point: [f64; 3],
+}
+
+impl LinkGeometry {
+    /// One that passes its coordinate through.
+    pub const PASSING: Self = Self { carries: 0, axis: [0.0; 3], point: [0.0; 3] };
+}
+
+/// What the extra axes carry, as given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainGeometry {
+    /// By letter: A B C U V W.
+    pub links: [LinkGeometry; MAX_LINKS],
+    /// Where the control point of the resting tool holder is in base, of a machine that has the work on
+    /// its platform; machine units.
+    pub holder: Option<[f64; 3]>,
+}
+
+impl ChainGeometry {
+    /// Nothing carried by an axis, tools on the platform.
+    pub const NONE: Self = Self { links: [LinkGeometry::PASSING; MAX_LINKS], holder: None };
+
+    /// The hash of a geometry with what the chain adds: for each axis that carries something, in joint
+    /// order, its place among [`POSE_LETTERS`], what it carries, its direction and its point (0 of a
+    /// linear one); then 9 and the place of the resting holder. That of a machine without a chain stays.
+    pub fn hash(&self, axes: &ExtraAxes, of_geometry: u32) -> u32 {
+        let mut hash = Fnv1a(of_geometry);
+        for place in axes.places() {
+            let Some(link) = self.link(place).filter(|link| link.carries != 0) else { continue };
+            hash.add(&[place as f64, f64::from(link.carries)]);
+            hash.add(&link.axis);
+            hash.add(if is_rotary(place) { &link.point } else { &[0.0; 3] });
+        }
+        if let Some(holder) = &self.holder {
+            hash.add(&[9.0]);
+            hash.add(holder);
+        }
+        hash.0
+    }
+
+    /// Refuses a place of the resting holder that is none: the machine's reference pose comes from it.
+    ///
+    /// # Errors
+    /// [`Cause::HolderNotFinite`].
+    pub fn check_holder(holder: Option<[f64; 3]>) -> Result<(), Fault> {
+        match holder.is_none_or(|holder| holder.iter().all(|value| value.is_finite())) {
+            true => Ok(()),
+            false => Err(Cause::HolderNotFinite.into()),
+        }
+    }
+
+    pub(super) fn link(&self, place: usize) -> Option<&LinkGeometry> {
+        self.links.get(place.checked_sub(FIRST)?)
+    }
+
+    /// The machine's pose at a pose of LinuxCNC with a level platform at which all axes of the chain are
+    /// at 0, of a machine with this place of the resting holder, if any; degrees for angles.
+    pub fn machine_home(holder: Option<[f64; 3]>, home: [f64; 6]) -> [f64; 6] {
+        let Some(holder) = holder else { return home };
+        let [x, y, z, a, b, c] = home;
+        [holder[0] - x, holder[1] - y, holder[2] - z, a, b, c]
+    }
+}

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! One axis of a chain: where a point goes that it carries, and how fast.
+
+use super::{Carries, RADIANS, World, is_rotary};
+use libm::sincos;
+use nalgebra::{Matrix3, Vector3};
+
+/// An axis of the chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// Place of its letter among [`POSE_LETTERS`].
+    pub place: usize,
+    /// What it carries.
+    pub carries: Carries,
+    /// Unit vector of its direction.
+    pub axis: Vector3<f64>,
+    /// A point on it; 0 for a linear one.
+    pub point: Vector3<f64>,
+}
+
+impl Link {
+    pub(super) const NONE: Self = Self {
+        place: 0,
+        carries: Carries::Work,
+        axis: Vector3::new(0.0, 0.0, 0.0),
+        point: Vector3::new(0.0, 0.0, 0.0),
+    };
+
+    /// Whether it turns.
+    pub fn is_rotary(&self) -> bool {
+        is_rotary(self.place)
+    }
+
+    pub(super) fn value(&self, world: &World) -> f64 {
+        world.get(self.place).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The orientation of what it carries; the identity for a linear one.
+    pub fn rotation(&self, world: &World) -> Matrix3<f64> {
+        if !self.is_rotary() {
+            return Matrix3::identity();
+        }
+        let (sine, cosine) = sincos(self.value(world) * RADIANS);
+        let a = &self.axis;
+        let across = a.cross_matrix();
+        Matrix3::identity() + across * sine + across * across * (1.0 - cosine)
+    }
+
+    /// Where a point that it carries is.
+    pub fn out(&self, point: &Vector3<f64>, world: &World) -> Vector3<f64> {
+        self.moved(Moving { at: *point, rate: Vector3::zeros() }, world, 0.0).at
+    }
+
+    /// The point that it carries to a place.
+    pub fn into(&self, place: &Vector3<f64>, world: &World) -> Vector3<f64> {
+        self.seen(Moving { at: *place, rate: Vector3::zeros() }, world, 0.0).at
+    }
+
+    /// A moving point that it carries; `change` is the rate of its own value, in radians.
+    pub(super) fn moved(&self, x: Moving, world: &World, change: f64) -> Moving {
+        if !self.is_rotary() {
+            let at = x.at + self.axis * self.value(world);
+            return Moving { at, rate: x.rate + self.axis * change };
+        }
+        let rotation = self.rotation(world);
+        let arm = rotation * (x.at - self.point);
+        let rate = rotation * x.rate + self.axis.cross(&arm) * change;
+        Moving { at: self.point + arm, rate }
+    }
+
+    /// The inverse of [`Self::moved`].
+    pub(super) fn seen(&self, x: Moving, world: &World, change: f64) -> Moving {
+        if !self.is_rotary() {
+            let at = x.at - self.axis * self.value(world);
+            return Moving { at, rate: x.rate - self.axis * change };
+        }
+        let rotation = self.rotation(world).transpose();
+        let arm = rotation * (x.at - self.point);
+        let rate = rotation * x.rate - self.axis.cross(&arm) * change;
+        Moving { at: self.point + arm, rate }
+    }
+}
+
+/// A point and its velocity.
+#[derive(Clone, Copy)]
+pub(super) struct Moving {
+    pub(super) at: Vector3<f64>,
+    pub(super) rate: Vector3<f64>,
+}

@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Extra axes that carry the work, the tool or the legs: what LinuxCNC's pose is for the machine.
+//!
+//! A pose t of LinuxCNC is the place of the tool's tip on the *work*, plus the tool vector o: X Y Z
+//! are in the work's frame, and each rotary letter is the angle of the part that it turns. The
+//! machine of legs and table needs the pose of its platform. Between them stand the axes of the
+//! chain. One of them takes a point x that it carries to
+//!
+//! ```text
+//! G(x) = c + rot(a, e) (x − c)   (rotary: direction a, point c, angle e),   G(x) = x + a e   (linear)
+//! ```
+//!
+//! With the axes in the order of `axes=`, from what carries them outwards, and R the orientation of
+//! the platform, the tip on the work, the tip at the platform and the place of the platform are
+//!
+//! ```text
+//! w = G₁ G₂ … (t − o)                 axes that carry the work
+//! o' = −G₁ G₂ … (−o)                  axes that carry the tool
+//! P = (G₁ G₂ …)⁻¹ (w) + R o'          axes that carry the legs; tools on the platform, work in base
+//! P = (G₁ G₂ …)⁻¹ (c₀ − o') − R w     the work on the platform, tools in base with their holder at c₀
+//! ```
+//!
+//! At e = 0 every G is the identity, and a machine without such axes is as the core sees it anyway:
+//! its control point is at t = P + o − R o. That pair (control point, o) is also what the machine gets
+//! where no axis carries the tool and the tools are on the platform. Otherwise it gets (P, 0).
+
+mod given;
+mod link;
+
+pub use given::{Carries, ChainGeometry, LinkGeometry};
+pub use link::Link;
+
+use crate::extra::{ExtraAxes, POSE_LETTERS};
+use crate::fault::{Cause, Fault, MachinePart};
+use crate::layout::Layout;
+use crate::leg::direction;
+use crate::pose::Pose;
+use libm::sincos;
+use link::Moving;
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+/// A pose of LinuxCNC: X Y Z A B C U V W, machine units and degrees.
+pub type World = [f64; 9];
+
+/// Change of a machine's pose (rows X … C) with every letter of LinuxCNC's, degrees for angles.
+pub type WorldRates = SMatrix<f64, 6, 9>;
+
+/// Most axes of a chain: A B C turn, U V W slide. X Y Z are the tool tip.
+pub const MAX_LINKS: usize = 6;
+
+/// Place of the first of them among [`POSE_LETTERS`].
+const FIRST: usize = 3;
+
+/// Angles accepted, in degrees, as those of a pose.
+const MAX_ANGLE_DEG: f64 = 1e6;
+
+/// Points accepted, as multiples of the machine's size: beyond it joint values would lose digits.
+const FARTHEST: f64 = 1e6;
+
+const RADIANS: f64 = core::f64::consts::PI / 180.0;
+
+/// Whether the letter at a place of [`POSE_LETTERS`] is an angle.
+const fn is_rotary(place: usize) -> bool {
+    place < FIRST + 3
+}
+
+/// What changes at a rate of 1.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Varied {
+    Nothing,
+    /// A letter of LinuxCNC's pose, in radians where it turns.
+    Letter(usize),
+    /// A component of the tool vector.
+    Tool(usize),
+}
+
+impl Varied {
+    fn letter(self, place: usize) -> f64 {
+        if self == Self::Letter(place) { 1.0 } else { 0.0 }
+    }
+
+    /// Rate of the place of the tip on the work, t − o.
+    fn of_tip(self) -> Vector3<f64> {
+        match self {
+            Self::Letter(k) if k < 3 => unit(k),
+            Self::Tool(k) => -unit(k),
+            _ => Vector3::zeros(),
+        }
+    }
+
+    fn of_tool(self) -> Vector3<f64> {
+        match self {
+            Self::Tool(k) => unit(k),
+            _ => Vector3::zeros(),
+        }
+    }
+}
+
+fn unit(k: usize) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| if i == k { 1.0 } else { 0.0 })
+}
+
+/// The checked, frozen chain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    axes: ExtraAxes,
+    links: [Link; MAX_LINKS],
+    count: usize,
+    holder: Option<Vector3<f64>>,
+    /// Whether the machine's own tool vector is 0.
+    is_bare: bool,
+}
+
+impl Chain {
+    /// Of extra axes that carry nothing.
+    pub const fn none(axes: ExtraAxes) -> Self {
+        Self { axes, links: [Link::NONE; MAX_LINKS], count: 0, holder: None, is_bare: false }
+    }
+
+    /// Checks what the extra axes of a machine of this layout and size carry.
+    ///
+    /// # Errors
+    /// [`Cause::ChainUnknown`], [`Cause::ChainAxisZero`], [`Cause::ChainNotFinite`],
+    /// [`Cause::ChainTooFar`] with the axis named; as [`ChainGeometry::check_holder`], and
+    /// [`Cause::HolderTooFar`].
+    pub fn freeze(
+        given: &ChainGeometry,
+        axes: &ExtraAxes,
+        layout: &Layout,
+        size: f64,
+    ) -> Result<Self, Fault> {
+        ChainGeometry::check_holder(given.holder)?;
+        let mut chain = Self::none(*axes);
+        for (n, place) in axes.places().enumerate() {
+            let refused = |cause, value| {
+                let letter = POSE_LETTERS.get(place).map_or(0, |letter| *letter as u8);
+                let part = Some(MachinePart::ExtraAxis((layout.joints() + n) as u8, letter));
+                Err(Fault { cause, part, value })
+            };
+            let Some(given) = given.link(place).filter(|given| given.carries != 0) else {
+                continue;
+            };
+            let Some(carries) =
+                usize::try_from(given.carries - 1).ok().and_then(|i| Carries::ALL.get(i))
+            else {
+                return refused(Cause::ChainUnknown, f64::from(given.carries));
+            };
+            let point =
+                if is_rotary(place) { Vector3::from(given.point) } else { Vector3::zeros() };
+            if !given.axis.iter().chain(point.iter()).all(|value| value.is_finite()) {
+                return refused(Cause::ChainNotFinite, 0.0);
+            }
+            let Some(axis) = direction(&given.axis) else {
+                return refused(Cause::ChainAxisZero, 0.0);
+            };
+            if !(point.amax() <= FARTHEST * size) {
+                return refused(Cause::ChainTooFar, point.amax());
+            }
+            if let Some(free) = chain.links.get_mut(chain.count) {
+                *free = Link { place, carries: *carries, axis, point };
+                chain.count += 1;
+            }
+        }
+        chain.holder = checked_holder(given.holder, size)?;
+        chain.is_bare = chain.holder.is_some() || chain.of(Carries::Tool).next().is_some();
+        Ok(chain)
+    }
+
+    /// Whether LinuxCNC's pose is the machine's, but for axes that pass through.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0 && self.holder.is_none()
+    }
+
+    /// Its axes, in joint order.
+    pub fn links(&self) -> &[Link] {
+        self.links.get(..self.count).unwrap_or(&self.links)
+    }
+
+    /// Its axes that carry this, from what carries them outwards.
+    pub fn of(&self, carried: Carries) -> impl DoubleEndedIterator<Item = &Link> {
+        self.links().iter().filter(move |link| link.carries == carried)
+    }
+
+    /// Where the control point of the resting tool holder is in base, if the work is on the platform.
+    pub fn holder(&self) -> Option<&Vector3<f64>> {
+        self.holder.as_ref()
+    }
+
+    /// Whether the machine's own tool vector is 0, so that its pose is that of the platform.
+    pub fn is_bare(&self) -> bool {
+        self.is_bare
+    }
+
+    /// The tool vector of the machine's poses.
+    pub fn machine_tool(&self, tool: &Vector3<f64>) -> Vector3<f64> {
+        if self.is_bare { Vector3::zeros() } else { *tool }
+    }
+
+    /// The machine's pose, degrees for angles, that LinuxCNC's `world` is with the tool vector `tool`.
+    ///
+    /// # Errors
+    /// [`Cause::PoseNotFinite`], [`Cause::AngleTooLarge`].
+    pub fn to_machine(&self, world: &World, tool: &Vector3<f64>) -> Result<[f64; 6], Fault> {
+        self.check(world)?;
+        let pose = self.angles(world);
+        if self.is_empty() {
+            return Ok(pose.degrees);
+        }
+        let place = self.placed(world, tool, &pose, Varied::Nothing).at;
+        let [_, _, _, a, b, c] = pose.degrees;
+        Ok([place.x, place.y, place.z, a, b, c])
+    }
+
+    /// Writes X Y Z and the angles of LinuxCNC's pose for the machine's; `world` holds the values of the
+    /// extra axes.
+    ///
+    /// # Errors
+    /// As [`Self::to_machine`].
+    pub fn to_world(
+        &self,
+        machine: &[f64; 6],
+        world: &mut World,
+        tool: &Vector3<f64>,
+    ) -> Result<(), Fault> {
+        self.write(machine, world);
+        if self.is_empty() {
+            return Ok(());
+        }
+        self.check(world)?;
+        let rotation = Pose::from_degrees(*machine).rotation();
+        let position = Vector3::new(machine[0], machine[1], machine[2]);
+        let mut tip = match &self.holder {
+            None => {
+                let tip = match self.is_bare {
+                    true => {
+                        position - rotation * self.carried_tool(world, tool, Varied::Nothing).at
+                    }
+                    false => position - tool,
+                };
+                self.of(Carries::Legs).rev().fold(tip, |tip, link| link.out(&tip, world))
+            }
+            Some(holder) => {
+                let tip = holder - self.carried_tool(world, tool, Varied::Nothing).at;
+                let tip = self.of(Carries::Legs).fold(tip, |tip, link| link.into(&tip, world));
+                rotation.tr_mul(&(tip - position))
+            }
+        };
+        tip = self.of(Carries::Work).fold(tip, |tip, link| link.into(&tip, world)) + tool;
+        self.write(&[tip.x, tip.y, tip.z], world);
+        Ok(())
+    }
+
+    /// Change of the machine's pose with every letter of LinuxCNC's.
+    pub fn rates(&self, world: &World, tool: &Vector3<f64>) -> WorldRates {
+        let pose = self.angles(world);
+        let mut rates = WorldRates::zeros();
+        for letter in 0..POSE_LETTERS.len() {
+            let turns = (FIRST..FIRST + 3).contains(&letter);
+            let unit = if turns { RADIANS } else { 1.0 };
+            let rate = self.placed(world, tool, &pose, Varied::Letter(letter)).rate * unit;
+            for (k, value) in rate.iter().enumerate() {
+                if let Some(place) = rates.get_mut((k, letter)) {
+                    *place = *value;
+                }
+            }
+            if turns
+                && !self.is_extra(letter)
+                && let Some(place) = rates.get_mut((letter, letter))
+            {
+                *place = 1.0;
+            }
+        }
+        rates
+    }
+
+    /// How the platform shifts at a pose of LinuxCNC's, without turning, for a change of the tool vector.
+    pub fn tool_shift(&self, world: &World, tool: &Vector3<f64>) -> Matrix3<f64> {
+        let pose = self.angles(world);
+        let mut shift = Matrix3::zeros();
+        for k in 0..3 {
+            let mut rate = self.placed(world, tool, &pose, Varied::Tool(k)).rate;
+            if !self.is_bare {
+                rate += pose.rotation * unit(k) - unit(k);
+            }
+            shift.set_column(k, &rate);
+        }
+        shift
+    }
+
+    /// Orientations in base of the tool and of the work, at the machine's angles of `machine` (degrees)
+    /// and the values of the extra axes in `world`.
+    pub fn frames(&self, machine: &[f64; 6], world: &World) -> [Matrix3<f64>; 2] {
+        let of = |carried| {
+            let links = self.of(carried);
+            links.fold(Matrix3::identity(), |rotation, link| rotation * link.rotation(world))
+        };
+        let platform = of(Carries::Legs) * Pose::from_degrees(*machine).rotation();
+        let [tool, work] = [of(Carries::Tool), of(Carries::Work)];
+        match self.holder {
+            None => [platform * tool, work],
+            Some(_) => [tool, platform * work],
+        }
+    }
+
+    /// Refuses what no call may compute with.
+    fn check(&self, world: &World) -> Result<(), Fault> {
+        // U V W that are no axes are nobody's.
+        let of_machine = |place: usize| place < FIRST + 3 || self.is_extra(place);
+        let mut values = world.iter().enumerate().filter(|(place, _)| of_machine(*place));
+        if !values.all(|(_, value)| value.is_finite()) {
+            return Err(Cause::PoseNotFinite.into());
+        }
+        let angles = self.links().iter().filter(|link| link.is_rotary());
+        match angles.map(|link| link.value(world)).find(|angle| !(angle.abs() <= MAX_ANGLE_DEG)) {
+            Some(angle) => Err(Fault::with_value(Cause::AngleTooLarge, angle)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the letter at a place of [`POSE_LETTERS`] is an extra axis.
+    pub fn is_extra(&self, place: usize) -> bool {
+        self.axes.places().any(|extra| extra == place)
+    }
+
+    /// The tool tip's part of LinuxCNC's pose: coordinates of extra axes are none of it.
+    fn angles(&self, world: &World) -> Angles {
+        let mut degrees = [0.0; 6];
+        for (place, (to, value)) in degrees.iter_mut().zip(world).enumerate() {
+            if !self.is_extra(place) {
+                *to = *value;
+            }
+        }
+        let pose = Pose::from_degrees(degrees);
+        let (sb, cb) = sincos(pose.angles.y);
+        let (sc, cc) = sincos(pose.angles.z);
+        Angles {
+            degrees,
+            rotation: pose.rotation(),
+            turns: [Vector3::new(cc * cb, sc * cb, -sb), Vector3::new(-sc, cc, 0.0), unit(2)],
+        }
+    }
+
+    /// Writes the first coordinates of a pose, those of extra axes left out.
+    fn write(&self, pose: &[f64], world: &mut World) {
+        for (place, (to, value)) in world.iter_mut().zip(pose).enumerate() {
+            if !self.is_extra(place) {
+                *to = *value;
+            }
+        }
+    }
+
+    /// The tool vector with what its axes make of it.
+    fn carried_tool(&self, world: &World, tool: &Vector3<f64>, varied: Varied) -> Moving {
+        let tip = Moving { at: -tool, rate: -varied.of_tool() };
+        let links = self.of(Carries::Tool).rev();
+        let tip = links.fold(tip, |tip, link| link.moved(tip, world, varied.letter(link.place)));
+        Moving { at: -tip.at, rate: -tip.rate }
+    }
+
+    /// The place of the machine's pose.
+    fn placed(&self, world: &World, tool: &Vector3<f64>, pose: &Angles, varied: Varied) -> Moving {
+        let [x, y, z, ..] = pose.degrees;
+        let at = Vector3::new(x, y, z) - tool;
+        let rate = varied.of_tip();
+        let work = self.of(Carries::Work).rev();
+        let tip = work.fold(Moving { at, rate }, |tip, link| {
+            link.moved(tip, world, varied.letter(link.place))
+        });
+        let seen_from_legs = |tip| {
+            let legs = self.of(Carries::Legs);
+            legs.fold(tip, |tip, link| link.seen(tip, world, varied.letter(link.place)))
+        };
+        let tool_now = self.carried_tool(world, tool, varied);
+        if let Some(holder) = &self.holder {
+            let tip_now = Moving { at: holder - tool_now.at, rate: -tool_now.rate };
+            let (place, arm) = (seen_from_legs(tip_now), pose.turned(tip, varied, self));
+            return Moving { at: place.at - arm.at, rate: place.rate - arm.rate };
+        }
+        let tip = seen_from_legs(tip);
+        if !self.is_bare {
+            return Moving { at: tip.at + tool, rate: tip.rate + varied.of_tool() };
+        }
+        let arm = pose.turned(tool_now, varied, self);
+        Moving { at: tip.at + arm.at, rate: tip.rate + arm.rate }
+    }
+}
+
+/// The machine's angles.
+struct Angles {
+    degrees: [f64; 6],
+    rotation: Matrix3<f64>,
+    /// Axes that A, B and C turn about.
+    turns: [Vector3<f64>; 3],
+}
+
+impl Angles {
+    /// A vector of the platform, in base.
+    fn turned(&self, vector: Moving, varied: Varied, chain: &Chain) -> Moving {
+        let at = self.rotation * vector.at;
+        let mut rate = self.rotation * vector.rate;
+        for (k, axis) in self.turns.iter().enumerate() {
+            if varied == Varied::Letter(FIRST + k) && !chain.is_extra(FIRST + k) {
+                rate += axis.cross(&at);
+            }
+        }
+        Moving { at, rate }
+    }
+}
+
+fn checked_holder(given: Option<[f64; 3]>, size: f64) -> Result<Option<Vector3<f64>>, Fault> {
+    let Some(holder) = given.map(Vector3::from) else { return Ok(None) };
+    match holder.amax() <= FARTHEST * size {
+        true => Ok(Some(holder)),
+        false => Err(Fault::with_value(Cause::HolderTooFar, holder.amax())),
+    }
+}

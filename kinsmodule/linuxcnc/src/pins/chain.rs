@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The pins of the axes that carry work, tool or legs, and of a work on the platform.
+
+use super::maker::{Maker, Vector, read};
+use crate::hal::{Direction, HalError, Pin};
+use kinematics::{ChainGeometry, LinkGeometry, Load, MAX_LINKS, text};
+
+/// Letters of the axes that can carry something, and the first one's place in LinuxCNC's pose.
+const LETTERS: [&str; MAX_LINKS] = ["a", "b", "c", "u", "v", "w"];
+const FIRST: usize = 3;
+
+/// How many of them turn: they have a point.
+const ROTARY: usize = 3;
+
+/// Pins of one axis.
+#[repr(C)]
+struct LinkPins {
+    carries: Pin<i32>,
+    axis: Vector,
+    point: Vector,
+}
+
+/// Pins of the chain; those of letters that are no extra axes are not made and never read.
+#[repr(C)]
+pub(super) struct ChainPins {
+    links: [LinkPins; MAX_LINKS],
+    holder: Vector,
+    /// Not where there are two mechanisms.
+    is_made: bool,
+}
+
+/// Places of the extra axes that can carry something, from the first letter on.
+fn places(load: &Load) -> impl Iterator<Item = usize> + '_ {
+    load.extra.places().filter_map(|place| place.checked_sub(FIRST))
+}
+
+impl ChainPins {
+    pub(super) fn create(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
+        use Direction::In;
+        for i in places(load) {
+            let (Some(pins), Some(letter)) = (self.links.get_mut(i), LETTERS.get(i)) else {
+                continue;
+            };
+            let letter = *letter;
+            make.one(&mut pins.carries, In, text!["pkmkins.chain.", letter, ".carries"], 0)?;
+            make.letters(&mut pins.axis, In, text!["pkmkins.chain.", letter, ".axis."], [0.0; 3])?;
+            if i < ROTARY {
+                let point = &mut pins.point;
+                make.letters(point, In, text!["pkmkins.chain.", letter, ".point."], [0.0; 3])?;
+            }
+        }
+        make.letters(&mut self.holder, In, text!["pkmkins.work-on-platform."], [f64::NAN; 3])?;
+        self.is_made = true;
+        Ok(())
+    }
+
+    /// Where the control point of the resting holder is; all NaN is the default and means that the
+    /// work is not on the platform.
+    pub(super) fn holder(&self) -> Option<[f64; 3]> {
+        if !self.is_made {
+            return None;
+        }
+        let holder = read(&self.holder);
+        (!holder.iter().all(|v| v.is_nan())).then_some(holder)
+    }
+
+    /// The chain as the pins give it now.
+    pub(super) fn given(&self, load: &Load) -> ChainGeometry {
+        let mut given = ChainGeometry { holder: self.holder(), ..ChainGeometry::NONE };
+        for i in places(load).filter(|_| self.is_made) {
+            if let (Some(to), Some(pins)) = (given.links.get_mut(i), self.links.get(i)) {
+                *to = pins.given(i < ROTARY);
+            }
+        }
+        given
+    }
+
+    /// Whether the pins give what was frozen.
+    pub(super) fn give(&self, frozen: &ChainGeometry, load: &Load) -> bool {
+        let same = |i: usize| match (frozen.links.get(i), self.links.get(i)) {
+            (Some(link), Some(pins)) => pins.given(i < ROTARY) == *link,
+            _ => true,
+        };
+        self.holder() == frozen.holder && places(load).all(|i| !self.is_made || same(i))
+    }
+}
+
+impl LinkPins {
+    fn given(&self, is_rotary: bool) -> LinkGeometry {
+        let point = if is_rotary { read(&self.point) } else { [0.0; 3] };
+        LinkGeometry { carries: self.carries.get(), axis: read(&self.axis), point }
+    }
+}
