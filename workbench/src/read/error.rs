@@ -2,7 +2,7 @@
 //! Why no machine could be made of an INI file: everything that was found, at once.
 
 use crate::read::ini::{Ini, IniError};
-use crate::read::place::Place;
+use crate::read::place::{Place, leg_section};
 use kinematics::{Fault, MachinePart};
 use std::fmt;
 use std::path::PathBuf;
@@ -87,8 +87,4 @@ impl Errors {
     pub(super) fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
         value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
     }
-}
-
-pub(super) fn leg_section(n: usize) -> String {
-    format!("LEG_{n}")
 }
