@@ -775,8 +775,9 @@ Arguments:
 
 Options:
       --mechanism <NUMBER>
-          Of a machine with two mechanisms the one that is meant, 1 or 2, each in its own
-          coordinates X Y Z A B C; where it matters not both at once, the first one without it
+          Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
+          Z A B C; without it check, boxes, run and preflight look at both, and all others at the
+          first
 
   -h, --help
           Print help (see a summary with '-h')
