@@ -10,3 +10,4 @@ pub(crate) mod legs;
 pub mod machine;
 pub mod place;
 pub mod tools;
+mod values;
