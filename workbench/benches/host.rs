@@ -6,9 +6,10 @@
 use kinematics::{Machine, Pose, Vector3};
 use pkm::control::process::Options;
 use pkm::program::findings::Time;
+use pkm::program::flight::Flight;
 use pkm::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, Patience};
 use pkm::program::offset::Offset;
-use pkm::program::preflight::{Flight, timed};
+use pkm::program::preflight::timed;
 use pkm::read::machine::MachineConfig;
 use pkm::stability::lobes::Lobes;
 use pkm::stability::map::StableMap;

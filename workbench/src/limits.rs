@@ -2,7 +2,7 @@
 //! The limits of a machine's configuration as the core lists them, and what people call them.
 
 use crate::read::machine::MachineConfig;
-use kinematics::{At, Joints, LEAST_DRIVE, Limit, Limits, MAX_LEGS, Margin, Part};
+use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, MAX_LEGS, Margin, Part};
 use serde::Serializer;
 use std::ops::ControlFlow;
 
@@ -60,6 +60,15 @@ fn least_distance(config: &MachineConfig) -> f64 {
 /// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
 pub fn least_distance_between(config: &MachineConfig) -> f64 {
     config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())
+}
+
+/// The distance of two parts, for people.
+pub fn between(configs: [&MachineConfig; 2], bodies: [Body; 2]) -> String {
+    let name = |i: usize| match bodies[i] {
+        Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
+        Body::Platform => format!("the {} platform", ["first", "second"][i]),
+    };
+    format!("the distance of {} and {}", name(0), name(1))
 }
 
 /// Visits the margins of all limits that are set at a pose.

@@ -144,7 +144,7 @@ error: [KINS]KINEMATICS = trivkins
  --> mill.ini:2:14
   |
 2 | KINEMATICS = trivkins
-  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT]
+  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]
 exit 2
 
 "#]]
@@ -762,16 +762,24 @@ whether that is proved with every tool of the tool table, and what a smaller til
 Z. They stay within the axis limits that the file gives already; where it gives none, the machine
 sets the end.
 
+Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
+other at home and, seen, within the axis limits.
+
 Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2 where the
 file describes no machine.
 
-Usage: pkm check <MACHINE.ini>
+Usage: pkm check [OPTIONS] <MACHINE.ini>
 
 Arguments:
   <MACHINE.ini>
           The machine's LinuxCNC INI file
 
 Options:
+      --mechanism <NUMBER>
+          Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
+          Z A B C; without it check, boxes, run and preflight look at both, and all others at the
+          first
+
   -h, --help
           Print help (see a summary with '-h')
 exit 0

@@ -4,7 +4,6 @@
 use crate::check::report::Finding;
 use crate::check::wiring::at_key;
 use crate::limits;
-use crate::program::both;
 use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::diagnostic::Severity;
@@ -86,7 +85,7 @@ pub fn check(config: &MachineConfig) -> Result<Option<Between>, MachineError> {
 }
 
 fn shown(configs: [&MachineConfig; 2], gap: &Gap) -> String {
-    let name = both::between(configs, gap.bodies);
+    let name = limits::between(configs, gap.bodies);
     format!("{name} is {} {}", limits::shown(gap.distance), configs[0].length_unit())
 }
 

@@ -7,9 +7,9 @@
 
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
+use crate::program::flight::Flight;
 use crate::program::follow::length;
 use crate::program::interpreter::Move;
-use crate::program::preflight::Flight;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
@@ -248,7 +248,7 @@ impl<'a> Between<'a> {
     }
 
     fn part(&self, bodies: [Body; 2]) -> String {
-        between(self.configs, bodies)
+        limits::between(self.configs, bodies)
     }
 
     fn finish(self, found: &mut Preflight) -> Result<(), Fault> {
@@ -273,13 +273,4 @@ impl<'a> Between<'a> {
         found.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         Ok(())
     }
-}
-
-/// The distance of two parts, for people.
-pub(crate) fn between(configs: [&MachineConfig; 2], bodies: [Body; 2]) -> String {
-    let name = |i: usize| match bodies[i] {
-        Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
-        Body::Platform => format!("the {} platform", ["first", "second"][i]),
-    };
-    format!("the distance of {} and {}", name(0), name(1))
 }

@@ -526,8 +526,20 @@ fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
     let mut codes = vec![format!("{units} G90 G94")];
     codes.extend(config.program.startup_code.clone());
     codes.extend(block.map(String::from));
-    codes.push(format!("G53 G0 {}", words(config.world_home, &axes(config))));
+    codes.push(format!("G53 G0 {}", words(world_home(config), &axes(config))));
     codes
+}
+
+/// Home in LinuxCNC's letters: its own, and that of another mechanism.
+fn world_home(config: &MachineConfig) -> [f64; 9] {
+    let mut world = config.world_home;
+    let letters = Letter::ALL.into_iter().zip(config.home);
+    let is_own =
+        |letter: Letter| !config.place.is_second || !config.machine.layout().is_held(letter);
+    for (letter, value) in letters.filter(|(letter, _)| is_own(*letter)) {
+        world[config.place.places[letter.index()]] = value;
+    }
+    world
 }
 
 /// Words of these axes; the interpreter reads no exponents.

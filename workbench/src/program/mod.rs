@@ -5,6 +5,7 @@ pub mod beside;
 pub mod both;
 pub mod course;
 pub mod findings;
+pub mod flight;
 mod follow;
 pub mod interpreter;
 pub mod loads;

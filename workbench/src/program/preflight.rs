@@ -13,55 +13,13 @@ use crate::program::both::Flights;
 use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
-use crate::program::follow::{Course, Found, Leg, Pilot, length};
 use crate::program::interpreter::Move;
 use crate::program::loads::{Beyond, Demands, Load, Loads};
-use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
+use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// Rounding of the interpreter's positions, as a share of the machine's size.
-const ROUNDING: f64 = 1e-9;
-
-/// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
-pub struct Flight<'a> {
-    pilot: Pilot<'a>,
-    number: usize,
-    fault: Option<Fault>,
-}
-
-impl<'a> Flight<'a> {
-    /// Before the first move.
-    ///
-    /// # Errors
-    /// A spindle that the machine cannot take.
-    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
-        Ok(Self { pilot: Pilot::new(config)?, number: 0, fault: None })
-    }
-
-    /// Follows the next move.
-    pub fn see(&mut self, step: &Move) {
-        if self.fault.is_some() {
-            return;
-        }
-        match self.pilot.change_tool(self.number, step) {
-            Ok(()) => self.pilot.go(self.number, step),
-            Err(fault) => self.fault = Some(fault),
-        }
-        self.number += 1;
-    }
-
-    /// What is known after the last move: nothing yet of what depends on time.
-    ///
-    /// # Errors
-    /// A tool vector that the machine cannot take.
-    pub fn finish(self) -> Result<Preflight, Fault> {
-        self.fault.map_or_else(|| Ok(self.pilot.finish()), Err)
-    }
-}
 
 /// Follows all moves of a program.
 ///
@@ -89,120 +47,6 @@ pub fn timed(
     match outcome {
         Ok(outcome) => Time::Judged(Timing::of(config, loads.finish(), outcome)),
         Err(cause) => Time::NotJudged(cause.to_string()),
-    }
-}
-
-impl Pilot<'_> {
-    /// The tool offset moves the platform along a straight line, where it is tilted.
-    fn change_tool(&mut self, number: usize, step: &Move) -> Result<(), Fault> {
-        let tool = self.config.spindle + Vector3::from(step.tool);
-        if tool == self.tool {
-            return Ok(());
-        }
-        let change = tool - self.tool;
-        let pose = self.config.carried(&self.at, &self.extra, &self.tool)?;
-        let shift = self.shift(&pose) * change;
-        if shift.norm() > ROUNDING * self.config.machine.size() {
-            self.result.tilted_tool_changes.push((step.file, step.line));
-            // As a motion of the old tool. Where a table takes part of it, only its end is judged,
-            // with the next move.
-            let active = |letter| self.config.machine.layout().coordinates().contains(letter);
-            if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
-                let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
-                let (from, line, file) = (self.at, step.line, step.file);
-                let told = if self.config.chain.is_empty() { delta } else { [0.0; 6] };
-                let course = Course::Straight { from: pose, delta };
-                self.follow(&Leg { number, line, file, from, delta: told, course });
-            }
-        }
-        self.reach = Reach::with_tool(self.config, tool)?;
-        self.tool = tool;
-        Ok(())
-    }
-
-    /// How the platform shifts with the tool vector, at this pose of the machine.
-    fn shift(&self, pose: &[f64; 6]) -> Matrix3<f64> {
-        let chain = &self.config.chain;
-        match chain.is_empty() {
-            true => Pose::from_degrees(*pose).rotation() - Matrix3::identity(),
-            false => chain.tool_shift(&self.config.world(&self.at, &self.extra), &self.tool),
-        }
-    }
-
-    fn go(&mut self, number: usize, step: &Move) {
-        let from = self.at;
-        let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
-        let course = self.course(step, &from, &delta);
-        let mut leg = Leg { number, line: step.line, file: step.file, from, delta, course };
-        if let Course::Carried { from, delta } = &leg.course {
-            // What is told of a place has the angles of the axes.
-            leg.from.copy_from_slice(&from[..6]);
-            leg.delta.copy_from_slice(&delta[..6]);
-        }
-        self.check_axes(&leg, &step.end);
-        self.follow(&leg);
-        self.widen_axes(&step.end);
-        self.result.poses.see(&from, step);
-        let stays = step.end == self.config.start;
-        self.result.is_still &= stays && !matches!(leg.course, Course::Carried { .. });
-        self.result.moves += 1;
-        self.result.length += length(&delta);
-        (self.at, self.extra) = (step.end, step.extra_end);
-    }
-
-    /// What the machine does in a move.
-    fn course(&self, step: &Move, from: &[f64; 6], delta: &[f64; 6]) -> Course {
-        if self.config.chain.is_empty() {
-            return Course::Straight { from: *from, delta: *delta };
-        }
-        let begin = self.config.world(from, &self.extra);
-        let end = self.config.world(&step.end, &step.extra_end);
-        Course::Carried { from: begin, delta: std::array::from_fn(|k| end[k] - begin[k]) }
-    }
-
-    /// Axis limits hold on a straight line that ends within them.
-    fn check_axes(&mut self, leg: &Leg, end: &[f64; 6]) {
-        let slack = ROUNDING * self.config.machine.size();
-        for (k, axis) in self.config.programmed.iter().enumerate() {
-            let part = Part::Axis(Letter::ALL[k]);
-            // Each limit by itself: the one that is left need not be the nearer one at the start.
-            let ends = [
-                [leg.from[k] - axis.min, end[k] - axis.min],
-                [axis.max - leg.from[k], axis.max - end[k]],
-            ];
-            for [before, margin] in ends.into_iter().filter(|[_, margin]| margin.is_finite()) {
-                self.note(Limit::Axis, margin, part, leg.line);
-                if margin < -slack {
-                    let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
-                    let (limit, ends) = (Limit::Axis, [axis.min, axis.max]);
-                    self.tell(leg, &Found { limit, share, part, ends, fault: None }, margin);
-                }
-            }
-        }
-    }
-
-    fn finish(mut self) -> Preflight {
-        self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
-        for limit in Limit::ALL {
-            let Some((value, of, line)) = self.margins[limit.index()] else { continue };
-            let unit = limits::unit(self.config, limit, of);
-            let part = limits::part(self.config, limit, of);
-            self.result.margins.push(LeastMargin {
-                limit: limit.into(),
-                value,
-                unit,
-                part,
-                of,
-                line,
-            });
-        }
-        self.result.ranges = self.ranges();
-        if let Some(first) = self.result.breaks.first() {
-            // A program that only turns has no length.
-            self.result.runnable =
-                if self.result.length > 0.0 { first.before / self.result.length } else { 0.0 };
-        }
-        self.result
     }
 }
 

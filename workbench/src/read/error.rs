@@ -2,7 +2,7 @@
 //! Why no machine could be made of an INI file: everything that was found, at once.
 
 use crate::read::ini::{Ini, IniError};
-use crate::read::place::Place;
+use crate::read::place::{Place, leg_section};
 use kinematics::{Fault, MachinePart};
 use std::fmt;
 use std::path::PathBuf;
@@ -95,8 +95,4 @@ impl Errors {
 
 pub(super) fn chain_section(letter: char) -> String {
     format!("CHAIN_{letter}")
-}
-
-pub(super) fn leg_section(n: usize) -> String {
-    format!("LEG_{n}")
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Joints and axes: what moves, how far and how fast, `[JOINT_N]` and `[AXIS_L]`.
 
-use crate::read::error::{Errors, leg_section};
+use crate::read::error::Errors;
 use crate::read::ini::{Ini, IniError};
-use crate::read::place::Place;
+use crate::read::place::{Place, leg_section};
 use keys::{joint as of_joint, leg as of_leg};
 use kinematics::Load;
 use kinematics::leg::Kind;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Geometry of the legs, `[LEG_N]`.
 
-use crate::read::error::{Errors, leg_section};
+use crate::read::error::Errors;
 use crate::read::ini::{Ini, IniError};
+use crate::read::place::leg_section;
 use keys::{Key, Need, leg as of_leg, machine as of_machine};
 use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{LegGeometry, LegKind, Matrix3, Segment, Vector3};

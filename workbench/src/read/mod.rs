@@ -11,3 +11,4 @@ pub(crate) mod legs;
 pub mod machine;
 pub mod place;
 pub mod tools;
+mod values;

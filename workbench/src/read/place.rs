@@ -4,7 +4,6 @@
 //! Each is read as an ordinary machine in its own coordinates. What differs is here: from which number
 //! on its legs and joints are counted, which letters its coordinates have, and names of sections.
 
-use crate::read::error::leg_section;
 use kinematics::{Fault, Letter, Load, POSE_LETTERS};
 
 /// Places that stand for X Y Z A B C of a second mechanism, where nothing else is said.
@@ -88,4 +87,9 @@ impl Place {
     pub(crate) fn counted(&self, fault: Fault) -> Fault {
         fault.counted_from(self.first_leg as u8, self.first_joint as u8)
     }
+}
+
+/// Section of leg `n` of a file.
+pub(super) fn leg_section(n: usize) -> String {
+    format!("LEG_{n}")
 }

@@ -150,7 +150,6 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
         // 10^5 poses of the mirrored lathe, which is a shipped machine.
         let count = if two.angles == "C" { cases(100_000) } else { cases(2_000) };
         let mut worst = 0.0_f64;
-        let mut seeds = [two.first.home(), two.second.home()];
         for _ in 0..count {
             let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
             let world = two.world(&poses[0], &poses[1]);
@@ -172,9 +171,7 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
                 (0..6).filter(|k| !machines[i].moves(*k)).for_each(|k| back[k] = 0.0);
                 worst = worst.max(Two::gap(machines[i], &back, &poses[i]));
             }
-            seeds = poses;
         }
-        let _ = seeds;
         println!("{name}: {count} poses, back within {worst:.1e} of the size");
         assert!(worst <= ROUND_TRIP_REL, "{name}: {worst:e}");
     }
