@@ -151,7 +151,10 @@ pub struct Course<'a> {
 struct Moment {
     at: f64,
     line: u32,
+    /// As programmed.
     pose: [f64; 6],
+    /// The machine's own, which the tool vector belongs to.
+    machine: [f64; 6],
     tool: Vector3<f64>,
     joints: Option<Joints>,
     shares: [Joints; 3],
@@ -165,7 +168,10 @@ impl<'a> Course<'a> {
     }
 
     fn over(config: &'a MachineConfig, abscissa: Abscissa) -> Self {
-        let limits = limits::of(config);
+        let mut limits = limits::of(config);
+        for (range, axis) in limits.axis.iter_mut().zip(&config.programmed) {
+            *range = [axis.min, axis.max];
+        }
         let result = Thinned { abscissa, samples: vec![], end: 0.0 };
         Self { config, limits, motion: Motion::START, result, width: 1, filled: 0 }
     }
@@ -185,13 +191,15 @@ impl<'a> Course<'a> {
                 let told = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
                 let values =
                     std::array::from_fn(|k| extra[k] + share * (step.extra_end[k] - extra[k]));
-                let pose = config.carried(&told, &values, &tool).unwrap_or(told);
+                let machine = config.carried(&told, &values, &tool).unwrap_or([f64::NAN; 6]);
+                let pose = config.told(&told, &values);
                 let tool = config.chain.machine_tool(&tool);
-                let at = config.machine.at(&Pose::from_degrees(pose), &tool);
+                let at = config.machine.at(&Pose::from_degrees(machine), &tool);
                 course.take(&Moment {
                     at: before + share * length,
                     line: step.line,
                     pose,
+                    machine,
                     tool,
                     joints: at.ok().map(|at| *at.joints()),
                     shares: [[0.0; MAX_JOINTS]; 3],
@@ -215,9 +223,10 @@ impl<'a> Course<'a> {
             (&row.errors, &row.allowed),
         ]
         .map(|(values, limits)| shares(values, limits, count));
-        let (pose, tool) = row.machine(self.config);
+        let (machine, tool) = row.machine(self.config);
+        let pose = self.config.told(&row.pose, &row.extra.positions);
         let (joints, feed) = (Some(row.joints), row.feed);
-        self.take(&Moment { at, line: row.line, pose, tool, joints, shares, feed });
+        self.take(&Moment { at, line: row.line, pose, machine, tool, joints, shares, feed });
     }
 
     fn take(&mut self, moment: &Moment) {
@@ -269,8 +278,10 @@ impl<'a> Course<'a> {
     /// Rooms to all limits of the pose.
     fn rooms(&self, moment: &Moment) -> Rooms {
         let mut rooms = self.rooms_of_ranges(moment);
-        match self.config.machine.at(&Pose::from_degrees(moment.pose), &moment.tool) {
-            Ok(at) => limits::each(&at, &self.limits, |margin| lower(&mut rooms, &margin)),
+        // Axis limits are of what is programmed, and looked at already.
+        let own = Limits { axis: Limits::NONE.axis, ..self.limits };
+        match self.config.machine.at(&Pose::from_degrees(moment.machine), &moment.tool) {
+            Ok(at) => limits::each(&at, &own, |margin| lower(&mut rooms, &margin)),
             Err(fault) => rooms[Margin::of_fault(&fault).limit.index()] = f64::NEG_INFINITY,
         }
         rooms

@@ -3,8 +3,11 @@
 //! beforehand, and its feed is one that all joints can keep up with.
 
 use crate::limits;
+use crate::read::joints::Axis;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Letter, Limits, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
+use kinematics::{
+    Joints, Letter, Limits, Link, MAX_EXTRA, MAX_JOINTS, POSE_LETTERS, Pose, Vector3, World,
+};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
@@ -21,6 +24,9 @@ const PLACES: usize = 200;
 
 /// Moves tried before a machine counts as one that cannot move.
 const TRIES: usize = 2000;
+
+/// Most that an axis turns in one move, degrees.
+const TURN_DEG: f64 = 120.0;
 
 /// One tool change a number of moves.
 const MOVES_PER_TOOL: u32 = 8;
@@ -40,7 +46,7 @@ pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result
         config,
         limits: limits::beyond_axes(config),
         rng: Pcg64::seed_from_u64(seed),
-        pose: config.start,
+        pose: config.world(&config.start, &[0.0; MAX_EXTRA]),
         tool: Vector3::zeros(),
         time: 0.0,
         text: format!("(random moves, seed {seed})\nG21 G17 G40 G49 G80 G90 G94 G64\nM52 P1\n"),
@@ -64,8 +70,8 @@ struct Walk<'a> {
     /// Without those of the axes, which are of the ends of moves.
     limits: Limits,
     rng: Pcg64,
-    /// The commanded pose, tool offset included.
-    pose: [f64; 6],
+    /// LinuxCNC's commanded pose, tool offset included.
+    pose: World,
     /// Tool offset, without that of the spindle.
     tool: Vector3<f64>,
     /// Least duration of the program so far.
@@ -110,11 +116,11 @@ impl Walk<'_> {
                 return Ok(());
             }
         }
-        Err(NoMove(self.pose))
+        Err(NoMove(std::array::from_fn(|k| self.pose[k])))
     }
 
     /// An end point in the axis limits: near or far, in places, in angles or in both.
-    fn draw(&mut self) -> [f64; 6] {
+    fn draw(&mut self) -> World {
         let share: f64 = self.rng.random_range(0.05..1.0);
         let what = self.rng.random_range(0..4);
         let mut next = self.pose;
@@ -127,12 +133,31 @@ impl Walk<'_> {
                 next[i] = round(self.pose[i] + share * (to - self.pose[i]));
             }
         }
+        for link in self.config.chain.links() {
+            if self.rng.random_range(0..2) == 0 {
+                let [low, high] = self.near(link);
+                next[link.place] = round(self.rng.random_range(low..high));
+            }
+        }
         next
+    }
+
+    /// Where an axis that carries something may go in one move.
+    fn near(&self, link: &Link) -> [f64; 2] {
+        let reach = if link.is_rotary() { TURN_DEG } else { 0.2 * self.config.machine.size() };
+        let here = self.pose[link.place];
+        let letter = POSE_LETTERS[link.place];
+        let axis = self.config.extra.iter().find(|axis| axis.letter == letter);
+        axis.map_or([here, here + reach], |axis| {
+            let least = axis.joint.min.max(axis.axis.min);
+            let most = axis.joint.max.min(axis.axis.max);
+            [(here - reach).max(least), (here + reach).min(most)]
+        })
     }
 
     /// Least seconds for the way, `None` where a limit is not kept, or forward does not come
     /// along.
-    fn followed(&self, way: impl Fn(f64) -> ([f64; 6], Vector3<f64>)) -> Option<f64> {
+    fn followed(&self, way: impl Fn(f64) -> (World, Vector3<f64>)) -> Option<f64> {
         let mut joints = Vec::with_capacity(PLACES + 1);
         let mut seed = self.of_machine(&way(0.0))?.0;
         for k in 0..=PLACES {
@@ -153,14 +178,14 @@ impl Walk<'_> {
         Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
     }
 
-    /// The machine's own pose and tool vector, with every extra axis at 0.
-    fn of_machine(
-        &self,
-        (pose, offset): &([f64; 6], Vector3<f64>),
-    ) -> Option<(Pose, Vector3<f64>)> {
-        let tool = self.config.spindle + offset;
-        let pose = self.config.carried(pose, &[0.0; MAX_EXTRA], &tool).ok()?;
-        Some((Pose::from_degrees(pose), self.config.chain.machine_tool(&tool)))
+    /// The machine's own pose and tool vector.
+    fn of_machine(&self, (world, offset): &(World, Vector3<f64>)) -> Option<(Pose, Vector3<f64>)> {
+        let (chain, tool) = (&self.config.chain, self.config.spindle + offset);
+        let pose = match chain.is_empty() {
+            true => std::array::from_fn(|k| world[k]),
+            false => chain.to_machine(world, &tool).ok()?,
+        };
+        Some((Pose::from_degrees(pose), chain.machine_tool(&tool)))
     }
 
     /// Seconds in which the joints run through these values, evenly apart in time.
@@ -179,27 +204,30 @@ impl Walk<'_> {
         seconds
     }
 
-    fn axis_seconds(&self, from: &[f64; 6], to: &[f64; 6]) -> f64 {
-        let axes = self.config.programmed.iter().zip(from.iter().zip(to));
-        axes.map(|(axis, (a, b))| (b - a).abs() / axis.max_velocity).fold(0.0, f64::max)
+    fn axis_seconds(&self, from: &World, to: &World) -> f64 {
+        let own = self.config.programmed.iter().enumerate();
+        let own = own.filter(|(k, _)| !self.config.chain.is_extra(*k));
+        let places = self.config.extra_axes.places();
+        let extra = places.zip(self.config.extra.iter().map(|extra| &extra.axis));
+        let seconds = |(k, axis): (usize, &Axis)| (to[k] - from[k]).abs() / axis.max_velocity;
+        own.chain(extra).map(seconds).fold(0.0, f64::max)
     }
 
-    fn write_move(&mut self, next: &[f64; 6], seconds: f64) {
+    fn write_move(&mut self, next: &World, seconds: f64) {
         let part = |range: std::ops::Range<usize>| {
             range.map(|i| (next[i] - self.pose[i]).powi(2)).sum::<f64>().sqrt()
         };
-        let (linear, angular) = (part(0..3), part(3..6));
-        // LinuxCNC's rule: the feed is that of X Y Z together where one of them moves.
-        let length = if linear > 0.0 { linear } else { angular };
+        // LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, then that of U V W.
+        let parts = [part(0..3), part(6..9), part(3..6)];
+        let length = parts.into_iter().find(|length| *length > 0.0).unwrap_or(0.0);
         if length == 0.0 {
             return;
         }
         let mut line = format!("G1 F{:.4}", 60.0 * length / seconds);
-        for letter in Letter::ALL {
-            let i = letter.index();
+        for (i, letter) in POSE_LETTERS.into_iter().enumerate() {
             if next[i] != self.pose[i] {
                 let offset = if i < 3 { self.tool[i] } else { 0.0 };
-                write!(line, " {}{}", letter.name(), round(next[i] - offset))
+                write!(line, " {letter}{}", round(next[i] - offset))
                     .expect("a string takes any text");
             }
         }

@@ -221,7 +221,11 @@ impl<'a> Player<'a> {
         Self {
             config,
             extra: [0.0; MAX_EXTRA],
-            limits: limits::of(config),
+            // Where an axis carries something, axis limits are none of the machine's own pose.
+            limits: match config.chain.is_empty() {
+                true => limits::of(config),
+                false => limits::beyond_axes(config),
+            },
             period,
             see,
             at: config.start,

@@ -253,6 +253,15 @@ impl MachineConfig {
         world
     }
 
+    /// What is told of a commanded pose of the tool: where axes carry something with their angles.
+    pub fn told(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
+        if self.chain.is_empty() {
+            return *pose;
+        }
+        let [x, y, z, a, b, c, ..] = self.world(pose, extra);
+        [x, y, z, a, b, c]
+    }
+
     /// The machine's own pose for one of LinuxCNC's, with this tool vector, spindle offset included.
     ///
     /// # Errors

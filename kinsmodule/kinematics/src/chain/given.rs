@@ -63,7 +63,7 @@ impl ChainGeometry {
     pub const NONE: Self = Self { links: [LinkGeometry::PASSING; MAX_LINKS], holder: None };
 
     /// The hash of a geometry with what the chain adds: for each axis that carries something, in joint
-    /// order, its place among [`POSE_LETTERS`], what it carries, its direction and its point (0 of a
+    /// order, its place among [`crate::POSE_LETTERS`], what it carries, its direction and its point (0 of a
     /// linear one); then 9 and the place of the resting holder. That of a machine without a chain stays.
     pub fn hash(&self, axes: &ExtraAxes, of_geometry: u32) -> u32 {
         let mut hash = Fnv1a(of_geometry);

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 /// An axis of the chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
-    /// Place of its letter among [`POSE_LETTERS`].
+    /// Place of its letter among [`crate::POSE_LETTERS`].
     pub place: usize,
     /// What it carries.
     pub carries: Carries,
