@@ -33,6 +33,11 @@ pub struct Scene {
     pub units_per_mm: f64,
     /// As the module shows it on `pkmkins.geometry-hash`.
     pub geometry_hash: u32,
+    /// What the names of its pins begin with.
+    pub pins: &'static str,
+    /// Whether the pose on its pins is the control point of the tool. Where an axis carries the tool, or
+    /// the work is on the platform, it is the platform's own origin, and o = 0 in the formulas.
+    pub sees_tool: bool,
     /// Letters that the legs move.
     pub coordinates: String,
     /// Letters of the table, in joint order.
@@ -47,7 +52,7 @@ pub struct Scene {
     pub home: Home,
     /// The legs.
     pub legs: Vec<Leg>,
-    /// Legs, table axes, extra axes.
+    /// Legs and table axes.
     pub joints: Vec<Joint>,
     /// Limits of the pose, those of X Y Z A B C that move.
     pub axes: Vec<Axis>,
@@ -121,9 +126,11 @@ pub enum Kind {
 /// A joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
+    /// In LinuxCNC.
+    pub number: usize,
     /// For people, such as `strut 3`.
     pub name: String,
-    /// `strut`, `carriage`, `arm`, `table` or `axis`.
+    /// `strut`, `carriage`, `arm` or `table`.
     pub kind: &'static str,
     /// Of its values.
     pub unit: &'static str,
@@ -162,7 +169,9 @@ impl Scene {
             machine: stem.to_string_lossy().into_owned(),
             length_unit: config.length_unit(),
             units_per_mm: config.units_per_mm,
-            geometry_hash: config.geometry.hash(),
+            geometry_hash: config.hash,
+            pins: if config.place.is_second { "pkmkins.second." } else { "pkmkins." },
+            sees_tool: !config.chain.is_bare(),
             coordinates: letters(layout.coordinates().as_slice()),
             table: letters(layout.table().as_slice()),
             extra: config.extra_axes.letters().collect(),
@@ -173,7 +182,7 @@ impl Scene {
                 joints: config.joints.iter().map(|joint| joint.home).collect(),
             },
             legs: (0..config.legs()).map(|i| Leg::new(config, i)).collect(),
-            joints: (0..config.all_joints().count()).map(|i| Joint::new(config, i)).collect(),
+            joints: (0..config.joints.len()).map(|i| Joint::new(config, i)).collect(),
             axes: moved.map(axis).collect(),
             clearance: config.clearance,
             tilt_limit: config.tilt_limit,
@@ -219,6 +228,7 @@ impl Joint {
     fn new(config: &MachineConfig, i: usize) -> Self {
         let joint = config.joint(i);
         Self {
+            number: config.place.first_joint + i,
             name: joint.name.clone(),
             kind: joint.kind.name(),
             unit: config.unit_of(i),

@@ -110,9 +110,24 @@ fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
     assert_eq!(lathe["home"]["pose"], serde_json::json!([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]));
     assert_eq!((lathe["clearance"].as_f64(), lathe["tilt_limit"].as_f64()), (Some(50.0), None));
     let kinds: Vec<_> = lathe["joints"].as_array().unwrap().iter().map(|j| &j["kind"]).collect();
-    assert_eq!(kinds, ["carriage", "carriage", "carriage", "carriage", "axis", "axis"]);
-    assert_eq!(lathe["joints"][5]["max"], 900.0);
+    assert_eq!(kinds, ["carriage"; 4]);
+    assert_eq!(lathe["joints"][3]["max"], 2100.0);
+    assert_eq!([&lathe["pins"], &tripod["pins"]], ["pkmkins."; 2]);
+    let table = scene(&ini("hexapod-rotary-table"));
+    assert_eq!(table["geometry_hash"], config("hexapod-rotary-table").hash);
+    let sees_tool = |machine: &str| scene(&ini(machine))["sees_tool"].as_bool().unwrap();
+    assert!(sees_tool("hexapod-rotary-table") && !sees_tool("lathe-two-turrets"));
     assert_eq!(lathe["axes"][3], serde_json::json!({"letter": "B", "min": -20.0, "max": 20.0}));
+}
+
+#[test]
+fn the_scene_of_a_second_mechanism_names_its_own_joints_and_pins() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+    let out = command.arg("scene").arg(ini("lathe-mirrored")).args(["--mechanism", "2"]).output();
+    let second: Value = serde_json::from_slice(&out.unwrap().stdout).unwrap();
+    let numbers: Vec<_> = (0..4).map(|n| second["joints"][n]["number"].as_u64().unwrap()).collect();
+    assert_eq!((numbers, &second["pins"]), (vec![4, 5, 6, 7], &"pkmkins.second.".into()));
+    assert_ne!(second["geometry_hash"], scene(&ini("lathe-mirrored"))["geometry_hash"]);
 }
 
 #[test]
