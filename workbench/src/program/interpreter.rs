@@ -533,7 +533,7 @@ fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
 /// Home in LinuxCNC's letters: its own, and that of another mechanism.
 fn world_home(config: &MachineConfig) -> [f64; 9] {
     let mut world = config.world_home;
-    let letters = Letter::ALL.into_iter().zip(config.home);
+    let letters = Letter::ALL.into_iter().zip(config.start);
     let is_own =
         |letter: Letter| !config.place.is_second || !config.machine.layout().is_held(letter);
     for (letter, value) in letters.filter(|(letter, _)| is_own(*letter)) {
