@@ -262,3 +262,24 @@ fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_f
     let (_, free, _) = fastest("M52 P0");
     assert!(free > 1.1 * MOST, "{free}");
 }
+
+#[test]
+fn commands_that_know_the_machines_own_pose_alone_judge_no_program_over_a_chain() {
+    let ini = crate::shipped::ini(TABLE);
+    let program = folder(TABLE).join("programs/turning-circle.ngc");
+    let study = folder("hexapod").join("cut.toml");
+    let [ini, program, study] = [&ini, &program, &study].map(|file| file.to_str().unwrap());
+    for arguments in [
+        &["path", ini, "any.toml"][..],
+        &["cut", ini, program, study],
+        &["stability", "program", ini, program, study],
+        &["calibrate", ini, "any.log"],
+    ] {
+        let pkm = env!("CARGO_BIN_EXE_pkm");
+        let done = std::process::Command::new(pkm).args(arguments).output().unwrap();
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {told}");
+        assert!(told.contains("not judged") && told.contains(TABLE), "{arguments:?}: {told}");
+        assert!(done.stdout.is_empty(), "{arguments:?}");
+    }
+}

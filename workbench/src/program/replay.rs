@@ -7,14 +7,17 @@
 
 use crate::limits;
 use crate::program::interpreter::{Move, MoveKind};
-use crate::read::joints::{ExtraAxis, Group};
+use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, POSE_LETTERS, PerLeg, Pose,
-    Solution, Vector3, World,
+    Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, PerLeg, Pose, Solution, Vector3,
+    World,
 };
 use std::fmt;
 use std::ops::ControlFlow;
+
+/// Rounding of the interpreter's positions, as a share of the machine's size.
+const STILL: f64 = 1e-9;
 
 /// Rounding of times that are added up, as a share of the period.
 const ROUNDING: f64 = 1e-6;
@@ -164,19 +167,31 @@ pub fn replay_seen(
     Ok(player.finish())
 }
 
-/// Seconds a move takes: feed or rapid speed, slowed down to the limits of the axes.
+/// Seconds a move takes: feed or rapid speed, slowed down to the limits of the axes. Extra axes are left
+/// out.
 ///
-/// LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, else
+/// LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, else that of U V W, else
 /// that of A B C together.
 pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
-    let delta: [f64; 6] = std::array::from_fn(|i| step.end[i] - from[i]);
+    let mut delta = [0.0; 9];
+    delta.iter_mut().zip(step.end.iter().zip(from)).for_each(|(d, (to, from))| *d = to - from);
+    seconds(config, &delta, step)
+}
+
+/// The same of a move by these amounts of LinuxCNC's whole pose.
+fn seconds(config: &MachineConfig, delta: &World, step: &Move) -> f64 {
     let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
-    let (linear, angular) = (norm(&delta[..3]), norm(&delta[3..]));
-    let slowest_axis = delta
-        .iter()
-        .zip(&config.programmed)
-        .map(|(d, axis)| d.abs() / axis.max_velocity)
-        .fold(0.0, f64::max);
+    let angular = norm(&delta[3..6]);
+    // A tool offset leaves rounding of X Y Z where they stay.
+    let least = STILL * config.machine.size();
+    let [linear, slides] =
+        [&delta[..3], &delta[6..]].map(norm).map(|d| if d > least { d } else { 0.0 });
+    let linear = if linear > 0.0 { linear } else { slides };
+    let own = config.programmed.iter().enumerate();
+    let own = own.filter(|(k, _)| !config.chain.is_extra(*k));
+    let extra = config.extra_axes.places().zip(config.extra.iter().map(|extra| &extra.axis));
+    let slowest_axis =
+        own.chain(extra).map(|(k, axis)| delta[k].abs() / axis.max_velocity).fold(0.0, f64::max);
     let limited = slowest_axis.max(linear / config.max_linear_velocity).max(if linear == 0.0 {
         angular / config.max_angular_velocity
     } else {
@@ -284,7 +299,7 @@ impl<'a> Player<'a> {
     fn play(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let from = self.at;
         let began = self.extra;
-        let duration = duration(self.config, &from, step).max(self.turning(step));
+        let duration = self.seconds(&from, step);
         while duration > 0.0 && self.ahead <= duration {
             let share = self.ahead / duration;
             let pose = std::array::from_fn(|i| from[i] + share * (step.end[i] - from[i]));
@@ -300,15 +315,14 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Least seconds that axes need which carry something.
-    fn turning(&self, step: &Move) -> f64 {
-        let carries = |axis: &ExtraAxis| {
-            self.config.chain.links().iter().any(|link| POSE_LETTERS[link.place] == axis.letter)
-        };
-        let extra = self.config.extra.iter().zip(self.extra.iter().zip(&step.extra_end));
-        let moving = extra.filter(|(axis, _)| carries(axis));
-        let seconds = moving.map(|(axis, (from, to))| (to - from).abs() / axis.axis.max_velocity);
-        seconds.fold(0.0, f64::max)
+    /// Seconds of a move, in which axes that carry something count.
+    fn seconds(&self, from: &[f64; 6], step: &Move) -> f64 {
+        if self.config.chain.is_empty() {
+            return duration(self.config, from, step);
+        }
+        let begin = self.config.world(from, &self.extra);
+        let end = self.config.world(&step.end, &step.extra_end);
+        seconds(self.config, &std::array::from_fn(|k| end[k] - begin[k]), step)
     }
 
     /// The machine's pose.
