@@ -22,7 +22,7 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 2;
+constexpr int VERSION = 3;
 constexpr size_t BLOCK = 1 << 16;
 // Of a pose, and tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;

@@ -6,7 +6,7 @@ use kinematics::{ExtraAxes, MAX_JOINTS, Second, World};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -214,7 +214,7 @@ mod tests {
     fn records_come_back_as_they_were_written() {
         let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=2\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[b"version=3\nlinuxcnc=2.9\n"]),
             record(
                 ROW,
                 &[&7_u64.to_ne_bytes(), &(-1_i32).to_ne_bytes(), &5_u32.to_ne_bytes(), &values],
@@ -223,7 +223,7 @@ mod tests {
         ]
         .concat();
         let mut records = Records::new(bytes.as_slice(), plain(2));
-        let head = Record::Head { version: 2, linuxcnc: "2.9".into() };
+        let head = Record::Head { version: 3, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(

@@ -101,7 +101,8 @@ impl Pilot<'_> {
         self.widen_axes(&step.end);
         self.result.poses.see(&from, step);
         let stays = step.end == self.config.start;
-        self.result.is_still &= stays && !matches!(leg.course, Course::Carried { .. });
+        let carries = matches!(&leg.course, Course::Carried { delta, .. } if *delta != [0.0; 9]);
+        self.result.is_still &= stays && !carries;
         self.result.moves += 1;
         self.result.length += length(&delta);
         (self.at, self.extra) = (step.end, step.extra_end);
