@@ -49,10 +49,11 @@ def virtual(path, joints):
     """What `pkm run --trace` wrote. While a tool change moves the joints, its offset changes."""
     with open(path) as trace:
         names = next(trace).rstrip("\n").split(",")
-        tool = names.index("tool_x")
+        tool, joint, behind = (names.index(name) for name in ("tool_x", "joint_0", "feed"))
         rows = [line.rstrip("\n").split(",") for line in trace]
-    offsets = [row[tool:tool + 3] for row in rows]
-    return Trace([int(row[1]) for row in rows], [list(map(float, row[2:8 + joints])) for row in rows],
+    offsets = [row[tool:behind] for row in rows]
+    places = [list(map(float, row[2:8] + row[joint:joint + joints])) for row in rows]
+    return Trace([int(row[1]) for row in rows], places,
                  [True] * len(rows), [False, *(a != b for a, b in zip(offsets, offsets[1:]))])
 
 
