@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live test-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -95,21 +95,22 @@ TWO := $(MAKE) --no-print-directory --jobs=2 --output-sync=line
 test: setup
 	$(TWO) install prove counts test-programs
 	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	$(HOST_BUILD) --lib --bin pkm --bin judge
-	$(TWO) test-live test-aside
-
-# With the real clock.
-test-live:
-	tests/live/live_test.py --judge target/host/judge
+	$(TWO) fuzz-short ini-cases
+	$(HOST_BUILD) --bin pkm --bin judge
+	$(TWO) test-live check-aside
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
+	tests/viewer/scene_test.py target/host/pkm
+	tests/virtual/guarded.py --programs 100
+	$(HOST_BUILD) --lib --bin pkm
+	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
-# In what machines that live leave of two cores, and never before them.
-test-aside:
-	chrt --idle 0 $(MAKE) --no-print-directory check fuzz-short ini-cases
-	chrt --idle 0 tests/viewer/scene_test.py target/host/pkm
-	chrt --idle 0 tests/virtual/guarded.py --programs 100
-	chrt --idle 0 tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+test-live:
+	tests/live/live_test.py --judge target/host/judge
+
+# In the third of two cores that machines live leave, and never before them.
+check-aside:
+	chrt --idle 0 $(MAKE) --no-print-directory check
 
 test-programs: setup
 	$(CARGO) test --profile host $(LOCKED) --no-run --quiet

@@ -38,7 +38,10 @@ LINUXCNC = [
 # the spindle, the guard, and programs that LinuxCNC stops.
 SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast"),
          "linear-delta": ("guarded",),
-         "rotary-delta": ("short-rapids", "spindle", "bad-end")}
+         "rotary-delta": ("short-rapids", "spindle", "bad-end"),
+         # After homing forward finds each of two poses to within its criterion, 2e-8 of home here; only the
+         # letters of the first are commanded in these programs.
+         "lathe-mirrored": ()}
 SHORT_OF_OTHERS = ("short-rapids",)
 
 
