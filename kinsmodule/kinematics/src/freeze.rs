@@ -4,13 +4,13 @@
 
 use crate::certificate::{CERTAIN_AT_ALL, lipschitz_constant};
 use crate::fault::{Cause, Fault};
-use crate::geometry::Geometry;
+use crate::geometry::{FARTHEST, Geometry};
 use crate::lanes::Lanes3;
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
 use crate::letters::Letter;
-use crate::mechanism::{Chart, FARTHEST, Mechanism};
+use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Nut;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;

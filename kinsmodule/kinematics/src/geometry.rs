@@ -7,6 +7,12 @@ use crate::letters::Letters;
 use crate::load_error::LoadError;
 use nalgebra::Vector3;
 
+/// Largest tool offset, joint offset, distance of the centre and of what a chain refers to, in sizes of the
+/// machine: with
+/// more the rounding of f64 would take from joints and poses what the solver promises,
+/// 1e6 · 2⁻⁵³ = 1e-10 of the size.
+pub(crate) const FARTHEST: f64 = 1e6;
+
 /// One leg as given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegGeometry {

@@ -7,6 +7,7 @@
 //! dropped (rows and residuals of 0).
 
 use crate::fault::{Cause, Fault};
+use crate::geometry::FARTHEST;
 use crate::lanes::{Lanes3, are_above, both, cross, pair, put, scaled, sum, times, wide};
 use crate::layout::Layout;
 use crate::leg::Leg;
@@ -17,11 +18,6 @@ use crate::pose::Pose;
 use crate::rings::Rings;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
-
-/// Largest tool offset, joint offset and distance of the centre in sizes of the machine: with
-/// more the rounding of f64 would take from joints and poses what the solver promises,
-/// 1e6 · 2⁻⁵³ = 1e-10 of the size.
-pub(crate) const FARTHEST: f64 = 1e6;
 
 /// Shortest leg that still has a direction, as a share of the size.
 const MIN_LENGTH: f64 = 1e-6;

@@ -14,7 +14,7 @@ const RADIANS: f64 = core::f64::consts::PI / 180.0;
 
 /// Largest angle accepted, in degrees: beyond it argument reduction becomes slow
 /// and an angle has lost its meaning.
-const MAX_ANGLE_DEG: f64 = 1e6;
+pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 
 /// Angles up to which sines and cosines are short polynomials, in radians.
 pub(crate) const FLAT: f64 = FRAC_PI_4;

@@ -195,10 +195,9 @@ unsafe fn joints(joint: *const f64, count: usize) -> Option<Joints> {
 /// `joint` must point to as many values as the machine has joints.
 #[inline(always)]
 unsafe fn extra_joints<'a>(joint: *const f64, module: &Module) -> &'a [f64] {
-    // SAFETY: the caller vouches for the values; they stand behind the legs' and the table's.
-    unsafe {
-        core::slice::from_raw_parts(joint.add(module.layout().joints()), module.extra().len())
-    }
+    let first = module.load().first_extra_joint();
+    // SAFETY: the caller vouches for the values; they stand behind all others.
+    unsafe { core::slice::from_raw_parts(joint.add(first), module.extra().len()) }
 }
 
 /// Joints to pose. `world` is the seed and receives the pose.

@@ -6,19 +6,17 @@
 //! kept before they would stand, the feed is inhibited. In a cycle the present place, the last one and
 //! one between are looked at.
 
+use crate::guard;
 use crate::hal::{Direction, HalError, Pin};
 use crate::module::Module;
-use crate::pins::Maker;
+use crate::pins::{FAR, Maker};
 use kinematics::{At, Body, Fault, Gap, Motion, Planner, Pose, text};
-
-/// The distance shown before one is known; no limit, where it is given.
-const FAR: f64 = 1e99;
 
 /// Places before the last one, of which a cycle looks at one.
 const BETWEEN: u32 = 7;
 
 /// Cycles until what is inhibited acts on the poses, and after which every place was looked at.
-const LATENCY: f64 = 3.0 + BETWEEN as f64;
+const LATENCY: f64 = guard::LATENCY + BETWEEN as f64;
 
 /// Share of the distance by which it has to shrink ahead: less is rounding.
 const NEARER: f64 = 1e-9;

@@ -13,7 +13,7 @@ const RISE: f64 = 10.0;
 
 /// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and its
 /// poses show it in the one after that.
-const LATENCY: f64 = 3.0;
+pub const LATENCY: f64 = 3.0;
 
 /// Cycles in which all of what people read about the pose is shown anew.
 const SHOWN_IN: u32 = 4;

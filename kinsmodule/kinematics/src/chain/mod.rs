@@ -32,9 +32,10 @@ pub use link::Link;
 
 use crate::extra::{ExtraAxes, POSE_LETTERS};
 use crate::fault::{Cause, Fault, MachinePart};
+use crate::geometry::FARTHEST;
 use crate::layout::Layout;
 use crate::leg::direction;
-use crate::pose::Pose;
+use crate::pose::{MAX_ANGLE_DEG, Pose};
 use libm::sincos;
 use link::Moving;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -50,12 +51,6 @@ pub const MAX_LINKS: usize = 6;
 
 /// Place of the first of them among [`POSE_LETTERS`].
 const FIRST: usize = 3;
-
-/// Angles accepted, in degrees, as those of a pose.
-const MAX_ANGLE_DEG: f64 = 1e6;
-
-/// Points accepted, as multiples of the machine's size: beyond it joint values would lose digits.
-const FARTHEST: f64 = 1e6;
 
 const RADIANS: f64 = core::f64::consts::PI / 180.0;
 

@@ -226,13 +226,12 @@ pub fn pyramid() -> Case {
 
 /// The pyramid with longer rods whose platform moves X, Z and A, and the table Y.
 pub fn pyramid_cross() -> Case {
-    let of = pyramid_geometry();
-    let legs: [_; 4] = std::array::from_fn(|i| {
-        let (s, c) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][i];
-        let guide = [-500.0 * c, -500.0 * s, 1000.0];
-        slider(of.legs()[i].base, of.legs()[i].platform, guide, 650.0, 1)
+    let of = changed_legs(&pyramid_geometry(), |_, leg| {
+        if let LegKind::Slider(slider) = &mut leg.kind {
+            slider.rod = 650.0;
+        }
     });
-    let mut given = geometry(&legs, "XZA", "Y", of.home);
+    let mut given = geometry(of.legs(), "XZA", "Y", of.home);
     given.centre = of.centre;
     let sample =
         within([-80.0, -150.0, 160.0, -20.0, 0.0, 0.0], [80.0, 150.0, 340.0, 20.0, 0.0, 0.0]);

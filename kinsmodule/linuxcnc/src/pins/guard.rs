@@ -9,8 +9,9 @@ use kinematics::{CONDITIONING_LIMIT, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS
 /// Floor of the feed where the value of the pin is no share.
 const FLOOR: f64 = 0.02;
 
-/// The distance shown where no two legs can come near to each other; no limit, where it is given.
-const FAR: f64 = 1e99;
+/// The distance shown where nothing can come near to each other, or none is known; no limit, where it is
+/// given.
+pub const FAR: f64 = 1e99;
 
 /// What the guard shows of one joint.
 #[repr(C)]

@@ -10,7 +10,7 @@ mod leg;
 mod maker;
 mod workspace_box;
 
-pub use guard::{GuardInputs, GuardPins};
+pub use guard::{FAR, GuardInputs, GuardPins};
 pub use maker::{Maker, Place};
 
 use crate::hal::{Component, Direction, HalError, Pin};
