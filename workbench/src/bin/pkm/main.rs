@@ -34,11 +34,12 @@ use clap::{Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use kinematics::{Letter, Pose};
-use pkm::files::{Locate, leave_nothing};
+use pkm::files::{Locate, leave_nothing, write_whole};
 use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::LazyLock;
@@ -179,6 +180,22 @@ impl MachineFile {
             ))),
         }
     }
+}
+
+/// Writes text into a file, whole or not at all, or without one to standard output.
+fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
+    match file {
+        Some(file) => Ok(write_whole(file, text)?),
+        None => told(text),
+    }
+}
+
+/// Writes text to standard output.
+fn told(text: &str) -> Result<(), Failure> {
+    let mut out = anstream::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    out.flush()?;
+    Ok(())
 }
 
 /// The moves of a program, which has to move something.

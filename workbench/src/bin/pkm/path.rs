@@ -2,7 +2,7 @@
 //! `pkm path`.
 
 use super::failure::{Failure, refused};
-use super::{MachineFile, Verdict};
+use super::{MachineFile, Verdict, write_out};
 use pkm::curve::carriages;
 use pkm::curve::file::PathFile;
 use pkm::curve::job::{self, Job, job};
@@ -128,14 +128,7 @@ fn backwards(
         Plot::write_all(&of_carriages(config, &places)?, folder)?;
     }
     let text = carriages::csv(config, &places);
-    match &arguments.csv {
-        Some(file) => write_whole(file, &text)?,
-        None => {
-            let mut out = anstream::stdout().lock();
-            out.write_all(text.as_bytes())?;
-            out.flush()?;
-        }
-    }
+    write_out(&text, arguments.csv.as_deref())?;
     Ok(Verdict::Fits)
 }
 
@@ -151,15 +144,7 @@ fn write(
     if let Some(file) = &arguments.csv {
         write_whole(file, &csv())?;
     }
-    match &arguments.output {
-        Some(file) => write_whole(file, program)?,
-        None => {
-            let mut out = anstream::stdout().lock();
-            out.write_all(program.as_bytes())?;
-            out.flush()?;
-        }
-    }
-    Ok(())
+    write_out(program, arguments.output.as_deref())
 }
 
 /// Changes of the joints by operation (paper 003, figure 8).

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
 use super::run::{Control, Progress};
-use super::{Bar, MachineFile, Verdict, report};
+use super::{Bar, MachineFile, Verdict, report, told};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
 use pkm::control::process::Options;
@@ -19,7 +19,6 @@ use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::timed;
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -414,13 +413,6 @@ fn confirmed(
     let checked = followed(config, arguments, program, Some(&block), message, None);
     let found = checked.ok().map(|(found, _)| found).filter(Preflight::fits);
     Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
-}
-
-fn told(text: &str) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
-    out.write_all(text.as_bytes())?;
-    out.flush()?;
-    Ok(())
 }
 
 fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
