@@ -1,17 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a viewer needs to draw a machine, as one JSON object: docs/scene.md.
 //!
-//! A viewer needs no kinematics. Lower ends of legs follow from joint values, upper ends from the
-//! pose:
-//!
-//! ```text
-//! D = t − o + R (o + centre)             of the pose t, R and the tool o, from its tip to the control point
-//! p = D of the letters that legs move    0 in the others: the table takes them, or nothing does
-//! upper end = p + R (platform − centre)  on a ring: at the point of it nearest to the base anchor
-//! lower end = base                       of struts
-//!           = base + guide (q + offset)  of sliders, guide a unit vector
-//!           = base + arm                 of cranks, turned about the axis by q + offset degrees
-//! ```
+//! A viewer needs no kinematics: lower ends of legs follow from joint values, upper ends from the
+//! pose, by two formulas that stand there.
 
 use crate::read::machine::MachineConfig;
 use kinematics::{LegGeometry, LegKind, Letter, Vector3};
@@ -35,6 +26,9 @@ pub struct Scene {
     pub geometry_hash: u32,
     /// What the names of its pins begin with.
     pub pins: &'static str,
+    /// Whether an axis carries the work, the tool or the legs, or the work is on the platform: more than
+    /// the formulas say of tool and work.
+    pub is_carried: bool,
     /// Whether the pose on its pins is the control point of the tool. Where an axis carries the tool, or
     /// the work is on the platform, it is the platform's own origin, and o = 0 in the formulas.
     pub sees_tool: bool,
@@ -171,6 +165,7 @@ impl Scene {
             units_per_mm: config.units_per_mm,
             geometry_hash: config.hash,
             pins: if config.place.is_second { "pkmkins.second." } else { "pkmkins." },
+            is_carried: !config.chain.is_empty(),
             sees_tool: !config.chain.is_bare(),
             coordinates: letters(layout.coordinates().as_slice()),
             table: letters(layout.table().as_slice()),

@@ -16,8 +16,13 @@ use std::process::Command;
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
 
-fn scene(file: &std::path::Path) -> Value {
-    let out = Command::new(env!("CARGO_BIN_EXE_pkm")).arg("scene").arg(file).output().unwrap();
+fn scene(file: &std::path::Path, options: &[&str]) -> Value {
+    let out = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("scene")
+        .arg(file)
+        .args(options)
+        .output()
+        .unwrap();
     assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));
     serde_json::from_slice(&out.stdout).unwrap()
 }
@@ -93,13 +98,17 @@ fn compare(config: &MachineConfig, scene: &Value, rng: &mut Pcg64) {
 fn both_ends_of_every_leg_follow_from_the_scene_the_joints_and_the_pose() {
     let mut rng = Pcg64::seed_from_u64(20);
     for machine in MACHINES {
-        compare(&config(machine), &scene(&ini(machine)), &mut rng);
+        let config = config(machine);
+        compare(&config, &scene(&ini(machine), &[]), &mut rng);
+        if let Some(second) = &config.second {
+            compare(second, &scene(&ini(machine), &["--mechanism", "2"]), &mut rng);
+        }
     }
 }
 
 #[test]
 fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
-    let (lathe, tripod) = (scene(&ini("lathe-counter-spindle")), scene(&ini("tripod")));
+    let (lathe, tripod) = (scene(&ini("lathe-counter-spindle"), &[]), scene(&ini("tripod"), &[]));
     assert_eq!(
         (&lathe["version"], &lathe["machine"]),
         (&1.into(), &"lathe-counter-spindle".into())
@@ -113,21 +122,20 @@ fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
     assert_eq!(kinds, ["carriage"; 4]);
     assert_eq!(lathe["joints"][3]["max"], 2100.0);
     assert_eq!([&lathe["pins"], &tripod["pins"]], ["pkmkins."; 2]);
-    let table = scene(&ini("hexapod-rotary-table"));
+    let table = scene(&ini("hexapod-rotary-table"), &[]);
     assert_eq!(table["geometry_hash"], config("hexapod-rotary-table").hash);
-    let sees_tool = |machine: &str| scene(&ini(machine))["sees_tool"].as_bool().unwrap();
+    let sees_tool = |machine: &str| scene(&ini(machine), &[])["sees_tool"].as_bool().unwrap();
     assert!(sees_tool("hexapod-rotary-table") && !sees_tool("lathe-two-turrets"));
+    assert_eq!([&table["is_carried"], &lathe["is_carried"]], [true, false]);
     assert_eq!(lathe["axes"][3], serde_json::json!({"letter": "B", "min": -20.0, "max": 20.0}));
 }
 
 #[test]
 fn the_scene_of_a_second_mechanism_names_its_own_joints_and_pins() {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
-    let out = command.arg("scene").arg(ini("lathe-mirrored")).args(["--mechanism", "2"]).output();
-    let second: Value = serde_json::from_slice(&out.unwrap().stdout).unwrap();
+    let second = scene(&ini("lathe-mirrored"), &["--mechanism", "2"]);
     let numbers: Vec<_> = (0..4).map(|n| second["joints"][n]["number"].as_u64().unwrap()).collect();
     assert_eq!((numbers, &second["pins"]), (vec![4, 5, 6, 7], &"pkmkins.second.".into()));
-    assert_ne!(second["geometry_hash"], scene(&ini("lathe-mirrored"))["geometry_hash"]);
+    assert_ne!(second["geometry_hash"], scene(&ini("lathe-mirrored"), &[])["geometry_hash"]);
 }
 
 #[test]

@@ -2,10 +2,8 @@
 //! `pkm scene`.
 
 use super::failure::Failure;
-use super::{MachineFile, Verdict};
-use pkm::files::write_whole;
+use super::{MachineFile, Verdict, write_out};
 use pkm::scene::Scene;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// The machine as one JSON object, for viewers
@@ -27,13 +25,6 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let text = Scene::new(&arguments.machine.read()?).json();
-    match &arguments.output {
-        Some(file) => write_whole(file, &text)?,
-        None => {
-            let mut out = anstream::stdout().lock();
-            out.write_all(text.as_bytes())?;
-            out.flush()?;
-        }
-    }
+    write_out(&text, arguments.output.as_deref())?;
     Ok(Verdict::Fits)
 }
