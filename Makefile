@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup setup-page page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -73,6 +73,7 @@ help:
 	@echo "make uninstall  takes exactly these away"
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
 	@echo "make uninstall-pkm  takes exactly these away"
+	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make clean      removes target/ and build/"
 
 demo:
@@ -101,9 +102,14 @@ test: setup
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/viewer/scene_test.py target/host/pkm
+	$(MAKE) --no-print-directory test-page
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+
+# The page in a browser without a window.
+test-page: setup-page page-check
+	tests/page/page_test.mjs target/host/pkm --out build/page
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge
@@ -221,6 +227,29 @@ setup: rust
 	    echo "pkmkins: installing" $$missing "with apt"; \
 	    $(APT) update -q && $(APT) install -q -y --no-install-recommends $$missing; \
 	fi
+
+# For the page of pkm view alone: a browser to look at it, ffmpeg for videos, node to build its code. Users
+# need none of them but a browser.
+PAGE_COMMANDS := node:nodejs npm:npm chromium:chromium ffmpeg:ffmpeg
+setup-page:
+	@missing=$$(for c in $(PAGE_COMMANDS); do command -v $${c%:*} >/dev/null || echo $${c#*:}; done); \
+	if [ -n "$$missing" ]; then \
+	    echo "pkmkins: installing" $$missing "with apt"; \
+	    $(APT) update -q && $(APT) install -q -y --no-install-recommends $$missing || exit 1; \
+	fi
+	@[ page/node_modules/.package-lock.json -nt page/package-lock.json ] || \
+	    npm ci --prefix page --silent --no-audit --no-fund
+
+# Both stand in the repository as they are built. The kinematics need a rustc for wasm32, which page/core/build.sh
+# finds or gets from Debian; they are built anew where the core has changed.
+page: setup-page
+	node page/build.mjs
+
+page-core:
+	page/core/build.sh page/built/kinematics.wasm
+
+page-check: setup-page
+	node page/build.mjs --check
 
 # The cargo that stands first in PATH builds: where it is new enough, nothing is installed.
 rust:

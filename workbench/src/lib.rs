@@ -18,3 +18,4 @@ pub mod rows;
 pub mod scene;
 pub mod stability;
 pub mod study;
+pub mod view;

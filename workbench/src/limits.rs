@@ -79,18 +79,6 @@ pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     });
 }
 
-/// What the room of a margin is a share of: mostly the range where it has two ends, else its one
-/// end.
-pub fn scale(margin: &Margin) -> f64 {
-    match (margin.limit, margin.range) {
-        // A singular value of unit rows, and a distance that may be large beside its limit.
-        (Limit::Conditioning, _) => 1.0,
-        (Limit::Clearance, [low, _]) => margin.value.max(low),
-        (_, [low, high]) if low.is_finite() && high.is_finite() => high - low,
-        (_, [low, high]) => if low.is_finite() { low } else { high }.abs(),
-    }
-}
-
 /// What a limit is there for, for those who know no kinematics.
 pub fn meaning(limit: Limit) -> &'static str {
     match limit {

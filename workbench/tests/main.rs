@@ -45,4 +45,5 @@ mod stiffness;
 mod studies;
 mod two_mechanisms;
 mod typical;
+mod view;
 mod workspace;

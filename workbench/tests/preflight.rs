@@ -166,7 +166,7 @@ fn margin(config: &MachineConfig, reach: &Reach, from: &[f64; 6], step: &Move, s
     let Ok(at) = reach.at(&pose) else { return -1.0 };
     let mut least = f64::INFINITY;
     limits::each(&at, &limits::beyond_axes(config), |margin| {
-        least = least.min(margin.room() / limits::scale(&margin));
+        least = least.min(margin.room() / margin.scale());
     });
     least
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 16] = [
+const ROOMS: [(&str, &[&str]); 17] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -22,6 +22,7 @@ const ROOMS: [(&str, &[&str]); 16] = [
     ("stability", &["dynamics", "read", "study"]),
     ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
+    ("view", &["control", "limits", "program", "read", "scene"]),
     ("draw", &["curve", "cut", "dynamics", "files", "program", "read", "stability", "study"]),
 ];
 

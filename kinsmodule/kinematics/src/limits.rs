@@ -138,6 +138,28 @@ impl Margin {
         self.value >= self.range[0] && self.value <= self.range[1]
     }
 
+    /// What the room is a share of: mostly the range where it has two ends, else its one end.
+    pub fn scale(&self) -> f64 {
+        match (self.limit, self.range) {
+            // A singular value of unit rows, and a distance that may be large beside its limit.
+            (Limit::Conditioning, _) => 1.0,
+            (Limit::Clearance, [low, _]) => self.value.max(low),
+            (_, [low, high]) if low.is_finite() && high.is_finite() => high - low,
+            (_, [low, high]) => if low.is_finite() { low } else { high }.abs(),
+        }
+    }
+
+    /// The room as a share of its range: 0 at the limit, negative beyond it, infinite where there is
+    /// no limit, or nothing that may move; minus infinity where anything is NaN.
+    pub fn share(&self) -> f64 {
+        let (room, scale) = (self.room(), self.scale());
+        if room == f64::INFINITY || (scale == 0.0 && room >= 0.0) {
+            return f64::INFINITY;
+        }
+        let share = room / scale;
+        if share.is_nan() { f64::NEG_INFINITY } else { share }
+    }
+
     /// That of a pose which [`crate::Machine::at`] refuses: out of reach by the value, or a rod at
     /// its dead point. NaN where the refusal has another cause.
     pub fn of_fault(fault: &Fault) -> Self {

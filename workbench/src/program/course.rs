@@ -311,18 +311,7 @@ impl<'a> Course<'a> {
 
 fn lower(rooms: &mut Rooms, margin: &Margin) {
     let room = &mut rooms[margin.limit.index()];
-    *room = room.min(share_left(margin));
-}
-
-/// Room of a margin as a share of its range.
-fn share_left(margin: &Margin) -> f64 {
-    let (room, scale) = (margin.room(), limits::scale(margin));
-    if room == f64::INFINITY || (scale == 0.0 && room >= 0.0) {
-        // There is no limit, or nothing that may move.
-        return f64::INFINITY;
-    }
-    let share = room / scale;
-    if share.is_nan() { f64::NEG_INFINITY } else { share }
+    *room = room.min(margin.share());
 }
 
 /// Amounts of values as shares of their limits.

@@ -326,7 +326,7 @@ impl<'a> Pilot<'a> {
             ends: span.margin.range,
             seen: span.margin.room(),
             proved: span.room(),
-            range: limits::scale(&span.margin),
+            range: span.margin.scale(),
         }));
         let unknown = way.joints.iter().position(|course| !course.second_derivative.is_finite());
         let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);

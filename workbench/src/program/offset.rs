@@ -294,7 +294,7 @@ impl<'a> Search<'a> {
         let Ok(at) = reach.at(pose) else { return axes + UNREACHED };
         let mut lack = axes;
         limits::each(&at, &self.limits, |margin| {
-            lack += lacking(margin.room(), limits::scale(&margin));
+            lack += lacking(margin.room(), margin.scale());
         });
         lack
     }

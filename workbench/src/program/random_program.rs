@@ -167,7 +167,7 @@ impl Walk<'_> {
             seed = machine.forward(here.joints(), &seed, &tool, solver).ok()?.pose;
             let mut is_inside = true;
             limits::each(&here, &self.limits, |margin| {
-                is_inside &= margin.room() >= MARGIN * limits::scale(&margin);
+                is_inside &= margin.room() >= MARGIN * margin.scale();
             });
             if !is_inside {
                 return None;

@@ -28,6 +28,7 @@ mod sensitivity;
 mod stability;
 mod stiffness;
 mod vibration;
+mod view;
 mod workspace;
 
 use clap::{Parser, Subcommand};
@@ -99,6 +100,7 @@ commands! {
     Replay => replay,
     Path => path,
     Scene => scene,
+    View => view,
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,

@@ -7,7 +7,7 @@ use super::{Bar, MachineFile, Verdict, report, told};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
 use pkm::control::process::Options;
-use pkm::control::row::{Ending, Message};
+use pkm::control::row::{Ending, Message, Row};
 use pkm::draw::margins::figures;
 use pkm::draw::page::{self, Report, of_program};
 use pkm::files::{Locate, write_whole};
@@ -52,6 +52,13 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
     #[command(flatten)]
+    judging: Judging,
+}
+
+/// How a program is read and run, as options.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Judging {
+    #[command(flatten)]
     control: Control,
     /// Moves after which a program counts as endless
     #[arg(long, value_name = "NUMBER", default_value_t = Patience::default().moves)]
@@ -75,16 +82,16 @@ const MOST_NOTES: usize = 20;
 
 /// What is told; docs/preflight-json.md describes it.
 #[derive(Serialize)]
-struct Answer {
+pub struct Answer {
     version: u32,
     machine: String,
     program: String,
     /// Files that lines belong to, by the numbers told with them.
-    files: Vec<PathBuf>,
+    pub files: Vec<PathBuf>,
     /// Unknown where nothing that was judged breaks, and not all was judged.
     fits: Option<bool>,
     #[serde(flatten)]
-    found: Preflight,
+    pub found: Preflight,
     warnings: Vec<Caution>,
     /// Another work offset, under which the program fits.
     offset: Option<Suggestion>,
@@ -121,7 +128,7 @@ impl Suggestion {
 }
 
 impl Answer {
-    fn verdict(&self) -> Verdict {
+    pub fn verdict(&self) -> Verdict {
         match self.fits {
             Some(true) => Verdict::Fits,
             Some(false) => Verdict::Misfit,
@@ -152,7 +159,14 @@ fn run_one(
     arguments: &Arguments,
     program: &Path,
 ) -> Result<Verdict, Failure> {
-    let (answer, course) = judged(config, arguments, program)?;
+    let mut course = arguments.report.as_ref().map(|_| Course::new(config));
+    let answer = judged(config, &arguments.judging, program, &mut |row| {
+        if let Some(course) = &mut course {
+            course.see(row);
+        }
+    })?;
+    let is_judged = matches!(answer.found.time, Time::Judged(_));
+    let course = course.filter(|_| is_judged).map(Course::finish);
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     if let Some(file) = &arguments.report {
@@ -191,8 +205,8 @@ fn run_all(
     let mut list = vec![];
     for program in programs {
         let name = program.display().to_string();
-        match judged(config, arguments, program) {
-            Ok((answer, _)) => {
+        match judged(config, &arguments.judging, program, &mut |_| {}) {
+            Ok(answer) => {
                 let verdict = answer.verdict();
                 table.push((name, verdict, summary(&answer)));
                 match arguments.format {
@@ -247,17 +261,16 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(all)
 }
 
-/// Everything about one program, and its course where a page is to show it.
-fn judged(
+/// Everything about one program; `see` gets every servo cycle of it.
+pub fn judged(
     config: &MachineConfig,
-    arguments: &Arguments,
+    judging: &Judging,
     program: &Path,
-) -> Result<(Answer, Option<Thinned>), Failure> {
+    see: &mut (dyn FnMut(&Row) + Send),
+) -> Result<Answer, Failure> {
     // Told before the interpreter, in the system's words.
     std::fs::File::open(program).at(program)?;
-    let mut course = arguments.report.as_ref().map(|_| Course::new(config));
-    let (found, files) =
-        followed(config, arguments, program, None, "following the moves", course.as_mut())?;
+    let (found, files) = followed(config, judging, program, None, "following the moves", see)?;
     if found.is_still() {
         return Err(MovesNothing(program.into()).into());
     }
@@ -268,18 +281,16 @@ fn judged(
         (Time::Judged(_), true) => Some(true),
         (Time::NotJudged(_), true) => None,
     };
-    let course = course.filter(|_| matches!(found.time, Time::Judged(_))).map(Course::finish);
-    let answer = Answer {
+    Ok(Answer {
         version: VERSION,
         machine: config.file.display().to_string(),
         program: program.display().to_string(),
         files,
         fits,
         warnings,
-        offset: offset(config, arguments, program, &found)?,
+        offset: offset(config, judging, program, &found)?,
         found,
-    };
-    Ok((answer, course))
+    })
 }
 
 /// Moves between two words of how far it has come.
@@ -288,21 +299,19 @@ const STRIDE: usize = 1024;
 /// Follows the moves while the interpreter reads them, after a block; beside it LinuxCNC runs them.
 fn followed(
     config: &MachineConfig,
-    arguments: &Arguments,
+    judging: &Judging,
     program: &Path,
     block: Option<&str>,
     message: &'static str,
-    mut course: Option<&mut Course>,
+    see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
-    let options = Options { block: block.map(Into::into), ..arguments.control.options() };
+    let options = Options { block: block.map(Into::into), ..judging.control.options() };
     let is_over = AtomicBool::new(false);
     let progress = Progress::new(config);
     let run = || {
         timed(config, program, &options, |row| {
             progress.see(row);
-            if let Some(course) = &mut course {
-                course.see(row);
-            }
+            see(row);
             match is_over.load(Ordering::Relaxed) {
                 false => ControlFlow::Continue(()),
                 true => ControlFlow::Break(()),
@@ -311,7 +320,7 @@ fn followed(
     };
     let (found, time) = std::thread::scope(|scope| {
         let time = scope.spawn(run);
-        let found = read(config, arguments, program, block, message);
+        let found = read(config, judging, program, block, message);
         // Where the program cannot be read, nobody asks how it runs.
         is_over.store(found.is_err(), Ordering::Relaxed);
         (found, time.join().expect("the run has said why it panicked"))
@@ -322,14 +331,14 @@ fn followed(
 
 fn read(
     config: &MachineConfig,
-    arguments: &Arguments,
+    judging: &Judging,
     program: &Path,
     block: Option<&str>,
     message: &'static str,
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let bar = Bar::spinner(message);
     let mut flight = Flights::new(config)?;
-    let patience = Patience { moves: arguments.most_moves, seconds: arguments.patience };
+    let patience = Patience { moves: judging.most_moves, seconds: judging.patience };
     let mut moves = 0;
     let files = interpreter::each(config, program, block, &patience, |step| {
         flight.see(step);
@@ -373,7 +382,7 @@ const LEAST_FEED: f64 = 1e-3;
 /// do, else one that is turned as well.
 fn offset(
     config: &MachineConfig,
-    arguments: &Arguments,
+    judging: &Judging,
     program: &Path,
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
@@ -388,7 +397,7 @@ fn offset(
     let bar = Bar::new("looking for another work offset");
     let shifted = offset::shift(config, &found.poses, |share| bar.set(share))?;
     drop(bar);
-    if let Some(found) = confirmed(config, arguments, program, shifted)? {
+    if let Some(found) = confirmed(config, judging, program, shifted)? {
         return Ok(Some(found));
     }
     if !found.poses.may_turn(config) {
@@ -397,12 +406,12 @@ fn offset(
     let bar = Bar::new("looking for a turned work offset");
     let turned = offset::turn(config, &found.poses, |share| bar.set(share))?;
     drop(bar);
-    confirmed(config, arguments, program, turned)
+    confirmed(config, judging, program, turned)
 }
 
 fn confirmed(
     config: &MachineConfig,
-    arguments: &Arguments,
+    judging: &Judging,
     program: &Path,
     offset: Option<Offset>,
 ) -> Result<Option<Suggestion>, Failure> {
@@ -410,7 +419,7 @@ fn confirmed(
     let block = offset.block();
     let message = "trying another work offset";
     // Under another offset the interpreter may refuse the program: cutter radii, arcs.
-    let checked = followed(config, arguments, program, Some(&block), message, None);
+    let checked = followed(config, judging, program, Some(&block), message, &mut |_| {});
     let found = checked.ok().map(|(found, _)| found).filter(Preflight::fits);
     Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
 }

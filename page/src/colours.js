@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// Colours that people who do not tell red from green can tell, after Okabe and Ito.
+import { Color } from "three";
+
+export const COLOURS = {
+  background: 0xf4f6f8,
+  base: 0x6b7785,
+  guide: 0x9aa5b1,
+  barrel: 0x56789a,
+  rod: 0xc3ccd6,
+  arm: 0x8a6d9e,
+  joint: 0x30363d,
+  platform: 0x0072b2,
+  spindle: 0x4a5561,
+  tool: 0x009e73,
+  table: 0xb9c2cc,
+  workspace: 0x56b4e9,
+  limits: 0x3d4650,
+  near: 0xe69f00,
+  broken: 0xd55e00,
+};
+
+/** Share of its range from which on a limit is near. */
+export const NEAR = 0.1;
+
+/** Curves that are told apart, in order. */
+export const CURVES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#b8860b", "#444499"];
+
+const STOPS = [
+  [-1e-9, new Color(COLOURS.broken)],
+  [0, new Color(COLOURS.near)],
+  [NEAR, new Color(0xf0e442)],
+  [0.3, new Color(0x56b4e9)],
+  [0.5, new Color(0x0072b2)],
+];
+
+/** Blue with much room to the nearest limit, yellow near it, orange at it, vermilion beyond. */
+export function ofShare(share) {
+  const above = STOPS.findIndex(([at]) => share <= at);
+  if (above === 0) return STOPS[0][1].clone();
+  if (above < 0) return STOPS.at(-1)[1].clone();
+  const [[from, a], [to, b]] = [STOPS[above - 1], STOPS[above]];
+  return a.clone().lerp(b, (share - from) / (to - from));
+}
+
+/** Of a part that is `share` from its limit, whose own colour is `own`. */
+export function ofPart(share, own) {
+  if (share < 0) return COLOURS.broken;
+  return share < NEAR ? COLOURS.near : own;
+}

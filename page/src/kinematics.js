@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The kinematics of a mechanism: pkmkins' own, built for the browser.
+
+/** A pose that is refused, with its reason and the way out. */
+export class Refusal extends Error {
+  constructor(code, text) {
+    super(text);
+    this.code = code;
+  }
+}
+
+export class Kinematics {
+  /** Of a compiled module and the numbers of a mechanism, as pkm has written them. */
+  static async of(module, described) {
+    const { exports } = await WebAssembly.instantiate(module, {});
+    const machine = new Kinematics(exports);
+    machine.numbers().set(described);
+    if (exports.take_machine(described.length) !== 1) throw new Error("the machine of this page is not readable");
+    return machine;
+  }
+
+  constructor(exports) {
+    this.exports = exports;
+    this.joints = exports.most_joints();
+    this.legs = exports.most_legs();
+    this.marginLength = exports.margin_length();
+  }
+
+  numbers() {
+    return new Float64Array(this.exports.memory.buffer, this.exports.numbers(), this.exports.capacity());
+  }
+
+  /** Everything about a pose with a tool vector, or a Refusal. */
+  at(pose, tool) {
+    const numbers = this.numbers();
+    numbers.set(pose);
+    numbers.set(tool, 6);
+    const code = this.exports.draw();
+    if (code !== 0) throw new Refusal(code, this.message());
+    return this.answer(this.numbers());
+  }
+
+  message() {
+    const { message, message_length, memory } = this.exports;
+    return new TextDecoder().decode(new Uint8Array(memory.buffer, message(), message_length()));
+  }
+
+  answer(numbers) {
+    let place = 0;
+    const next = (count) => Array.from(numbers.subarray(place, (place += count)));
+    const joints = next(this.joints);
+    const ratios = next(this.joints);
+    const legs = Array.from({ length: this.legs }, () => ({ lower: next(3), upper: next(3) }));
+    const rotation = [next(3), next(3), next(3)];
+    const [nose, tip, table] = [next(3), next(3), next(3)];
+    const [conditioning, count] = next(2);
+    const margins = Array.from({ length: count }, () => {
+      const [limit, kind, first, second, value, low, high, share] = next(this.marginLength);
+      return { limit, kind, first, second, value, low, high, share };
+    });
+    return { joints, ratios, legs, rotation, nose, tip, table, conditioning, margins };
+  }
+}
+
+/** Name of a margin's limit and part among those of its mechanism. */
+export function key({ limit, kind, first, second }) {
+  return `${limit} ${kind} ${first} ${second}`;
+}
+
+/** The margin with the least share of its range left. */
+export function least(margins) {
+  return margins.reduce((worst, margin) => (worst && worst.share <= margin.share ? worst : margin), undefined);
+}

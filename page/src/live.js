@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The running machine: what pkm-live sends.
+
+/** Milliseconds without news after which the picture is old. */
+const OLD = 2000;
+
+export function follow(page) {
+  const source = new EventSource("events");
+  let heard = 0;
+  source.onmessage = ({ data }) => {
+    heard = performance.now();
+    page.live = JSON.parse(data);
+    show(page);
+  };
+  setInterval(() => {
+    if (performance.now() - heard > OLD) tell(page, "no connection to pkm-live", true);
+  }, OLD / 2);
+}
+
+function show(page) {
+  const { live, mechanisms } = page;
+  if (live.state !== "running") {
+    tell(page, "LinuxCNC is not running", true);
+    return;
+  }
+  const { geometry_hash: own } = mechanisms[0].scene;
+  if (live.geometry_hash !== null && live.geometry_hash !== own) {
+    tell(page, `the module has another geometry: 0x${live.geometry_hash.toString(16).padStart(8, "0")}`, true);
+  } else {
+    const line = live.line ? `, line ${live.line}` : "";
+    tell(page, live.fault ?? `running${line}`, live.fault !== null && live.fault !== undefined);
+  }
+  if (live.pose?.every((value) => Number.isFinite(value))) page.take(live.pose, live.tool ?? undefined, 0);
+}
+
+function tell(page, text, isBad) {
+  page.state.textContent = text;
+  page.state.classList.toggle("bad", isBad);
+}

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// A mechanism in 3D: its scene, and the answers of its kinematics laid into it.
+import * as THREE from "three";
+import { COLOURS, ofPart } from "./colours.js";
+import { ball, bar, body, label, material, pieces, stretch, vector } from "./parts.js";
+
+/** Kinds of parts that a margin is of, as the kinematics number them. */
+export const PART = { whole: 0, axis: 1, joint: 2, leg: 3, legs: 4 };
+
+const CONE = "cone";
+
+export class Mechanism {
+  constructor(scene, size) {
+    this.scene = scene;
+    this.size = size;
+    this.thick = size / 90;
+    this.group = new THREE.Group();
+    this.base = new THREE.Group();
+    this.platform = new THREE.Group();
+    this.labels = new THREE.Group();
+    this.cones = new THREE.Group();
+    this.group.add(this.base, this.platform, this.labels, this.cones);
+    this.platform.matrixAutoUpdate = false;
+    this.legs = scene.legs.map((leg, i) => this.leg(leg, i));
+    this.buildBase();
+    this.buildPlatform();
+    this.labels.visible = true;
+    this.cones.visible = false;
+  }
+
+  leg(leg, i) {
+    const { thick } = this;
+    const own = { rod: material(COLOURS.rod), barrel: material(COLOURS.barrel), arm: material(COLOURS.arm) };
+    const parts = { leg, own, joint: this.scene.joints[i], rod: bar(thick * 0.55, own.rod) };
+    parts.lower = ball(thick * 0.95, material(COLOURS.joint));
+    parts.upper = ball(thick * 0.95, material(COLOURS.joint));
+    this.group.add(parts.rod, parts.lower, parts.upper);
+    if (leg.kind === "strut" || leg.kind === "ring") {
+      parts.barrel = bar(thick, own.barrel);
+      this.group.add(parts.barrel);
+    } else if (leg.kind === "crank") {
+      parts.arm = bar(thick * 1.2, own.arm);
+      parts.hip = vector(leg.base);
+      this.group.add(parts.arm);
+    } else {
+      parts.carriage = new THREE.Mesh(new THREE.BoxGeometry(thick * 4, thick * 4, thick * 4), own.barrel);
+      this.group.add(parts.carriage);
+    }
+    parts.label = label(String(this.scene.joints[i].number), this.size / 22);
+    this.labels.add(parts.label);
+    return parts;
+  }
+
+  buildBase() {
+    const look = material(COLOURS.base);
+    const anchors = [];
+    for (const { leg, joint } of this.legs) {
+      if (leg.kind === "slider") this.guide(leg, joint);
+      else {
+        const foot = ball(this.thick * 1.5, look);
+        foot.position.copy(vector(leg.base));
+        this.base.add(foot);
+        anchors.push(vector(leg.base));
+      }
+      if (leg.kind === "crank") this.hip(leg, look);
+    }
+    if (anchors.length > 2) this.frame(anchors, look);
+  }
+
+  /** A ring of bars through the anchors, in their order about the middle. */
+  frame(anchors, look) {
+    const middle = anchors.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(anchors.length);
+    const angle = (p) => Math.atan2(p.y - middle.y, p.x - middle.x);
+    const around = [...anchors].sort((a, b) => angle(a) - angle(b));
+    around.forEach((from, i) => {
+      const rail = bar(this.thick * 1.1, look);
+      stretch(rail, from, around[(i + 1) % around.length]);
+      this.base.add(rail);
+    });
+  }
+
+  guide(leg, joint) {
+    const at = (value) => vector(leg.base).addScaledVector(vector(leg.guide), value + leg.offset);
+    const beyond = 3 * this.thick;
+    const rail = bar(this.thick * 0.9, material(COLOURS.guide));
+    stretch(rail, at(joint.min - beyond), at(joint.max + beyond));
+    this.base.add(rail);
+  }
+
+  hip(leg, look) {
+    const axis = vector(leg.axis).multiplyScalar(this.thick * 4);
+    const shaft = bar(this.thick * 1.6, look);
+    stretch(shaft, vector(leg.base).sub(axis), vector(leg.base).add(axis));
+    this.base.add(shaft);
+  }
+
+  buildPlatform() {
+    const { scene, thick } = this;
+    const look = material(COLOURS.platform);
+    const anchors = scene.legs.flatMap((leg) => (leg.kind === "ring" ? circle(leg) : [vector(leg.platform)]));
+    this.platform.add(body(anchors, thick * 1.4, look));
+    this.tool = bar(thick * 0.7, material(COLOURS.tool));
+    this.spindle = bar(thick * 1.8, material(COLOURS.spindle));
+    this.tip = new THREE.Mesh(new THREE.ConeGeometry(thick * 0.7, thick * 2, 24), material(COLOURS.tool));
+    this.anchors = anchors;
+    this.group.add(this.tool, this.spindle, this.tip);
+  }
+
+  /** Takes the answer of the kinematics. */
+  place(drawn) {
+    const [x, y, z] = drawn.rotation;
+    const matrix = new THREE.Matrix4().makeBasis(vector(x), vector(y), vector(z));
+    matrix.setPosition(vector(drawn.nose));
+    this.platform.matrix.copy(matrix);
+    this.matrix = matrix;
+    this.placeTool(drawn, vector(z));
+    const shares = this.shares(drawn.margins);
+    this.legs.forEach((parts, i) => this.placeLeg(parts, drawn.legs[i], shares[i]));
+  }
+
+  /** The least share of each leg's own limits. */
+  shares(margins) {
+    const shares = this.legs.map(() => 1);
+    for (const margin of margins) {
+      const legs = margin.kind === PART.legs ? [margin.first, margin.second] : [margin.first];
+      const isOfLeg = margin.kind === PART.joint || margin.kind === PART.leg || (margin.kind === PART.legs && margin.share < 0);
+      for (const i of isOfLeg ? legs : []) if (i < shares.length) shares[i] = Math.min(shares[i], margin.share);
+    }
+    return shares;
+  }
+
+  placeTool(drawn, axis) {
+    const [nose, tip] = [vector(drawn.nose), vector(drawn.tip)];
+    const middle = this.anchors.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(this.anchors.length);
+    const hub = new THREE.Vector3(0, 0, middle.z).applyMatrix4(this.matrix);
+    const length = tip.distanceTo(nose);
+    const hangs = tip.clone().sub(hub).dot(axis) <= 0 ? -1 : 1;
+    const point = axis.clone().multiplyScalar(hangs);
+    const cone = this.thick * 2;
+    const neck = tip.clone().addScaledVector(point, -cone);
+    const reach = Math.max(hub.distanceTo(tip) - cone, 0);
+    const shaft = Math.min(reach, Math.max(length - cone, reach * 0.3));
+    const chuck = neck.clone().addScaledVector(point, -shaft);
+    stretch(this.spindle, hub, chuck);
+    stretch(this.tool, chuck, neck);
+    this.tip.position.copy(tip).addScaledVector(point, -cone / 2);
+    this.tip.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), point);
+  }
+
+  placeLeg(parts, ends, share) {
+    const [lower, upper] = [vector(ends.lower), vector(ends.upper)];
+    parts.lower.position.copy(lower);
+    parts.upper.position.copy(upper);
+    parts.own.rod.color.set(ofPart(share, COLOURS.rod));
+    parts.own.barrel.color.set(ofPart(share, COLOURS.barrel));
+    if (parts.barrel) {
+      const way = new THREE.Vector3().subVectors(upper, lower);
+      const shortest = Math.max(parts.joint.min + parts.leg.offset, 0);
+      const barrel = Math.min(0.92 * shortest || 0.5 * way.length(), way.length());
+      stretch(parts.barrel, lower, lower.clone().addScaledVector(way.normalize(), barrel));
+    }
+    if (parts.arm) stretch(parts.arm, parts.hip, lower);
+    parts.carriage?.position.copy(lower);
+    stretch(parts.rod, lower, upper);
+    parts.label.position.lerpVectors(lower, upper, 0.3).addScaledVector(new THREE.Vector3(0, 0, 1), this.thick * 3);
+  }
+
+  /** Cones of the joints about the legs' directions at home, at the ends where they are at home. */
+  buildCones(home) {
+    const turn = new THREE.Matrix3().setFromMatrix4(this.matrix);
+    const back = turn.clone().invert();
+    this.legs.forEach(({ leg }, i) => {
+      const [lower, upper] = [vector(home.legs[i].lower), vector(home.legs[i].upper)];
+      const way = upper.clone().sub(lower).normalize();
+      if (leg.base_cone) this.cone(this.cones, lower, way, leg.base_cone);
+      if (leg.platform_cone) {
+        const own = way.clone().negate().applyMatrix3(back);
+        this.cone(this.platform, vector(leg.platform), own, leg.platform_cone);
+      }
+    });
+  }
+
+  cone(group, at, way, halfAngle) {
+    const length = this.size / 6;
+    const radius = length * Math.tan((Math.min(halfAngle, 80) * Math.PI) / 180);
+    const geometry = new THREE.ConeGeometry(radius, length, 40, 1, true);
+    geometry.translate(0, -length / 2, 0);
+    const look = material(COLOURS.near, { transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false });
+    const cone = new THREE.Mesh(geometry, look);
+    cone.position.copy(at);
+    cone.quaternion.setFromUnitVectors(new THREE.Vector3(0, -1, 0), way);
+    cone.name = CONE;
+    cone.visible = false;
+    group.add(cone);
+  }
+
+  showCones(isShown) {
+    this.cones.visible = isShown;
+    this.group.traverse((object) => {
+      if (object.name === CONE) object.visible = isShown;
+    });
+  }
+
+  /** Rods, guides and platform as lines, for what has been swept. */
+  outline(drawn) {
+    const ends = this.legs.flatMap((_, i) => [vector(drawn.legs[i].lower), vector(drawn.legs[i].upper)]);
+    const upper = this.legs.map((_, i) => vector(drawn.legs[i].upper));
+    return [...ends, ...upper.flatMap((p, i) => [p, upper[(i + 1) % upper.length]])];
+  }
+}
+
+function circle(leg) {
+  return Array.from({ length: 16 }, (_, i) => {
+    const angle = (Math.PI * i) / 8;
+    return new THREE.Vector3(
+      leg.platform[0] + leg.radius * Math.cos(angle),
+      leg.platform[1] + leg.radius * Math.sin(angle),
+      leg.platform[2],
+    );
+  });
+}
+
+/** X, Y and Z from a point, with their letters. */
+export function cross(size) {
+  const group = new THREE.Group();
+  const ways = { X: [size, 0, 0], Y: [0, size, 0], Z: [0, 0, size] };
+  Object.entries(ways).forEach(([letter, way], i) => {
+    const colour = [0xd55e00, 0x009e73, 0x0072b2][i];
+    group.add(pieces([new THREE.Vector3(), vector(way)], colour));
+    const name = label(letter, size / 3, `#${colour.toString(16).padStart(6, "0")}`);
+    name.position.copy(vector(way).multiplyScalar(1.15));
+    group.add(name);
+  });
+  return group;
+}

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The page of `pkm view`: docs/view.md.
+import * as THREE from "three";
+import { element, shown } from "./elements.js";
+import { Kinematics, Refusal, key, least } from "./kinematics.js";
+import { follow } from "./live.js";
+import { Mechanism } from "./mechanism.js";
+import { Panel } from "./panel.js";
+import { vector } from "./parts.js";
+import { Player } from "./player.js";
+import { Program } from "./program.js";
+import { Recorder, wanted } from "./record.js";
+import { Stage } from "./stage.js";
+import { numbers, unpacked } from "./unpack.js";
+
+const VERSION = 1;
+
+class Page {
+  constructor(data, mechanisms) {
+    this.data = data;
+    this.mechanisms = mechanisms;
+    this.which = 0;
+    const record = wanted();
+    this.canvas = element("canvas", { class: "picture", tabindex: "0", "aria-label": "the machine in 3D" });
+    this.size = Math.max(...mechanisms.map(sizeOf));
+    this.refusals = mechanisms.map(() => undefined);
+    for (const mechanism of mechanisms) this.build(mechanism);
+    this.box = this.everything();
+    const letters = mechanisms.map(({ scene }) => scene.coordinates).join("");
+    this.stage = new Stage(this.canvas, this.size, this.box, letters, record !== undefined);
+    for (const { drawing } of mechanisms) this.stage.scene.add(drawing.group);
+    if (data.program) this.program = new Program(data.program);
+    if (this.program?.isEmpty) this.program = undefined;
+    this.lay(record);
+  }
+
+  /** Drawn at home. */
+  build(mechanism) {
+    const { scene, tool, kinematics } = mechanism;
+    mechanism.drawing = new Mechanism(scene, this.size);
+    mechanism.place = { pose: [...scene.home.pose], tool: [...tool] };
+    mechanism.drawn = kinematics.at(scene.home.pose, tool);
+    mechanism.drawing.place(mechanism.drawn);
+    mechanism.drawing.buildCones(mechanism.drawn);
+  }
+
+  lay(record) {
+    const root = document.getElementById("page");
+    const stage = element("div", { class: "stage" }, this.canvas);
+    this.reason = element("p", { class: "reason", role: "status", hidden: true });
+    stage.append(this.reason);
+    this.panel = new Panel(this);
+    if (this.program) this.player = new Player(this);
+    root.append(this.header(), stage, this.panel.root, this.player?.root ?? "");
+    root.classList.toggle("has-program", this.player !== undefined);
+    const resize = () => {
+      const { width, height } = stage.getBoundingClientRect();
+      if (width > 0 && !record) this.stage.resize(width, height);
+    };
+    new ResizeObserver(resize).observe(stage);
+    resize();
+    this.mechanisms.forEach((_, which) => this.show(which));
+    this.panel.space();
+    this.look("3D");
+    if (this.player) this.player.start();
+    if (this.data.is_live) follow(this);
+    if (record) new Recorder(this).run(record);
+    else this.loop();
+  }
+
+  header() {
+    const { title, error, program } = this.data;
+    const hash = this.mechanisms.map(({ scene }) => `0x${scene.geometry_hash.toString(16).padStart(8, "0")}`).join(", ");
+    const fits = { true: "fits", false: "does not fit", null: "not judged" }[String(program?.report.fits ?? null)];
+    const verdict = program && element("span", { class: `verdict ${fits.replaceAll(" ", "-")}` }, fits);
+    this.state = element("span", { class: "state" });
+    const about = program ? `${program.name.split("/").pop()}` : "";
+    return element("header", {},
+      element("h1", {}, title), element("span", { class: "about" }, about), verdict, this.state,
+      error && element("p", { class: "error", role: "alert" }, error),
+      element("span", { class: "hash" }, `geometry ${hash}`));
+  }
+
+  loop() {
+    const tick = (now) => {
+      this.player?.tick(now);
+      this.stage.draw();
+      requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  get current() {
+    return this.mechanisms[this.which];
+  }
+
+  /** Corners of everything that the picture has to show. */
+  everything() {
+    const box = new THREE.Box3();
+    for (const { drawing } of this.mechanisms) {
+      drawing.group.updateMatrixWorld(true);
+      drawing.labels.visible = false;
+      box.expandByObject(drawing.base).expandByObject(drawing.platform);
+      drawing.labels.visible = true;
+      drawing.legs.forEach(({ lower, upper }) => box.expandByPoint(lower.position).expandByPoint(upper.position));
+      box.expandByPoint(drawing.tip.position);
+    }
+    return box;
+  }
+
+  /** Looks at everything that is shown. */
+  look(name) {
+    const box = this.box.clone();
+    if (this.panel.isSpaceShown) box.expandByObject(this.stage.space);
+    this.stage.look(name, box);
+  }
+
+  /** Where on the page parts of the first mechanism are: middles of legs, and the platform. */
+  seen() {
+    this.stage.redraw();
+    this.stage.draw();
+    const { left, top } = this.canvas.getBoundingClientRect();
+    const { drawn } = this.mechanisms[0];
+    const names = this.mechanisms[0].scene.joints.map(({ name }) => name);
+    const middle = ({ lower, upper }) => vector(lower).lerp(vector(upper), 0.6);
+    const parts = this.mechanisms[0].scene.legs.map((_, i) => ({ name: names[i], place: middle(drawn.legs[i]) }));
+    return parts.map(({ name, place }) => {
+      const [x, y] = this.stage.onCanvas(place);
+      return { name, at: [left + x, top + y] };
+    });
+  }
+
+  /** Takes a pose, of one mechanism; one that is refused stays where it was, and its reason is told. */
+  take(pose, tool, which = this.which) {
+    const mechanism = this.mechanisms[which];
+    mechanism.place = { pose: [...pose], tool: [...(tool ?? mechanism.place.tool)] };
+    this.show(which);
+  }
+
+  show(which) {
+    const mechanism = this.mechanisms[which];
+    const { pose, tool } = mechanism.place;
+    try {
+      mechanism.drawn = mechanism.kinematics.at(pose, tool);
+      mechanism.drawing.place(mechanism.drawn);
+      this.refusals[which] = undefined;
+      this.moveWork(mechanism);
+    } catch (error) {
+      if (!(error instanceof Refusal)) throw error;
+      this.refusals[which] = error;
+    }
+    this.reason.textContent = this.mechanisms.map((_, i) => this.whyNot(i)).find((text) => text) ?? "";
+    this.reason.hidden = this.reason.textContent === "";
+    this.panel.show();
+    this.stage.redraw();
+  }
+
+  /** Why a mechanism cannot be where it is wanted: a refusal, or a limit that it breaks. */
+  whyNot(which) {
+    const { drawn, limits } = this.mechanisms[which];
+    if (this.refusals[which]) return this.refusals[which].message;
+    const worst = least(drawn.margins);
+    if (!worst || worst.share >= 0) return undefined;
+    const { part, unit, limit } = limits[key(worst)];
+    const { value, low, high } = worst;
+    const [side, end] = value < low ? ["below", low] : ["above", high];
+    return `${part} is at ${shown(value)} ${unit}, ${side} its limit of ${shown(end)} (${limit})`;
+  }
+
+  moveWork(mechanism) {
+    if (mechanism === this.mechanisms[0]) this.stage.work.position.copy(vector(mechanism.drawn.table));
+  }
+}
+
+function sizeOf({ scene }) {
+  const lengths = scene.legs.flatMap((leg) => [leg.base, leg.platform, ...(leg.rod ? [[leg.rod, 0, 0]] : [])]);
+  return Math.max(...lengths.map((v) => Math.hypot(...v)));
+}
+
+/** What tests and other programs may use: poses and times are taken, and all is told as numbers. */
+function interfaceOf(page) {
+  return {
+    take: (pose, tool, which = 0) => page.take(pose, tool, which),
+    go: (time) => page.player.go(time),
+    look: (name) => page.look(name),
+    state: (which = 0) => {
+      const { place, drawn, scene } = page.mechanisms[which];
+      const { joints, legs, tip, nose, conditioning } = drawn;
+      const count = scene.joints.length;
+      return {
+        ...place, tip, nose, conditioning, joints: joints.slice(0, count), legs: legs.slice(0, scene.legs.length),
+        refusal: page.refusals[which]?.message, code: page.refusals[which]?.code ?? 0,
+        time: page.player?.time, line: page.player?.line, live: page.live,
+        platform: page.mechanisms[which].drawing.platform.matrix.toArray(),
+      };
+    },
+    end: () => page.program?.end ?? 0,
+    mechanisms: () => page.mechanisms.map(({ scene, tool }) => ({ scene, tool })),
+    seen: () => page.seen(),
+    marks: () => page.player?.marks ?? [],
+    workspace: () => page.stage.space.children.map(({ geometry }) => geometry.attributes.position.count),
+  };
+}
+
+async function start() {
+  const [code, text] = await Promise.all([unpacked("kinematics"), unpacked("data")]);
+  const data = JSON.parse(new TextDecoder().decode(text));
+  if (data.version !== VERSION) throw new Error(`this page reads data of version ${VERSION}, and found ${data.version}`);
+  const module = await WebAssembly.compile(code);
+  document.title = data.title;
+  const mechanisms = await Promise.all(data.mechanisms.map(async (mechanism) => ({
+    ...mechanism, kinematics: await Kinematics.of(module, numbers(mechanism.numbers)), names: data.limits,
+  })));
+  window.pkm = interfaceOf(new Page(data, mechanisms));
+}
+
+start().catch((error) => {
+  document.getElementById("page").append(element("p", { class: "error", role: "alert" }, `This page cannot be shown: ${error.message}`));
+  throw error;
+});

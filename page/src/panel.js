@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The panel beside the picture: pose, limits, travel left, and what is shown.
+import { ofShare } from "./colours.js";
+import { box, choice, element, shown } from "./elements.js";
+import { key } from "./kinematics.js";
+import { Stage } from "./stage.js";
+import { travel } from "./travel.js";
+import { limitsBox, workspace } from "./workspace.js";
+
+/** Limits that are listed: the nearest. */
+const LISTED = 9;
+
+/** Milliseconds of peace before what takes long is computed. */
+const PEACE = 120;
+
+export class Panel {
+  constructor(page) {
+    this.page = page;
+    this.isSpaceShown = !page.program && !page.data.is_live;
+    this.pose = element("div", { class: "pose" });
+    this.limits = element("div", { class: "limits" });
+    this.travel = element("table", { class: "travel" });
+    this.joints = element("table", { class: "joints" });
+    this.root = element("aside", {},
+      this.which(), section("Pose", this.pose, this.handles()), section("Nearest limits", this.limits),
+      section("Joints", this.joints), section("Travel left from here", this.travel), section("Show", this.views()));
+    this.build();
+  }
+
+  which() {
+    const { mechanisms } = this.page;
+    if (mechanisms.length < 2) return undefined;
+    const names = mechanisms.map((_, i) => `mechanism ${i + 1}`);
+    return choice("mechanism", names, (name) => {
+      this.page.which = names.indexOf(name);
+      this.build();
+      this.show();
+    });
+  }
+
+  /** A slider for each coordinate. */
+  build() {
+    const { scene } = this.page.current;
+    this.sliders = scene.axes.map((axis) => {
+      const k = "XYZABC".indexOf(axis.letter);
+      const beyond = 0.1 * (axis.max - axis.min);
+      const [min, max] = [axis.min - beyond, axis.max + beyond];
+      const range = element("input", { type: "range", min, max, step: "any", "aria-label": axis.letter });
+      const field = element("input", { type: "number", step: "any", "aria-label": `${axis.letter} as a number` });
+      const set = (value) => {
+        if (value === "" || !isFinite(value)) return;
+        const pose = [...this.page.current.place.pose];
+        pose[k] = Number(value);
+        this.page.player?.pause();
+        this.page.take(pose);
+      };
+      range.addEventListener("input", () => set(range.value));
+      field.addEventListener("change", () => set(field.value));
+      return { k, axis, range, field };
+    });
+    this.pose.replaceChildren(...this.sliders.map(({ axis, range, field, k }) =>
+      element("label", {}, element("b", {}, axis.letter), range, field, element("i", {}, k < 3 ? scene.length_unit : "°"))),
+    element("button", { onclick: () => this.home() }, "home"));
+  }
+
+  home() {
+    this.page.player?.pause();
+    const { scene, tool } = this.page.current;
+    this.page.take(scene.home.pose, tool);
+  }
+
+  /** Dragging the tool in the picture. */
+  handles() {
+    const letters = this.page.current.scene.axes.map(({ letter }) => letter);
+    this.handle = this.page.stage.handle(letters, (place, turn) => {
+      const { current } = this.page;
+      // The control point is the tip and the tool vector.
+      const pose = [...place.map((value, k) => value + this.grip[k]), ...turn];
+      const moved = current.place.pose.map((value, k) => (letters.includes("XYZABC"[k]) ? pose[k] : value));
+      this.page.player?.pause();
+      this.isDragged = true;
+      this.page.take(moved);
+      this.isDragged = false;
+    });
+    return choice("drag", ["drag: nothing", "drag: move", "drag: turn"], (name) => {
+      this.grip = this.page.current.place.tool;
+      this.follow();
+      this.handle.mode(name.slice(6) === "nothing" ? "none" : name.slice(6));
+    });
+  }
+
+  /** Keeps the handle at the tool. */
+  follow() {
+    if (this.isDragged || !this.grip) return;
+    const { pose, tool } = this.page.current.place;
+    this.grip = tool;
+    this.handle.proxy.position.set(...pose.slice(0, 3).map((value, k) => value - tool[k]));
+    this.handle.proxy.rotation.set(...pose.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
+  }
+
+  views() {
+    const { page } = this;
+    const { stage } = page;
+    const drawings = page.mechanisms.map(({ drawing }) => drawing);
+    const each = (act) => (isOn) => {
+      drawings.forEach((drawing) => act(drawing, isOn));
+      stage.redraw();
+    };
+    const looks = Stage.views().map((name) => element("button", { onclick: () => page.look(name) }, name));
+    const space = box("workspace at these angles, and axis limits", (isOn) => {
+      this.isSpaceShown = isOn;
+      this.space();
+    }, this.isSpaceShown);
+    const all = [
+      element("div", { class: "looks" }, ...looks),
+      box("numbers of joints", each((drawing, isOn) => (drawing.labels.visible = isOn)), true),
+      box("cones of the joints", each((drawing, isOn) => drawing.showCones(isOn))),
+      space,
+      this.section(),
+    ];
+    if (page.program) all.push(...this.overTime());
+    return element("div", {}, ...all);
+  }
+
+  section() {
+    const { stage, box: everything } = this.page;
+    const slider = element("input", { type: "range", min: 0, max: 1, step: "any", ".value": 0.5, "aria-label": "place of the cut" });
+    const act = () => {
+      const letter = list.value.slice(5);
+      const k = "XYZ".indexOf(letter);
+      const [low, high] = [everything.min.toArray()[k], everything.max.toArray()[k]];
+      stage.cut(k < 0 ? undefined : letter, low + slider.value * (high - low));
+    };
+    const list = choice("cut", ["cut: nothing", "cut: X", "cut: Y", "cut: Z"], act);
+    slider.addEventListener("input", act);
+    return element("div", { class: "cut" }, list, slider);
+  }
+
+  overTime() {
+    const { page } = this;
+    const names = ["trace: nothing", "trace: tool tip", ...page.mechanisms[0].scene.legs.map((_, i) => `trace: upper end ${i}`)];
+    return [
+      box("path of the tool, by the nearest limit", (isOn) => {
+        page.stage.path.visible = isOn;
+        page.stage.redraw();
+      }, true),
+      box("swept by rods and platform", (isOn) => page.player.sweep(isOn)),
+      choice("trace", names, (name) => page.player.trace(names.indexOf(name) - 1)),
+    ];
+  }
+
+  show() {
+    const { place, drawn, scene, limits } = this.page.current;
+    for (const { k, range, field } of this.sliders ?? []) {
+      range.value = place.pose[k];
+      if (document.activeElement !== field) field.value = shown(place.pose[k], 4);
+    }
+    this.showLimits(drawn.margins, limits);
+    this.joints.replaceChildren(...scene.joints.map((joint, i) => element("tr", {},
+      element("td", {}, joint.name), element("td", {}, shown(drawn.joints[i], 4)), element("td", {}, joint.unit))));
+    if (this.handle) this.follow();
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.afterwards(), PEACE);
+  }
+
+  showLimits(margins, names) {
+    const nearest = margins.filter(({ share }) => isFinite(share) || share < 0).sort((a, b) => a.share - b.share).slice(0, LISTED);
+    this.limits.replaceChildren(...nearest.map((margin) => {
+      const { part, limit, unit } = names[key(margin)];
+      const { value, low, high, share } = margin;
+      const allowed = [low, high].map((end) => (isFinite(end) ? shown(end, 3) : "")).join(" … ");
+      const bar = element("meter-bar", { title: `${limit}: ${shown(value)} ${unit}, allowed ${allowed}` });
+      bar.style.setProperty("--share", `${100 * Math.min(Math.max(share, 0), 1)}%`);
+      bar.style.setProperty("--colour", ofShare(share).getStyle());
+      const words = share < 0 ? "beyond" : `${shown(100 * Math.min(share, 1), 0)} %`;
+      return element("div", { class: share < 0 ? "limit broken" : "limit" }, element("span", {}, named(part, limit)), bar, element("em", {}, words));
+    }));
+  }
+
+  /** What takes longer than a frame. */
+  afterwards() {
+    if (this.page.player?.isPlaying) return;
+    this.showTravel();
+    this.space();
+  }
+
+  showTravel() {
+    const { current, refusals, which } = this.page;
+    const { kinematics, place } = current;
+    const rows = refusals[which] ? [] : travel(kinematics, current, place.pose, place.tool);
+    this.travel.replaceChildren(...rows.map(({ letter, sign, left, unit, end }) =>
+      element("tr", { title: end }, element("td", {}, `${sign > 0 ? "+" : "−"}${letter}`), element("td", {}, shown(left, 2)), element("td", {}, unit), element("td", {}, end.split(":")[0]))));
+  }
+
+  space() {
+    const { stage, current } = this.page;
+    const angles = `${this.isSpaceShown} ${this.page.which} ${current.place.pose.slice(3)} ${current.place.tool}`;
+    if (angles === this.shownSpace) return;
+    this.shownSpace = angles;
+    const { kinematics, scene, place } = current;
+    if (!this.isSpaceShown) stage.showSpace();
+    else stage.showSpace(workspace(kinematics, scene, place.pose, place.tool), limitsBox(scene, place.pose));
+  }
+}
+
+/** A part with its limit, where the part's words do not say it. */
+function named(part, limit) {
+  const isSaid = ["joint range", "axis range", "clearance of legs"].includes(limit) || part.includes(limit);
+  return isSaid ? part.replace(/^the /, "") : `${part.replace(/^the /, "")}, ${limit}`;
+}
+
+function section(name, ...children) {
+  return element("details", { open: true }, element("summary", {}, name), ...children);
+}

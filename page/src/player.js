@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// A program through time: slider, text, marks, curves, path.
+import { Curves, groups } from "./curves.js";
+import { Rows, choice, element, shown } from "./elements.js";
+
+const SPEEDS = ["0.1 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "20 ×", "100 ×"];
+
+/** Height of a line of the program, as the style says. */
+const LINE = 18;
+
+/** Moments at which what is swept is drawn. */
+const SWEPT = 240;
+
+export class Player {
+  constructor(page) {
+    this.page = page;
+    this.program = page.program;
+    this.time = 0;
+    this.rate = 1;
+    this.isPlaying = false;
+    this.marks = this.program.report.breaks.map((told) => this.mark(told)).filter(({ time }) => time !== undefined);
+    this.root = element("section", { class: "player" }, this.bar(), this.middle());
+  }
+
+  mark(told) {
+    const time = told.seconds ?? this.program.timeOf(told.line, told.pose);
+    return { time, line: told.line, text: `line ${told.line}: ${told.limit}: ${told.text}` };
+  }
+
+  bar() {
+    const { end } = this.program;
+    this.button = element("button", { class: "play", onclick: () => this.toggle() }, "play");
+    this.slider = element("input", { type: "range", min: 0, max: end, step: "any", ".value": 0, "aria-label": "time" });
+    this.slider.addEventListener("input", () => {
+      this.pause();
+      this.go(Number(this.slider.value));
+    });
+    this.told = element("output", {});
+    const speed = choice("speed", SPEEDS, (name) => (this.rate = parseFloat(name)));
+    speed.value = "1 ×";
+    const marks = element("div", { class: "marks" }, ...this.marks.map((mark) => {
+      const flag = element("button", { class: "mark", title: mark.text, onclick: () => this.goTo(mark) }, "▼");
+      flag.style.left = `${(100 * mark.time) / end}%`;
+      return flag;
+    }));
+    return element("div", { class: "bar" }, this.button, speed, element("div", { class: "time" }, marks, this.slider), this.told);
+  }
+
+  middle() {
+    const { program } = this;
+    const broken = new Set(this.marks.map(({ line }) => line));
+    this.rows = new Rows(program.text, LINE, (text, i) =>
+      element("div", {
+        class: `${i + 1 === this.line ? "now" : ""} ${broken.has(i + 1) ? "broken" : ""}`,
+        onclick: () => this.goToLine(i + 1),
+      }, element("b", {}, String(i + 1)), text));
+    this.groups = groups(program, this.page.mechanisms[0]);
+    this.plot = element("div", { class: "plot" });
+    this.curves = new Curves(this.plot, (time) => {
+      this.pause();
+      this.go(time);
+    });
+    const names = [...this.groups.keys()];
+    const list = choice("curves", names, (name) => this.curves.show(this.groups.get(name)));
+    const found = element("div", { class: "found" }, ...this.findings());
+    return element("div", { class: "middle" }, element("div", { class: "program" }, found, this.rows.root), element("div", { class: "curves" }, list, this.plot));
+  }
+
+  findings() {
+    const { time } = this.program.report;
+    const notJudged = time.not_judged && element("p", { class: "warning" }, `time not judged: ${JSON.stringify(time.not_judged)}`);
+    const marks = this.marks.map((mark) => element("button", { class: "finding", onclick: () => this.goTo(mark) }, mark.text));
+    const warnings = this.program.report.warnings.map(({ line, text }) => element("p", { class: "warning" }, line ? `line ${line}: ${text}` : text));
+    return [notJudged, ...marks, ...warnings].filter((part) => part);
+  }
+
+  /** Once the page is laid out. */
+  start() {
+    this.curves.show([...this.groups.values()][0]);
+    new ResizeObserver(() => this.curves.resize()).observe(this.plot);
+    this.drawPath();
+    this.go(0);
+  }
+
+  drawPath() {
+    const { program, page } = this;
+    const { kinematics } = page.mechanisms[0];
+    const shares = [];
+    const points = Array.from(program.times, (_, i) => {
+      const { pose, tool } = program.point(i);
+      try {
+        shares.push(kinematics.at(pose, tool).margins.reduce((least, { share }) => Math.min(least, share), 1));
+      } catch {
+        shares.push(-1);
+      }
+      return [0, 1, 2].map((k) => pose[k] - tool[k]);
+    });
+    page.stage.showPath(points, shares);
+  }
+
+  sweep(isOn) {
+    const { mechanisms, stage } = this.page;
+    const all = isOn ? this.moments().flatMap((drawn) => mechanisms[0].drawing.outline(drawn)) : [];
+    stage.showSweep(all);
+  }
+
+  /** The trace of the tool's tip (0) or of the upper end of a leg (1, 2, …) in base; none below. */
+  trace(which) {
+    const of = (drawn) => (which === 0 ? drawn.tip : drawn.legs[which - 1].upper);
+    this.page.stage.showTrace(which < 0 ? [] : this.moments(8 * SWEPT).map(of));
+  }
+
+  /** Answers of the kinematics at moments of the program. */
+  moments(count = SWEPT) {
+    const { kinematics } = this.page.mechanisms[0];
+    return Array.from({ length: count }, (_, n) => {
+      const { pose, tool } = this.program.at((n / (count - 1)) * this.program.end);
+      try {
+        return kinematics.at(pose, tool);
+      } catch {
+        return undefined;
+      }
+    }).filter((drawn) => drawn);
+  }
+
+  toggle() {
+    if (this.isPlaying) this.pause();
+    else {
+      if (this.time >= this.program.end) this.go(0);
+      this.isPlaying = true;
+      this.before = undefined;
+      this.button.textContent = "pause";
+    }
+  }
+
+  pause() {
+    if (!this.isPlaying) return;
+    this.isPlaying = false;
+    this.button.textContent = "play";
+    this.page.panel.show();
+  }
+
+  tick(now) {
+    if (!this.isPlaying) return;
+    const step = this.before === undefined ? 0 : ((now - this.before) / 1000) * this.rate;
+    this.before = now;
+    this.go(Math.min(this.time + step, this.program.end));
+    if (this.time >= this.program.end) this.pause();
+  }
+
+  goTo({ time, line }) {
+    this.pause();
+    this.go(time);
+    this.setLine(line);
+  }
+
+  goToLine(line) {
+    const time = this.program.timeOf(line);
+    if (time !== undefined) this.goTo({ time, line });
+  }
+
+  go(time) {
+    this.time = time;
+    this.slider.value = time;
+    this.page.mechanisms.forEach((_, which) => {
+      const { pose, tool } = this.program.at(time, which);
+      this.page.take(pose, tool, which);
+    });
+    this.setLine(this.program.line(time));
+    this.curves.at(time);
+  }
+
+  setLine(line) {
+    this.line = line;
+    const { length_unit: unit } = this.page.mechanisms[0].scene;
+    this.told.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
+    this.rows.go(Math.max(line - 1, 0));
+  }
+}

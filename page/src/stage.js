@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The 3D picture: camera, lights, and what stands in it beside the mechanisms.
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { TransformControls } from "three/addons/controls/TransformControls.js";
+import { Line2 } from "three/addons/lines/Line2.js";
+import { LineGeometry } from "three/addons/lines/LineGeometry.js";
+import { LineMaterial } from "three/addons/lines/LineMaterial.js";
+import { COLOURS, ofShare } from "./colours.js";
+import { cross } from "./mechanism.js";
+import { clear, material, pieces, vector } from "./parts.js";
+import { bodyOf } from "./workspace.js";
+
+/** Directions to look from, by which way is up: as right, up and towards the reader. */
+const VIEWS = {
+  "3D": [0.75, 0.55, 1],
+  front: [0, 0, 1],
+  side: [1, 0, 0],
+  top: [0, 1, 1e-6],
+};
+
+/** Right, up and towards the reader in base: Z is up, but for machines that are long in Z, as lathes are. */
+const STANDING = ["100", "001", "0-10"].map(unit);
+const LYING = { Y: ["001", "010", "-100"].map(unit), X: ["001", "100", "010"].map(unit) };
+const LONG = 1.5;
+
+function unit(text) {
+  return vector(text.match(/-?\d/g).map(Number));
+}
+
+function frame(box, letters) {
+  const { x, y, z } = box.getSize(new THREE.Vector3());
+  if (z < LONG * Math.max(x, y)) return STANDING;
+  return LYING[letters.includes("Y") ? "Y" : "X"];
+}
+
+/** Room about what is looked at. */
+const BORDER = 1.04;
+
+function corners({ min, max }) {
+  return Array.from({ length: 8 }, (_, n) =>
+    new THREE.Vector3(n & 1 ? max.x : min.x, n & 2 ? max.y : min.y, n & 4 ? max.z : min.z));
+}
+
+export class Stage {
+  /** Of machines in a box, which move these letters. */
+  constructor(canvas, size, box, letters, keepsPixels) {
+    this.size = size;
+    this.frame = frame(box, letters);
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: keepsPixels });
+    this.renderer.setPixelRatio(keepsPixels ? 1 : window.devicePixelRatio);
+    this.scene = new THREE.Scene();
+    this.scene.background = new THREE.Color(COLOURS.background);
+    this.camera = new THREE.PerspectiveCamera(35, 1, size / 500, size * 60);
+    this.camera.up.copy(this.frame[1]);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.addLights();
+    this.work = new THREE.Group();
+    this.path = new THREE.Group();
+    this.sweep = new THREE.Group();
+    this.traces = new THREE.Group();
+    this.space = new THREE.Group();
+    this.work.add(this.path, cross(size / 8));
+    this.scene.add(this.work, this.sweep, this.traces, this.space);
+    this.isStale = true;
+    this.controls.addEventListener("change", () => this.redraw());
+  }
+
+  addLights() {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8090a0, 2.2));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.8);
+    const [right, up, near] = this.frame;
+    sun.position.set(0, 0, 0).addScaledVector(right, 0.6).addScaledVector(up, 1.4).add(near);
+    this.scene.add(sun);
+  }
+
+  redraw() {
+    this.isStale = true;
+  }
+
+  resize(width, height) {
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.path.children.forEach((line) => line.material.resolution.set(width, height));
+    this.redraw();
+  }
+
+  draw() {
+    if (!this.isStale) return;
+    this.isStale = false;
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Looks at everything in a box from one of the views, as near as it fits. */
+  look(name, box) {
+    const centre = box.getCenter(new THREE.Vector3());
+    const way = new THREE.Vector3();
+    this.frame.forEach((axis, i) => way.addScaledVector(axis, VIEWS[name][i]));
+    way.normalize();
+    this.controls.target.copy(centre);
+    this.camera.position.copy(centre).addScaledVector(way, this.size);
+    this.camera.lookAt(centre);
+    this.camera.updateMatrixWorld();
+    const tall = Math.tan(((this.camera.fov / 2) * Math.PI) / 180);
+    const turn = this.camera.quaternion.clone().invert();
+    const distance = corners(box).reduce((most, corner) => {
+      const seen = corner.sub(centre).applyQuaternion(turn);
+      return Math.max(most, seen.z + Math.abs(seen.y) / tall, seen.z + Math.abs(seen.x) / (tall * this.camera.aspect));
+    }, 0);
+    this.camera.position.copy(centre).addScaledVector(way, BORDER * distance);
+    this.controls.update();
+    this.redraw();
+  }
+
+  /** Where a place is on the canvas, pixels from its upper left corner. */
+  onCanvas(place) {
+    const { x, y } = place.clone().project(this.camera);
+    const { clientWidth, clientHeight } = this.renderer.domElement;
+    return [((x + 1) / 2) * clientWidth, ((1 - y) / 2) * clientHeight];
+  }
+
+  static views() {
+    return Object.keys(VIEWS);
+  }
+
+  /** Cuts away what lies beyond a value of a letter, or nothing. */
+  cut(letter, value) {
+    const normal = { X: [-1, 0, 0], Y: [0, 1, 0], Z: [0, 0, -1] }[letter];
+    const offset = letter === "Y" ? -value : value;
+    this.renderer.clippingPlanes = normal ? [new THREE.Plane(vector(normal), offset)] : [];
+    this.redraw();
+  }
+
+  /** The path of the tool in the work's coordinates, with a share of room for each point. */
+  showPath(points, shares) {
+    clear(this.path);
+    if (points.length < 2) return;
+    const geometry = new LineGeometry();
+    geometry.setPositions(points.flat());
+    geometry.setColors(shares.flatMap((share) => ofShare(share).toArray()));
+    const look = new LineMaterial({ vertexColors: true, linewidth: 2.2 });
+    const size = this.renderer.getSize(new THREE.Vector2());
+    look.resolution.copy(size);
+    this.path.add(new Line2(geometry, look));
+    this.redraw();
+  }
+
+  showSweep(points) {
+    clear(this.sweep);
+    if (points.length) this.sweep.add(pieces(points, COLOURS.barrel, { transparent: true, opacity: 0.18 }));
+    this.redraw();
+  }
+
+  /** A trace of a point in base. */
+  showTrace(points) {
+    clear(this.traces);
+    if (points.length) {
+      const geometry = new THREE.BufferGeometry().setFromPoints(points.map(vector));
+      this.traces.add(new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: 0xcc79a7 })));
+    }
+    this.redraw();
+  }
+
+  /** The body of reachable poses and the box of axis limits, or nothing. */
+  showSpace(surface, box) {
+    clear(this.space);
+    if (surface) {
+      const look = material(COLOURS.workspace, { transparent: true, opacity: 0.38, side: THREE.DoubleSide, depthWrite: false });
+      if (surface.faces.length) this.space.add(bodyOf(surface, look));
+      this.space.add(pieces(box, COLOURS.limits));
+    }
+    this.redraw();
+  }
+
+  /** Lets a point be dragged; `moved` gets its place and its turn. */
+  handle(letters, moved) {
+    const proxy = new THREE.Object3D();
+    proxy.rotation.order = "ZYX";
+    this.scene.add(proxy);
+    const handle = new TransformControls(this.camera, this.renderer.domElement);
+    handle.attach(proxy);
+    handle.setSize(0.7);
+    this.scene.add(handle.getHelper());
+    const mode = (name) => {
+      handle.setMode(name === "turn" ? "rotate" : "translate");
+      const own = name === "turn" ? "ABC" : "XYZ";
+      [handle.showX, handle.showY, handle.showZ] = [...own].map((letter) => letters.includes(letter));
+      handle.enabled = name !== "none";
+      handle.getHelper().visible = name !== "none";
+      this.redraw();
+    };
+    handle.addEventListener("dragging-changed", ({ value }) => (this.controls.enabled = !value));
+    handle.addEventListener("change", () => this.redraw());
+    handle.addEventListener("objectChange", () => moved(proxy.position.toArray(), degrees(proxy.rotation)));
+    mode("none");
+    return { mode, proxy };
+  }
+}
+
+function degrees({ x, y, z }) {
+  return [x, y, z].map(THREE.MathUtils.radToDeg);
+}

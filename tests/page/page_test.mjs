@@ -1,0 +1,328 @@
+#!/usr/bin/env node
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The page of pkm view in a headless browser that has no network, for every shipped machine.
+//
+//     tests/page/page_test.mjs PKM [--only TEXT] [--out FOLDER]
+//
+// Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
+import { spawnSync } from "node:child_process";
+import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { dirname, join, resolve } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const HOME = resolve(dirname(fileURLToPath(import.meta.url)), "../..");
+const { chromium } = createRequire(join(HOME, "page/package.json"))("playwright-core");
+
+const option = (name) => {
+  const place = process.argv.indexOf(name);
+  return place < 0 ? undefined : process.argv[place + 1];
+};
+const PKM = resolve(process.argv[2]);
+const ONLY = option("--only") ?? "";
+const OUT = option("--out");
+const FOLDER = mkdtempSync(join(tmpdir(), "pkmkins-page-test-"));
+
+// The page and pkm compute with the same code, so that the bits are the same.
+const SAME = 0;
+// Where pkm is given a tool without the spindle's offset and adds it again, some roundings of lengths of 1e3.
+const ROUNDED = 1e-9;
+const POSES = 300;
+// Bytes of the page of a program with 5,000 lines.
+const MOST_BYTES = 2_000_000;
+
+function check(is, text) {
+  if (!is) throw new Error(text);
+}
+
+function pkm(args, input = "") {
+  const done = spawnSync(PKM, args, { input, encoding: "utf8", maxBuffer: 1 << 28 });
+  if (done.error) throw done.error;
+  return done;
+}
+
+const ini = (machine) => join(HOME, "configs", machine, `${machine}.ini`);
+const file = (name) => join(FOLDER, name);
+
+/** Machines by their folders, each with its first program. */
+const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
+  const programs = join(HOME, "configs", machine, "programs");
+  return { machine, program: join(programs, readdirSync(programs).filter((name) => name.endsWith(".ngc")).sort()[0]) };
+});
+
+/** A page of a browser without a network; what it complains about is collected. */
+async function opened(browser, html) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, offline: true });
+  const page = await context.newPage();
+  page.complaints = [];
+  page.on("console", (told) => ["error", "warning"].includes(told.type()) && page.complaints.push(told.text()));
+  page.on("pageerror", (error) => page.complaints.push(error.message));
+  page.on("request", (request) => request.url().match(/^(file|data|blob):/) || page.complaints.push(`asked for ${request.url()}`));
+  await page.goto(`file://${html}`);
+  await page.waitForFunction(() => window.pkm);
+  return { page, close: () => context.close() };
+}
+
+/** Nothing but what a browser without a graphics card says of itself. */
+function complaints(page) {
+  return page.complaints.filter((text) => !/GPU stall|GL Driver Message|swiftshader|software WebGL/i.test(text));
+}
+
+function csv(text) {
+  const [, ...rows] = text.trim().split("\n");
+  return rows.map((row) => row.split(",").map((cell) => (cell === "" ? undefined : Number(cell))));
+}
+
+/** Joint values by the command, of poses with one tool. */
+function joints(machine, mechanism, poses, tool) {
+  const rows = ["x,y,z,a,b,c", ...poses.map((pose) => pose.join(","))].join("\n");
+  return pkm(["joints", ini(machine), "--mechanism", String(mechanism + 1), "--tool", ...tool.map(String)], `${rows}\n`);
+}
+
+/** What the page has at each pose is what the command says, refusals included. */
+function compare(machine, mechanism, spindle, states, tolerance) {
+  const byTool = new Map();
+  for (const state of states) {
+    const tool = state.tool.map((value, k) => value - spindle[k]);
+    const key = tool.join(",");
+    byTool.set(key, [...(byTool.get(key) ?? []), state]);
+  }
+  let refused = 0;
+  for (const [key, group] of byTool) {
+    const told = joints(machine, mechanism, group.map(({ pose }) => pose), key.split(",").map(Number));
+    const rows = csv(told.stdout);
+    check(rows.length === group.length, `${machine}: ${rows.length} answers for ${group.length} poses: ${told.stderr}`);
+    group.forEach((state, i) => {
+      if (rows[i][0] === undefined) {
+        refused += 1;
+        check(state.code !== 0, `${machine}: the page takes ${state.pose}, pkm joints refuses it`);
+        check(told.stderr.includes(state.refusal), `${machine}: "${state.refusal}" is not what pkm joints says: ${told.stderr}`);
+      } else {
+        check(state.code === 0, `${machine}: the page refuses ${state.pose}: ${state.refusal}`);
+        const apart = Math.max(...state.joints.map((value, n) => Math.abs(value - rows[i][n])));
+        check(apart <= tolerance, `${machine}: joints ${apart} apart at ${state.pose}`);
+      }
+    });
+  }
+  return refused;
+}
+
+/** Random poses within the axes and beyond, taken as a drag would. */
+async function dragged(page, scene, tool, which) {
+  return page.evaluate(({ axes, home, tool, which, count }) => {
+    let seed = 12345;
+    const chance = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+    return Array.from({ length: count }, (_, n) => {
+      const beyond = n % 4 === 0 ? 3 : 0;
+      const pose = [...home];
+      for (const { letter, min, max } of axes) {
+        const wide = (max - min) * (1 + beyond);
+        pose["XYZABC".indexOf(letter)] = (min + max) / 2 + (chance() - 0.5) * wide;
+      }
+      window.pkm.take(pose, tool, which);
+      return window.pkm.state(which);
+    });
+  }, { axes: scene.axes, home: scene.home.pose, tool, which, count: POSES });
+}
+
+/** The picture has the colours of the machine where they should be. */
+async function isDrawn(page, name) {
+  const shot = await page.screenshot();
+  if (OUT) writeFileSync(join(OUT, `${name}.png`), shot);
+  const seen = await page.evaluate(async (bytes) => {
+    const bitmap = await createImageBitmap(new Blob([new Uint8Array(bytes)]));
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
+    pen.drawImage(bitmap, 0, 0);
+    const colour = ([x, y]) => Array.from(pen.getImageData(Math.round(x), Math.round(y), 1, 1).data.slice(0, 3));
+    return window.pkm.seen().map((part) => ({ ...part, colour: colour(part.at) }));
+  }, Array.from(shot));
+  const background = [244, 246, 248];
+  const isOther = ({ colour }) => Math.hypot(...colour.map((c, k) => c - background[k])) > 40;
+  const missing = seen.filter((part) => !isOther(part));
+  check(seen.length > 2 && missing.length === 0, `${name}: not drawn: ${JSON.stringify(missing)}`);
+  return seen;
+}
+
+async function machineTest(browser, { machine, program }) {
+  const html = file(`${machine}.html`);
+  const made = pkm(["view", ini(machine), program, "--html", html]);
+  check(made.status === 0, `${machine}: ${made.stderr}`);
+  const { page, close } = await opened(browser, html);
+  const scenes = await page.evaluate(() => window.pkm.mechanisms());
+  const before = await isDrawn(page, machine);
+  for (const [which, { scene, tool: spindle }] of scenes.entries()) {
+    const along = await page.evaluate((which) => Array.from({ length: 60 }, (_, n) => {
+      window.pkm.go((n / 59) * window.pkm.end());
+      return window.pkm.state(which);
+    }), which);
+    compare(machine, which, spindle, along, ROUNDED);
+    for (const { platform, nose } of along) {
+      check(Math.hypot(...nose.map((value, k) => value - platform[12 + k])) < 1e-6, `${machine}: the platform is drawn elsewhere`);
+    }
+    compare(machine, which, spindle, await dragged(page, scene, spindle, which), SAME);
+  }
+  await page.locator("input[aria-label=time]").evaluate((slider) => {
+    slider.value = slider.max / 3;
+    slider.dispatchEvent(new Event("input"));
+  });
+  const { time } = await page.evaluate(() => window.pkm.state());
+  const end = await page.evaluate(() => window.pkm.end());
+  check(Math.abs(time - end / 3) < 1e-6 * end, `${machine}: the slider shows ${time} of ${end}`);
+  const after = await page.evaluate(() => window.pkm.seen());
+  check(after.some(({ at }, i) => Math.hypot(at[0] - before[i].at[0], at[1] - before[i].at[1]) > 1), `${machine}: nothing has moved`);
+  check(complaints(page).length === 0, `${machine}: ${complaints(page).join("; ")}`);
+  await close();
+  return `${scenes.length * (POSES + 60)} poses as pkm joints`;
+}
+
+async function alone(browser) {
+  for (const machine of ["linear-delta", "lathe-mirrored"]) {
+    const html = file(`${machine}-alone.html`);
+    pkm(["view", ini(machine), "--html", html]);
+    const { page, close } = await opened(browser, html);
+    const [body, limits] = await page.evaluate(() => window.pkm.workspace());
+    check(body > 100 && limits === 24, `${machine}: workspace of ${body} points, box of ${limits}`);
+    await isDrawn(page, `${machine}-workspace`);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+    await close();
+  }
+}
+
+async function marks(browser) {
+  writeFileSync(file("marks.ngc"), "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nM2\n");
+  const made = pkm(["view", ini("hexapod"), file("marks.ngc"), "--html", file("marks.html")]);
+  check(made.status === 1, `status ${made.status}: ${made.stderr}`);
+  const { page, close } = await opened(browser, file("marks.html"));
+  await page.locator(".finding").first().click();
+  const { line, time } = await page.evaluate(() => window.pkm.state());
+  check(line === 4 && time > 0, `the mark leads to line ${line} at ${time} s`);
+  check((await page.locator(".space .now b").textContent()) === "4", "the line is not shown");
+  check((await page.locator(".verdict").textContent()) === "does not fit", "the verdict is not shown");
+  await page.evaluate(() => window.pkm.take([5000, 0, 250, 0, 0, 0]));
+  const reason = await page.locator(".reason").textContent();
+  check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(reason), `beyond a limit without a reason: ${reason}`);
+  await page.evaluate(() => window.pkm.take([NaN, 0, 250, 0, 0, 0]));
+  const refused = await page.locator(".reason").textContent();
+  check(refused.includes("[code -"), `refused without a reason: ${refused}`);
+  await isDrawn(page, "marks");
+  await close();
+}
+
+async function unread(browser) {
+  writeFileSync(file("unread.ngc"), "G1 X10 F100\nG1 X[1+\nM2\n");
+  const made = pkm(["view", ini("hexapod"), file("unread.ngc"), "--html", file("unread.html")]);
+  check(made.status === 2, `status ${made.status}`);
+  const { page, close } = await opened(browser, file("unread.html"));
+  const told = await page.locator("header .error").textContent();
+  check(told.includes("unread.ngc"), `not told: ${told}`);
+  await isDrawn(page, "unread");
+  await close();
+}
+
+/** An INI file of legs, with limits about their values at home. */
+function iniOf(kinematics, letters, home, legs) {
+  const section = (name, keys) => `[${name}]\n${Object.entries(keys).map(([key, value]) => `${key} = ${value}`).join("\n")}\n`;
+  const motion = { MAX_VELOCITY: 100, MAX_ACCELERATION: 1000, FERROR: 5, MIN_FERROR: 1 };
+  return [
+    section("EMC", { MACHINE: "own" }), section("PKM", { SCREW_LEAD: 0 }), section("EMCMOT", { SERVO_PERIOD: 1000000 }),
+    section("KINS", { KINEMATICS: kinematics, JOINTS: legs.length }),
+    section("TRAJ", { COORDINATES: letters, HOME: home.join(" "), LINEAR_UNITS: "mm", ANGULAR_UNITS: "degree", MAX_LINEAR_VELOCITY: 100, MAX_LINEAR_ACCELERATION: 1000, MAX_ANGULAR_VELOCITY: 20, MAX_ANGULAR_ACCELERATION: 100 }),
+    ...legs.map(({ keys }, i) => section(`LEG_${i}`, keys)),
+    ...legs.map(({ keys, home }, i) => section(`JOINT_${i}`, { TYPE: keys.ARM ? "ANGULAR" : "LINEAR", HOME: home, MIN_LIMIT: home - 150, MAX_LIMIT: home + 150, ...motion })),
+    ...[...letters].map((letter) => {
+      const k = "XYZABC".indexOf(letter);
+      const reach = k < 3 ? 50 : 10;
+      return section(`AXIS_${letter}`, { MIN_LIMIT: home[k] - reach, MAX_LIMIT: home[k] + reach, ...motion });
+    }),
+  ].join("\n");
+}
+
+const strut = (base, platform, [x, y, z]) => ({
+  keys: { BASE: base.join(" "), PLATFORM: platform.join(" ") },
+  home: Math.hypot(base[0] - platform[0] - x, base[1] - platform[1] - y, base[2] - platform[2] - z),
+});
+
+/** Machines that nobody has drawn before. */
+function ownMachines() {
+  const place = [0, 0, -300];
+  const around = (radius, degrees, z = 0) => [radius * Math.cos((degrees * Math.PI) / 180), radius * Math.sin((degrees * Math.PI) / 180), z];
+  const five = [0, 65, 140, 220, 300].map((angle, i) => strut(around(320, angle), around(90, angle + (i % 2 ? 35 : -25), i % 2 ? 60 : 0), place));
+  const slider = { keys: { BASE: "260 -150 0", PLATFORM: "35 -20 0", GUIDE: "0 0 1", ROD: 420, SIDE: 1 }, home: 30 };
+  const crank = { keys: { BASE: "-200 -115.47 0", PLATFORM: "-35 -20 0", AXIS: "0.5 -0.8660254 0", ARM: "-103.92 -60 0", ROD: 380, SIDE: -1 }, home: 20 };
+  return {
+    "five-struts": iniOf("pkmkins legs=strut:5 coordinates=XYZAB", "XYZAB", [...place, 0, 0, 0], five),
+    "mixed-legs": iniOf("pkmkins legs=strut:1,slider:1,crank:1 coordinates=XYZ", "XYZ", [...place, 0, 0, 0], [strut([0, 300, 0], [0, 40, 0], place), slider, crank]),
+  };
+}
+
+async function own(browser) {
+  for (const [name, text] of Object.entries(ownMachines())) {
+    writeFileSync(file(`${name}.ini`), text);
+    const made = pkm(["view", file(`${name}.ini`), "--html", file(`${name}.html`)]);
+    check(made.status === 0, `${name}: ${made.stderr}`);
+    const { page, close } = await opened(browser, file(`${name}.html`));
+    await isDrawn(page, name);
+    const { refusal, joints } = await page.evaluate(() => window.pkm.state());
+    check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `${name}: ${refusal}`);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+    await close();
+  }
+}
+
+async function long(browser) {
+  const lines = Array.from({ length: 5000 }, (_, i) => `G1 X${(40 * Math.cos(i / 30)).toFixed(4)} Y${(40 * Math.sin(i / 30)).toFixed(4)} Z${(200 + i / 200).toFixed(4)}`);
+  writeFileSync(file("long.ngc"), `G21 G90 G64 P0.01\nG1 F3000\n${lines.join("\n")}\nM2\n`);
+  pkm(["view", ini("hexapod"), file("long.ngc"), "--html", file("long.html")]);
+  const { size } = statSync(file("long.html"));
+  check(size < MOST_BYTES, `${size} bytes`);
+  const { page, close } = await opened(browser, file("long.html"));
+  await isDrawn(page, "long");
+  await close();
+  return `${size} bytes for 5,000 lines`;
+}
+
+async function video() {
+  if (spawnSync("ffprobe", ["-version"]).error) return "skipped: no ffmpeg";
+  const made = pkm(["view", ini("rotary-delta"), MACHINES.find(({ machine }) => machine === "rotary-delta").program,
+    "--video", file("v.mp4"), "--video-seconds", "0.4", "--size", "320", "180"]);
+  check(made.status === 0, made.stderr);
+  const told = spawnSync("ffprobe", ["-v", "error", "-count_frames", "-select_streams", "v:0", "-show_entries", "stream=nb_read_frames,width,height", "-of", "csv=p=0", file("v.mp4")], { encoding: "utf8" });
+  check(told.stdout.trim() === "320,180,10", `frames: ${told.stdout}`);
+}
+
+const TESTS = [
+  ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (browser) => machineTest(browser, one)]),
+  ["a machine without a program shows its workspace and the axis limits", alone],
+  ["a mark leads to its line, and a refused pose has a reason", marks],
+  ["a program that cannot be read is told beside the machine", unread],
+  ["a machine of one's own appears without a line of code", own],
+  ["the page of 5,000 lines is below 2 MB", long],
+  ["a video has the frames that were asked for", video],
+];
+
+async function main() {
+  if (OUT) mkdirSync(OUT, { recursive: true });
+  const browser = await chromium.launch({
+    executablePath: "/usr/bin/chromium",
+    args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run", ...(process.getuid() === 0 ? ["--no-sandbox"] : [])],
+  });
+  let failed = 0;
+  const chosen = TESTS.filter(([name]) => name.includes(ONLY));
+  for (const [name, test] of chosen) {
+    try {
+      const told = await test(browser);
+      console.log(`PASS ${name}${told ? `: ${told}` : ""}`);
+    } catch (error) {
+      failed += 1;
+      console.log(`FAIL ${name}: ${error.message}`);
+    }
+  }
+  await browser.close();
+  rmSync(FOLDER, { recursive: true });
+  console.log(`page: ${chosen.length - failed} passed, ${failed} failed`);
+  process.exitCode = failed > 0 ? 1 : 0;
+}
+
+await main();

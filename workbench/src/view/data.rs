@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the page is given: the scene, the machine for its kinematics, names of limits, and a program.
+
+use crate::limits;
+use crate::program::course::{Abscissa, Sample, Thinned};
+use crate::read::machine::MachineConfig;
+use crate::scene::Scene;
+use crate::view::track::{Point, Track};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use kinematics::{Letter, Limit, Part};
+use page_core::Described;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Raised when the page's code and its data belong together no longer.
+const VERSION: u32 = 1;
+
+/// Everything.
+#[derive(Serialize)]
+pub struct Data {
+    version: u32,
+    title: String,
+    /// Names of limits, as the page's kinematics number them.
+    limits: Vec<&'static str>,
+    mechanisms: Vec<Mechanism>,
+    /// Whether the machine is shown as it runs.
+    is_live: bool,
+    program: Option<Program>,
+    /// Why there is no program to show, although one was asked for.
+    error: Option<String>,
+}
+
+/// A mechanism.
+#[derive(Serialize)]
+struct Mechanism {
+    scene: Scene,
+    /// For the page's kinematics, 64-bit floating point numbers.
+    numbers: String,
+    /// Names and units of limits, by [`key`].
+    limits: BTreeMap<String, Named>,
+    /// Its spindle offset as a tool vector.
+    tool: [f64; 3],
+}
+
+/// What people call a limit of a part.
+#[derive(Serialize)]
+struct Named {
+    part: String,
+    limit: &'static str,
+    unit: String,
+}
+
+/// A program on the machine.
+#[derive(Serialize)]
+struct Program {
+    name: String,
+    text: String,
+    end: f64,
+    /// Times and values of points, one column after the other.
+    points: Columns<f64>,
+    /// Times at which lines begin, and the lines.
+    lines: Columns<f64>,
+    curves: Option<Curves>,
+    /// What `pkm preflight --format json` tells.
+    report: serde_json::Value,
+}
+
+/// What the machine does over time.
+#[derive(Serialize)]
+struct Curves {
+    names: Vec<Curve>,
+    /// Times, and the values of each curve.
+    values: Columns<f32>,
+}
+
+/// A curve.
+#[derive(Serialize)]
+struct Curve {
+    /// The picture that it belongs to.
+    group: &'static str,
+    name: String,
+    unit: String,
+    /// Smallest and largest allowed value.
+    range: [Option<f64>; 2],
+}
+
+/// Numbers of equally long columns, one column after the other, little-endian.
+#[derive(Serialize)]
+struct Columns<T> {
+    rows: usize,
+    columns: usize,
+    bytes: String,
+    #[serde(skip)]
+    kind: std::marker::PhantomData<T>,
+}
+
+impl<T> Columns<T> {
+    fn new<const N: usize>(columns: &[Vec<T>], bytes: impl Fn(&T) -> [u8; N]) -> Self {
+        let all: Vec<u8> = columns.iter().flatten().flat_map(bytes).collect();
+        Self {
+            rows: columns.first().map_or(0, Vec::len),
+            columns: columns.len(),
+            bytes: BASE64_STANDARD.encode(all),
+            kind: std::marker::PhantomData,
+        }
+    }
+}
+
+impl Data {
+    /// Of a machine alone.
+    pub fn new(config: &MachineConfig, is_live: bool) -> Self {
+        let stem = config.file.file_stem().unwrap_or_default();
+        Self {
+            version: VERSION,
+            title: stem.to_string_lossy().into_owned(),
+            limits: Limit::ALL.iter().map(|limit| limit.name()).collect(),
+            mechanisms: config.mechanisms().map(Mechanism::new).collect(),
+            is_live,
+            program: None,
+            error: None,
+        }
+    }
+
+    /// Shows why there is no program.
+    pub fn with_error(mut self, error: String) -> Self {
+        self.error = Some(error);
+        self
+    }
+
+    /// Shows a program: its name and text, how it runs, and what preflight tells of it.
+    pub fn with_program(
+        mut self,
+        config: &MachineConfig,
+        [name, text]: [String; 2],
+        track: &Track,
+        course: Option<&Thinned>,
+        report: serde_json::Value,
+    ) -> Self {
+        let points = track.points();
+        let width = points.first().map_or(0, |point| point.values.len());
+        let mut columns = vec![points.iter().map(|point| point.at).collect()];
+        let value = |k: usize| move |point: &Point| rounded(point.values[k]);
+        columns.extend((0..width).map(|k| points.iter().map(value(k)).collect()));
+        let lines = track.lines();
+        let lines = [
+            lines.iter().map(|(at, _)| *at).collect(),
+            lines.iter().map(|(_, line)| f64::from(*line)).collect(),
+        ];
+        self.program = Some(Program {
+            name,
+            text,
+            end: track.end(),
+            points: Columns::new(&columns, |value: &f64| value.to_le_bytes()),
+            lines: Columns::new(&lines, |value: &f64| value.to_le_bytes()),
+            curves: course.map(|course| Curves::new(config, course)),
+            report,
+        });
+        self
+    }
+
+    /// As JSON.
+    pub fn json(&self) -> String {
+        serde_json::to_string(self).expect("numbers and names")
+    }
+}
+
+/// To 2⁻²⁴ of a unit, far below what anybody sees: numbers whose last digits are zeros take less room.
+fn rounded(value: f64) -> f64 {
+    const PLACES: f64 = (1 << 24) as f64;
+    (value * PLACES).round() / PLACES
+}
+
+impl Mechanism {
+    fn new(config: &MachineConfig) -> Self {
+        let limits = limits::of(config);
+        let described = Described { geometry: config.geometry, offsets: config.offsets, limits };
+        let mut bytes = vec![];
+        described.write(|value| bytes.extend(value.to_le_bytes()));
+        Self {
+            scene: Scene::new(config),
+            numbers: BASE64_STANDARD.encode(bytes),
+            limits: named(config),
+            tool: config.spindle.into(),
+        }
+    }
+}
+
+/// Every limit that a part may have.
+fn named(config: &MachineConfig) -> BTreeMap<String, Named> {
+    let letters = Letter::ALL.into_iter().map(Part::Axis);
+    let joints = (0..config.joints.len()).map(Part::Joint);
+    let legs = (0..config.legs()).map(Part::Leg);
+    let pairs = config.pairs().into_iter().map(Part::Legs);
+    let parts: Vec<Part> = std::iter::once(Part::Whole)
+        .chain(letters)
+        .chain(joints)
+        .chain(legs)
+        .chain(pairs)
+        .collect();
+    let all = Limit::ALL.into_iter().flat_map(|limit| parts.iter().map(move |part| (limit, *part)));
+    all.filter(|(limit, part)| belongs(*limit, *part))
+        .map(|(limit, part)| {
+            let named = Named {
+                part: limits::part(config, limit, part),
+                limit: limit.name(),
+                unit: limits::unit(config, limit, part),
+            };
+            (key(limit, part), named)
+        })
+        .collect()
+}
+
+/// Whether a limit is one of such a part.
+fn belongs(limit: Limit, part: Part) -> bool {
+    match limit {
+        Limit::Axis => matches!(part, Part::Axis(_)),
+        Limit::JointRange | Limit::JointSpeed | Limit::JointAcceleration => {
+            matches!(part, Part::Joint(_))
+        }
+        Limit::Clearance => matches!(part, Part::Legs(_)),
+        Limit::Tilt | Limit::Conditioning => part == Part::Whole,
+        Limit::Reach
+        | Limit::DeadPoint
+        | Limit::BaseCone
+        | Limit::PlatformCone
+        | Limit::BasePyramid
+        | Limit::PlatformPyramid => matches!(part, Part::Leg(_)),
+    }
+}
+
+/// As the page's kinematics number a limit and a part.
+fn key(limit: Limit, part: Part) -> String {
+    let [kind, first, second] = page_core::numbers(part);
+    format!("{} {kind} {first} {second}", limit.index())
+}
+
+impl Curves {
+    fn new(config: &MachineConfig, course: &Thinned) -> Self {
+        let mut all =
+            Self { names: vec![], values: Columns::new(&[], |value: &f32| value.to_le_bytes()) };
+        let mut columns = vec![course.samples.iter().map(|sample| sample.at as f32).collect()];
+        let mut add = |curve: Curve, value: &dyn Fn(&Sample) -> f64| {
+            all.names.push(curve);
+            columns.push(course.samples.iter().map(|sample| value(sample) as f32).collect());
+        };
+        for (i, joint) in config.joints.iter().enumerate() {
+            let curve = |name| Curve {
+                group: "joints",
+                name,
+                unit: config.unit_of(i).into(),
+                range: [Some(joint.min), Some(joint.max)],
+            };
+            add(curve(joint.name.clone()), &|sample| sample.joints[i][0]);
+        }
+        let share =
+            |group, name| Curve { group, name, unit: "%".into(), range: [None, Some(100.0)] };
+        if course.abscissa == Abscissa::Seconds {
+            for (i, joint) in config.joints.iter().enumerate() {
+                add(share("speeds", joint.name.clone()), &|sample| 100.0 * sample.speeds[i]);
+            }
+            for (i, joint) in config.joints.iter().enumerate() {
+                add(share("following errors", joint.name.clone()), &|sample| {
+                    100.0 * sample.errors[i]
+                });
+            }
+            add(share("feed", "feed that the guard allows".into()), &|sample| 100.0 * sample.feed);
+        }
+        for limit in Limit::ALL {
+            let room = |sample: &Sample| sample.rooms[limit.index()];
+            if course.samples.iter().any(|sample| room(sample).is_finite()) {
+                let curve = Curve {
+                    group: "margins",
+                    name: limit.name().into(),
+                    unit: "%".into(),
+                    range: [Some(0.0), None],
+                };
+                add(curve, &|sample| 100.0 * room(sample));
+            }
+        }
+        all.values = Columns::new(&columns, |value| value.to_le_bytes());
+        all
+    }
+}

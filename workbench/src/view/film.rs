@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Frames of a page, drawn by a browser without a window, and a video of them.
+//!
+//! The page draws the frames that its address asks for and lays them into itself as text; the browser writes
+//! the page out (`--dump-dom`). ffmpeg makes a video of them.
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use std::ffi::OsStr;
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// Browsers that this works with, as distributions call them.
+pub const BROWSERS: [&str; 4] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+
+/// Frames that a browser draws before it ends: as text they are held in memory.
+pub const AT_A_TIME: usize = 50;
+
+/// Frames in a second of a video.
+pub const RATE: usize = 25;
+
+/// Browsers lay pixels into the page for this time of their own clock, which waits while they draw.
+const BUDGET: &str = "--virtual-time-budget=60000";
+
+const SCHEME: &str = "data:image/png;base64,";
+
+/// Why there are no frames, or no video.
+#[derive(Debug, thiserror::Error)]
+pub enum FilmError {
+    /// Nothing to draw with.
+    #[error(
+        "no browser is there to draw with (looked for {}): install chromium, or name one by --browser",
+        BROWSERS.join(", ")
+    )]
+    NoBrowser,
+    /// A program that cannot be started.
+    #[error("{}: cannot be started: {error}", program.display())]
+    NotStarted {
+        /// Its file.
+        program: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// The browser ended without the frames.
+    #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {told}", browser.display())]
+    NoFrames {
+        /// The browser's file.
+        browser: PathBuf,
+        /// Frames that came.
+        found: usize,
+        /// Frames asked for.
+        wanted: usize,
+        /// The last line that it wrote.
+        told: String,
+    },
+    /// ffmpeg ended with an error.
+    #[error("ffmpeg made no video: {0}")]
+    NoVideo(String),
+    /// Files of this computer.
+    #[error("{0}")]
+    File(#[from] io::Error),
+}
+
+/// How frames are drawn.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// The browser.
+    pub browser: PathBuf,
+    /// The page's file; beside it the browser keeps its own.
+    pub page: PathBuf,
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+    /// The view by its name on the page.
+    pub view: String,
+}
+
+/// The browser that was asked for, or the first one there is.
+///
+/// # Errors
+/// There is none.
+pub fn browser(wanted: Option<&Path>) -> Result<PathBuf, FilmError> {
+    if let Some(wanted) = wanted {
+        return Ok(wanted.into());
+    }
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let places: Vec<PathBuf> = std::env::split_paths(&folders).collect();
+    let all = BROWSERS.iter().flat_map(|name| places.iter().map(move |place| place.join(name)));
+    all.into_iter().find(|file| file.is_file()).ok_or(FilmError::NoBrowser)
+}
+
+impl Camera {
+    /// Frames of a video of `all` frames as PNG files.
+    ///
+    /// # Errors
+    /// The browser cannot be started, or draws fewer.
+    pub fn frames(&self, which: Range<usize>, all: usize) -> Result<Vec<Vec<u8>>, FilmError> {
+        let wanted = which.len();
+        let [width, height] = self.size;
+        let page = std::path::absolute(&self.page)?;
+        let address = format!(
+            "file://{}#frames={},{wanted},{all},{width},{height},{}",
+            escaped(&page),
+            which.start,
+            self.view
+        );
+        let mut command = Command::new(&self.browser);
+        command.args(["--headless", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
+        // A page of one's own, without a network.
+        command.args(["--disable-background-networking", "--disable-component-update"]);
+        command.args(["--disable-sync", "--disable-quic", "--no-first-run", BUDGET, "--dump-dom"]);
+        if rustix::process::getuid().is_root() {
+            // Root has no sandbox to start a browser in.
+            command.arg("--no-sandbox");
+        }
+        let profile = self.page.with_file_name("profile");
+        command.arg(format!("--user-data-dir={}", profile.display())).arg(address);
+        let output =
+            command.stdin(Stdio::null()).output().map_err(|e| started(&self.browser, e))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        let frames = text.split(SCHEME).skip(1).map(|rest| {
+            let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && !"+/=".contains(c));
+            BASE64_STANDARD.decode(&rest[..end.unwrap_or(rest.len())]).unwrap_or_default()
+        });
+        let frames: Vec<Vec<u8>> = frames.filter(|frame| !frame.is_empty()).collect();
+        if frames.len() == wanted {
+            return Ok(frames);
+        }
+        Err(FilmError::NoFrames {
+            browser: self.browser.clone(),
+            found: frames.len(),
+            wanted,
+            told: last_line(&output.stderr),
+        })
+    }
+
+    /// A video of `all` frames, written to a file; `done` hears the share that is done.
+    ///
+    /// # Errors
+    /// As [`Camera::frames`]; ffmpeg cannot be started, or refuses them.
+    pub fn film(&self, all: usize, file: &Path, done: impl Fn(f64)) -> Result<(), FilmError> {
+        let mut ffmpeg = encoder(file)?;
+        let mut sink = ffmpeg.stdin.take().expect("its standard input is a pipe");
+        let mut written = Ok(());
+        for first in (0..all).step_by(AT_A_TIME) {
+            let frames = self.frames(first..all.min(first + AT_A_TIME), all)?;
+            written = frames.iter().try_for_each(|frame| sink.write_all(frame));
+            if written.is_err() {
+                break;
+            }
+            done(first as f64 / all as f64);
+        }
+        drop(sink);
+        let output = ffmpeg.wait_with_output()?;
+        match written.is_ok() && output.status.success() {
+            true => Ok(()),
+            false => Err(FilmError::NoVideo(last_line(&output.stderr))),
+        }
+    }
+}
+
+fn encoder(file: &Path) -> Result<Child, FilmError> {
+    let mut command = Command::new("ffmpeg");
+    command.args(["-hide_banner", "-loglevel", "error", "-y", "-f", "image2pipe", "-c:v", "png"]);
+    command.args(["-framerate", &RATE.to_string(), "-i", "-", "-c:v", "libx264"]);
+    // What every player takes.
+    command.args(["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]).arg(file);
+    command.stdin(Stdio::piped()).stderr(Stdio::piped());
+    command.spawn().map_err(|error| started("ffmpeg", error))
+}
+
+fn started(program: impl AsRef<OsStr>, error: io::Error) -> FilmError {
+    FilmError::NotStarted { program: program.as_ref().into(), error }
+}
+
+fn last_line(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it said nothing").into()
+}
+
+/// A path as a part of an address.
+fn escaped(path: &Path) -> String {
+    let is_plain = |byte: &u8| byte.is_ascii_alphanumeric() || b"/._-~".contains(byte);
+    let bytes = path.as_os_str().as_encoded_bytes();
+    let part = |byte: &u8| match is_plain(byte) {
+        true => char::from(*byte).to_string(),
+        false => format!("%{byte:02X}"),
+    };
+    bytes.iter().map(part).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_has_no_sign_of_its_own_in_a_path() {
+        assert_eq!(escaped(Path::new("/a b/c#1%.html")), "/a%20b/c%231%25.html");
+    }
+
+    #[test]
+    fn a_browser_that_draws_nothing_is_told_with_its_last_words() {
+        let page = PathBuf::from("/nowhere.html");
+        let camera =
+            Camera { browser: "/bin/false".into(), page, size: [10, 10], view: "3D".into() };
+        let error = camera.frames(0..1, 1).unwrap_err().to_string();
+        assert!(error.starts_with("/bin/false drew 0 of 1 frames"), "{error}");
+        let camera = Camera { browser: "/nowhere".into(), ..camera };
+        let error = camera.frames(0..1, 1).unwrap_err().to_string();
+        assert!(error.starts_with("/nowhere: cannot be started"), "{error}");
+    }
+}

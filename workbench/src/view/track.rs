@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where a machine is at every time of a program, by few points.
+//!
+//! A point is kept where the straight line from the last one kept would leave a cycle between them by more
+//! than a tolerance. When there are too many points the tolerance is doubled, and the points that are there
+//! are thinned by it: so that a day takes as much memory as a minute.
+
+use crate::control::row::Row;
+use crate::read::machine::MachineConfig;
+
+/// Most points: a browser draws as many in every frame.
+pub const MOST_POINTS: usize = 20_000;
+
+/// First tolerance of a length, as a share of the machine's size, and of an angle in degrees: less than a
+/// picture shows.
+const OF_SIZE: f64 = 2e-5;
+const OF_ANGLE: f64 = 2e-3;
+
+/// Pose (x y z in machine units, a b c in degrees) and tool vector of one mechanism.
+pub const VALUES: usize = 9;
+
+/// A moment of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Seconds since the program was started.
+    pub at: f64,
+    /// [`VALUES`] of each mechanism.
+    pub values: Vec<f64>,
+}
+
+/// A program's way through time.
+#[derive(Clone, Debug)]
+pub struct Track {
+    period: f64,
+    tolerance: Vec<f64>,
+    /// By how much the tolerance has grown.
+    coarseness: f64,
+    thinner: Thinner,
+    /// Time of the first cycle of every line, and the line.
+    lines: Vec<(f64, u32)>,
+    end: f64,
+}
+
+impl Track {
+    /// Of nothing yet.
+    pub fn new(config: &MachineConfig) -> Self {
+        let length = OF_SIZE * config.machine.size();
+        let of_one = (0..VALUES).map(|k| if (3..6).contains(&k) { OF_ANGLE } else { length });
+        let tolerance: Vec<f64> = config.mechanisms().flat_map(|_| of_one.clone()).collect();
+        Self {
+            period: config.period,
+            thinner: Thinner::new(&tolerance),
+            tolerance,
+            coarseness: 1.0,
+            lines: vec![],
+            end: 0.0,
+        }
+    }
+
+    /// Takes a servo cycle.
+    pub fn see(&mut self, config: &MachineConfig, row: &Row) {
+        let at = row.cycle as f64 * self.period;
+        let (pose, tool) = row.machine(config);
+        let mut values: Vec<f64> = pose.into_iter().chain(tool.iter().copied()).collect();
+        if config.second.is_some() {
+            values.extend(row.second.pose.iter().chain(&row.second.tool));
+        }
+        if self.lines.last().is_none_or(|(_, line)| *line != row.line) {
+            self.lines.push((at, row.line));
+        }
+        self.end = at;
+        self.thinner.take(Point { at, values });
+        if self.thinner.points.len() > MOST_POINTS {
+            self.coarsen();
+        }
+    }
+
+    fn coarsen(&mut self) {
+        self.coarseness *= 2.0;
+        let tolerance: Vec<f64> =
+            self.tolerance.iter().map(|value| value * self.coarseness).collect();
+        let all = std::mem::replace(&mut self.thinner, Thinner::new(&tolerance)).finish();
+        all.into_iter().for_each(|point| self.thinner.take(point));
+    }
+
+    /// The points, in order; none where nothing was seen.
+    pub fn points(&self) -> Vec<Point> {
+        self.thinner.clone().finish()
+    }
+
+    /// Time of the first cycle of every stretch of a line, and the line.
+    pub fn lines(&self) -> &[(f64, u32)] {
+        &self.lines
+    }
+
+    /// When the program ends, seconds.
+    pub fn end(&self) -> f64 {
+        self.end
+    }
+}
+
+/// Keeps those of a row of points that a line from point to point needs.
+#[derive(Clone, Debug)]
+struct Thinner {
+    tolerance: Vec<f64>,
+    points: Vec<Point>,
+    /// The last point taken, and the slopes that lines from the last one kept may have.
+    last: Option<Point>,
+    slopes: Vec<[f64; 2]>,
+}
+
+impl Thinner {
+    fn new(tolerance: &[f64]) -> Self {
+        let slopes = vec![ANY; tolerance.len()];
+        Self { tolerance: tolerance.to_vec(), points: vec![], last: None, slopes }
+    }
+
+    fn take(&mut self, point: Point) {
+        let Some(pivot) = self.points.last() else {
+            self.points.push(point);
+            return;
+        };
+        if let Some(last) = self.last.take()
+            && !self.reaches(pivot, &point)
+        {
+            self.points.push(last);
+            self.slopes.fill(ANY);
+        }
+        self.narrow(&point);
+        self.last = Some(point);
+    }
+
+    /// Whether a line to the point passes all those between.
+    fn reaches(&self, pivot: &Point, point: &Point) -> bool {
+        let values = pivot.values.iter().zip(&point.values).zip(&self.slopes);
+        values.into_iter().all(|((from, to), [low, high])| {
+            let slope = (to - from) / (point.at - pivot.at);
+            *low <= slope && slope <= *high
+        })
+    }
+
+    fn narrow(&mut self, point: &Point) {
+        let Some(pivot) = self.points.last() else { return };
+        let step = point.at - pivot.at;
+        for (k, [low, high]) in self.slopes.iter_mut().enumerate() {
+            let (way, tolerance) = (point.values[k] - pivot.values[k], self.tolerance[k]);
+            *low = low.max((way - tolerance) / step);
+            *high = high.min((way + tolerance) / step);
+        }
+    }
+
+    fn finish(mut self) -> Vec<Point> {
+        self.points.extend(self.last.take());
+        self.points
+    }
+}
+
+const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn thinned(values: impl Iterator<Item = f64>, tolerance: f64) -> Vec<Point> {
+        let mut thinner = Thinner::new(&[tolerance]);
+        for (i, value) in values.enumerate() {
+            thinner.take(Point { at: i as f64, values: vec![value] });
+        }
+        thinner.finish()
+    }
+
+    #[test]
+    fn a_straight_way_needs_its_ends_and_a_corner_one_more() {
+        let at = |points: Vec<Point>| points.iter().map(|point| point.at).collect::<Vec<_>>();
+        assert_eq!(at(thinned((0..100).map(|i| 0.5 * f64::from(i)), 1e-9)), [0.0, 99.0]);
+        let corner = (0..100).map(|i| f64::from((i - 40_i32).abs()));
+        assert_eq!(at(thinned(corner, 1e-9)), [0.0, 40.0, 99.0]);
+    }
+
+    #[test]
+    fn every_cycle_is_within_the_tolerance_of_the_lines() {
+        let value = |i: f64| (i / 50.0).sin() + 0.3 * (i / 7.0).cos();
+        let points = thinned((0..2000).map(|i| value(f64::from(i))), 1e-3);
+        assert!(points.len() < 1000, "{} points", points.len());
+        for i in 0..2000 {
+            let t = f64::from(i);
+            let next = points.iter().position(|point| point.at >= t).unwrap();
+            let (a, b) = (&points[next.saturating_sub(1)], &points[next]);
+            let share = if a.at == b.at { 0.0 } else { (t - a.at) / (b.at - a.at) };
+            let on_line = a.values[0] + share * (b.values[0] - a.values[0]);
+            assert!((on_line - value(t)).abs() <= 1e-3 + 1e-12, "at {t}");
+        }
+    }
+}
