@@ -723,6 +723,7 @@ Commands:
   replay       Writes the joint values that a program asks for
   path         Programs along curves, and what they ask of the joints
   scene        The machine as one JSON object, for viewers
+  view         One page that shows the machine, and a program on it, in any browser
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
   stiffness    How stiffly the legs hold the tool

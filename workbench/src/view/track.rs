@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn every_cycle_is_within_the_tolerance_of_the_lines() {
-        let value = |i: f64| (i / 50.0).sin() + 0.3 * (i / 7.0).cos();
+        let value = |i: f64| (i / 50.0).sin() + 0.3 * (i / 40.0).cos();
         let points = thinned((0..2000).map(|i| value(f64::from(i))), 1e-3);
         assert!(points.len() < 1000, "{} points", points.len());
         for i in 0..2000 {

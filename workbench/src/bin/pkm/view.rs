@@ -77,7 +77,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Videos need even sides.
 fn pixels(text: &str) -> Result<usize, String> {
-    let is_fine = |value: &usize| (64..=MOST_PIXELS).contains(value) && value % 2 == 0;
+    let is_fine = |value: &usize| (64..=MOST_PIXELS).contains(value) && value.is_multiple_of(2);
     let value = text.parse::<usize>().ok().filter(is_fine);
     value.ok_or_else(|| format!("expected an even number from 64 to {MOST_PIXELS}"))
 }
