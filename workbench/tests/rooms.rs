@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 16] = [
+const ROOMS: [(&str, &[&str]); 17] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
     ("rows", &["read"]),
     ("scene", &["read"]),
+    ("panel", &["read"]),
     ("proof", &["limits", "read"]),
     ("check", &["limits", "proof", "read", "rows"]),
     ("control", &["files", "read"]),

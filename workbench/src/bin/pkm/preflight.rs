@@ -59,6 +59,9 @@ pub struct Arguments {
     /// Seconds of reading without a move after which a program counts as endless
     #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().seconds)]
     patience: f64,
+    /// Whether a user interface of LinuxCNC waits for the answer.
+    #[arg(skip)]
+    is_filter: bool,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,6 +131,28 @@ impl Answer {
             None => Verdict::Unjudged,
         }
     }
+}
+
+/// What of a program does not fit a machine, in a sentence each: its path, and what LinuxCNC makes of it
+/// where it can be run.
+pub fn misfits(machine: MachineFile, program: &Path) -> Result<Vec<String>, Failure> {
+    let Patience { moves: most_moves, seconds: patience } = Patience::default();
+    let arguments = Arguments {
+        machine,
+        programs: vec![program.into()],
+        format: Format::Text,
+        report: None,
+        control: Control::default(),
+        most_moves,
+        patience,
+        is_filter: true,
+    };
+    let config = arguments.machine.read_all()?;
+    let (answer, _) = judged(&config, &arguments, program)?;
+    let texts = texts(&answer.files)?;
+    let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
+    let told = |told| in_a_sentence(&config, told, &answer.files, &blocks);
+    Ok(answer.found.breaks.iter().map(told).collect())
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -296,7 +321,10 @@ fn followed(
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let options = Options { block: block.map(Into::into), ..arguments.control.options() };
     let is_over = AtomicBool::new(false);
-    let progress = Progress::new(config);
+    let progress = match arguments.is_filter {
+        false => Progress::new(config),
+        true => Progress::of_filter(config, count_lines(program)?),
+    };
     let run = || {
         timed(config, program, &options, |row| {
             progress.see(row);
@@ -341,6 +369,11 @@ fn read(
     Ok((flight.finish()?, files))
 }
 
+fn count_lines(program: &Path) -> Result<u32, Failure> {
+    let lines = std::fs::read(program).at(program)?.split(|byte| *byte == b'\n').count();
+    Ok(u32::try_from(lines).unwrap_or(u32::MAX))
+}
+
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let text = |file: &PathBuf| {
         let bytes = std::fs::read(file).at(file)?;
@@ -377,8 +410,12 @@ fn offset(
     program: &Path,
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    // Another place does not make a program slower, and two mechanisms have two places.
-    if found.breaks.iter().all(|told| told.limit.is_of_time()) || config.second.is_some() {
+    // Another place does not make a program slower, two mechanisms have two places, and who opens a
+    // program does not wait for a search.
+    if arguments.is_filter
+        || found.breaks.iter().all(|told| told.limit.is_of_time())
+        || config.second.is_some()
+    {
         return Ok(None);
     }
     if !config.chain.is_empty() {
