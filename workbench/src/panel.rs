@@ -279,7 +279,7 @@ impl Sheet {
             let changed = format!("{stem}geometry-changed");
             self.lamp(&format!("geometry-changed{own}"), &changed, "pins differ", BEYOND);
             let hash = format!("{stem}geometry-hash");
-            self.shown("u32", &format!("geometry-hash{own}"), &hash, "format=\"08x\"");
+            self.shown("u32", &format!("geometry-hash{own}"), &hash, "");
         }
         self.close("table");
         self.close("labelframe");

@@ -1,0 +1,2 @@
+def judged(out):
+    return ""

@@ -1,0 +1,101 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
+
+    drive.py FOLDER        with INI_FILE_NAME and DISPLAY set
+
+Writes home.png and program.png, and what HAL said at the time, home.json and program.json.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "live"))
+import hal  # noqa: E402
+import linuxcnc  # noqa: E402
+
+COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
+START_SECONDS = 60
+# The model is drawn anew ten times a second, on a computer that draws slowly.
+SETTLE_SECONDS = 2.0
+# How far a program runs before its picture is made, at most.
+RUN_SECONDS = 8.0
+
+
+def wait_for_axis(name):
+    """Until AXIS has connected the panel, which it does last, and both windows are there."""
+    wait(lambda: windows(name), "windows of AXIS and of the model")
+    # Not before LinuxCNC has made the memory that it is a part of.
+    kept = hal.component("screens")
+    kept.ready()
+    for part in COMPONENTS:
+        wait(lambda: hal.component_exists(part), part)
+    return kept
+
+
+def wait(condition, what):
+    end = time.monotonic() + START_SECONDS
+    while not condition():
+        if time.monotonic() > end:
+            sys.exit(f"{what}: not there after {START_SECONDS} s")
+        time.sleep(0.5)
+
+
+def windows(name):
+    """Left, top, width and height of the model's window, once it has its place."""
+    tree = subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
+    if not re.search(r'"AXIS ', tree) and not re.search(r'"axis', tree):
+        return None
+    found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree)
+    return [int(found[k]) for k in (3, 4, 1, 2)] if found else None
+
+
+def state(machine, scene, name):
+    values = {"window": windows(name)}
+    for key, pins in (
+            ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene["joints"]]),
+            ("pose", [f"{scene['pins']}{letter}" for letter in "xyzabc"]),
+            ("tool", [f"{scene['pins']}tool-offset-eff-{letter}" for letter in "xyz"])):
+        values[key] = [machine.get(pin) for pin in pins]
+    pins = ("pkmkins-panel.known", "pkmkins-panel.guard-on", "pyvcp.geometry-ok", "pyvcp.joint-0")
+    values["pins"] = {pin: machine.get(pin) for pin in pins}
+    return values
+
+
+def picture(machine, scene, out, stem, name):
+    time.sleep(SETTLE_SECONDS)
+    (out / f"{stem}.json").write_text(json.dumps(state(machine, scene, name)))
+    for ending in ("png", "ppm"):
+        subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
+
+
+def main():
+    out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
+    name = Path(ini).stem
+    scene = json.loads(subprocess.run(["pkm", "scene", ini], capture_output=True, text=True, check=True).stdout)
+    (out / "scene.json").write_text(json.dumps(scene))
+    kept = wait_for_axis(name)
+    from machine import Machine
+    machine = Machine()
+    machine.start()
+    machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
+    picture(machine, scene, out, "home", name)
+    machine.set_mode(linuxcnc.MODE_AUTO)
+    machine.command.auto(linuxcnc.AUTO_RUN, 0)
+    machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
+    machine.pause(RUN_SECONDS)
+    machine.command.auto(linuxcnc.AUTO_PAUSE)
+    machine.pause(0.5)
+    picture(machine, scene, out, "program", name)
+    machine.command.abort()
+    assert not machine.error_texts(), machine.error_texts()
+    kept.exit()
+
+
+if __name__ == "__main__":
+    main()
