@@ -18,13 +18,15 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "live"))
 import hal  # noqa: E402
 import linuxcnc  # noqa: E402
+from drawn import Scene, View, farthest, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 60
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
-# How far a program runs before its picture is made, at most.
-RUN_SECONDS = 8.0
+# How far a program runs before its picture is made, at most, and pixels that some part has gone then.
+RUN_SECONDS = 20.0
+MOTION = 30
 
 
 def wait_for_axis(name):
@@ -69,29 +71,34 @@ def state(machine, scene, name):
 
 def picture(machine, scene, out, stem, name):
     time.sleep(SETTLE_SECONDS)
-    (out / f"{stem}.json").write_text(json.dumps(state(machine, scene, name)))
+    values = state(machine, scene, name)
+    (out / f"{stem}.json").write_text(json.dumps(values))
     for ending in ("png", "ppm"):
         subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
+    return values
 
 
 def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
     name = Path(ini).stem
-    scene = json.loads(subprocess.run(["pkm", "scene", ini], capture_output=True, text=True, check=True).stdout)
-    (out / "scene.json").write_text(json.dumps(scene))
+    fields = json.loads(subprocess.run(["pkm", "scene", ini], capture_output=True, text=True, check=True).stdout)
+    (out / "scene.json").write_text(json.dumps(fields))
     kept = wait_for_axis(name)
     from machine import Machine
     machine = Machine()
     machine.start()
     machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
-    picture(machine, scene, out, "home", name)
+    home = picture(machine, fields, out, "home", name)
     machine.set_mode(linuxcnc.MODE_AUTO)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
-    machine.pause(RUN_SECONDS)
+    scene, end = Scene(fields), time.monotonic() + RUN_SECONDS
+    view, before = View(scene, home["window"]), parts(scene, home)
+    while time.monotonic() < end and farthest(view, before, parts(scene, state(machine, fields, name))) < MOTION:
+        machine.pause(0.3)
     machine.command.auto(linuxcnc.AUTO_PAUSE)
     machine.pause(0.5)
-    picture(machine, scene, out, "program", name)
+    picture(machine, fields, out, "program", name)
     machine.command.abort()
     assert not machine.error_texts(), machine.error_texts()
     kept.exit()

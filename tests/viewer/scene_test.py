@@ -45,7 +45,8 @@ def poses(scene, chance):
 def largest_difference(ini, chance):
     """Of the ends of legs over random poses with a tool, and how many poses there were."""
     scene = Scene(json.loads(pkm("scene", ini)))
-    own = [chance.uniform(-20, 20) * scene.units_per_mm for _ in range(3)]
+    # Where the pose is the platform's own, rods know no tool.
+    own = [chance.uniform(-20, 20) * scene.units_per_mm * scene.sees_tool for _ in range(3)]
     tool = (own[0], own[1], own[2] + scene.spindle_offset)
     table = pkm("rods", ini, "--tool", *own, given=poses(scene, chance))
     worst, count = 0, 0

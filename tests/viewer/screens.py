@@ -76,11 +76,14 @@ def started(ini, log, env):
 
 
 def stop(process):
-    process.send_signal(signal.SIGTERM)
+    """Ends AXIS, after which LinuxCNC ends by itself; then whatever is left of it."""
+    group = ["pgrep", "-g", str(process.pid), "-f", "bin/axis "]
+    for axis in subprocess.run(group, capture_output=True, text=True).stdout.split():
+        os.kill(int(axis), signal.SIGTERM)
     try:
         process.wait(20)
     except subprocess.TimeoutExpired:
-        pass
+        Path("/tmp/linuxcnc.lock").unlink(missing_ok=True)
     try:
         os.killpg(process.pid, signal.SIGKILL)
     except ProcessLookupError:

@@ -156,3 +156,69 @@ fn a_scene_of_no_machine_or_to_no_place_is_refused_and_leaves_nothing() {
     assert!(code == Some(2) && told.contains("broken.ini"), "{told}");
     assert!(!place.exists());
 }
+
+/// Where an axis of the chain takes a point that it carries.
+fn out(link: &Value, value: f64, point: Vector3<f64>) -> Vector3<f64> {
+    let (axis, on) = (vector(&link["axis"]), vector(&link["point"]));
+    match link["is_rotary"].as_bool().unwrap() {
+        false => point + axis * value,
+        true => {
+            let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), value.to_radians());
+            on + turn * (point - on)
+        }
+    }
+}
+
+/// Where all that carry the same take it.
+fn carried(scene: &Value, carries: &str, world: &[f64; 9], point: Vector3<f64>) -> Vector3<f64> {
+    let links = scene["chain"].as_array().unwrap().iter().filter(|link| link["carries"] == carries);
+    links.rev().fold(point, |point, link| {
+        let letter = link["letter"].as_str().unwrap();
+        out(link, world["XYZABCUVW".find(letter).unwrap()], point)
+    })
+}
+
+#[test]
+fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
+    let mut rng = Pcg64::seed_from_u64(21);
+    let mut seen = 0;
+    for machine in MACHINES {
+        let config = config(machine);
+        if config.chain.is_empty() {
+            continue;
+        }
+        let scene = scene(&ini(machine), &[]);
+        for _ in 0..100 {
+            let mut pose: [f64; 6] = config.start;
+            for (k, axis) in config.programmed.iter().enumerate().filter(|(_, a)| a.min.is_finite())
+            {
+                pose[k] = rng.random_range(axis.min..axis.max);
+            }
+            let extra = std::array::from_fn(|n| match config.extra.get(n) {
+                Some(_) => rng.random_range(-180.0..180.0),
+                None => 0.0,
+            });
+            let tool = Vector3::from_fn(|_, _| rng.random_range(-50.0..50.0));
+            let world = config.world(&pose, &extra);
+            let platform = Pose::from_degrees(config.carried(&pose, &extra, &tool).unwrap());
+            // What programs say of the tip, on the work.
+            let told = Vector3::from_fn(|k, _| world[k]) - tool;
+            let held = carried(&scene, "tool", &world, -tool);
+            let on_platform = |point| {
+                let place = match scene["sees_tool"].as_bool().unwrap() {
+                    true => platform.position - tool + platform.rotation() * (tool + point),
+                    false => platform.position + platform.rotation() * point,
+                };
+                carried(&scene, "legs", &world, place)
+            };
+            let worked = carried(&scene, "work", &world, told);
+            let (tip, work) = match scene["holder"].is_null() {
+                true => (on_platform(held), worked),
+                false => (vector(&scene["holder"]) + held, on_platform(worked)),
+            };
+            assert!((tip - work).norm() < LENGTH, "{machine}: {tip} {work}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 300, "{seen}");
+}
