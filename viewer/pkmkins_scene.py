@@ -10,6 +10,9 @@ from math import cos, radians, sin, sqrt
 
 VERSION = 1
 
+# Share of a machine's size that the first view has around it.
+ROOM = 1.2
+
 
 class SceneError(Exception):
     """A file that is no scene, with the reason."""
@@ -178,11 +181,18 @@ class Scene:
 
 
 def extent(scene):
-    """Half of what the machine reaches over, and its middle."""
+    """Half of what a first view of the machine shows, and its middle."""
     place = scene.place(scene.home["joints"], scene.home["pose"], (0, 0, scene.spindle_offset))
-    points = [end for leg in zip(place.lower, place.upper) for end in leg] + place.tool
+    points = [end for leg in zip(place.lower, place.upper) for end in leg] + place.tool + [place.work.origin]
     for leg, joint in zip(scene.legs, scene.joints):
         if leg["kind"] == "slider":
             points += [scene.lower(leg, joint[end]) for end in ("min", "max") if joint[end] is not None]
     low, high = ([pick(p[k] for p in points) for k in range(3)] for pick in (min, max))
-    return norm(subtract(high, low)) / 2, scaled(add(low, high), 0.5)
+    return ROOM * norm(subtract(high, low)) / 2, scaled(add(low, high), 0.5)
+
+
+def whole(scenes):
+    """The same of mechanisms together."""
+    sizes, middles = zip(*map(extent, scenes))
+    middle = scaled(tuple(map(sum, zip(*middles))), 1 / len(middles))
+    return max(size + norm(subtract(own, middle)) for size, own in zip(sizes, middles)), middle

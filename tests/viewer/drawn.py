@@ -8,7 +8,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "viewer"))
-from pkmkins_scene import Scene, add, extent, scaled, subtract  # noqa: E402
+from pkmkins_scene import Scene, add, scaled, subtract, whole  # noqa: E402
 
 # How LinuxCNC's library looks at a model: degrees, and sizes of the model away.
 LATITUDE, LONGITUDE, FIELD, DISTANCE = -70, 30, 30, 3
@@ -73,9 +73,9 @@ def is_metal(colour):
 class View:
     """Places of the machine as pixels of the whole screen."""
 
-    def __init__(self, scene, window):
+    def __init__(self, scenes, window):
         self.left, self.top, self.width, self.height = window
-        self.size, self.middle = extent(scene)
+        self.size, self.middle = whole(scenes)
 
     def pixel(self, point):
         x, y, z = subtract(point, self.middle)
@@ -86,11 +86,16 @@ class View:
         return self.left + self.width / 2 + focus * x, self.top + self.height / 2 - focus * y
 
 
-def parts(scene, state):
-    """Name, a point in it, and whether a colour is its own."""
-    place = scene.place(state["joints"], state["pose"], state["tool"] if scene.sees_tool else (0, 0, 0))
+def parts(scenes, state):
+    """Name, a point in it, and whether a colour is its own, of all mechanisms."""
+    return [part for scene, own in zip(scenes, state["mechanisms"]) for part in parts_of(scene, own)]
+
+
+def parts_of(scene, state):
+    place = scene.place(state["joints"], state["pose"], state["tool"])
     found = []
-    for n, (leg, low, high) in enumerate(zip(scene.legs, place.lower, place.upper)):
+    legs = zip((joint["number"] for joint in scene.joints), scene.legs, place.lower, place.upper)
+    for n, leg, low, high in legs:
         way = subtract(high, low)
         found.append((f"rod of leg {n}", add(low, scaled(way, 0.85)), is_metal))
         if leg["kind"] == "slider":
@@ -109,14 +114,14 @@ def farthest(view, before, after):
 
 def judged(out):
     """Says what was seen; AssertionError where a part is not drawn, or has not moved."""
-    scene = Scene.read(out / "scene.json")
+    scenes = [Scene(fields) for fields in json.loads((out / "scenes.json").read_text())]
     log = (out / "linuxcnc.log").read_text(errors="replace")
     assert "pkmkins: panel:" not in log, [line for line in log.splitlines() if "pkmkins: panel:" in line]
     places, pictures = {}, {}
     for stem in ("home", "program"):
         state = json.loads((out / f"{stem}.json").read_text())
-        view, pictures[stem] = View(scene, state["window"]), Picture(out / f"{stem}.ppm")
-        places[stem] = [(name, view.pixel(point), colour) for name, point, colour in parts(scene, state)]
+        view, pictures[stem] = View(scenes, state["window"]), Picture(out / f"{stem}.ppm")
+        places[stem] = [(name, view.pixel(point), colour) for name, point, colour in parts(scenes, state)]
         missing = [name for name, place, colour in places[stem] if not pictures[stem].shows(place, colour)]
         count = len(places[stem])
         assert len(missing) <= (1 - SEEN) * count, f"{stem}: of {count} parts not where they should be: {missing}"

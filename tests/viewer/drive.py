@@ -21,7 +21,7 @@ import linuxcnc  # noqa: E402
 from drawn import Scene, View, farthest, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
-START_SECONDS = 60
+START_SECONDS = 120
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
 # How far a program runs before its picture is made, at most, and pixels that some part has gone then.
@@ -57,48 +57,58 @@ def windows(name):
     return [int(found[k]) for k in (3, 4, 1, 2)] if found else None
 
 
-def state(machine, scene, name):
-    values = {"window": windows(name)}
-    for key, pins in (
-            ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene["joints"]]),
-            ("pose", [f"{scene['pins']}{letter}" for letter in "xyzabc"]),
-            ("tool", [f"{scene['pins']}tool-offset-eff-{letter}" for letter in "xyz"])):
-        values[key] = [machine.get(pin) for pin in pins]
+def state(machine, scenes, name):
+    values = {"window": windows(name), "mechanisms": []}
+    for scene in scenes:
+        values["mechanisms"].append({key: [machine.get(pin) for pin in pins] for key, pins in (
+            ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene.joints]),
+            ("pose", [f"{scene.pins}{letter}" for letter in "xyzabc"]),
+            ("tool", [f"{scene.pins}tool-offset-eff-{letter}" for letter in "xyz"]))})
     pins = ("pkmkins-panel.known", "pkmkins-panel.guard-on", "pyvcp.geometry-ok", "pyvcp.joint-0")
     values["pins"] = {pin: machine.get(pin) for pin in pins}
     return values
 
 
-def picture(machine, scene, out, stem, name):
+def picture(machine, scenes, out, stem, name):
     time.sleep(SETTLE_SECONDS)
-    values = state(machine, scene, name)
+    values = state(machine, scenes, name)
     (out / f"{stem}.json").write_text(json.dumps(values))
     for ending in ("png", "ppm"):
         subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
     return values
 
 
+def described(ini):
+    """The scenes of the mechanisms."""
+    def asked(number):
+        done = subprocess.run(["pkm", "scene", ini, "--mechanism", number], capture_output=True, text=True, check=True)
+        return Scene(json.loads(done.stdout))
+
+    first = asked("1")
+    return [first, asked("2")] if first.is_of_pair else [first]
+
+
 def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
     name = Path(ini).stem
-    fields = json.loads(subprocess.run(["pkm", "scene", ini], capture_output=True, text=True, check=True).stdout)
-    (out / "scene.json").write_text(json.dumps(fields))
+    scenes = described(ini)
+    (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
     kept = wait_for_axis(name)
     from machine import Machine
     machine = Machine()
     machine.start()
     machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
-    home = picture(machine, fields, out, "home", name)
+    home = picture(machine, scenes, out, "home", name)
     machine.set_mode(linuxcnc.MODE_AUTO)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
-    scene, end = Scene(fields), time.monotonic() + RUN_SECONDS
-    view, before = View(scene, home["window"]), parts(scene, home)
-    while time.monotonic() < end and farthest(view, before, parts(scene, state(machine, fields, name))) < MOTION:
+    end = time.monotonic() + RUN_SECONDS
+    view, before = View(scenes, home["window"]), parts(scenes, home)
+    while time.monotonic() < end and farthest(view, before, parts(scenes, state(machine, scenes, name))) < MOTION:
         machine.pause(0.3)
     machine.command.auto(linuxcnc.AUTO_PAUSE)
     machine.pause(0.5)
-    picture(machine, fields, out, "program", name)
+    picture(machine, scenes, out, "program", name)
     machine.command.abort()
     assert not machine.error_texts(), machine.error_texts()
     kept.exit()

@@ -1083,6 +1083,10 @@ fn every_subcommand_has_a_manual_page_and_completions() {
     for name in [
         "check",
         "preflight",
+        "filter",
+        "scene",
+        "panel",
+        "travel",
         "joints",
         "pose",
         "replay",

@@ -131,6 +131,33 @@ fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
 }
 
 #[test]
+fn a_scene_names_the_files_with_shapes_and_a_line_that_says_no_shape_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hexapod.ini");
+    let text = std::fs::read_to_string(ini("hexapod")).unwrap();
+    let write = |lines: &str| {
+        std::fs::write(&file, text.replacen("[PKM]\n", &format!("[PKM]\n{lines}\n"), 1)).unwrap();
+    };
+    write("TABLE_MODEL = shapes/table.stl cm 1 2 -3");
+    let found = &scene(&file, &[])["meshes"][0];
+    let path = folder.path().join("shapes/table.stl");
+    assert_eq!(found["file"], path.to_str().unwrap());
+    assert_eq!([&found["part"], &found["unit"]], ["table", "cm"]);
+    assert_eq!(found["scale"], 10.0);
+    assert_eq!(found["place"], serde_json::json!([1.0, 2.0, -3.0, 0.0, 0.0, 0.0]));
+    for wrong in
+        ["a.stl", "a.step mm", "a.stl ft", "a.stl mm 1", "a.stl mm 1 2 3 4", "a.stl mm 1 2 nan"]
+    {
+        write(&format!("TABLE_MODEL = {wrong}"));
+        let refused = MachineConfig::read(&file).unwrap_err().to_string();
+        assert!(
+            refused.contains("TABLE_MODEL") && refused.contains("FILE UNIT"),
+            "{wrong}: {refused}"
+        );
+    }
+}
+
+#[test]
 fn the_scene_of_a_second_mechanism_names_its_own_joints_and_pins() {
     let second = scene(&ini("lathe-mirrored"), &["--mechanism", "2"]);
     let numbers: Vec<_> = (0..4).map(|n| second["joints"][n]["number"].as_u64().unwrap()).collect();
