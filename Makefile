@@ -3,11 +3,13 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-screen rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
+# Beside them, a screen in memory with OpenGL, and pictures of it.
+SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
 PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
@@ -70,6 +72,7 @@ help:
 	@echo "make truth      preflight beside LinuxCNC in virtual time: 225 programs, ends in a table"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
+	@echo "make screens    every configuration in AXIS, with panel and model; pictures in build/screens"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
@@ -103,9 +106,17 @@ test: setup
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/viewer/scene_test.py target/host/pkm
+	$(MAKE) --no-print-directory setup-screen
+	tests/viewer/screens.py --only $(THREE)
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+
+# Struts, two mechanisms, and an axis that carries the tool.
+THREE := lab-hexapod,lathe-mirrored,two-turrets
+screens: install setup-screen
+	$(HOST_BUILD) --bin pkm
+	tests/viewer/screens.py --out build/screens
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge
@@ -216,13 +227,18 @@ mutants: setup
 	@[ -x $(MUTANTS) ] || $(CARGO) install --quiet --locked --root target/tools cargo-mutants@27.1.0
 	tests/mutants/run.sh $(MUTANTS) $(PART)
 
-setup: rust
-	@missing=$$(for p in $(PACKAGES); do \
+INSTALLED = missing=$$(for p in $(1); do \
 	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
 	if [ -n "$$missing" ]; then \
 	    echo "pkmkins: installing" $$missing "with apt"; \
 	    $(APT) update -q && $(APT) install -q -y --no-install-recommends $$missing; \
 	fi
+
+setup: rust
+	@$(call INSTALLED,$(PACKAGES))
+
+setup-screen: setup
+	@$(call INSTALLED,$(SCREEN_PACKAGES))
 
 # The cargo that stands first in PATH builds: where it is new enough, nothing is installed.
 rust:

@@ -215,6 +215,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
             continue;
         }
         let scene = scene(&ini(machine), &[]);
+        let (mut questions, mut tips) = (String::new(), vec![]);
         for _ in 0..100 {
             let mut pose: [f64; 6] = config.start;
             for (k, axis) in config.programmed.iter().enumerate().filter(|(_, a)| a.min.is_finite())
@@ -245,7 +246,44 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
             };
             assert!((tip - work).norm() < LENGTH, "{machine}: {tip} {work}");
             seen += 1;
+            let values: serde_json::Map<_, _> =
+                "XYZABCUVW".chars().zip(world).map(|(l, v)| (l.to_string(), v.into())).collect();
+            let question = serde_json::json!({
+                "joints": config.joints.iter().map(|joint| joint.home).collect::<Vec<_>>(),
+                "pose": platform.to_degrees(),
+                "tool": <[f64; 3]>::from(tool),
+                "values": values,
+                "of_work": <[f64; 3]>::from(told),
+            });
+            questions.push_str(&format!("{question}\n"));
+            tips.push(tip);
+        }
+        for (tip, line) in tips.iter().zip(placed(&scene, &questions)) {
+            let apart = [0, 1].map(|n| (vector(&line[n]) - tip).norm());
+            assert!(apart.iter().all(|a| *a < LENGTH), "{machine}: the viewer {apart:?}");
         }
     }
     assert!(seen >= 300, "{seen}");
+}
+
+/// What the viewer makes of the same.
+fn placed(scene: &Value, questions: &str) -> Vec<Value> {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("scene.json");
+    std::fs::write(&file, scene.to_string()).unwrap();
+    let input = place.path().join("questions");
+    std::fs::write(&input, questions).unwrap();
+    let program =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/viewer/placed.py");
+    let out = Command::new("python3")
+        .arg(program)
+        .arg(file)
+        .stdin(std::fs::File::open(input).unwrap())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8(out.stdout).unwrap();
+    let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), questions.lines().count());
+    lines
 }
