@@ -113,7 +113,7 @@ test: setup
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
 # Struts, two mechanisms, and an axis that carries the tool.
-THREE := lab-hexapod,lathe-mirrored,two-turrets
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens

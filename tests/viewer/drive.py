@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
 
-    drive.py FOLDER        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER program|refused|bare        with INI_FILE_NAME and DISPLAY set
 
-Writes home.png and program.png, and what HAL said at the time, home.json and program.json.
+`program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
 """
 
 import json
@@ -24,9 +24,10 @@ COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
-# How far a program runs before its picture is made, at most, and pixels that some part has gone then.
-RUN_SECONDS = 20.0
-MOTION = 30
+# How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
+# of the time fewer, for those whose moves are short.
+RUN_SECONDS = 24.0
+MOTION, LESS_MOTION = 30, 8
 
 
 def wait_for_axis(name):
@@ -48,12 +49,16 @@ def wait(condition, what):
         time.sleep(0.5)
 
 
+def tree():
+    """All windows of the screen, in words."""
+    return subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
+
+
 def windows(name):
     """Left, top, width and height of the model's window, once it has its place."""
-    tree = subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
-    if not re.search(r'"AXIS ', tree) and not re.search(r'"axis', tree):
+    if not re.search('"(AXIS|axis)', tree()):
         return None
-    found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree)
+    found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree())
     return [int(found[k]) for k in (3, 4, 1, 2)] if found else None
 
 
@@ -88,9 +93,8 @@ def described(ini):
     return [first, asked("2")] if first.is_of_pair else [first]
 
 
-def main():
-    out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
-    name = Path(ini).stem
+def program(out, ini, name):
+    """Homes the machine and runs its program."""
     scenes = described(ini)
     (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
     kept = wait_for_axis(name)
@@ -102,16 +106,48 @@ def main():
     machine.set_mode(linuxcnc.MODE_AUTO)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
-    end = time.monotonic() + RUN_SECONDS
+    begin, gone, wanted = time.monotonic(), 0, MOTION
     view, before = View(scenes, home["window"]), parts(scenes, home)
-    while time.monotonic() < end and farthest(view, before, parts(scenes, state(machine, scenes, name))) < MOTION:
+    while gone < wanted and time.monotonic() < begin + RUN_SECONDS:
         machine.pause(0.3)
+        gone = farthest(view, before, parts(scenes, state(machine, scenes, name)))
+        wanted = MOTION if time.monotonic() < begin + RUN_SECONDS / 2 else LESS_MOTION
     machine.command.auto(linuxcnc.AUTO_PAUSE)
     machine.pause(0.5)
     picture(machine, scenes, out, "program", name)
     machine.command.abort()
     assert not machine.error_texts(), machine.error_texts()
     kept.exit()
+
+
+def refused(out, ini, _name):
+    """A picture of what AXIS says of a program that it opens at the start."""
+    Path(ini).with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
+    wait(lambda: '"Filter failed' in tree(), "what AXIS says of the program")
+    time.sleep(SETTLE_SECONDS)
+    subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
+
+
+def bare(_out, _ini, _name):
+    """Homes a machine whose panel knows nothing."""
+    wait(lambda: '"AXIS ' in tree() or '"axis' in tree(), "window of AXIS")
+    kept = hal.component("screens")
+    kept.ready()
+    for part in ("pyvcp", "pkmkins-panel"):
+        wait(lambda: hal.component_exists(part), part)
+    from machine import Machine
+    machine = Machine()
+    machine.start()
+    # As long as the panel would take to know.
+    machine.pause(3)
+    assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
+    assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
+    kept.exit()
+
+
+def main():
+    out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
+    {"program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
 
 
 if __name__ == "__main__":

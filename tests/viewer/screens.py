@@ -6,13 +6,14 @@
 
 Of every configuration: AXIS comes up, the machine is homed and its program runs. A picture is made at
 home and one in the program. In both every part of the machine has to be where the scene's formulas and
-the window's projection say, in its colour; and the parts have to have moved. `--out` keeps the pictures.
+the window's projection say, in its colour; and the parts have to have moved. Two cases more: a program that
+the filter holds back, and a computer without the command `pkm`. `--out` keeps the pictures.
 Needs Xvfb, ImageMagick and Mesa's software GL.
 """
 
 import argparse
-import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -96,29 +97,62 @@ def stop(process):
     process.wait(10)
 
 
-def shown(name, out):
-    """Brings a configuration up and lets `drive.py` run it and make the pictures."""
+def driven(name, out, task, edit=lambda text: text, path=None):
+    """Brings a configuration up and has `drive.py` do its task; returns what LinuxCNC has told."""
     with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as folder, Screen() as screen:
         folder = Path(folder)
         ini = copied(name, folder)
+        ini.write_text(edit(ini.read_text()))
         env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
+        if path:
+            env["PATH"] = path
         clear_hal()
         with open(out / "linuxcnc.log", "w") as log:
             process = started(ini, log, env)
             try:
-                driver = [sys.executable, str(HERE / "drive.py"), str(out)]
+                driver = [sys.executable, str(HERE / "drive.py"), str(out), task]
                 done = subprocess.run(driver, env=env, capture_output=True, text=True, timeout=START_SECONDS + 120)
             finally:
                 stop(process)
                 clear_hal()
         assert done.returncode == 0, done.stdout + done.stderr
+    return (out / "linuxcnc.log").read_text(errors="replace")
+
+
+def shown(name, out):
+    driven(name, out, "program")
     return drawn.judged(out)
+
+
+def filter_holds_back(out):
+    """AXIS asks the filter, which the program that it opens at the start does not pass."""
+    def edit(text):
+        far = "programs/far.ngc"
+        text = re.sub("(?m)^OPEN_FILE = .*$", f"OPEN_FILE = {far}", text)
+        return text + "\n[FILTER]\nPROGRAM_EXTENSION = .ngc G code that fits the machine\nngc = pkm filter\n"
+
+    log = driven("hexapod", out, "refused", edit)
+    for text in ("does not fit the machine", "line 2: axis range: axis X leaves its limit of -150 to 150 mm"):
+        assert text in log, f"AXIS was not told: {text}"
+    return "AXIS says that the filter failed"
+
+
+def without_the_command(out):
+    """Where `pkm` is not installed the machine starts, with a panel, and the reason is told."""
+    log = driven("hexapod", out, "bare", path="/usr/bin:/bin")
+    for text in ("pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
+        assert text in log, f"not told: {text}"
+    return "homed, without model and travel left"
+
+
+# Beside the configurations.
+CASES = {"a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command}
 
 
 def run_one(name, out):
     begin = time.monotonic()
     try:
-        detail = shown(name, out)
+        detail = CASES[name](out) if name in CASES else shown(name, out)
     except (AssertionError, subprocess.SubprocessError, OSError, ValueError) as reason:
         print(f"FAIL screen of {name}: {reason}", flush=True)
         return False
@@ -130,12 +164,13 @@ def run_one(name, out):
 def chosen(only):
     words = only.split(",")
     names = sorted(folder.name for folder in (REPOSITORY / "configs").iterdir())
-    return [name for name in names if any(word in name for word in words)]
+    return [name for name in [*CASES, *names] if any(word in name for word in words)]
 
 
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--only", default="", help="configurations whose names contain this text, or one of several with commas")
+    arguments.add_argument("--only", default="", 
+                           help="configurations and cases whose names contain this text, or one of several with commas")
     arguments.add_argument("--out", type=Path, help="folder that keeps pictures and logs")
     arguments.add_argument("--pkm", type=Path, default=REPOSITORY / "target/host/pkm")
     return arguments.parse_args()

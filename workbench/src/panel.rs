@@ -100,8 +100,8 @@ impl Sheet {
         let attributes = format!(
             "min_=\"{low}\" max_=\"{high}\" range1=\"({low},{first},'{one}')\" \
              range2=\"({first},{second},'{two}')\" range3=\"({second},{high},'{three}')\" \
-             fillcolor=\"{two}\" bgcolor=\"#dddddd\" format=\"{}\" canvas_width=\"190\" \
-             canvas_height=\"30\" bar_height=\"15\" bar_width=\"150\"",
+             fillcolor=\"{two}\" bgcolor=\"#dddddd\" format=\"{}\" canvas_width=\"210\" \
+             canvas_height=\"33\" bar_height=\"17\" bar_width=\"150\"",
             bar.format
         );
         self.shown("bar", &bar.widget, &bar.pin, &attributes);
@@ -135,9 +135,13 @@ impl Sheet {
         let names = (0..pages.len()).map(|n| name("Joints", n, pages.len()));
         let names = names.chain((0..of_cones.len()).map(|n| name("Angles", n, of_cones.len())));
         let names = names.collect::<Vec<_>>().join(",");
-        self.open("tabs", &format!(" names=\"[{names}]\" width=\"350\""));
+        self.open("tabs", &format!(" names=\"[{names}]\" width=\"375\""));
         for page in pages {
             self.table("");
+            self.row();
+            for heading in ["", "in its range", "to its end"] {
+                self.label(heading);
+            }
             for n in page {
                 self.joint(config, *n);
             }
