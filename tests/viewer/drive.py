@@ -120,9 +120,8 @@ def program(out, ini, name):
     kept.exit()
 
 
-def refused(out, ini, _name):
+def refused(out, _ini, _name):
     """A picture of what AXIS says of a program that it opens at the start."""
-    Path(ini).with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
     wait(lambda: '"Filter failed' in tree(), "what AXIS says of the program")
     time.sleep(SETTLE_SECONDS)
     subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
@@ -142,7 +141,27 @@ def bare(_out, _ini, _name):
     machine.pause(3)
     assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
     assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
+    switch_kinematics(machine)
     kept.exit()
+
+
+def switch_kinematics(machine):
+    """As the buttons of the panel do it, whose pins are taken off for this: there and back, and not in a move."""
+    from machine import halcmd
+    joints = machine.joints()
+    for choice in ("machine", "joints"):
+        halcmd("unlinkp", f"pyvcp.kinematics.{choice}")
+    for number, on in ((1, "TRUE"), (0, "FALSE")):
+        halcmd("sets", "panel:ask-joints", on)
+        machine.wait(lambda: machine.get(f"kinstype.is-{number}"), 5, f"kinematics {number}")
+    assert all(abs(a - b) < 1e-9 for a, b in zip(joints, machine.joints())), "a joint has moved"
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.command.mdi("G1 F300 X20")
+    machine.wait(lambda: not machine.stat.inpos, 5, "a move")
+    halcmd("sets", "panel:ask-joints", "TRUE")
+    machine.pause(1)
+    assert not machine.stat.inpos and machine.get("kinstype.is-0"), "switched in a move"
+    halcmd("sets", "panel:ask-joints", "FALSE")
 
 
 def main():

@@ -97,12 +97,12 @@ def stop(process):
     process.wait(10)
 
 
-def driven(name, out, task, edit=lambda text: text, path=None):
+def driven(name, out, task, edit=lambda ini: None, path=None):
     """Brings a configuration up and has `drive.py` do its task; returns what LinuxCNC has told."""
     with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as folder, Screen() as screen:
         folder = Path(folder)
         ini = copied(name, folder)
-        ini.write_text(edit(ini.read_text()))
+        edit(ini)
         env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
         if path:
             env["PATH"] = path
@@ -126,10 +126,11 @@ def shown(name, out):
 
 def filter_holds_back(out):
     """AXIS asks the filter, which the program that it opens at the start does not pass."""
-    def edit(text):
-        far = "programs/far.ngc"
-        text = re.sub("(?m)^OPEN_FILE = .*$", f"OPEN_FILE = {far}", text)
-        return text + "\n[FILTER]\nPROGRAM_EXTENSION = .ngc G code that fits the machine\nngc = pkm filter\n"
+    def edit(ini):
+        text = re.sub("(?m)^OPEN_FILE = .*$", "OPEN_FILE = programs/far.ngc", ini.read_text())
+        text += "\n[FILTER]\nPROGRAM_EXTENSION = .ngc G code that fits the machine\nngc = pkm filter\n"
+        ini.write_text(text)
+        ini.with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
 
     log = driven("hexapod", out, "refused", edit)
     for text in ("does not fit the machine", "line 2: axis range: axis X leaves its limit of -150 to 150 mm"):
@@ -138,11 +139,17 @@ def filter_holds_back(out):
 
 
 def without_the_command(out):
-    """Where `pkm` is not installed the machine starts, with a panel, and the reason is told."""
-    log = driven("hexapod", out, "bare", path="/usr/bin:/bin")
-    for text in ("pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
+    """Where `pkm` is not installed, and pins are missing that the panel would show, the machine starts, with
+    what there is, and the reasons are told."""
+    def edit(ini):
+        wiring = ini.with_name("hexapod-panel.tcl")
+        wiring.write_text(wiring.read_text().replace(" pkmkins.margin.5 ", " pkmkins.margin.6 "))
+
+    log = driven("hexapod", out, "bare", edit, "/usr/bin:/bin")
+    for text in ("panel: there is no pin pkmkins.margin.6: not shown",
+                 "pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
         assert text in log, f"not told: {text}"
-    return "homed, without model and travel left"
+    return "homed, kinematics switched, without model and travel left"
 
 
 # Beside the configurations.
