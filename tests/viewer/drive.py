@@ -146,22 +146,27 @@ def bare(_out, _ini, _name):
 
 
 def switch_kinematics(machine):
-    """As the buttons of the panel do it, whose pins are taken off for this: there and back, and not in a move."""
+    """As the buttons of the panel do it, whose pins are taken off for this: refused in world mode and in a move,
+    there and back in MDI and in joint mode, and no joint moves."""
     from machine import halcmd
-    joints = machine.joints()
     for choice in ("machine", "joints"):
         halcmd("unlinkp", f"pyvcp.kinematics.{choice}")
-    for number, on in ((1, "TRUE"), (0, "FALSE")):
-        halcmd("sets", "panel:ask-joints", on)
-        machine.wait(lambda: machine.get(f"kinstype.is-{number}"), 5, f"kinematics {number}")
-    assert all(abs(a - b) < 1e-9 for a, b in zip(joints, machine.joints())), "a joint has moved"
+
+    def press(joints):
+        halcmd("sets", "panel:ask-joints", "TRUE" if joints else "FALSE")
+        machine.pause(1)
+        return machine.get("kinstype.is-1")
+
+    before = machine.commanded_joints()
+    assert not press(True) and not press(False), "switched in world mode"
+    for go in (lambda: machine.set_mode(linuxcnc.MODE_MDI), machine.joint_mode):
+        go()
+        assert press(True) and not press(False), "not switched"
+        assert all(abs(a - b) < 1e-9 for a, b in zip(before, machine.commanded_joints())), "a joint has moved"
     machine.set_mode(linuxcnc.MODE_MDI)
-    machine.command.mdi("G1 F300 X20")
+    machine.command.mdi("G1 F100 X20")
     machine.wait(lambda: not machine.stat.inpos, 5, "a move")
-    halcmd("sets", "panel:ask-joints", "TRUE")
-    machine.pause(1)
-    assert not machine.stat.inpos and machine.get("kinstype.is-0"), "switched in a move"
-    halcmd("sets", "panel:ask-joints", "FALSE")
+    assert not press(True) and not machine.stat.inpos, "switched in a move"
 
 
 def main():
