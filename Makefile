@@ -3,11 +3,13 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup setup-page page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
+# Beside them, a screen in memory with OpenGL, and pictures of it.
+SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
 PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
@@ -26,9 +28,11 @@ NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
-# The model in 3D; it looks for its module there.
-VIEWER := /usr/bin/pkmkins-vismach
+# The model in 3D and what the panel needs; they look for their modules there.
+VIEWER_BIN := /usr/bin
+VIEWERS := viewer/pkmkins-vismach viewer/pkmkins-panel
 VIEWER_SHARE := /usr/share/pkmkins
+VIEWER_MODULES := $(wildcard viewer/*.py)
 
 # LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
 VIRTUAL := target/virtual/libpkmkins-virtual.so
@@ -68,6 +72,7 @@ help:
 	@echo "make truth      preflight beside LinuxCNC in virtual time: 225 programs, ends in a table"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
+	@echo "make screens    every configuration in AXIS, with panel and model; pictures in build/screens"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
@@ -103,6 +108,8 @@ test: setup
 	tests/live/truth.py --live short
 	tests/viewer/scene_test.py target/host/pkm
 	$(MAKE) --no-print-directory test-page
+	$(MAKE) --no-print-directory setup-screen
+	tests/viewer/screens.py --only $(THREE)
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
@@ -110,6 +117,12 @@ test: setup
 # The page in a browser without a window.
 test-page: setup-page page-check
 	tests/page/page_test.mjs target/host/pkm --out build/page
+
+# Struts, two mechanisms, and an axis that carries the tool.
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without
+screens: install setup-screen
+	$(HOST_BUILD) --bin pkm
+	tests/viewer/screens.py --out build/screens
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge
@@ -156,7 +169,7 @@ check: setup
 	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl
+	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
 
 prove: setup module
 	$(HOST_RUN) --bin prove
@@ -220,8 +233,7 @@ mutants: setup
 	@[ -x $(MUTANTS) ] || $(CARGO) install --quiet --locked --root target/tools cargo-mutants@27.1.0
 	tests/mutants/run.sh $(MUTANTS) $(PART)
 
-setup: rust
-	@missing=$$(for p in $(PACKAGES); do \
+INSTALLED = missing=$$(for p in $(1); do \
 	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
 	if [ -n "$$missing" ]; then \
 	    echo "pkmkins: installing" $$missing "with apt"; \
@@ -250,6 +262,12 @@ page-core:
 
 page-check: setup-page
 	node page/build.mjs --check
+
+setup: rust
+	@$(call INSTALLED,$(PACKAGES))
+
+setup-screen: setup
+	@$(call INSTALLED,$(SCREEN_PACKAGES))
 
 # The cargo that stands first in PATH builds: where it is new enough, nothing is installed.
 rust:
@@ -288,11 +306,11 @@ install: setup module virtual
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	put() { $$root install -m $${3:-644} "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
 	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" \
-	    "$(DESTDIR)$(dir $(VIEWER))" "$(DESTDIR)$(VIEWER_SHARE)" && \
+	    "$(DESTDIR)$(VIEWER_BIN)" "$(DESTDIR)$(VIEWER_SHARE)" && \
 	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
 	put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" && \
-	put viewer/pkmkins-vismach "$(DESTDIR)$(VIEWER)" 755 && \
-	put viewer/pkmkins_scene.py "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" && \
+	for f in $(VIEWERS); do put $$f "$(DESTDIR)$(VIEWER_BIN)/$${f##*/}" 755 || exit 1; done && \
+	for f in $(VIEWER_MODULES); do put $$f "$(DESTDIR)$(VIEWER_SHARE)/$${f##*/}" || exit 1; done && \
 	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done && \
 	for f in $(SUBROUTINES); do put $$f "$(DESTDIR)$(NGC_LIB)/$${f##*/}" || exit 1; done
 
@@ -302,7 +320,8 @@ uninstall:
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
 	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))") \
-	    "$(DESTDIR)$(VIEWER)" "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" \
+	    $(foreach f,$(VIEWERS),"$(DESTDIR)$(VIEWER_BIN)/$(notdir $(f))") \
+	    $(foreach f,$(VIEWER_MODULES),"$(DESTDIR)$(VIEWER_SHARE)/$(notdir $(f))") \
 	    $(foreach f,$(SUBROUTINES),"$(DESTDIR)$(NGC_LIB)/$(notdir $(f))") && \
 	for folder in "$(DESTDIR)$(NGC_LIB)" "$(DESTDIR)$(VIEWER_SHARE)"; do \
 	    [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"; done

@@ -40,6 +40,10 @@ namespace eval pkmkins {
         TILT_LIMIT {{} optional tilt-limit {from 0 180} {0 to 180 degrees} {}}
         FEED_FLOOR {{} optional feed-floor {above 0 1} {more than 0 and at most 1} {}}
         WORK_ON_PLATFORM {{x y z} optional work-on-platform any {} {}}
+        BASE_MODEL {{} optional {} model {FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch} {}}
+        PLATFORM_MODEL {{} optional {} model {FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch} {}}
+        SPINDLE_MODEL {{} optional {} model {FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch} {}}
+        TABLE_MODEL {{} optional {} model {FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch} {}}
     }
     variable second_keys {
         CENTRE {{x y z} optional second.centre any {} {}}
@@ -375,6 +379,11 @@ proc pkmkins::section_pins {section keys number} {
         set pin [string map [list N $number K $number L $number] $pin]
         if {![is_wanted $section $key $keys]} {
             if {$absent ne ""} { lappend pins $pin $absent }
+            continue
+        }
+        if {$range eq "model"} {
+            # What people look at is checked by what shows it.
+            is_once $section $key "expected $expected"
             continue
         }
         set words [checked $section $key $form]

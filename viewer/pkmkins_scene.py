@@ -10,6 +10,9 @@ from math import cos, radians, sin, sqrt
 
 VERSION = 1
 
+# Share of a machine's size that the first view has around it.
+ROOM = 1.2
+
 
 class SceneError(Exception):
     """A file that is no scene, with the reason."""
@@ -60,16 +63,43 @@ def about(axis, angle, v):
     return add(along, add(scaled(across, cos(radians(angle))), scaled(cross(axis, v), sin(radians(angle)))))
 
 
+class Frame:
+    """Where a body is: three columns of its rotation, and its origin."""
+
+    def __init__(self, columns=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(0, 0, 0)):
+        self.columns, self.origin = columns, origin
+
+    def out(self, point):
+        """A point of the body, outside."""
+        return add(self.origin, turned(self.columns, point))
+
+    def into(self, point):
+        """A point outside, in the body's frame."""
+        way = subtract(point, self.origin)
+        return tuple(dot(column, way) for column in self.columns)
+
+    def carrying(self, other):
+        """The frame outside of what is fixed in this body."""
+        return Frame(tuple(turned(self.columns, column) for column in other.columns), self.out(other.origin))
+
+
+def frame(place):
+    """Of X Y Z A B C."""
+    return Frame(rotation(*place[3:]), tuple(place[:3]))
+
+
 class Place:
     """Where everything is at one pose."""
 
-    def __init__(self, lower, upper, nose, tip, columns, table):
-        self.lower, self.upper = lower, upper
-        # Origin of the platform's frame, where a tool begins, and the tool's tip.
-        self.nose, self.tip = nose, tip
-        self.columns = columns
-        # What the table has carried the work by.
-        self.table = table
+    def __init__(self, lower, upper, platform, base, work, tool):
+        # Ends of the legs, and the platform, in base, which an axis may carry.
+        self.lower, self.upper, self.platform = lower, upper, platform
+        self.columns, self.nose = platform.columns, platform.origin
+        # Base and work on the ground.
+        self.base, self.work = base, work
+        # Points of what holds the tool, from its holder to its tip, on the ground.
+        self.tool = tool
+        self.tip = tool[-1]
 
 
 class Scene:
@@ -107,16 +137,62 @@ class Scene:
         outward = subtract(outward, scaled(columns[2], dot(columns[2], outward)))
         return add(end, scaled(outward, leg["radius"] / norm(outward)))
 
-    def place(self, joints, pose, tool):
+    def carried(self, carries, values):
+        """Frame of what the axes carry, and the points of those that turn, all of them at these values."""
+        all_, points = Frame(), []
+        for link in self.chain:
+            if link["carries"] != carries:
+                continue
+            axis, value = tuple(link["axis"]), values.get(link["letter"], 0.0)
+            if link["is_rotary"]:
+                point = tuple(link["point"])
+                points.append(all_.out(point))
+                columns = tuple(about(axis, value, unit) for unit in Frame().columns)
+                own = Frame(columns, subtract(point, turned(columns, point)))
+            else:
+                own = Frame(origin=scaled(axis, value))
+            all_ = all_.carrying(own)
+        return all_, points
+
+    def place(self, joints, pose, tool, values=None):
         """Everything at joint values and a pose that belong together; `tool` points from the tip to the
-        control point, the spindle's offset included."""
+        control point, the spindle's offset included; `values` are those of axes that carry something."""
+        values = values or {}
         columns = rotation(*pose[3:6])
-        reference = add(subtract(pose[:3], tool), turned(columns, add(tool, self.centre)))
+        own = tool if self.sees_tool else (0.0, 0.0, 0.0)
+        reference = add(subtract(pose[:3], own), turned(columns, add(own, self.centre)))
         letters = list(zip("XYZ", reference))
         point = tuple(value if letter in self.coordinates else 0.0 for letter, value in letters)
         table = tuple(-value if letter in self.table else 0.0 for letter, value in letters)
         lower = [self.lower(leg, joint) for leg, joint in zip(self.legs, joints)]
         upper = [self.upper(leg, end, point, columns) for leg, end in zip(self.legs, lower)]
-        nose = subtract(point, turned(columns, self.centre))
-        tip = subtract(nose, turned(columns, tool))
-        return Place(lower, upper, nose, tip, columns, table)
+        platform = Frame(columns, subtract(point, turned(columns, self.centre)))
+        (base, _), (work, _), (held, pivots) = (self.carried(what, values) for what in ("legs", "work", "tool"))
+        # From the holder over the axes that turn it to the tip, where the holder is.
+        held = [*pivots, held.out(scaled(tool, -1))]
+        if self.holder is None:
+            work = Frame(work.columns, add(work.origin, turned(base.columns, table)))
+            on = base.carrying(platform)
+            held = [on.out(point) for point in [(0.0, 0.0, 0.0), *held]]
+        else:
+            work = base.carrying(platform).carrying(work)
+            held = [add(self.holder, point) for point in [(0.0, 0.0, 0.0), *held]]
+        return Place(lower, upper, platform, base, work, held)
+
+
+def extent(scene):
+    """Half of what a first view of the machine shows, and its middle."""
+    place = scene.place(scene.home["joints"], scene.home["pose"], (0, 0, scene.spindle_offset))
+    points = [end for leg in zip(place.lower, place.upper) for end in leg] + place.tool + [place.work.origin]
+    for leg, joint in zip(scene.legs, scene.joints):
+        if leg["kind"] == "slider":
+            points += [scene.lower(leg, joint[end]) for end in ("min", "max") if joint[end] is not None]
+    low, high = ([pick(p[k] for p in points) for k in range(3)] for pick in (min, max))
+    return ROOM * norm(subtract(high, low)) / 2, scaled(add(low, high), 0.5)
+
+
+def whole(scenes):
+    """The same of mechanisms together."""
+    sizes, middles = zip(*map(extent, scenes))
+    middle = scaled(tuple(map(sum, zip(*middles))), 1 / len(middles))
+    return max(size + norm(subtract(own, middle)) for size, own in zip(sizes, middles)), middle

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the model puts the ends of legs, against `pkm rods`, for every shipped machine.
+"""Where the model puts the ends of legs, against `pkm rods`, for every shipped machine; files with shapes.
 
     tests/viewer/scene_test.py PKM
 """
@@ -10,12 +10,15 @@ import io
 import json
 import pathlib
 import random
+import struct
 import subprocess
 import sys
+import tempfile
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "viewer"))
-from pkmkins_scene import Scene, SceneError, norm, subtract
+from pkmkins_mesh import MeshError, read as read_mesh
+from pkmkins_scene import Scene, SceneError, cross, norm, subtract
 
 # Some roundings of lengths of 1e3.
 LENGTH = 1e-9
@@ -45,7 +48,8 @@ def poses(scene, chance):
 def largest_difference(ini, chance):
     """Of the ends of legs over random poses with a tool, and how many poses there were."""
     scene = Scene(json.loads(pkm("scene", ini)))
-    own = [chance.uniform(-20, 20) * scene.units_per_mm for _ in range(3)]
+    # Where the pose is the platform's own, rods know no tool.
+    own = [chance.uniform(-20, 20) * scene.units_per_mm * scene.sees_tool for _ in range(3)]
     tool = (own[0], own[1], own[2] + scene.spindle_offset)
     table = pkm("rods", ini, "--tool", *own, given=poses(scene, chance))
     worst, count = 0, 0
@@ -60,8 +64,53 @@ def largest_difference(ini, chance):
     return worst, count
 
 
+CORNERS = [(0, 0, 0), (2, 0, 0), (0, 3, 0)]
+
+
+def shapes(folder):
+    """Files of one triangle, and files that hold none, with a word of what is said of each."""
+    text = "solid a\nfacet normal 0 0 1\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in CORNERS)
+    good = {
+        "text.stl": (text + "endloop\nendfacet\nendsolid\n").encode(),
+        "binary.stl": bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, *sum(CORNERS, ()), 0),
+        "square.obj": b"# a\nv 0 0 0\nv 2 0 0\nv 2 3 0\nv 0 3 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf -4 -2 -1\n",
+    }
+    bad = {
+        "cut.stl": (good["binary.stl"][:-9], "neither"), "empty.stl": (b"", "neither"),
+        "half.stl": (text.encode().rsplit(b"vertex", 1)[0], "not whole"), "words.stl": (b"solid a\nvertex 1 x 2\n", "could not"),
+        "none.obj": (b"v 0 0 0\n", "no triangles"), "far.obj": (b"v 0 0 0\nf 1 2 3\n", "not there"),
+        "nan.obj": (b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"),
+    }
+    for name, data in [*good.items(), *((name, data) for name, (data, _) in bad.items())]:
+        (folder / name).write_bytes(data)
+    with open(folder / "huge.stl", "wb") as huge:
+        huge.truncate(100_000_000)
+    return good, {**{name: word for name, (_, word) in bad.items()}, "huge.stl": "100 MB", "missing.stl": "No such file"}
+
+
+def shapes_failed():
+    failed = 0
+    with tempfile.TemporaryDirectory() as place:
+        good, bad = shapes(pathlib.Path(place))
+        for name in good:
+            triangles = read_mesh(f"{place}/{name}")
+            area = sum(norm(cross(subtract(b, a), subtract(c, a))) / 2 for a, b, c in triangles)
+            fits = abs(area - (6 if name == "square.obj" else 3)) < LENGTH
+            failed += not fits
+            print(f"{'PASS' if fits else 'FAIL'} {name}: {len(triangles)} triangles")
+        for name, word in bad.items():
+            try:
+                read_mesh(f"{place}/{name}")
+                said = "is taken for a shape"
+            except MeshError as error:
+                said = str(error)
+            failed += word not in said
+            print(f"{'PASS' if word in said else 'FAIL'} {name}: {said[-70:]}")
+    return failed
+
+
 def main():
-    failed, chance = 0, random.Random(20)
+    wrong, failed, chance = shapes_failed(), 0, random.Random(20)
     inis = sorted(REPOSITORY.glob("configs/*/*.ini"))
     for ini in inis:
         worst, count = largest_difference(ini, chance)
@@ -76,7 +125,7 @@ def main():
         except (SceneError, ValueError):
             pass
     print(f"scenes: {len(inis) - failed} passed, {failed} failed")
-    return failed > 0
+    return failed + wrong > 0
 
 
 if __name__ == "__main__":

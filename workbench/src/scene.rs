@@ -5,7 +5,8 @@
 //! pose, by two formulas that stand there.
 
 use crate::read::machine::MachineConfig;
-use kinematics::{LegGeometry, LegKind, Letter, Vector3};
+use crate::read::models::Model;
+use kinematics::{LegGeometry, LegKind, Letter, POSE_LETTERS, Vector3};
 use serde::Serialize;
 
 /// Raised when a field goes or changes its meaning, not when one is added.
@@ -56,6 +57,46 @@ pub struct Scene {
     pub tilt_limit: Option<f64>,
     /// Conditioning at which the guard stops the machine.
     pub conditioning_limit: f64,
+    /// Shapes of parts, in files.
+    pub meshes: Vec<Mesh>,
+    /// Axes that carry something, of those that carry the same from what carries them outwards.
+    pub chain: Vec<Link>,
+    /// Where the control point of the resting tool holder is in base, if the work is on the platform.
+    pub holder: Option<[f64; 3]>,
+    /// Whether the file has a second mechanism beside this one.
+    pub is_of_pair: bool,
+}
+
+/// An axis that carries something.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Link {
+    /// Its letter.
+    pub letter: char,
+    /// Number of its joint in LinuxCNC.
+    pub joint: usize,
+    /// `work`, `tool` or `legs`.
+    pub carries: String,
+    /// Whether it turns.
+    pub is_rotary: bool,
+    /// Unit vector of its direction.
+    pub axis: [f64; 3],
+    /// A point on it; 0 for a linear one.
+    pub point: [f64; 3],
+}
+
+/// The shape of a part.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mesh {
+    /// `base`, `platform`, `spindle` or `table`.
+    pub part: &'static str,
+    /// STL or OBJ, with its whole path.
+    pub file: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Machine units a unit of the file.
+    pub scale: f64,
+    /// Where its zero is in the frame of the part, X Y Z A B C.
+    pub place: [f64; 6],
 }
 
 /// `[TRAJ]HOME`.
@@ -182,12 +223,39 @@ impl Scene {
             clearance: config.clearance,
             tilt_limit: config.tilt_limit,
             conditioning_limit: config.conditioning_limit,
+            meshes: config.models.iter().map(Mesh::new).collect(),
+            chain: config.chain.links().iter().map(|link| Link::new(config, link)).collect(),
+            holder: config.chain.holder().map(|holder| (*holder).into()),
+            is_of_pair: config.place.is_of_pair,
         }
     }
 
     /// The object.
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).expect("numbers and names") + "\n"
+    }
+}
+
+impl Link {
+    fn new(config: &MachineConfig, link: &kinematics::Link) -> Self {
+        let n = config.extra_axes.places().position(|place| place == link.place);
+        Self {
+            letter: POSE_LETTERS[link.place],
+            joint: config.guarded_joints() + n.expect("what carries is an extra axis"),
+            carries: link.carries.name().to_ascii_lowercase(),
+            is_rotary: link.is_rotary(),
+            axis: link.axis.into(),
+            point: link.point.into(),
+        }
+    }
+}
+
+impl Mesh {
+    fn new(Model { part, file, unit, scale, place }: &Model) -> Self {
+        // Without a folder to start from the path stays as it was given.
+        let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
+        let file = file.to_string_lossy().into_owned();
+        Self { part, file, unit, scale: *scale, place: *place }
     }
 }
 

@@ -169,9 +169,9 @@ fn text_that_is_no_number() {
         bench.answer("check linear-delta.ini", ""),
         str![[r#"
 error: [LEG_0]GUIDE = 0 0 1 # up
-  --> linear-delta.ini:75:15
+  --> linear-delta.ini:81:15
    |
-75 | GUIDE = 0 0 1 # up
+81 | GUIDE = 0 0 1 # up
    |               ^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
 exit 2
 
@@ -186,9 +186,9 @@ fn an_unknown_key() {
         bench.answer("joints linear-delta.ini 0 0 50 0 0 0", ""),
         str![[r#"
 error: [LEG_0]GUIDES = 0 0 1
-  --> linear-delta.ini:75:1
+  --> linear-delta.ini:81:1
    |
-75 | GUIDES = 0 0 1
+81 | GUIDES = 0 0 1
    | ^^^^^^ unknown key; known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
 
 error: [LEG_0]GUIDE is missing
@@ -211,27 +211,27 @@ fn everything_that_is_wrong_is_told_at_once() {
         bench.answer("check linear-delta.ini", ""),
         str![[r#"
 error: [TRAJ]HOME = here
-  --> linear-delta.ini:64:8
+  --> linear-delta.ini:70:8
    |
-64 | HOME = here
+70 | HOME = here
    |        ^^^^ expected 3 to 9 decimal numbers separated by blanks
 
 error: [LEG_0]GUIDE = 0 0 up
-  --> linear-delta.ini:75:13
+  --> linear-delta.ini:81:13
    |
-75 | GUIDE = 0 0 up
+81 | GUIDE = 0 0 up
    |             ^^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
 
 error: [LEG_0]ROD = -269
-  --> linear-delta.ini:76:7
+  --> linear-delta.ini:82:7
    |
-76 | ROD = -269
+82 | ROD = -269
    |       ^^^^ expected more than 0
 
 error: [JOINT_0]MIN_LIMIT = 0
-   --> linear-delta.ini:112:13
+   --> linear-delta.ini:118:13
     |
-112 | MIN_LIMIT = 0
+118 | MIN_LIMIT = 0
     |             ^ expected less than MAX_LIMIT = -375
 exit 2
 
@@ -252,9 +252,9 @@ fn an_axis_whose_lower_limit_is_beyond_its_upper_one() {
             bench.answer(words, ""),
             str![[r#"
 error: [AXIS_Z]MIN_LIMIT = 200
-   --> linear-delta.ini:173:13
+   --> linear-delta.ini:179:13
     |
-173 | MIN_LIMIT = 200
+179 | MIN_LIMIT = 200
     |             ^^^ expected at most MAX_LIMIT = 100
 exit 2
 
@@ -272,9 +272,9 @@ fn a_tool_table_that_is_none() {
         told[..5].join("\n"),
         str![[r#"
 warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
-  --> linear-delta.ini:49:14
+  --> linear-delta.ini:50:14
    |
-49 | TOOL_TABLE = linear-delta.tbl
+50 | TOOL_TABLE = linear-delta.tbl
    |              ^^^^^^^^^^^^^^^^ linear-delta.tbl:2: expected a letter and a number, such as T1 or Z40.5, not Zlong; LinuxCNC needs it, if only with a line T1 P1 Z0
 "#]]
     );
@@ -316,9 +316,9 @@ fn an_included_file_that_is_missing() {
         bench.answer("check linear-delta.ini", ""),
         str![[r#"
 error: this file is not read
-  --> linear-delta.ini:58:10
+  --> linear-delta.ini:64:10
    |
-58 | #INCLUDE kins.inc
+64 | #INCLUDE kins.inc
    |          ^^^^^^^^ cannot be read: No such file or directory (os error 2); LinuxCNC would start without these lines
 exit 2
 
@@ -352,9 +352,9 @@ fn a_machine_that_the_module_refuses() {
         bench.answer("check linear-delta.ini", ""),
         str![[r#"
 error: [LEG_0]
-  --> linear-delta.ini:72:1
+  --> linear-delta.ini:78:1
    |
-72 | [LEG_0]
+78 | [LEG_0]
    | ^^^^^^^ leg 0: the guide has no direction; give GUIDE as a direction [code -58]
 exit 2
 
@@ -379,15 +379,15 @@ linear-delta.ini
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
 
 error: [JOINT_0]HOME = 300
-   --> linear-delta.ini:111:8
+   --> linear-delta.ini:117:8
     |
-111 | HOME = 300
+117 | HOME = 300
     |        ^^^ the kinematics put carriage 0 to 325.3634158062803 at [TRAJ]HOME
 
 error: [TRAJ]HOME = 0 0 90
-  --> linear-delta.ini:64:8
+  --> linear-delta.ini:70:8
    |
-64 | HOME = 0 0 90
+70 | HOME = 0 0 90
    |        ^^^^^^ [TRAJ]HOME needs 325.3634158062803 of carriage 0: widen its limits 0 to 310, or move HOME
 
 The machine does not fit together.
@@ -426,15 +426,15 @@ warning: [JOINT_0]HOME_SEQUENCE is missing
  = help: Home All leaves this joint out, and without it there is no world mode
 
 warning: [TRAJ]NO_FORCE_HOMING = 1
-  --> linear-delta.ini:63:19
+  --> linear-delta.ini:69:19
    |
-63 | NO_FORCE_HOMING = 1
+69 | NO_FORCE_HOMING = 1
    |                   ^ programs may run before homing, from a pose that nobody knows; take the line out
 
 warning: [HAL]HALFILE = own.hal
-  --> linear-delta.ini:56:11
+  --> linear-delta.ini:57:11
    |
-56 | HALFILE = own.hal
+57 | HALFILE = own.hal
    |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
 
 Proved: without a tool the machine can take every pose within its axis limits:
@@ -480,9 +480,9 @@ linear-delta.ini
                  the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 error: [JOINT_0]HOME_SEQUENCE = 0
-   --> linear-delta.ini:122:17
+   --> linear-delta.ini:128:17
     |
-122 | HOME_SEQUENCE = 0
+128 | HOME_SEQUENCE = 0
     |                 ^ between HOME and the switches at HOME_OFFSET the base joint of leg 0 is at 40.651 degrees, beyond its limit of 40 degrees; home more legs together, or move the switches
 
 Proved: without a tool the machine can take every pose within its axis limits:
@@ -717,6 +717,7 @@ Usage: pkm <COMMAND>
 Commands:
   check        Checks that a machine's INI file fits together
   preflight    Checks before cutting that a program fits a machine
+  filter       Lets a program through into a user interface of LinuxCNC where it fits the machine
   joints       Joint values of poses (inverse kinematics)
   pose         Poses of joint values (forward kinematics)
   run          Runs a program by LinuxCNC itself, without hardware and faster than the machine
@@ -724,6 +725,8 @@ Commands:
   path         Programs along curves, and what they ask of the joints
   scene        The machine as one JSON object, for viewers
   view         One page that shows the machine, and a program on it, in any browser
+  panel        The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
+  travel       How far the machine can go from a pose
   rods         Where the legs are along a program or a list of poses
   sensitivity  What errors of the joints do to the pose, and where singular poses are
   stiffness    How stiffly the legs hold the tool
@@ -1084,6 +1087,10 @@ fn every_subcommand_has_a_manual_page_and_completions() {
     for name in [
         "check",
         "preflight",
+        "filter",
+        "scene",
+        "panel",
+        "travel",
         "joints",
         "pose",
         "replay",

@@ -53,9 +53,14 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/lib/linuxcnc/modules/libpkmkins-virtual.so",
         "usr/share/linuxcnc/hallib/pkmkins.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_sim.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_panel.tcl",
         "usr/share/linuxcnc/ncfiles/pkmkins_lib/my_own.ngc",
         "usr/bin/pkmkins-vismach",
+        "usr/bin/pkmkins-panel",
         "usr/share/pkmkins/pkmkins_scene.py",
+        "usr/share/pkmkins/pkmkins_mesh.py",
+        "usr/share/pkmkins/pkmkins_panel.py",
+        "usr/share/pkmkins/pkmkins_causes.py",
     ]
     .map(String::from)
     .into();

@@ -12,6 +12,7 @@ const ROOMS: [(&str, &[&str]); 17] = [
     ("limits", &["read"]),
     ("rows", &["read"]),
     ("scene", &["read"]),
+    ("panel", &["read"]),
     ("proof", &["limits", "read"]),
     ("check", &["limits", "proof", "read", "rows"]),
     ("control", &["files", "read"]),

@@ -131,6 +131,33 @@ fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
 }
 
 #[test]
+fn a_scene_names_the_files_with_shapes_and_a_line_that_says_no_shape_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hexapod.ini");
+    let text = std::fs::read_to_string(ini("hexapod")).unwrap();
+    let write = |lines: &str| {
+        std::fs::write(&file, text.replacen("[PKM]\n", &format!("[PKM]\n{lines}\n"), 1)).unwrap();
+    };
+    write("TABLE_MODEL = shapes/table.stl cm 1 2 -3");
+    let found = &scene(&file, &[])["meshes"][0];
+    let path = folder.path().join("shapes/table.stl");
+    assert_eq!(found["file"], path.to_str().unwrap());
+    assert_eq!([&found["part"], &found["unit"]], ["table", "cm"]);
+    assert_eq!(found["scale"], 10.0);
+    assert_eq!(found["place"], serde_json::json!([1.0, 2.0, -3.0, 0.0, 0.0, 0.0]));
+    for wrong in
+        ["a.stl", "a.step mm", "a.stl ft", "a.stl mm 1", "a.stl mm 1 2 3 4", "a.stl mm 1 2 nan"]
+    {
+        write(&format!("TABLE_MODEL = {wrong}"));
+        let refused = MachineConfig::read(&file).unwrap_err().to_string();
+        assert!(
+            refused.contains("TABLE_MODEL") && refused.contains("FILE UNIT"),
+            "{wrong}: {refused}"
+        );
+    }
+}
+
+#[test]
 fn the_scene_of_a_second_mechanism_names_its_own_joints_and_pins() {
     let second = scene(&ini("lathe-mirrored"), &["--mechanism", "2"]);
     let numbers: Vec<_> = (0..4).map(|n| second["joints"][n]["number"].as_u64().unwrap()).collect();
@@ -155,4 +182,108 @@ fn a_scene_of_no_machine_or_to_no_place_is_refused_and_leaves_nothing() {
     let (code, told) = run(&broken);
     assert!(code == Some(2) && told.contains("broken.ini"), "{told}");
     assert!(!place.exists());
+}
+
+/// Where an axis of the chain takes a point that it carries.
+fn out(link: &Value, value: f64, point: Vector3<f64>) -> Vector3<f64> {
+    let (axis, on) = (vector(&link["axis"]), vector(&link["point"]));
+    match link["is_rotary"].as_bool().unwrap() {
+        false => point + axis * value,
+        true => {
+            let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), value.to_radians());
+            on + turn * (point - on)
+        }
+    }
+}
+
+/// Where all that carry the same take it.
+fn carried(scene: &Value, carries: &str, world: &[f64; 9], point: Vector3<f64>) -> Vector3<f64> {
+    let links = scene["chain"].as_array().unwrap().iter().filter(|link| link["carries"] == carries);
+    links.rev().fold(point, |point, link| {
+        let letter = link["letter"].as_str().unwrap();
+        out(link, world["XYZABCUVW".find(letter).unwrap()], point)
+    })
+}
+
+#[test]
+fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
+    let mut rng = Pcg64::seed_from_u64(21);
+    let mut seen = 0;
+    for machine in MACHINES {
+        let config = config(machine);
+        if config.chain.is_empty() {
+            continue;
+        }
+        let scene = scene(&ini(machine), &[]);
+        let (mut questions, mut tips) = (String::new(), vec![]);
+        for _ in 0..100 {
+            let mut pose: [f64; 6] = config.start;
+            for (k, axis) in config.programmed.iter().enumerate().filter(|(_, a)| a.min.is_finite())
+            {
+                pose[k] = rng.random_range(axis.min..axis.max);
+            }
+            let extra = std::array::from_fn(|n| match config.extra.get(n) {
+                Some(_) => rng.random_range(-180.0..180.0),
+                None => 0.0,
+            });
+            let tool = Vector3::from_fn(|_, _| rng.random_range(-50.0..50.0));
+            let world = config.world(&pose, &extra);
+            let platform = Pose::from_degrees(config.carried(&pose, &extra, &tool).unwrap());
+            // What programs say of the tip, on the work.
+            let told = Vector3::from_fn(|k, _| world[k]) - tool;
+            let held = carried(&scene, "tool", &world, -tool);
+            let on_platform = |point| {
+                let place = match scene["sees_tool"].as_bool().unwrap() {
+                    true => platform.position - tool + platform.rotation() * (tool + point),
+                    false => platform.position + platform.rotation() * point,
+                };
+                carried(&scene, "legs", &world, place)
+            };
+            let worked = carried(&scene, "work", &world, told);
+            let (tip, work) = match scene["holder"].is_null() {
+                true => (on_platform(held), worked),
+                false => (vector(&scene["holder"]) + held, on_platform(worked)),
+            };
+            assert!((tip - work).norm() < LENGTH, "{machine}: {tip} {work}");
+            seen += 1;
+            let values: serde_json::Map<_, _> =
+                "XYZABCUVW".chars().zip(world).map(|(l, v)| (l.to_string(), v.into())).collect();
+            let question = serde_json::json!({
+                "joints": config.joints.iter().map(|joint| joint.home).collect::<Vec<_>>(),
+                "pose": platform.to_degrees(),
+                "tool": <[f64; 3]>::from(tool),
+                "values": values,
+                "of_work": <[f64; 3]>::from(told),
+            });
+            questions.push_str(&format!("{question}\n"));
+            tips.push(tip);
+        }
+        for (tip, line) in tips.iter().zip(placed(&scene, &questions)) {
+            let apart = [0, 1].map(|n| (vector(&line[n]) - tip).norm());
+            assert!(apart.iter().all(|a| *a < LENGTH), "{machine}: the viewer {apart:?}");
+        }
+    }
+    assert!(seen >= 300, "{seen}");
+}
+
+/// What the viewer makes of the same.
+fn placed(scene: &Value, questions: &str) -> Vec<Value> {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("scene.json");
+    std::fs::write(&file, scene.to_string()).unwrap();
+    let input = place.path().join("questions");
+    std::fs::write(&input, questions).unwrap();
+    let program =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/viewer/placed.py");
+    let out = Command::new("python3")
+        .arg(program)
+        .arg(file)
+        .stdin(std::fs::File::open(input).unwrap())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8(out.stdout).unwrap();
+    let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), questions.lines().count());
+    lines
 }

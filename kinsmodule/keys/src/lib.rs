@@ -5,7 +5,7 @@
 //! hal/pkmkins.tcl and the section of docs/pkmkins.9 from it, and the workbench reads with it.
 
 use Need::{Cardan, Needed, Optional, With};
-use Range::{Above, Any, From, Sign, Whole, Word};
+use Range::{Above, Any, From, Model, Sign, Whole, Word};
 use kinematics::leg::Kind;
 use kinematics::{Carries, MAX_ITERATIONS};
 
@@ -77,13 +77,15 @@ pub enum Range {
     Sign,
     /// A word instead of a number: its place in the list, counted from 1, goes to the pin.
     Word(&'static [&'static str]),
+    /// Instead of numbers the file with a shape, its unit, and where its zero is.
+    Model,
 }
 
 impl Range {
     /// Whether a number, written like this, is in it.
     pub fn holds(self, word: &str, value: f64) -> bool {
         match self {
-            Any => true,
+            Any | Model => true,
             Above(least, most) => value > least && value <= most,
             From(least, most) => value >= least && value <= most,
             Whole(least, most) => {
@@ -114,6 +116,7 @@ impl Key {
             Whole(least, most) => format!("a whole number from {least} to {most}"),
             Sign => "1 or -1".into(),
             Word(words) => words.join(" or "),
+            Model => "FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch".into(),
         }
     }
 }
@@ -178,6 +181,14 @@ table! {
             ..key("Smallest feed scale that the guard sets.") };
         WORK_ON_PLATFORM = Key { parts: XYZ, pin: "work-on-platform", unit: LENGTH,
             ..key("The work is on the platform and the tools stand in base: where the control point of their resting holder is.") };
+        BASE_MODEL = Key { range: Model,
+            ..key("Shape of the frame that the legs stand on, for who draws the machine, in base.") };
+        PLATFORM_MODEL = Key { range: Model,
+            ..key("Shape of the platform, in its frame, whose origin is the control point without a tool.") };
+        SPINDLE_MODEL = Key { range: Model,
+            ..key("Shape of the spindle on the platform, in the same frame.") };
+        TABLE_MODEL = Key { range: Model,
+            ..key("Shape of the table under the work, in base with all axes at 0.") };
     }
 
     /// `[SECOND]`: what a second mechanism has of its own.

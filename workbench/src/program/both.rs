@@ -49,6 +49,24 @@ impl<'a> Flights<'a> {
         Ok(Self { first: Flight::new(config)?, second })
     }
 
+    /// Where a move has ended.
+    ///
+    /// # Errors
+    /// A tool that a mechanism cannot take.
+    pub fn standing(config: &'a MachineConfig, end: &Move) -> Result<Self, Fault> {
+        let own = end.of_second();
+        let second = match config.second.as_deref().zip(own.as_ref()) {
+            None => None,
+            Some((second, own)) => {
+                let flight = Flight::standing(second, own);
+                let mut between = Between::new([config, second])?;
+                between.stand(end);
+                Some((flight.map_err(|fault| second.place.counted(fault))?, between))
+            }
+        };
+        Ok(Self { first: Flight::standing(config, end)?, second })
+    }
+
     /// Follows the next move.
     pub fn see(&mut self, step: &Move) {
         if let Some((flight, between)) = &mut self.second {
@@ -137,9 +155,28 @@ impl<'a> Between<'a> {
         })
     }
 
+    /// Takes both to where a move has ended.
+    fn stand(&mut self, end: &Move) {
+        let Some(beside) = end.second else { return };
+        self.change_tools([end.tool, beside.tool]);
+        self.at = [end.end, beside.end];
+    }
+
     fn see(&mut self, step: &Move) {
         let Some(beside) = step.second.filter(|_| self.fault.is_none()) else { return };
-        let (ends, tools) = ([step.end, beside.end], [step.tool, beside.tool]);
+        self.change_tools([step.tool, beside.tool]);
+        if self.fault.is_some() {
+            return;
+        }
+        let ends = [step.end, beside.end];
+        let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
+        self.follow(&Leg { step, from: self.at, delta });
+        self.length += length(&delta[0]);
+        self.at = ends;
+        self.number += 1;
+    }
+
+    fn change_tools(&mut self, tools: [[f64; 3]; 2]) {
         for i in 0..2 {
             let tool = self.configs[i].spindle + Vector3::from(tools[i]);
             if tool != self.tools[i] {
@@ -150,11 +187,6 @@ impl<'a> Between<'a> {
                 }
             }
         }
-        let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
-        self.follow(&Leg { step, from: self.at, delta });
-        self.length += length(&delta[0]);
-        self.at = ends;
-        self.number += 1;
     }
 
     fn follow(&mut self, leg: &Leg) {

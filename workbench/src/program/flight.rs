@@ -28,6 +28,18 @@ impl<'a> Flight<'a> {
         Ok(Self { pilot: Pilot::new(config)?, number: 0, fault: None })
     }
 
+    /// Where a move has ended.
+    ///
+    /// # Errors
+    /// A tool that the machine cannot take.
+    pub fn standing(config: &'a MachineConfig, end: &Move) -> Result<Self, Fault> {
+        let mut pilot = Pilot::new(config)?;
+        pilot.tool = config.spindle + Vector3::from(end.tool);
+        pilot.reach = Reach::with_tool(config, pilot.tool)?;
+        (pilot.at, pilot.extra) = (end.end, end.extra_end);
+        Ok(Self { pilot, number: 0, fault: None })
+    }
+
     /// Follows the next move.
     pub fn see(&mut self, step: &Move) {
         if self.fault.is_some() {

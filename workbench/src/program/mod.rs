@@ -14,3 +14,4 @@ pub mod path;
 pub mod preflight;
 pub mod random_program;
 pub mod replay;
+pub mod travel;

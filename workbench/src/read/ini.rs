@@ -600,7 +600,7 @@ impl Ini {
 }
 
 impl Entry {
-    fn words(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
         self.value.split([' ', '\t']).filter(|word| !word.is_empty())
     }
 }

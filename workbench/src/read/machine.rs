@@ -10,6 +10,7 @@ use crate::read::error::{Errors, MachineError};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind};
 use crate::read::legs::check_leg_sections;
+use crate::read::models::Model;
 use crate::read::place::Place;
 use crate::read::values::Values;
 use keys::{machine as of_machine, second as of_second};
@@ -128,6 +129,8 @@ pub struct MachineConfig {
     pub period: f64,
     /// What the interpreter needs.
     pub program: Program,
+    /// Shapes of parts, for who draws the machine.
+    pub models: Vec<Model>,
     /// `[BOX_K]`: boxes for the start without a seed.
     pub boxes: Vec<BoxSection>,
 }
@@ -227,6 +230,7 @@ impl MachineConfig {
             max_linear_acceleration,
             max_angular_acceleration,
             period: read.period * 1e-9,
+            models: read.models,
             program: program(ini),
             boxes,
             ini: Arc::new(ini.clone()),

@@ -9,6 +9,7 @@ pub mod ini;
 pub mod joints;
 pub(crate) mod legs;
 pub mod machine;
+pub mod models;
 pub mod place;
 pub mod tools;
 mod values;

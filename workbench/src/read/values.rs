@@ -6,6 +6,7 @@ use crate::read::error::Errors;
 use crate::read::ini::{Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Joint, axis, extra, joint, positive};
 use crate::read::legs::leg_geometry;
+use crate::read::models::{self, Model};
 use crate::read::place::Place;
 use keys::{leg as of_leg, machine as of_machine, second as of_second};
 use kinematics::{
@@ -42,6 +43,7 @@ pub(super) struct Values {
     pub(super) axes: Vec<Axis>,
     pub(super) units_per_mm: f64,
     pub(super) speeds: [f64; 4],
+    pub(super) models: Vec<Model>,
     pub(super) period: f64,
 }
 
@@ -103,6 +105,10 @@ impl Values {
             }
         });
         let units_per_mm = errors.of(units_per_mm(ini));
+        let models = match place.is_second {
+            true => Some(vec![]),
+            false => models::read(ini, units_per_mm.unwrap_or(1.0), errors),
+        };
         let speeds = errors.each(SPEEDS.len(), |n, errors| {
             errors.of(positive(ini, "TRAJ", SPEEDS[n], Some(f64::INFINITY)))
         });
@@ -131,6 +137,7 @@ impl Values {
             axes: axes?,
             units_per_mm: units_per_mm?,
             speeds: speeds?.try_into().ok()?,
+            models: models?,
             period: period?,
         })
     }

@@ -11,8 +11,10 @@ mod completions;
 mod cut;
 mod dynamics;
 mod failure;
+mod filter;
 mod joints;
 mod man;
+mod panel;
 mod path;
 mod pose;
 mod poses;
@@ -27,6 +29,7 @@ mod scene;
 mod sensitivity;
 mod stability;
 mod stiffness;
+mod travel;
 mod vibration;
 mod view;
 mod workspace;
@@ -94,6 +97,7 @@ macro_rules! commands {
 commands! {
     Check => check,
     Preflight => preflight,
+    Filter => filter,
     Joints => joints,
     Pose => pose,
     Run => run,
@@ -101,6 +105,8 @@ commands! {
     Path => path,
     Scene => scene,
     View => view,
+    Panel => panel,
+    Travel => travel,
     Rods => rods,
     Sensitivity => sensitivity,
     Stiffness => stiffness,

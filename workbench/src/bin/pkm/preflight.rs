@@ -66,6 +66,17 @@ pub struct Judging {
     /// Seconds of reading without a move after which a program counts as endless
     #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().seconds)]
     patience: f64,
+    /// Whether a user interface of LinuxCNC waits for the answer.
+    #[arg(skip)]
+    is_filter: bool,
+}
+
+impl Judging {
+    /// For a user interface that waits for the answer.
+    fn of_filter() -> Self {
+        let Patience { moves: most_moves, seconds: patience } = Patience::default();
+        Self { control: Control::default(), most_moves, patience, is_filter: true }
+    }
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,6 +146,17 @@ impl Answer {
             None => Verdict::Unjudged,
         }
     }
+}
+
+/// What of a program does not fit a machine, in a sentence each: its path, and what LinuxCNC makes of it
+/// where it can be run.
+pub fn misfits(machine: &MachineFile, program: &Path) -> Result<Vec<String>, Failure> {
+    let config = machine.read_all()?;
+    let answer = judged(&config, &Judging::of_filter(), program, &mut |_| {})?;
+    let texts = texts(&answer.files)?;
+    let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
+    let told = |told| in_a_sentence(&config, told, &answer.files, &blocks);
+    Ok(answer.found.breaks.iter().map(told).collect())
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -307,7 +329,10 @@ fn followed(
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let options = Options { block: block.map(Into::into), ..judging.control.options() };
     let is_over = AtomicBool::new(false);
-    let progress = Progress::new(config);
+    let progress = match judging.is_filter {
+        false => Progress::new(config),
+        true => Progress::of_filter(config, count_lines(program)?),
+    };
     let run = || {
         timed(config, program, &options, |row| {
             progress.see(row);
@@ -350,6 +375,11 @@ fn read(
     Ok((flight.finish()?, files))
 }
 
+fn count_lines(program: &Path) -> Result<u32, Failure> {
+    let lines = std::fs::read(program).at(program)?.split(|byte| *byte == b'\n').count();
+    Ok(u32::try_from(lines).unwrap_or(u32::MAX))
+}
+
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let text = |file: &PathBuf| {
         let bytes = std::fs::read(file).at(file)?;
@@ -386,8 +416,12 @@ fn offset(
     program: &Path,
     found: &Preflight,
 ) -> Result<Option<Suggestion>, Failure> {
-    // Another place does not make a program slower, and two mechanisms have two places.
-    if found.breaks.iter().all(|told| told.limit.is_of_time()) || config.second.is_some() {
+    // Another place does not make a program slower, two mechanisms have two places, and who opens a
+    // program does not wait for a search.
+    if judging.is_filter
+        || found.breaks.iter().all(|told| told.limit.is_of_time())
+        || config.second.is_some()
+    {
         return Ok(None);
     }
     if !config.chain.is_empty() {

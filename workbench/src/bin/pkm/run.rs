@@ -56,6 +56,13 @@ pub struct Control {
     hal: Vec<PathBuf>,
 }
 
+impl Default for Control {
+    fn default() -> Self {
+        let Options { most_seconds: most_time, most_standstill, .. } = Options::default();
+        Self { most_time, most_standstill, hal: vec![] }
+    }
+}
+
 impl Control {
     /// The same for a run.
     pub fn options(&self) -> Options {
@@ -127,6 +134,8 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
 pub struct Progress {
     bar: Bar,
     period: f64,
+    /// Lines of the program, where a user interface of LinuxCNC shows how far it is.
+    of_filter: Option<u32>,
 }
 
 /// Cycles between two words of how far it has come.
@@ -135,7 +144,12 @@ const STRIDE: u64 = 1000;
 impl Progress {
     /// Hidden where standard error is no terminal.
     pub fn new(config: &MachineConfig) -> Self {
-        Self { bar: Bar::spinner("running"), period: config.period }
+        Self { bar: Bar::spinner("running"), period: config.period, of_filter: None }
+    }
+
+    /// In the words of LinuxCNC's filters, on standard error.
+    pub fn of_filter(config: &MachineConfig, lines: u32) -> Self {
+        Self { of_filter: Some(lines.max(1)), ..Self::new(config) }
     }
 
     /// A servo cycle.
@@ -143,6 +157,9 @@ impl Progress {
         if row.cycle.is_multiple_of(STRIDE) {
             let seconds = row.cycle as f64 * self.period;
             self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
+            if let Some(lines) = self.of_filter {
+                eprintln!("FILTER_PROGRESS={}", (100 * row.line / lines).min(100));
+            }
         }
     }
 }

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Whether pictures of a model show every part where the scene's formulas and the projection say."""
+
+import json
+import sys
+from math import cos, hypot, radians, sin, tan
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "viewer"))
+from pkmkins_scene import Scene, add, scaled, subtract, whole  # noqa: E402
+
+# How LinuxCNC's library looks at a model: degrees, and sizes of the model away.
+LATITUDE, LONGITUDE, FIELD, DISTANCE = -70, 30, 30, 3
+# A part is a few pixels wide, and its edge is where the window's last redraw had it.
+NEIGHBOURS = 3
+# Parts that others hide: legs cross, and a table may stand before the tool.
+SEEN = 0.8
+# Pixels that a part has to go for its motion to be seen.
+MOTION = 6
+# Share of the model's window that changes at least where parts have moved: rods are thin.
+CHANGED = 0.002
+
+
+class Picture:
+    """A PPM file of ImageMagick."""
+
+    def __init__(self, file):
+        data = file.read_bytes()
+        head = data.split(maxsplit=4)[:4]
+        assert head[0] == b"P6" and head[3] in (b"255", b"65535"), head
+        self.width, self.height, most = (int(word) for word in head[1:])
+        self.step = 1 if most == 255 else 2
+        self.pixels = data[-3 * self.step * self.width * self.height:]
+
+    def at(self, x, y):
+        if not (0 <= x < self.width and 0 <= y < self.height):
+            return (0, 0, 0)
+        start = 3 * self.step * (y * self.width + x)
+        return tuple(self.pixels[start:start + 3 * self.step:self.step])
+
+    def differs(self, other, window):
+        """Share of a window whose pixels are not those of another picture."""
+        left, top, width, height = window
+        rows = [slice(*(3 * self.step * (y * self.width + x) for x in (left, left + width)))
+                for y in range(top, top + height)]
+        pixel = 3 * self.step
+        pairs = ((self.pixels[row], other.pixels[row]) for row in rows)
+        return sum(one[n:n + pixel] != two[n:n + pixel] for one, two in pairs if one != two
+                   for n in range(0, len(one), pixel)) / (width * height)
+
+    def shows(self, place, is_colour):
+        x, y = (round(part) for part in place)
+        near = range(-NEIGHBOURS, NEIGHBOURS + 1)
+        return any(is_colour(self.at(x + i, y + j)) for i in near for j in near)
+
+
+# Colours under LinuxCNC's two lights, one of them blue: told by which part is larger.
+def is_green(colour):
+    red, green, blue = colour
+    return green > 45 and green > 1.15 * red and green > 1.15 * blue
+
+
+def is_blue(colour):
+    red, green, blue = colour
+    return blue > 50 and blue > 1.25 * red and blue > 1.1 * green
+
+
+def is_metal(colour):
+    return max(colour) > 60 and not is_green(colour)
+
+
+class View:
+    """Places of the machine as pixels of the whole screen."""
+
+    def __init__(self, scenes, window):
+        self.left, self.top, self.width, self.height = window
+        self.size, self.middle = whole(scenes)
+
+    def pixel(self, point):
+        x, y, z = subtract(point, self.middle)
+        lon, lat = radians(LONGITUDE), radians(LATITUDE)
+        x, y = x * cos(lon) - y * sin(lon), x * sin(lon) + y * cos(lon)
+        y, z = y * cos(lat) - z * sin(lat), y * sin(lat) + z * cos(lat)
+        focus = self.height / 2 / tan(radians(FIELD / 2)) / (DISTANCE * self.size - z)
+        return self.left + self.width / 2 + focus * x, self.top + self.height / 2 - focus * y
+
+
+def parts(scenes, state):
+    """Name, a point in it, and whether a colour is its own, of all mechanisms."""
+    return [part for scene, own in zip(scenes, state["mechanisms"]) for part in parts_of(scene, own)]
+
+
+def parts_of(scene, state):
+    place = scene.place(state["joints"], state["pose"], state["tool"])
+    found = []
+    legs = zip((joint["number"] for joint in scene.joints), scene.legs, place.lower, place.upper)
+    for n, leg, low, high in legs:
+        way = subtract(high, low)
+        found.append((f"rod of leg {n}", add(low, scaled(way, 0.85)), is_metal))
+        if leg["kind"] == "slider":
+            found.append((f"carriage of leg {n}", low, is_blue))
+        if leg["kind"] == "crank":
+            found.append((f"arm of leg {n}", scaled(add(low, tuple(leg["base"])), 0.5), is_blue))
+    centre = scaled(tuple(map(sum, zip(*place.upper))), 1 / len(place.upper))
+    found += [(f"platform at leg {n}", scaled(add(centre, end), 0.5), is_green) for n, end in enumerate(place.upper)]
+    return found
+
+
+def farthest(view, before, after):
+    """Pixels that the part has gone which has gone farthest."""
+    return max(hypot(*subtract(view.pixel(one[1]), view.pixel(two[1]))) for one, two in zip(before, after))
+
+
+def judged(out):
+    """Says what was seen; AssertionError where a part is not drawn, or has not moved."""
+    scenes = [Scene(fields) for fields in json.loads((out / "scenes.json").read_text())]
+    log = (out / "linuxcnc.log").read_text(errors="replace")
+    assert "pkmkins: panel:" not in log, [line for line in log.splitlines() if "pkmkins: panel:" in line]
+    places, pictures = {}, {}
+    for stem in ("home", "program"):
+        state = json.loads((out / f"{stem}.json").read_text())
+        view, pictures[stem] = View(scenes, state["window"]), Picture(out / f"{stem}.ppm")
+        places[stem] = [(name, view.pixel(point), colour) for name, point, colour in parts(scenes, state)]
+        missing = [name for name, place, colour in places[stem] if not pictures[stem].shows(place, colour)]
+        count = len(places[stem])
+        assert len(missing) <= (1 - SEEN) * count, f"{stem}: of {count} parts not where they should be: {missing}"
+        assert state["pins"]["pkmkins-panel.known"], f"{stem}: no travel left"
+    gone = [hypot(*subtract(one[1], two[1])) for one, two in zip(*places.values())]
+    assert max(gone) > MOTION, "nothing has moved"
+    changed = pictures["home"].differs(pictures["program"], state["window"])
+    assert changed > CHANGED, f"parts have gone {max(gone):.0f} pixels, and {changed:.1%} of the model has changed"
+    return f"{len(gone)} parts, which go {max(gone):.0f} pixels"

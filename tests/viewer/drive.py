@@ -1,0 +1,178 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
+
+    drive.py FOLDER program|refused|bare        with INI_FILE_NAME and DISPLAY set
+
+`program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "live"))
+import hal  # noqa: E402
+import linuxcnc  # noqa: E402
+from drawn import Scene, View, farthest, parts  # noqa: E402
+
+COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
+START_SECONDS = 120
+# The model is drawn anew ten times a second, on a computer that draws slowly.
+SETTLE_SECONDS = 2.0
+# How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
+# of the time fewer, for those whose moves are short.
+RUN_SECONDS = 24.0
+MOTION, LESS_MOTION = 30, 8
+
+
+def wait_for_axis(name):
+    """Until AXIS has connected the panel, which it does last, and both windows are there."""
+    wait(lambda: windows(name), "windows of AXIS and of the model")
+    # Not before LinuxCNC has made the memory that it is a part of.
+    kept = hal.component("screens")
+    kept.ready()
+    for part in COMPONENTS:
+        wait(lambda: hal.component_exists(part), part)
+    return kept
+
+
+def wait(condition, what):
+    end = time.monotonic() + START_SECONDS
+    while not condition():
+        if time.monotonic() > end:
+            sys.exit(f"{what}: not there after {START_SECONDS} s")
+        time.sleep(0.5)
+
+
+def tree():
+    """All windows of the screen, in words."""
+    return subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
+
+
+def windows(name):
+    """Left, top, width and height of the model's window, once it has its place."""
+    if not re.search('"(AXIS|axis)', tree()):
+        return None
+    found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree())
+    return [int(found[k]) for k in (3, 4, 1, 2)] if found else None
+
+
+def state(machine, scenes, name):
+    values = {"window": windows(name), "mechanisms": []}
+    for scene in scenes:
+        values["mechanisms"].append({key: [machine.get(pin) for pin in pins] for key, pins in (
+            ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene.joints]),
+            ("pose", [f"{scene.pins}{letter}" for letter in "xyzabc"]),
+            ("tool", [f"{scene.pins}tool-offset-eff-{letter}" for letter in "xyz"]))})
+    pins = ("pkmkins-panel.known", "pkmkins-panel.guard-on", "pyvcp.geometry-ok", "pyvcp.joint-0")
+    values["pins"] = {pin: machine.get(pin) for pin in pins}
+    return values
+
+
+def picture(machine, scenes, out, stem, name):
+    time.sleep(SETTLE_SECONDS)
+    values = state(machine, scenes, name)
+    (out / f"{stem}.json").write_text(json.dumps(values))
+    for ending in ("png", "ppm"):
+        subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
+    return values
+
+
+def described(ini):
+    """The scenes of the mechanisms."""
+    def asked(number):
+        done = subprocess.run(["pkm", "scene", ini, "--mechanism", number], capture_output=True, text=True, check=True)
+        return Scene(json.loads(done.stdout))
+
+    first = asked("1")
+    return [first, asked("2")] if first.is_of_pair else [first]
+
+
+def program(out, ini, name):
+    """Homes the machine and runs its program."""
+    scenes = described(ini)
+    (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
+    kept = wait_for_axis(name)
+    from machine import Machine
+    machine = Machine()
+    machine.start()
+    machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
+    home = picture(machine, scenes, out, "home", name)
+    machine.set_mode(linuxcnc.MODE_AUTO)
+    machine.command.auto(linuxcnc.AUTO_RUN, 0)
+    machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
+    begin, gone, wanted = time.monotonic(), 0, MOTION
+    view, before = View(scenes, home["window"]), parts(scenes, home)
+    while gone < wanted and time.monotonic() < begin + RUN_SECONDS:
+        machine.pause(0.3)
+        gone = farthest(view, before, parts(scenes, state(machine, scenes, name)))
+        wanted = MOTION if time.monotonic() < begin + RUN_SECONDS / 2 else LESS_MOTION
+    machine.command.auto(linuxcnc.AUTO_PAUSE)
+    machine.pause(0.5)
+    picture(machine, scenes, out, "program", name)
+    machine.command.abort()
+    assert not machine.error_texts(), machine.error_texts()
+    kept.exit()
+
+
+def refused(out, _ini, _name):
+    """A picture of what AXIS says of a program that it opens at the start."""
+    wait(lambda: '"Filter failed' in tree(), "what AXIS says of the program")
+    time.sleep(SETTLE_SECONDS)
+    subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
+
+
+def bare(_out, _ini, _name):
+    """Homes a machine whose panel knows nothing."""
+    wait(lambda: '"AXIS ' in tree() or '"axis' in tree(), "window of AXIS")
+    kept = hal.component("screens")
+    kept.ready()
+    for part in ("pyvcp", "pkmkins-panel"):
+        wait(lambda: hal.component_exists(part), part)
+    from machine import Machine
+    machine = Machine()
+    machine.start()
+    # As long as the panel would take to know.
+    machine.pause(3)
+    assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
+    assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
+    switch_kinematics(machine)
+    kept.exit()
+
+
+def switch_kinematics(machine):
+    """As the buttons of the panel do it, whose pins are taken off for this: refused in world mode and in a move,
+    there and back in MDI and in joint mode, and no joint moves."""
+    from machine import halcmd
+    for choice in ("machine", "joints"):
+        halcmd("unlinkp", f"pyvcp.kinematics.{choice}")
+
+    def press(joints):
+        halcmd("sets", "panel:ask-joints", "TRUE" if joints else "FALSE")
+        machine.pause(1)
+        return machine.get("kinstype.is-1")
+
+    before = machine.commanded_joints()
+    assert not press(True) and not press(False), "switched in world mode"
+    for go in (lambda: machine.set_mode(linuxcnc.MODE_MDI), machine.joint_mode):
+        go()
+        assert press(True) and not press(False), "not switched"
+        assert all(abs(a - b) < 1e-9 for a, b in zip(before, machine.commanded_joints())), "a joint has moved"
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.command.mdi("G1 F100 X20")
+    machine.wait(lambda: not machine.stat.inpos, 5, "a move")
+    assert not press(True) and not machine.stat.inpos, "switched in a move"
+
+
+def main():
+    out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
+    {"program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Shipped configurations in AXIS, with panel and model, on a screen in memory.
+
+    tests/viewer/screens.py [--only TEXT] [--out FOLDER] [--pkm target/host/pkm]
+
+Of every configuration: AXIS comes up, the machine is homed and its program runs. A picture is made at
+home and one in the program. In both every part of the machine has to be where the scene's formulas and
+the window's projection say, in its colour; and the parts have to have moved. Two cases more: a program that
+the filter holds back, and a computer without the command `pkm`. `--out` keeps the pictures.
+Needs Xvfb, ImageMagick and Mesa's software GL.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "live")]
+from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
+                          rerun_unprivileged)
+import drawn  # noqa: E402
+
+SCREEN = "1900x1000x24"
+MODEL = "560x560+1330+10"
+# A computer that draws without a graphics card and runs two more machines.
+START_SECONDS = 120
+END_SECONDS = 20
+PASSED = "passed"
+
+
+class Screen:
+    """A screen in memory."""
+
+    def __enter__(self):
+        read, write = os.pipe()
+        self.process = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", SCREEN,
+                                         "-nolisten", "tcp"], pass_fds=[write], stderr=subprocess.DEVNULL)
+        os.close(write)
+        with os.fdopen(read) as numbers:
+            self.name = f":{numbers.readline().strip()}"
+        return self
+
+    def __exit__(self, *_):
+        self.process.terminate()
+        self.process.wait(10)
+
+
+def copied(name, folder):
+    """A copy of a configuration, and its INI file."""
+    copy = folder / "config"
+    shutil.copytree(REPOSITORY / "configs" / name, copy)
+    ini = copy / f"{name}.ini"
+    model = f"APP = pkmkins-vismach {name}.ini"
+    text = ini.read_text()
+    assert text.count(model) == 1, f"{name}.ini starts no model"
+    # Nobody moves the windows apart.
+    ini.write_text(text.replace(model, f"{model} --geometry {MODEL}"))
+    return ini
+
+
+def environment(folder, screen):
+    path = f"{REPOSITORY / 'given'}:{os.environ['PATH']}"
+    return {**os.environ, "HOME": str(folder), "RUNTESTS": "1", "DISPLAY": screen.name, "PATH": path,
+            "LIBGL_ALWAYS_SOFTWARE": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def started(ini, log, env):
+    return subprocess.Popen(["linuxcnc", str(ini)], stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=env,
+                            cwd=ini.parent, start_new_session=True)
+
+
+def stop(process):
+    """Ends AXIS, after which LinuxCNC ends by itself; then whatever is left of it."""
+    # A signal that comes while AXIS answers to its window only ends that answer.
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        group = ["pgrep", "-g", str(process.pid), "-f", "bin/axis "]
+        for axis in subprocess.run(group, capture_output=True, text=True).stdout.split():
+            os.kill(int(axis), number)
+        try:
+            process.wait(END_SECONDS)
+            return
+        except subprocess.TimeoutExpired:
+            pass
+    Path("/tmp/linuxcnc.lock").unlink(missing_ok=True)
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+    process.wait(10)
+
+
+def driven(name, out, task, edit=lambda ini: None, path=None):
+    """Brings a configuration up and has `drive.py` do its task; returns what LinuxCNC has told."""
+    with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as folder, Screen() as screen:
+        folder = Path(folder)
+        ini = copied(name, folder)
+        edit(ini)
+        env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
+        if path:
+            env["PATH"] = path
+        clear_hal()
+        with open(out / "linuxcnc.log", "w") as log:
+            process = started(ini, log, env)
+            try:
+                driver = [sys.executable, str(HERE / "drive.py"), str(out), task]
+                done = subprocess.run(driver, env=env, capture_output=True, text=True, timeout=START_SECONDS + 120)
+            finally:
+                stop(process)
+                clear_hal()
+        assert done.returncode == 0, done.stdout + done.stderr
+    return (out / "linuxcnc.log").read_text(errors="replace")
+
+
+def shown(name, out):
+    driven(name, out, "program")
+    return drawn.judged(out)
+
+
+def filter_holds_back(out):
+    """AXIS asks the filter, which the program that it opens at the start does not pass."""
+    def edit(ini):
+        text = re.sub("(?m)^OPEN_FILE = .*$", "OPEN_FILE = programs/far.ngc", ini.read_text())
+        text += "\n[FILTER]\nPROGRAM_EXTENSION = .ngc G code that fits the machine\nngc = pkm filter\n"
+        ini.write_text(text)
+        ini.with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
+
+    log = driven("hexapod", out, "refused", edit)
+    for text in ("does not fit the machine", "line 2: axis range: axis X leaves its limit of -150 to 150 mm"):
+        assert text in log, f"AXIS was not told: {text}"
+    return "AXIS says that the filter failed"
+
+
+def without_the_command(out):
+    """Where `pkm` is not installed, and pins are missing that the panel would show, the machine starts, with
+    what there is, and the reasons are told."""
+    def edit(ini):
+        wiring = ini.with_name("hexapod-panel.tcl")
+        wiring.write_text(wiring.read_text().replace(" pkmkins.margin.5 ", " pkmkins.margin.6 "))
+
+    log = driven("hexapod", out, "bare", edit, "/usr/bin:/bin")
+    for text in ("panel: there is no pin pkmkins.margin.6: not shown",
+                 "pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
+        assert text in log, f"not told: {text}"
+    return "homed, kinematics switched, without model and travel left"
+
+
+# Beside the configurations.
+CASES = {"a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command}
+
+
+def run_one(name, out):
+    begin = time.monotonic()
+    try:
+        detail = CASES[name](out) if name in CASES else shown(name, out)
+    except (AssertionError, subprocess.SubprocessError, OSError, ValueError) as reason:
+        print(f"FAIL screen of {name}: {reason}", flush=True)
+        return False
+    (out / PASSED).touch()
+    print(f"PASS screen of {name} ({detail}; {time.monotonic() - begin:.0f} s)", flush=True)
+    return True
+
+
+def chosen(only):
+    words = only.split(",")
+    names = sorted(folder.name for folder in (REPOSITORY / "configs").iterdir())
+    return [name for name in [*CASES, *names] if any(word in name for word in words)]
+
+
+def parsed():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--only", default="", 
+                           help="configurations and cases whose names contain this text, or one of several with commas")
+    arguments.add_argument("--out", type=Path, help="folder that keeps pictures and logs")
+    arguments.add_argument("--pkm", type=Path, default=REPOSITORY / "target/host/pkm")
+    return arguments.parse_args()
+
+
+def outside(options, out):
+    for stale in out.glob(f"*/{PASSED}"):
+        stale.unlink()
+    arguments = ["--only", options.only]
+    code = rerun_unprivileged("tests/viewer/screens.py", arguments, 1800, out, [options.pkm.resolve()], LANES)
+    names = chosen(options.only)
+    failed = [name for name in names if not (out / name / PASSED).exists()]
+    print(f"screens: {len(names) - len(failed)} passed, {len(failed)} failed {' '.join(failed)}".rstrip())
+    return code or (1 if failed else 0)
+
+
+def main():
+    options = parsed()
+    if not is_unprivileged():
+        if options.out:
+            options.out.mkdir(parents=True, exist_ok=True)
+            return outside(options, options.out.resolve())
+        with tempfile.TemporaryDirectory(prefix="pkmkins-screens-") as out:
+            return outside(options, Path(out))
+    with only_one():
+        outs = [(name, REPOSITORY / "out" / name) for name in chosen(options.only)]
+        results = [run_one(name, out) for name, out in outs if claimed(out)]
+    return 0 if all(results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

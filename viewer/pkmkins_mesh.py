@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Shapes from STL and OBJ files, as triangles: docs/scene.md."""
+
+import os
+import struct
+
+# Larger files would be drawn too slowly beside a machine that runs, and take long to read.
+MOST_BYTES = 20_000_000
+
+# Of binary STL: what stands before the triangles, and how long one is.
+HEAD, TRIANGLE = 84, 50
+
+
+class MeshError(Exception):
+    """A file that holds no shape, with the reason."""
+
+
+def read(file):
+    """Triangles of three points each."""
+    try:
+        size = os.path.getsize(file)
+        if size > MOST_BYTES:
+            raise MeshError(f"{size / 1e6:.0f} MB, expected {MOST_BYTES / 1e6:.0f} MB at most: make it coarser")
+        with open(file, "rb") as stream:
+            data = stream.read()
+        triangles = of_obj(data) if file.lower().endswith(".obj") else of_stl(data)
+    except OSError as error:
+        raise MeshError(f"{file}: {error.strerror}") from error
+    except (MeshError, ValueError, IndexError, UnicodeDecodeError) as error:
+        raise MeshError(f"{file}: {error}") from error
+    if not triangles:
+        raise MeshError(f"{file}: no triangles in it")
+    if not all(-1e30 < number < 1e30 for triangle in triangles for point in triangle for number in point):
+        raise MeshError(f"{file}: a point is NaN or too far away")
+    return triangles
+
+
+def of_stl(data):
+    count = struct.unpack_from("<I", data, HEAD - 4)[0] if len(data) >= HEAD else None
+    if count is not None and len(data) == HEAD + TRIANGLE * count:
+        rows = struct.iter_unpack("<12f2x", data[HEAD:])
+        return [(row[3:6], row[6:9], row[9:12]) for row in rows]
+    if not data.lstrip().startswith(b"solid"):
+        raise MeshError("neither the STL of text nor a whole binary one")
+    words = [line.split() for line in data.decode().splitlines()]
+    points = [numbers(line[1:4]) for line in words if line[:1] == ["vertex"]]
+    if len(points) % 3:
+        raise MeshError("its last triangle is not whole")
+    return [tuple(points[n:n + 3]) for n in range(0, len(points), 3)]
+
+
+def of_obj(data):
+    points, triangles = [], []
+    for line in data.decode().splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            points.append(numbers(words[1:4]))
+        elif words[:1] == ["f"]:
+            # From 1 on, or back from the last one.
+            places = [int(word.split("/")[0]) for word in words[1:]]
+            if not all(0 < abs(place) <= len(points) for place in places):
+                raise MeshError(f"\"{line}\" names a point that is not there")
+            corners = [points[place - 1 if place > 0 else place] for place in places]
+            triangles += [(corners[0], *pair) for pair in zip(corners[1:], corners[2:])]
+    return triangles
+
+
+def numbers(words):
+    point = tuple(map(float, words))
+    if len(point) != 3:
+        raise MeshError("a point has less than three numbers")
+    return point

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Why something was refused, in words, for a panel of PyVCP: docs/panel.md.
+
+PyVCP has no widget that shows a text from HAL. The panel's label therefore has a variable of its own,
+which this keeps up to date from pins that it reads by name.
+"""
+
+import os
+import sys
+import tkinter
+
+import hal
+
+sys.path.append(os.path.dirname(os.path.realpath(__file__)))
+from pkmkins_causes import CAUSES
+
+# Milliseconds between two looks.
+PERIOD = 300
+
+
+def count_legs():
+    """Legs of the module: joints behind them are called joints."""
+    count = 0
+    try:
+        while True:
+            hal.get_value(f"pkmkins.base.{count}.x")
+            count += 1
+    except (RuntimeError, TypeError, ValueError):
+        return count
+
+
+def sentence(code, number, legs):
+    """As the module tells it to the operator, without the value, which no pin holds."""
+    text, remedy = CAUSES.get(code, ("a cause that this version does not know", "see docs/causes.md"))
+    part = "" if number < 0 else f"leg {number}: " if number < legs else f"joint {number}: "
+    return f"{part}{text}; {remedy} [code {code}]"
+
+
+def words(value, legs):
+    """What is ahead, and what was refused last; `value` reads a pin."""
+    told = []
+    if value("pkmkins.limit-soon"):
+        told.append("ahead: " + sentence(value("pkmkins.limit-reason"), value("pkmkins.limit-leg"), legs))
+    if value("pkmkins.fault"):
+        told.append("last: " + sentence(value("pkmkins.fault"), value("pkmkins.fault-leg"), legs))
+    return "\n".join(told) or "nothing"
+
+
+def reason(master):
+    """A variable of Tk that always has the words."""
+    text = tkinter.StringVar(master)
+    # Tk forgets a variable that nobody holds.
+    master.pkmkins_reason = text
+    legs = []
+
+    def look():
+        try:
+            if not legs:
+                legs.append(count_legs())
+            text.set(words(hal.get_value, legs[0]))
+        except (RuntimeError, TypeError, ValueError) as error:
+            text.set(f"pins are missing: {error}")
+        master.after(PERIOD, look)
+
+    look()
+    return text

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm travel`.
+
+use super::failure::{Failure, refused};
+use super::joints::Tool;
+use super::{MachineFile, Verdict, told};
+use kinematics::{POSE_LETTERS, Vector3};
+use pkm::program::travel::{Side, Stand, Travel, travel};
+use pkm::read::machine::MachineConfig;
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, Write};
+
+/// How far the machine can go from a pose
+///
+/// Along every letter by itself, both ways, with what ends the way: a joint, a cone, the axis limit. The
+/// way is followed as `pkm preflight` follows a move: up to the place told every limit is proved to be
+/// kept, and it is told to a millionth of the machine's size. Machine units and degrees. Where a limit
+/// is left at the pose itself, nothing is left both ways.
+///
+/// With --serve every line of standard input is a question and is answered with a line of JSON, until
+/// standard input ends: what a panel asks again and again. docs/panel.md describes both.
+///
+/// Exit status: 0, 1 where the machine cannot stand at the pose, 2 where input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: pkm travel hexapod.ini X20 Y0 Z300 A5 --tool 0 0 80")]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The pose, as a block of a program would name it in machine coordinates: X20 Z300 A5; a letter that
+    /// is missing is that of [TRAJ]HOME
+    #[arg(value_name = "WORD", conflicts_with = "serve")]
+    words: Vec<String>,
+    #[command(flatten)]
+    tool: Tool,
+    /// Text for people, or JSON for programs
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// Answers lines of standard input: {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y, Z], ...]},
+    /// with the tool vector of every mechanism, spindle offset included
+    #[arg(long, conflicts_with_all = ["format", "tool"])]
+    serve: bool,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Text,
+    Json,
+}
+
+/// A question.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Question {
+    at: [f64; 9],
+    tools: Vec<[f64; 3]>,
+}
+
+/// What is told.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Answer {
+    Travel(Vec<Travel>),
+    Error(String),
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all()?;
+    if arguments.serve {
+        return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
+    }
+    let mut stand = Stand::home(&config);
+    for word in &arguments.words {
+        let (place, value) = word_of(&config, word)?;
+        stand.world[place] = value;
+    }
+    stand.tools[0] = arguments.tool.vector(&config);
+    let found = match travel(&config, &stand) {
+        Ok(found) => found,
+        Err(fault) => {
+            super::failure::tell_error(&fault);
+            return Ok(Verdict::Misfit);
+        }
+    };
+    told(&match arguments.format {
+        Format::Text => in_words(&found),
+        Format::Json => serde_json::to_string_pretty(&Answer::Travel(found))? + "\n",
+    })?;
+    Ok(Verdict::Fits)
+}
+
+/// Place and value of a word such as `X20`.
+fn word_of(config: &MachineConfig, word: &str) -> Result<(usize, f64), Failure> {
+    let home = Stand::home(config);
+    let letters: String = match travel(config, &home) {
+        Ok(found) => found.iter().map(|travel| travel.letter).collect(),
+        Err(fault) => return Err(fault.into()),
+    };
+    let letter = word.chars().next().map(|letter| letter.to_ascii_uppercase());
+    let place = POSE_LETTERS.iter().position(|known| Some(*known) == letter);
+    let value =
+        word.get(1..).and_then(|number| number.parse().ok()).filter(|v: &f64| v.is_finite());
+    match place.filter(|place| letters.contains(POSE_LETTERS[*place])).zip(value) {
+        Some(found) => Ok(found),
+        None => Err(refused(format!(
+            "\"{word}\": expected a letter of {letters} and a number, such as {}20",
+            &letters[..1]
+        ))),
+    }
+}
+
+fn serve(config: &MachineConfig) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    for line in std::io::stdin().lock().lines() {
+        let answer = match answer(config, &line?) {
+            Ok(found) => Answer::Travel(found),
+            Err(text) => Answer::Error(text),
+        };
+        writeln!(out, "{}", serde_json::to_string(&answer)?)?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
+/// What is left, or why that cannot be said.
+fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
+    let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
+    let count = config.mechanisms().count();
+    if tools.len() != count {
+        return Err(format!("tools: expected {count} of them, found {}", tools.len()));
+    }
+    let tool = |i: usize| Vector3::from(tools[i.min(count - 1)]);
+    let stand = Stand { world: at, tools: [tool(0), tool(1)] };
+    travel(config, &stand).map_err(|fault| fault.to_string())
+}
+
+fn in_words(found: &[Travel]) -> String {
+    let row = |way: &Travel| {
+        let side = |sign: &str, side: &Side| {
+            let left =
+                side.left.map_or("without end".into(), |left| format!("{left:.3} {}", way.unit));
+            format!(
+                "{sign}{} {left:>18}  {}\n",
+                way.letter,
+                side.stop.as_deref().unwrap_or_default()
+            )
+        };
+        side("-", &way.minus) + &side("+", &way.plus)
+    };
+    found.iter().map(row).collect()
+}

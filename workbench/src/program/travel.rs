@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How far the machine can go from a pose, along every letter by itself, both ways.
+//!
+//! The way to the end of the letter's range is followed as a move of a program is
+//! ([`crate::program::follow`]): up to the place that is found every limit is proved to be kept.
+
+use crate::program::both::Flights;
+use crate::program::findings::Break;
+use crate::program::interpreter::{Beside, Move, MoveKind, Spindle};
+use crate::read::joints::Axis;
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
+use serde::Serialize;
+
+/// The way is followed in as many parts: what lies behind the first limit is not looked at.
+const PARTS: u32 = 8;
+
+/// A turn, after which everything comes again.
+const TURN: f64 = 360.0;
+
+/// Where no range ends a way, it is followed as far as this, in sizes of the machine.
+const FAR: f64 = 4.0;
+
+/// Where a machine stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stand {
+    /// LinuxCNC's pose X Y Z A B C U V W, machine units and degrees.
+    pub world: World,
+    /// Tool vectors in effect, of the first mechanism and of a second one, spindle offset included.
+    pub tools: [Vector3<f64>; 2],
+}
+
+/// What is left along a letter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Travel {
+    /// The letter.
+    pub letter: char,
+    /// Of its values.
+    pub unit: &'static str,
+    /// Towards smaller values.
+    pub minus: Side,
+    /// Towards larger ones.
+    pub plus: Side,
+}
+
+/// What is left along a letter, one way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Side {
+    /// In the letter's unit; `None` where nothing ends the way.
+    pub left: Option<f64>,
+    /// What ends it: part and limit.
+    pub stop: Option<String>,
+}
+
+/// A letter with the range that it has by itself.
+struct Way {
+    place: usize,
+    unit: &'static str,
+    /// Ends of its range, and what they are of.
+    ends: [f64; 2],
+    names: [String; 2],
+    is_angle: bool,
+}
+
+impl Stand {
+    /// At `[TRAJ]HOME`, without a tool.
+    pub fn home(config: &MachineConfig) -> Self {
+        let mut world = [0.0; 9];
+        for mechanism in config.mechanisms() {
+            for letter in moved(mechanism) {
+                let k = letter.index();
+                world[mechanism.place.places[k]] = mechanism.start[k];
+            }
+        }
+        for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+            world[place] = axis.joint.home;
+        }
+        let second = config.second.as_deref().map_or(config.spindle, |second| second.spindle);
+        Self { world, tools: [config.spindle, second] }
+    }
+
+    /// The pose that this mechanism has in its own letters.
+    fn pose_of(&self, mechanism: &MachineConfig) -> [f64; 6] {
+        let mut pose = mechanism.start;
+        for letter in moved(mechanism) {
+            let k = letter.index();
+            pose[k] = self.world[mechanism.place.places[k]];
+        }
+        pose
+    }
+
+    /// A move to here.
+    fn reached(&self, config: &MachineConfig) -> Move {
+        let offset = |config: &MachineConfig, i: usize| (self.tools[i] - config.spindle).into();
+        let beside =
+            |second: &MachineConfig| Beside { end: self.pose_of(second), tool: offset(second, 1) };
+        let mut extra_end = [0.0; MAX_EXTRA];
+        let places = config.extra_axes.places();
+        extra_end.iter_mut().zip(places).for_each(|(to, place)| *to = self.world[place]);
+        Move {
+            kind: MoveKind::Rapid,
+            line: 0,
+            end: self.pose_of(config),
+            feed: f64::INFINITY,
+            angular_feed: f64::INFINITY,
+            tool: offset(config, 0),
+            file: 0,
+            extra: false,
+            second: config.second.as_deref().map(beside),
+            extra_end,
+            spindle: Spindle::Unknown,
+        }
+    }
+}
+
+/// What is left along every letter that moves something, in LinuxCNC's order.
+///
+/// # Errors
+/// The machine cannot stand there.
+pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Fault> {
+    stands(config, stand)?;
+    let both = |way: &Way| {
+        let [minus, plus] = [0, 1].map(|end| side(config, stand, way, end));
+        let (letter, unit) = (POSE_LETTERS[way.place], way.unit);
+        Ok(Travel { letter, unit, minus: minus?, plus: plus? })
+    };
+    ways(config).iter().map(both).collect()
+}
+
+/// Refuses a pose without joint values.
+fn stands(config: &MachineConfig, stand: &Stand) -> Result<(), Fault> {
+    let step = stand.reached(config);
+    for (i, mechanism) in config.mechanisms().enumerate() {
+        let tool = stand.tools[i];
+        let pose = mechanism.carried(&stand.pose_of(mechanism), &step.extra_end, &tool)?;
+        let pose = Pose::from_degrees(pose);
+        let counted = |fault| mechanism.place.counted(fault);
+        mechanism.machine.at(&pose, &mechanism.chain.machine_tool(&tool)).map_err(counted)?;
+    }
+    Ok(())
+}
+
+/// Coordinates that a mechanism moves.
+fn moved(mechanism: &MachineConfig) -> impl Iterator<Item = Letter> {
+    let layout = *mechanism.machine.layout();
+    Letter::ALL.into_iter().filter(move |letter| !layout.is_held(*letter))
+}
+
+fn ways(config: &MachineConfig) -> Vec<Way> {
+    let mut ways: Vec<Way> = vec![];
+    for mechanism in config.mechanisms() {
+        for letter in moved(mechanism) {
+            let Axis { min, max, .. } = mechanism.programmed[letter.index()];
+            let name = of_axis(mechanism.place.letter(letter));
+            ways.push(Way {
+                place: mechanism.place.places[letter.index()],
+                unit: unit(config, letter.is_angle()),
+                ends: [min, max],
+                names: [name.clone(), name],
+                is_angle: letter.is_angle(),
+            });
+        }
+    }
+    for (place, extra) in config.extra_axes.places().zip(&config.extra) {
+        let of_joint = format!("{}: {}", extra.joint.name, Limit::JointRange.name());
+        let name =
+            |joint_ends: bool| if joint_ends { of_joint.clone() } else { of_axis(extra.letter) };
+        let is_angle = (3..6).contains(&place);
+        ways.push(Way {
+            place,
+            unit: unit(config, is_angle),
+            ends: [extra.axis.min.max(extra.joint.min), extra.axis.max.min(extra.joint.max)],
+            names: [name(extra.joint.min > extra.axis.min), name(extra.joint.max < extra.axis.max)],
+            is_angle,
+        });
+    }
+    ways.sort_by_key(|way| way.place);
+    ways
+}
+
+fn of_axis(letter: char) -> String {
+    format!("axis {letter}: {}", Limit::Axis.name())
+}
+
+fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
+    if is_angle { "degrees" } else { config.length_unit() }
+}
+
+/// What is left towards one end of a letter's range.
+fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
+    let sign = [-1.0, 1.0][end];
+    let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
+    let most = if way.is_angle { TURN } else { FAR * config.machine.size() };
+    let part = free.min(most) / f64::from(PARTS);
+    let mut at = stand.clone();
+    for n in 0..PARTS {
+        let mut next = at.clone();
+        next.world[way.place] += sign * part;
+        if let Some(first) = first_break(config, way, &at, &next)? {
+            let left = part * (f64::from(n) + first.share);
+            let stop = format!("{}: {}", first.part, first.limit.name());
+            return Ok(Side { left: Some(left), stop: Some(stop) });
+        }
+        at = next;
+    }
+    let is_ended = free.is_finite();
+    Ok(Side { left: is_ended.then_some(free), stop: is_ended.then(|| way.names[end].clone()) })
+}
+
+/// What a straight move along a letter leaves first; the letter's own range is the way's, which may
+/// begin beyond it.
+fn first_break(
+    config: &MachineConfig,
+    way: &Way,
+    at: &Stand,
+    next: &Stand,
+) -> Result<Option<Break>, Fault> {
+    let mut flights = Flights::standing(config, &at.reached(config))?;
+    flights.see(&next.reached(config));
+    let own = format!("axis {}", POSE_LETTERS[way.place]);
+    let breaks = flights.finish()?.breaks.into_iter();
+    let others = breaks.filter(|found| found.limit != Limit::Axis || found.part != own);
+    Ok(others.min_by(|a, b| a.share.total_cmp(&b.share)))
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm filter`, as a user interface of LinuxCNC runs it.
+
+use crate::shipped::folder;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn filtered(machine: Option<&Path>, program: &Path) -> Output {
+    // As AXIS does it: by a shell, with the name in quotes.
+    let mut command = Command::new("sh");
+    command.arg("-c").arg(format!("{} filter '{}'", env!("CARGO_BIN_EXE_pkm"), program.display()));
+    command.env_remove("INI_FILE_NAME").env("AXIS_PROGRESS_BAR", "1");
+    if let Some(machine) = machine {
+        command.env("INI_FILE_NAME", machine);
+    }
+    command.output().unwrap()
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn a_program_that_fits_comes_out_as_it_is_with_the_progress_of_the_check() {
+    let machine = folder("linear-delta").join("linear-delta.ini");
+    let program = folder("linear-delta").join("programs/plate-layer.ngc");
+    let output = filtered(Some(&machine), &program);
+    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.stdout, std::fs::read(&program).unwrap());
+    let percents: Vec<u32> = told(&output)
+        .lines()
+        .map(|line| line.strip_prefix("FILTER_PROGRESS=").unwrap().parse().unwrap())
+        .collect();
+    assert!(percents.len() > 3 && percents.iter().all(|percent| *percent <= 100), "{percents:?}");
+}
+
+#[test]
+fn a_program_that_does_not_fit_is_held_back_with_its_lines_and_reasons() {
+    let place = tempfile::tempdir().unwrap();
+    let program = place.path().join("it's far.ngc");
+    std::fs::write(&program, "G21 G90 M52 P1\nG0 X0 Y0\nG1 F600 X5000\nM2\n").unwrap();
+    let machine = folder("linear-delta").join("linear-delta.ini");
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("filter")
+        .arg(&program)
+        .env("INI_FILE_NAME", &machine)
+        .output()
+        .unwrap();
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0));
+    let text = told(&output);
+    assert!(text.contains("it's far.ngc does not fit the machine"), "{text}");
+    assert!(
+        text.contains("line 3: axis range: axis X") && text.contains("G1 F600 X5000"),
+        "{text}"
+    );
+}
+
+#[test]
+fn without_a_machine_or_with_a_program_that_does_not_parse_nothing_comes_out() {
+    let place = tempfile::tempdir().unwrap();
+    let program = place.path().join("bad.ngc");
+    std::fs::write(&program, "G0 X0\nG1 XX\n").unwrap();
+    let output = filtered(None, &program);
+    assert!(told(&output).contains("INI_FILE_NAME"), "{}", told(&output));
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    let machine = folder("linear-delta").join("linear-delta.ini");
+    let output = filtered(Some(&machine), &program);
+    assert!(told(&output).contains("bad.ngc"), "{}", told(&output));
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    let output = filtered(Some(&machine), &place.path().join("none.ngc"));
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+}
