@@ -31,6 +31,7 @@ mod offsets;
 mod page;
 mod path;
 mod path_refusals;
+mod pictures;
 mod preflight;
 mod random_program;
 mod replay;
