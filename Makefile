@@ -26,9 +26,10 @@ NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
-# The model in 3D; it looks for its module there.
-VIEWER := /usr/bin/pkmkins-vismach
+# The model in 3D and the page in browsers; they look for their modules there, and the causes of a refusal.
+VIEWERS := $(addprefix /usr/bin/,pkmkins-vismach pkm-live)
 VIEWER_SHARE := /usr/share/pkmkins
+VIEWER_FILES := viewer/pkmkins_scene.py viewer/pkmkins_pins.py docs/causes.md
 
 # LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
 VIRTUAL := target/virtual/libpkmkins-virtual.so
@@ -101,6 +102,7 @@ test: setup
 	tests/live/traces_test.py
 	tests/live/truth.py --live short
 	tests/viewer/scene_test.py target/host/pkm
+	tests/viewer/live_test.py
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
@@ -259,11 +261,11 @@ install: setup module virtual
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	put() { $$root install -m $${3:-644} "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
 	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" \
-	    "$(DESTDIR)$(dir $(VIEWER))" "$(DESTDIR)$(VIEWER_SHARE)" && \
+	    "$(DESTDIR)$(dir $(firstword $(VIEWERS)))" "$(DESTDIR)$(VIEWER_SHARE)" && \
 	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
 	put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" && \
-	put viewer/pkmkins-vismach "$(DESTDIR)$(VIEWER)" 755 && \
-	put viewer/pkmkins_scene.py "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" && \
+	for f in $(VIEWERS); do put viewer/$${f##*/} "$(DESTDIR)$$f" 755 || exit 1; done && \
+	for f in $(VIEWER_FILES); do put $$f "$(DESTDIR)$(VIEWER_SHARE)/$${f##*/}" || exit 1; done && \
 	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done && \
 	for f in $(SUBROUTINES); do put $$f "$(DESTDIR)$(NGC_LIB)/$${f##*/}" || exit 1; done
 
@@ -273,7 +275,8 @@ uninstall:
 	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
 	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
 	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))") \
-	    "$(DESTDIR)$(VIEWER)" "$(DESTDIR)$(VIEWER_SHARE)/pkmkins_scene.py" \
+	    $(foreach f,$(VIEWERS),"$(DESTDIR)$(f)") \
+	    $(foreach f,$(VIEWER_FILES),"$(DESTDIR)$(VIEWER_SHARE)/$(notdir $(f))") \
 	    $(foreach f,$(SUBROUTINES),"$(DESTDIR)$(NGC_LIB)/$(notdir $(f))") && \
 	for folder in "$(DESTDIR)$(NGC_LIB)" "$(DESTDIR)$(VIEWER_SHARE)"; do \
 	    [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"; done

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-PARTS = ("configs", "tests/live", "tests/cases/ini")
+PARTS = ("configs", "tests/live", "tests/cases/ini", "viewer")
 MARK = "PKMKINS_UNPRIVILEGED"
 LANES = 3  # beyond that two cores have too much to do where LinuxCNC starts
 SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are built for

@@ -55,7 +55,10 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/share/linuxcnc/hallib/pkmkins_sim.tcl",
         "usr/share/linuxcnc/ncfiles/pkmkins_lib/my_own.ngc",
         "usr/bin/pkmkins-vismach",
+        "usr/bin/pkm-live",
         "usr/share/pkmkins/pkmkins_scene.py",
+        "usr/share/pkmkins/pkmkins_pins.py",
+        "usr/share/pkmkins/causes.md",
     ]
     .map(String::from)
     .into();
