@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo pictures calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard mutants setup rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -74,6 +74,7 @@ help:
 	@echo "make uninstall  takes exactly these away"
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
 	@echo "make uninstall-pkm  takes exactly these away"
+	@echo "make pictures   draws the pictures of the documentation again"
 	@echo "make clean      removes target/ and build/"
 
 demo:
@@ -109,6 +110,11 @@ test: setup
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge
+
+# Those of the documentation, by the commands that they show.
+pictures:
+	$(HOST_BUILD) --bin pkm
+	docs/pictures/make.sh target/host/pkm
 
 # In the third of two cores that machines live leave, and never before them.
 check-aside:

@@ -3,12 +3,12 @@
 
 use crate::draw::contour::contoured;
 use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::Line;
+use crate::draw::lines::{Line, without_stairs};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, TIME, path_axes};
 use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::draw::style::{PALE, line_style};
-use crate::draw::thin::{apart, thin};
+use crate::draw::thin::thin;
 use crate::dynamics::linear::Ellipse;
 use crate::dynamics::record::Record;
 use crate::study::map::Map;
@@ -93,7 +93,8 @@ pub fn of_trace(record: &Record, linear: Option<&Matrix3<f64>>) -> Result<Plot, 
         std::iter::once(Key::new(Sign::Line(trace), "trace")).chain(names).collect();
     let svg = keyed(&keys, |area| {
         let mut chart = path_axes(area, &frame, &points)?;
-        chart.draw_series([PathElement::new(apart(&points), trace)])?;
+        let path = without_stairs(&chart, &points);
+        chart.draw_series([PathElement::new(path, trace)])?;
         for (k, (line, _)) in ellipses.iter().enumerate() {
             chart.draw_series([PathElement::new(line.clone(), line_style(k))])?;
         }

@@ -5,7 +5,7 @@ use crate::draw::key::{Key, Sign, keyed};
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Chart, Frame, axes, padded};
 use crate::draw::style::{limit_style, line_style};
-use crate::draw::thin::thin;
+use crate::draw::thin::{bends, thin};
 use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
 use plotters::prelude::*;
@@ -42,9 +42,19 @@ fn finite(value: &f64) -> bool {
 pub(super) fn draw_line(chart: &mut Chart, line: &Line, number: usize) -> Result<(), DrawError> {
     let parts = line.points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
     for part in parts {
-        chart.draw_series([PathElement::new(part.to_vec(), line_style(number))])?;
+        let path = without_stairs(chart, part);
+        chart.draw_series([PathElement::new(path, line_style(number))])?;
     }
     Ok(())
+}
+
+/// The points of a line that a chart needs.
+pub(super) fn without_stairs(chart: &Chart, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let (width, height) = chart.plotting_area().dim_in_pixel();
+    let (x, y) = (chart.x_range(), chart.y_range());
+    let scale = (f64::from(width) / (x.end - x.start), f64::from(height) / (y.end - y.start));
+    let pixels: Vec<(f64, f64)> = points.iter().map(|p| (p.0 * scale.0, p.1 * scale.1)).collect();
+    bends(&pixels).into_iter().map(|place| points[place]).collect()
 }
 
 /// One line for each joint of a group, from (abscissa, values of all joints).

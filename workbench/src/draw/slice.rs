@@ -3,6 +3,7 @@
 //! the axes.
 
 use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::without_stairs;
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Chart, Frame, path_axes};
 use crate::draw::style::{BLUE, limit_style, line_style};
@@ -115,8 +116,10 @@ impl Sheet<'_> {
     }
 
     fn draw_border(&self, chart: &mut Chart) -> Result<(), DrawError> {
-        let lines = self.border().into_iter();
-        chart.draw_series(lines.map(|(kind, line)| PathElement::new(line, line_style(kind))))?;
+        for (kind, line) in self.border() {
+            let path = without_stairs(chart, &line);
+            chart.draw_series([PathElement::new(path, line_style(kind))])?;
+        }
         Ok(())
     }
 }

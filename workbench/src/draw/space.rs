@@ -5,6 +5,7 @@
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Area, round_steps, span, tick};
 use crate::draw::style::{GREY, NAME, PALE, SMALL, TITLE, letters_at};
+use crate::draw::thin::bends;
 use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
@@ -278,9 +279,13 @@ pub(super) struct View {
 
 impl View {
     pub(super) fn pixel(&self, place: &Vector3<f64>) -> (i32, i32) {
-        let (across, up) = project(place);
-        let (x, y) = (self.offset.0 + across * self.scale, self.offset.1 - up * self.scale);
+        let (x, y) = self.place(place);
         (x.round() as i32, y.round() as i32)
+    }
+
+    fn place(&self, place: &Vector3<f64>) -> (f64, f64) {
+        let (across, up) = project(place);
+        (self.offset.0 + across * self.scale, self.offset.1 - up * self.scale)
     }
 
     /// A line through places that nothing hides, in one.
@@ -289,7 +294,9 @@ impl View {
         places: &[Vector3<f64>],
         style: ShapeStyle,
     ) -> PathElement<(i32, i32)> {
-        let pixels: Vec<(i32, i32)> = places.iter().map(|place| self.pixel(place)).collect();
+        let flat: Vec<(f64, f64)> = places.iter().map(|place| self.place(place)).collect();
+        let kept = bends(&flat).into_iter();
+        let pixels: Vec<(i32, i32)> = kept.map(|place| self.pixel(&places[place])).collect();
         PathElement::new(pixels, style)
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::draw::contour::contoured;
 use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::{Line, drawn_lines};
+use crate::draw::lines::{Line, drawn_lines, without_stairs};
 use crate::draw::partition::{Partition, partitioned, places};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sheet::{Frame, axes, path_axes};
@@ -239,7 +239,8 @@ fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
         let mut chart = path_axes(area, &frame, &all)?;
         for (k, (_, own)) in responses.iter().enumerate() {
             let points: Vec<(f64, f64)> = own.iter().map(place).collect();
-            chart.draw_series([PathElement::new(points, line_style(k))])?;
+            let path = without_stairs(&chart, &points);
+            chart.draw_series([PathElement::new(path, line_style(k))])?;
         }
         chart.draw_series([Cross::new((0.0, 0.0), 6, limit_style())])?;
         Ok(())

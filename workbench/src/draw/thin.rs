@@ -69,11 +69,6 @@ pub(super) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f6
     lowest(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>())
 }
 
-/// The points that lie apart by about a pixel, and the last one.
-pub(super) fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    places_apart(points, 1.0).into_iter().map(|place| points[place]).collect()
-}
-
 /// Where in a list the points are that lie apart by about so many pixels, and the last one.
 pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
@@ -88,6 +83,40 @@ pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     }
     kept.extend(points.len().checked_sub(1).filter(|last| kept.last() != Some(last)));
     kept
+}
+
+/// Pixels by which a point may lie beside the line that is drawn: sheets have whole pixels, and many points
+/// on a gentle slope would make stairs of them.
+const BESIDE: f64 = 0.6;
+
+/// The places of points, in pixels, that a line through them needs: all others lie [`BESIDE`] it (Ramer,
+/// Douglas and Peucker).
+pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
+    let mut is_kept = vec![false; points.len()];
+    let mut spans = vec![(0, points.len().saturating_sub(1))];
+    while let Some((from, to)) = spans.pop() {
+        for kept in [from, to] {
+            if let Some(kept) = is_kept.get_mut(kept) {
+                *kept = true;
+            }
+        }
+        let between = (from + 1..to).map(|k| (distance(points[k], points[from], points[to]), k));
+        if let Some((far, bend)) = between.max_by(|a, b| a.0.total_cmp(&b.0))
+            && far > BESIDE
+        {
+            spans.extend([(from, bend), (bend, to)]);
+        }
+    }
+    (0..points.len()).filter(|k| is_kept[*k]).collect()
+}
+
+/// Of a point from the line between two others.
+fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
+    let (way, own) = ((to.0 - from.0, to.1 - from.1), (point.0 - from.0, point.1 - from.1));
+    let square = way.0 * way.0 + way.1 * way.1;
+    let share = if square > 0.0 { (own.0 * way.0 + own.1 * way.1) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    (own.0 - share * way.0).hypot(own.1 - share * way.1)
 }
 
 #[cfg(test)]
@@ -129,11 +158,22 @@ mod tests {
     }
 
     #[test]
+    fn a_line_needs_its_bends_alone() {
+        let corner = |k: u32| (f64::from(k), if k < 70 { 3.0 } else { f64::from(k) - 67.0 });
+        let points: Vec<_> = (0..=100).map(corner).collect();
+        assert_eq!(bends(&points), [0, 70, 100]);
+        // A closed line too, and none.
+        let square = [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0), (0.0, 0.0)];
+        assert_eq!(bends(&square), [0, 1, 2, 3, 4]);
+        assert!(bends(&[]).is_empty());
+    }
+
+    #[test]
     fn a_path_keeps_its_bends_and_loses_what_a_pixel_hides() {
         let circle = |k: u32| (f64::from(k) * 1e-5 * std::f64::consts::TAU).sin_cos();
         let points: Vec<_> = (0..=50_000).map(circle).collect();
-        let kept = apart(&points);
+        let kept = places_apart(&points, 1.0);
         assert!((500..2000).contains(&kept.len()), "{}", kept.len());
-        assert_eq!(kept.last(), points.last());
+        assert_eq!(kept.last(), Some(&50_000));
     }
 }

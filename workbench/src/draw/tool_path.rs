@@ -2,12 +2,13 @@
 //! The path of the control point, in planes and in space.
 
 use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::without_stairs;
 use crate::draw::plot::DrawError;
 use crate::draw::sample::Sample;
 use crate::draw::sheet::{Frame, drawn, path_axes, span};
 use crate::draw::space::{Space, project};
 use crate::draw::style::{BLUE, VERMILLION};
-use crate::draw::thin::{apart, places_apart};
+use crate::draw::thin::places_apart;
 use kinematics::{Letter, Vector3};
 use plotters::prelude::*;
 
@@ -34,7 +35,8 @@ pub(super) fn tool_path(world: &[&Sample], unit: &str) -> Result<String, DrawErr
                 limits: vec![],
             };
             let mut chart = path_axes(area, &frame, &points)?;
-            chart.draw_series([PathElement::new(apart(&points), BLUE.stroke_width(2))])?;
+            let path = without_stairs(&chart, &points);
+            chart.draw_series([PathElement::new(path, BLUE.stroke_width(2))])?;
         }
         Ok(())
     })
