@@ -8,7 +8,7 @@
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 procps valgrind
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.

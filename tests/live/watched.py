@@ -6,6 +6,7 @@ import signal
 import subprocess
 import threading
 import time
+from bisect import bisect
 
 import hal
 
@@ -43,11 +44,11 @@ class Sampler(threading.Thread):
 def farthest(samples, events):
     """How far the poses of events are at most from what the pins showed shortly before they came. Between two looks
     at the pins these move: a pose may be as far from both, and not farther."""
-    most, begin = 0.0, 0
+    times = [when for when, _ in samples]
+    most = 0.0
     for at, state in events:
-        while begin < len(samples) and samples[begin][0] < at - OLD_SECONDS:
-            begin += 1
-        near = [pose for when, pose in samples[begin:begin + 1000] if when <= at]
+        # The look after the event too: it may have been read after the last one before.
+        near = [pose for _, pose in samples[bisect(times, at - OLD_SECONDS):bisect(times, at) + 1]]
         steps = [distance(a, b) for a, b in zip(near, near[1:])]
         if steps and state["pose"]:
             own = min(distance(pose, state["pose"]) for pose in near)

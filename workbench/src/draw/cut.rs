@@ -181,7 +181,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
         let strips: Vec<Strip> =
             lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect();
         let x = "line of the program";
-        let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[] };
+        let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[], dots: true };
         let svg = drawn_strips(&sheet, &strips)?;
         Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
     };

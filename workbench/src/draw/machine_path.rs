@@ -7,7 +7,7 @@ use crate::draw::over::{Mark, label};
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Area, drawn_on, span};
 use crate::draw::space::{Space, View, edges, project};
-use crate::draw::style::{BLUE, ORANGE, RED, SMALL, letters_at, width_of};
+use crate::draw::style::{BLUE, ORANGE, RED, SMALL, mark_letters, width_of};
 use crate::draw::thin::places_apart;
 use crate::program::course::Thinned;
 use crate::read::machine::MachineConfig;
@@ -42,6 +42,9 @@ fn shade(room: f64) -> usize {
         _ => 2,
     }
 }
+
+/// Half the pixels of a cross.
+const CROSS: i32 = 8;
 
 const SIZE: (u32, u32) = (960, 600);
 
@@ -185,12 +188,13 @@ fn draw_marks(area: &Area, view: &View, marks: &[Mark]) -> Result<(), DrawError>
             None => groups.push((at, vec![number])),
         }
     }
-    let mut taken: Vec<[i32; 4]> = vec![];
+    let cross = |((x, y), _): &((i32, i32), _)| [x - CROSS, x + CROSS, y - CROSS, y + CROSS];
+    let mut taken: Vec<[i32; 4]> = groups.iter().map(cross).collect();
     for (at, numbers) in groups {
-        area.draw(&Cross::new(at, 8, RED.stroke_width(3)))?;
+        area.draw(&Cross::new(at, CROSS, RED.stroke_width(3)))?;
         let label = label(marks, &numbers);
         if let Some(corner) = free_corner(area, at, &label, &mut taken) {
-            let style = letters_at(SMALL, HPos::Left, VPos::Center).color(&RED);
+            let style = mark_letters(HPos::Left, VPos::Center);
             area.draw(&Text::new(label, corner, style))?;
         }
     }

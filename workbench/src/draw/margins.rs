@@ -79,7 +79,10 @@ impl Sheet<'_> {
             Abscissa::Length => &format!("length along the path in {}", self.config.length_unit()),
         };
         let (end, marks) = (self.course.end, self.marks);
-        let svg = drawn_strips(&Strips { title: "", x, y, end, all_limits: true, marks }, strips)?;
+        let svg = drawn_strips(
+            &Strips { title: "", x, y, end, all_limits: true, marks, dots: false },
+            strips,
+        )?;
         Ok(Figure { title: title.into(), about: about.into(), svg })
     }
 

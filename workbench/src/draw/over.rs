@@ -3,7 +3,7 @@
 
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::Area;
-use crate::draw::style::{RED, SMALL, letters_at, width_of};
+use crate::draw::style::{SMALL, mark_letters, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
@@ -82,7 +82,7 @@ pub(super) fn write_flags(
         let Some(level) = free.iter().position(|free| *free <= left) else { continue };
         free[level] = left + width;
         let y = bottom - LEVEL * (level as i32 + 1) + LEVEL / 2;
-        let style = letters_at(SMALL, HPos::Left, VPos::Center).color(&RED);
+        let style = mark_letters(HPos::Left, VPos::Center);
         area.draw(&Text::new(flag.label.clone(), (left, y), style))?;
     }
     Ok(())

@@ -31,7 +31,7 @@ const FOOT: u32 = 48;
 /// least the other.
 const LEAST_SHARE: [f64; 2] = [0.3, 0.05];
 
-/// A line of so few points shows each of them.
+/// More points than these would be a line again.
 const DOTS: usize = 40;
 
 /// Marks that are nearer than this share of the axis become one.
@@ -77,6 +77,8 @@ pub(super) struct Strips<'a> {
     /// Whether limits are drawn that are far from the lines, too.
     pub(super) all_limits: bool,
     pub(super) marks: &'a [Mark],
+    /// Whether each point is shown: what lies between them means nothing.
+    pub(super) dots: bool,
 }
 
 impl<'a> Strips<'a> {
@@ -84,7 +86,7 @@ impl<'a> Strips<'a> {
     pub(super) fn new(title: &'a str, x: &'a str, y: &'a str, strips: &[Strip]) -> Self {
         let lines = strips.iter().flat_map(|strip| &strip.lines);
         let end = lines.filter_map(|line| line.points.last()).map(|p| p.0).fold(0.0, f64::max);
-        Self { title, x, y, end, all_limits: false, marks: &[] }
+        Self { title, x, y, end, all_limits: false, marks: &[], dots: false }
     }
 }
 
@@ -132,7 +134,7 @@ pub(super) fn drawn_strips(sheet: &Strips, strips: &[Strip]) -> Result<String, D
             let bottom = top + (height + if is_last { FOOT } else { GAP }) as i32;
             let area = root.clone().shrink((0, top), (size.0, (bottom - top) as u32));
             let mut chart = strip_axes(&area, sheet, end, range, is_last)?;
-            draw_strip(&mut chart, strip, sheet.all_limits, end)?;
+            draw_strip(&mut chart, strip, sheet, end)?;
             let lines = flags.iter().map(|flag| mark_line(&chart, flag.at));
             let lines: Vec<_> = lines.collect();
             chart.draw_series(lines)?;
@@ -211,15 +213,15 @@ fn strip_axes<'a, 'b>(
     Ok(chart)
 }
 
-fn draw_strip(chart: &mut Chart, strip: &Strip, all: bool, end: f64) -> Result<(), DrawError> {
-    let limits = strip.drawn(all);
+fn draw_strip(chart: &mut Chart, strip: &Strip, sheet: &Strips, end: f64) -> Result<(), DrawError> {
+    let limits = strip.drawn(sheet.all_limits);
     let lines = limits.iter().map(|limit| [(0.0, *limit), (end, *limit)]);
     chart.draw_series(lines.map(|ends| PathElement::new(ends, limit_style())))?;
     for (k, line) in strip.lines.iter().enumerate() {
         draw_line(chart, line, k)?;
-        let few = line.points.iter().filter(|point| point.1.is_finite());
-        if few.clone().count() <= DOTS {
-            chart.draw_series(few.map(|at| Circle::new(*at, 3, STYLES[k].0.filled())))?;
+        if sheet.dots && line.points.len() <= DOTS {
+            let points = line.points.iter().filter(|point| point.1.is_finite());
+            chart.draw_series(points.map(|at| Circle::new(*at, 3, STYLES[k].0.filled())))?;
         }
     }
     Ok(())
@@ -295,7 +297,15 @@ mod tests {
     }
 
     fn sheet(all_limits: bool) -> Strips<'static> {
-        Strips { title: "Legs", x: "time in s", y: "mm", end: 1.0, all_limits, marks: &[] }
+        Strips {
+            title: "Legs",
+            x: "time in s",
+            y: "mm",
+            end: 1.0,
+            all_limits,
+            marks: &[],
+            dots: false,
+        }
     }
 
     #[test]

@@ -79,6 +79,12 @@ pub(super) fn letters_at(size: i32, across: HPos, up: VPos) -> TextStyle<'static
     letters(size).pos(Pos::new(across, up))
 }
 
+/// Letters of marks, about a place: pages put white around bold ones, so that they are read over lines.
+pub(super) fn mark_letters(across: HPos, up: VPos) -> TextStyle<'static> {
+    let font = (FONT, SMALL).into_font().style(FontStyle::Bold);
+    font.color(&RED).pos(Pos::new(across, up))
+}
+
 /// Pixels that a text takes at most: letters of the usual fonts are narrower than this share of their size.
 pub(super) fn width_of(text: &str, size: i32) -> u32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as u32
