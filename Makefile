@@ -3,14 +3,14 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo pictures calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
 # Beside them, a screen in memory with OpenGL, and pictures of it.
 SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 procps valgrind
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.
@@ -28,9 +28,9 @@ NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
-# The model in 3D and what the panel needs; they look for their modules there.
+# The model in 3D, the page in browsers, and what the panel needs; they look for their modules there.
 VIEWER_BIN := /usr/bin
-VIEWERS := viewer/pkmkins-vismach viewer/pkmkins-panel
+VIEWERS := viewer/pkmkins-vismach viewer/pkmkins-panel viewer/pkm-live
 VIEWER_SHARE := /usr/share/pkmkins
 VIEWER_MODULES := $(wildcard viewer/*.py)
 
@@ -79,6 +79,7 @@ help:
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
+	@echo "make pictures   draws the pictures of the documentation again"
 	@echo "make clean      removes target/ and build/"
 
 demo:
@@ -110,6 +111,7 @@ test: setup
 	$(MAKE) --no-print-directory test-page
 	$(MAKE) --no-print-directory setup-screen
 	tests/viewer/screens.py --only $(THREE)
+	tests/viewer/live_test.py
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
@@ -126,6 +128,11 @@ screens: install setup-screen
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge
+
+# Those of the documentation, by the commands that they show.
+pictures:
+	$(HOST_BUILD) --bin pkm
+	docs/pictures/make.sh target/host/pkm
 
 # In the third of two cores that machines live leave, and never before them.
 check-aside:

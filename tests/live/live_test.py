@@ -11,6 +11,7 @@ and accelerations against the limits.
 import argparse
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -23,9 +24,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import run_live  # noqa: E402
+from browsers import Browser  # noqa: E402
 from session import Session  # noqa: E402
-from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
-                          rerun_unprivileged)
+from unprivileged import (LANES, REPOSITORY, SYSTEM_PYTHON, claimed, clear_hal, is_unprivileged,  # noqa: E402
+                          only_one, rerun_unprivileged)
 
 TOOLS = REPOSITORY / "target/host"
 HEXAPOD = REPOSITORY / "configs/hexapod"
@@ -445,6 +447,71 @@ def virtual_runs_and_a_live_one_leave_each_other_alone(out):
 
 
 RECORDING.add("virtual_runs_and_a_live_one_leave_each_other_alone")
+
+
+# -------------------------------------------------------------------- a page in browsers
+
+# Python with its library takes half of it.
+MOST_KILOBYTES = 50_000
+
+
+class Served:
+    """pkm-live beside LinuxCNC."""
+
+    def __init__(self, session, out):
+        page = out / "page.html"
+        page.write_text("<!doctype html><title>Machine</title>")
+        command = [SYSTEM_PYTHON, REPOSITORY / "viewer/pkm-live", session.ini, "--port", "0", "--page", page]
+        # LinuxCNC has a table of its tools at home, and the session a home of its own.
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
+                                        env={**os.environ, "HOME": str(session.folder)})
+        self.port = int(self.process.stdout.readline().rstrip("/\n").rpartition(":")[2])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+    def memory(self):
+        """Of this process, kB."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmRSS:\s*(\d+)", status)[1])
+
+
+def watched(out, rounds, limit):
+    out.mkdir(parents=True, exist_ok=True)
+    with Session(HEXAPOD) as session, Served(session, out) as served:
+        browser = Browser(served.port)
+        browser.wait(lambda state: state["state"] == "not running", 20, "that LinuxCNC does not run")
+        path = session.copy / "programs/five-axis-surface.ngc"
+        found = check(session.run("watched", out, limit, port=served.port, path=str(path), count=10, rounds=rounds,
+                                  lines=len(path.read_text().splitlines()), seconds=limit))
+        assert browser.newest()["state"] == "not running", browser.newest()
+        kilobytes = served.memory()
+        assert kilobytes < MOST_KILOBYTES, kilobytes
+        check(session.run("watched_again", out, 60, port=served.port))
+        browser.wait(lambda state: state["state"] == "not running", 20, "that LinuxCNC has ended")
+        assert served.process.poll() is None, "pkm-live has ended"
+        assert browser.connections == 1, "the stream was broken"
+        browser.stop()
+    return (f"{found['cycles']} servo cycles watched by ten browsers at {found['rate']} updates a second, at most "
+            f"{found['distance']:.3g} from the pins as looked at beside it; {kilobytes} kB")
+
+
+@test
+def pkm_live_shows_what_the_pins_show_and_finds_a_killed_linuxcnc_again(out):
+    return watched(out, 1, 120)
+
+
+@test
+def pkm_live_is_read_by_ten_browsers_for_100_000_cycles(out):
+    return watched(out, 4, 300)
+
+
+LONG.add("pkm_live_is_read_by_ten_browsers_for_100_000_cycles")
 
 
 # -------------------------------------------------------------------- starts that are refused

@@ -33,6 +33,7 @@ mod page;
 mod panel;
 mod path;
 mod path_refusals;
+mod pictures;
 mod preflight;
 mod random_program;
 mod replay;

@@ -112,10 +112,15 @@ fn all_figures_share_one_time_axis() {
     // Ticks of the horizontal axis, with their places.
     let ticks = |figure: &Figure| -> Vec<String> {
         let texts = figure.svg.split("<text ").skip(1);
-        texts
-            .filter(|text| text.contains("text-anchor=\"middle\"") && text.contains("y=\"5"))
-            .map(|text| text.split("</text>").next().unwrap().to_string())
-            .collect()
+        // All but their heights, which are those of the strips.
+        let is_below =
+            |text: &&str| text.contains("text-anchor=\"middle\"") && !text.contains("transform");
+        let place = |text: &str| {
+            let (x, rest) = text.split_once(" y=").unwrap();
+            let words = rest.split_once('>').unwrap().1.split("</text>").next().unwrap();
+            format!("{x}: {}", words.trim())
+        };
+        texts.filter(is_below).map(place).collect()
     };
     let first = ticks(&figures[1]);
     assert!(first.iter().any(|text| text.contains("time in s")) && first.len() > 4, "{first:?}");

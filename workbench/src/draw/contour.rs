@@ -1,62 +1,169 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Lines of equal value of a map.
+//! Maps in shades with lines of equal value.
 
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{FONT, Frame, drawn, path_axes};
+use crate::draw::sheet::{
+    Area, Chart, Frame, SIZE, drawn_on, path_axes, round_steps, span, tick, width_for,
+};
+use crate::draw::style::{GREY, SMALL, letters_at, shade, width_of};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 /// Levels of a map.
 const LEVELS: usize = 8;
 
+/// Pixels of the scale beside a map.
+const SCALE: u32 = 110;
+
+/// Shades of a map.
+const SHADES: usize = 32;
+
+/// Labels stand this share of the map's side away from its border and from each other.
+const APART: f64 = 0.06;
+
+/// A map in shades with lines of equal value, beside it the scale; white where there is no value.
 pub(super) fn contoured(
     frame: &Frame,
+    unit: &str,
     sides: &[Vec<f64>; 2],
     values: &[f64],
 ) -> Result<String, DrawError> {
-    let [across, up] = sides;
-    let corners = |side: &[f64]| (side[0], side[side.len() - 1]);
-    let ((left, right), (low, high)) = (corners(across), corners(up));
-    drawn(|root| {
-        let mut chart = path_axes(root, frame, &[(left, low), (right, high)])?;
+    let map = Map { sides, values, range: span(values.iter().copied().filter(|v| v.is_finite())) };
+    let corners = [0, 1].map(|end| map.corner(end));
+    let width = width_for([corners[1].0 - corners[0].0, corners[1].1 - corners[0].1]);
+    drawn_on((width + SCALE, SIZE.1), |root| {
+        let (plot, scale) = root.split_horizontally(width);
+        let mut chart = path_axes(&plot, frame, &corners)?;
+        map.draw_shades(&mut chart)?;
+        let [(left, low), (right, high)] = corners;
         let border = [(left, low), (right, low), (right, high), (left, high), (left, low)];
-        chart.draw_series([PathElement::new(border, BLACK.mix(0.4).stroke_width(1))])?;
-        for level in levels(values) {
-            let pieces = isoline(sides, values, level);
-            let middle = pieces.get(pieces.len() / 3).map(|[from, _]| *from);
-            let pieces = pieces.iter().map(|ends| PathElement::new(*ends, BLACK.stroke_width(1)));
-            chart.draw_series(pieces)?;
-            let clear = middle.map(|at| Circle::new(at, 10, WHITE.filled()));
-            chart.draw_series(clear)?;
-            let style = (FONT, 14).into_font().color(&BLACK);
-            let style = style.pos(Pos::new(HPos::Center, VPos::Center));
-            let label = middle.map(|at| Text::new(format!("{}", rounded(level)), at, style));
-            chart.draw_series(label)?;
-        }
-        Ok(())
+        chart.draw_series([PathElement::new(border, GREY.stroke_width(1))])?;
+        let levels = map.levels();
+        map.draw_lines(&mut chart, &levels)?;
+        map.draw_scale(&scale, unit, &levels)
     })
 }
 
-/// Round values within the range of the map.
-fn levels(values: &[f64]) -> Vec<f64> {
-    let real = values.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = real.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-        (low.min(value), high.max(value))
-    });
-    let rough = (high - low) / LEVELS as f64;
-    if !(rough > 1e-9 * high.abs()) {
-        return vec![];
-    }
-    let power = 10.0_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= rough);
-    let step = step.unwrap_or(10.0 * power);
-    let first = (low / step).ceil() as i64;
-    (first..).map(|k| k as f64 * step).take_while(|level| *level <= high).collect()
+struct Map<'a> {
+    sides: &'a [Vec<f64>; 2],
+    values: &'a [f64],
+    range: (f64, f64),
 }
 
-/// Without the digits of rounding.
-fn rounded(value: f64) -> f64 {
-    (value * 1e6).round() / 1e6
+impl Map<'_> {
+    fn corner(&self, end: usize) -> (f64, f64) {
+        let [across, up] = self.sides;
+        let of = |side: &[f64]| if end == 0 { side[0] } else { side[side.len() - 1] };
+        (of(across), of(up))
+    }
+
+    /// The shade of a value; of a map without differences the middle one.
+    fn step(&self, value: f64) -> Option<usize> {
+        let (low, high) = self.range;
+        let share = if high > low { (value - low) / (high - low) } else { 0.5 };
+        value.is_finite().then_some((share * (SHADES - 1) as f64).round() as usize)
+    }
+
+    /// Every place of the grid fills half the way to its neighbours; neighbours in a row that have one
+    /// shade are one rectangle.
+    fn draw_shades(&self, chart: &mut Chart) -> Result<(), DrawError> {
+        let [across, up] = self.sides;
+        for (j, row) in self.values.chunks(across.len()).enumerate() {
+            let steps: Vec<Option<usize>> = row.iter().map(|value| self.step(*value)).collect();
+            let mut from = 0;
+            for cells in steps.chunk_by(|a, b| a == b) {
+                let to = from + cells.len();
+                if let Some(step) = cells[0] {
+                    let corners =
+                        [(edge(across, from), edge(up, j)), (over(across, to), over(up, j + 1))];
+                    let colour = shade(step as f64 / (SHADES - 1) as f64);
+                    chart.draw_series([Rectangle::new(corners, colour.filled())])?;
+                }
+                from = to;
+            }
+        }
+        Ok(())
+    }
+
+    /// Round values within the range of the map.
+    fn levels(&self) -> Vec<f64> {
+        round_steps([self.range.0, self.range.1], LEVELS)
+    }
+
+    fn draw_lines(&self, chart: &mut Chart, levels: &[f64]) -> Result<(), DrawError> {
+        let mut labels: Vec<((f64, f64), f64)> = vec![];
+        for level in levels {
+            let pieces = isoline(self.sides, self.values, *level);
+            let lines = pieces.iter().map(|ends| PathElement::new(*ends, BLACK.stroke_width(1)));
+            chart.draw_series(lines)?;
+            let middle = pieces.len() / 2;
+            // From the middle of the line outwards, for a place with room.
+            let mut places: Vec<(usize, (f64, f64))> =
+                pieces.iter().enumerate().map(|(k, ends)| (k.abs_diff(middle), ends[0])).collect();
+            places.sort_by_key(|place| place.0);
+            let free =
+                places.into_iter().map(|place| place.1).find(|at| self.is_free(*at, &labels));
+            labels.extend(free.map(|at| (at, *level)));
+        }
+        for (at, level) in labels {
+            let text = tick(&level);
+            let half = width_of(&text, SMALL) as i32 / 2 + 1;
+            let clear = Rectangle::new([(-half, -8), (half, 8)], WHITE.mix(0.75).filled());
+            let style = letters_at(SMALL, HPos::Center, VPos::Center);
+            let label = EmptyElement::at(at) + clear + Text::new(text, (0, 0), style);
+            chart.draw_series([label])?;
+        }
+        Ok(())
+    }
+
+    fn is_free(&self, at: (f64, f64), labels: &[((f64, f64), f64)]) -> bool {
+        let [low, high] = [0, 1].map(|end| self.corner(end));
+        let room = APART * (high.0 - low.0).max(high.1 - low.1);
+        let inside = |value: f64, low: f64, high: f64| low + room <= value && value <= high - room;
+        let is_apart = |(other, _): &((f64, f64), f64)| {
+            (at.0 - other.0).abs() > 2.0 * room || (at.1 - other.1).abs() > room
+        };
+        inside(at.0, low.0, high.0) && inside(at.1, low.1, high.1) && labels.iter().all(is_apart)
+    }
+
+    /// The shades with their values.
+    fn draw_scale(&self, area: &Area, unit: &str, levels: &[f64]) -> Result<(), DrawError> {
+        let (top, bottom) = (70, SIZE.1 as i32 - 60);
+        let style = letters_at(SMALL, HPos::Left, VPos::Center);
+        area.draw(&Text::new(unit.to_string(), (0, top - 20), style.clone()))?;
+        let (low, high) = self.range;
+        if !(low < high) {
+            return Ok(());
+        }
+        let place = |share: f64| bottom - (share * f64::from(bottom - top)).round() as i32;
+        for step in 0..SHADES {
+            let [from, to] = [step, step + 1].map(|k| place(k as f64 / SHADES as f64));
+            let colour = shade(step as f64 / (SHADES - 1) as f64);
+            area.draw(&Rectangle::new([(0, to), (22, from)], colour.filled()))?;
+        }
+        area.draw(&Rectangle::new([(0, top), (22, bottom)], GREY.stroke_width(1)))?;
+        for level in levels {
+            let y = place((level - low) / (high - low));
+            area.draw(&PathElement::new([(0, y), (28, y)], BLACK.stroke_width(1)))?;
+            area.draw(&Text::new(tick(level), (32, y), style.clone()))?;
+        }
+        Ok(())
+    }
+}
+
+/// A little beyond an edge, so that no gap is seen beside the next cell.
+fn over(side: &[f64], k: usize) -> f64 {
+    let end = side[side.len() - 1];
+    (edge(side, k) + 0.2 * (side[1] - side[0])).min(end)
+}
+
+/// Half way between two places of a side; its ends.
+fn edge(side: &[f64], k: usize) -> f64 {
+    match k {
+        0 => side[0],
+        k if k >= side.len() => side[side.len() - 1],
+        k => (side[k - 1] + side[k]) / 2.0,
+    }
 }
 
 /// Pieces of an isoline: where the value, linear on the triangles between four places of the grid

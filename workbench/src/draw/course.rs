@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Lines over a sequence of poses.
 
-use crate::draw::lines::{Line, drawn_lines};
+use crate::draw::lines::Line;
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, TIME};
+use crate::draw::sheet::TIME;
+use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
 
 /// Name and abscissae of a sequence of poses: the time, or the number of the pose.
 pub struct Course {
@@ -25,14 +26,26 @@ impl Course {
     }
 }
 
+/// One strip a line.
 pub(super) fn lines_over(
     course: &Course,
     file: &str,
     caption: &str,
     y: &str,
-    lines: &[Line],
+    lines: Vec<Line>,
 ) -> Result<Plot, DrawError> {
-    let frame = Frame { title: caption, x: course.name, y, limits: vec![] };
-    let svg = drawn_lines(&frame, lines)?;
+    let svg = drawn_apart(caption, course.name, y, lines)?;
+    Ok(Plot { file: file.into(), caption: caption.into(), svg })
+}
+
+/// Strips with limits.
+pub(super) fn strips_over(
+    course: &Course,
+    file: &str,
+    caption: &str,
+    y: &str,
+    strips: &[Strip],
+) -> Result<Plot, DrawError> {
+    let svg = drawn_strips(&Strips::new(caption, course.name, y, strips), strips)?;
     Ok(Plot { file: file.into(), caption: caption.into(), svg })
 }

@@ -8,13 +8,18 @@ use crate::curve::job::Job;
 use crate::curve::route::Route;
 use crate::curve::table::Row;
 use crate::draw::contour::isoline;
-use crate::draw::lines::{Line, drawn_lines, first_up, lines};
+use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::{Line, first_up, lines};
 use crate::draw::motion;
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sample::Sample;
-use crate::draw::sheet::{Frame, STYLES, drawn, legend, padded, path_axes, project};
+use crate::draw::sheet::{Frame, padded, path_axes, span, tick};
+use crate::draw::space::Space;
+use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::draw::style::{BLUE, GREY, VERMILLION, limit_style};
+use crate::read::joints::Joint;
 use crate::read::machine::MachineConfig;
-use kinematics::MAX_LEGS;
+use kinematics::{MAX_LEGS, Vector3};
 use plotters::prelude::*;
 
 /// Curves of each family.
@@ -63,10 +68,12 @@ fn levels(route: &Route) -> Vec<Level> {
     let ts = route.rows.iter().map(|row| row.node.t);
     let (low, high) = ts.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
     let points = path(route);
-    let sides = [0, 1].map(|k| {
-        let range = padded(points.iter().map(|p| if k == 0 { p.0 } else { p.1 }));
-        let room = ROOM * (range.end - range.start);
-        let (from, to) = (range.start - room, range.end + room);
+    let ends = [span(points.iter().map(|p| p.0)), span(points.iter().map(|p| p.1))];
+    let most = ends.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+    let sides = ends.map(|(start, end)| {
+        // A straight curve has room beside it too.
+        let room = ROOM * (end - start).max(most / 2.0);
+        let (from, to) = (start - room, end + room);
         (0..=GRID).map(|n| from + (to - from) * n as f64 / GRID as f64).collect::<Vec<f64>>()
     });
     let level = |n: usize| {
@@ -112,6 +119,7 @@ fn curves(part: &Part, sides: &[Vec<f64>; 2], t: f64) -> Option<[Vec<Piece>; 2]>
 }
 
 const NAMES: [&str; 2] = ["family alpha", "family beta"];
+const FAMILIES: [RGBColor; 2] = [BLUE, VERMILLION];
 
 fn net(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     let caption = "Curves of both families, the points where they meet, and the curve through them";
@@ -119,26 +127,23 @@ fn net(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     let ends = levels.iter().flat_map(|level| level.families.iter().flatten().flatten());
     let all: Vec<(f64, f64)> = path.iter().chain(ends).copied().collect();
     let frame = Frame { title: "Net of both families", x: "X in mm", y: "Y in mm", limits: vec![] };
-    let svg = drawn(|root| {
-        let mut chart = path_axes(root, &frame, &all)?;
-        for (k, name) in NAMES.iter().enumerate() {
-            let style = STYLES[1 + k].0.stroke_width(1);
+    let keys = [
+        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), NAMES[0]),
+        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), NAMES[1]),
+        Key::new(Sign::Line(limit_style()), "curve"),
+        Key::new(Sign::Dot, "points at even t"),
+    ];
+    let svg = keyed(&keys, |area| {
+        let mut chart = path_axes(area, &frame, &all)?;
+        for (k, colour) in FAMILIES.iter().enumerate() {
+            let style = colour.stroke_width(1);
             let pieces = levels.iter().flat_map(|level| &level.families[k]);
-            chart
-                .draw_series(pieces.map(|ends| PathElement::new(*ends, style)))?
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], style));
+            chart.draw_series(pieces.map(|ends| PathElement::new(*ends, style)))?;
         }
-        chart
-            .draw_series(LineSeries::new(path, BLACK.stroke_width(2)))?
-            .label("curve")
-            .legend(|(x, y)| PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(2)));
+        chart.draw_series([PathElement::new(path, limit_style())])?;
         let points = levels.iter().flat_map(|level| &level.points);
-        chart
-            .draw_series(points.map(|at| Circle::new(*at, 4, BLACK.filled())))?
-            .label("points at even t")
-            .legend(|(x, y)| Circle::new((x + 17, y), 4, BLACK.filled()));
-        legend(&mut chart)
+        chart.draw_series(points.map(|at| Circle::new(*at, 4, BLACK.filled())))?;
+        Ok(())
     })?;
     Ok(Plot { file: "families-net.svg".into(), caption: caption.into(), svg })
 }
@@ -154,44 +159,37 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     };
     // t gets the height of the curve's larger side.
     let scale = extent(|p| p.0).max(extent(|p| p.1)) / (high - low);
-    let lifted = |(x, y): (f64, f64), t: f64| project([x, y, (t - low) * scale]);
-    let raised: Vec<(f64, f64)> =
+    let lifted = |(x, y): (f64, f64), t: f64| Vector3::new(x, y, (t - low) * scale);
+    let raised: Vec<Vector3<f64>> =
         route.rows.iter().map(|row| lifted(place(row), row.node.t)).collect();
-    let shadow: Vec<(f64, f64)> = path.iter().map(|at| lifted(*at, low)).collect();
-    let surface = |k: usize| -> Vec<Piece> {
-        let of = |level: &Level| -> Vec<Piece> {
+    let shadow: Vec<Vector3<f64>> = path.iter().map(|at| lifted(*at, low)).collect();
+    let surface = |k: usize| -> Vec<[Vector3<f64>; 2]> {
+        let of = |level: &Level| -> Vec<[Vector3<f64>; 2]> {
             level.families[k].iter().map(|ends| ends.map(|at| lifted(at, level.t))).collect()
         };
         levels.iter().flat_map(of).collect()
     };
     let surfaces = [surface(0), surface(1)];
     let ends = surfaces.iter().flatten().flatten();
-    let all: Vec<(f64, f64)> = raised.iter().chain(&shadow).chain(ends).copied().collect();
-    let frame = Frame {
-        title: "Surfaces of both families, isometric: X right and down, Y right and up, t up",
-        x: "(X + Y) cos 30° in mm",
-        y: "t, scaled, + (Y - X)/2",
-        limits: vec![],
-    };
-    let svg = drawn(|root| {
-        let mut chart = path_axes(root, &frame, &all)?;
-        for (k, name) in NAMES.iter().enumerate() {
-            let style = STYLES[1 + k].0.mix(0.6).stroke_width(1);
-            chart
-                .draw_series(surfaces[k].iter().map(|ends| PathElement::new(*ends, style)))?
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], style));
+    let all: Vec<Vector3<f64>> = raised.iter().chain(&shadow).chain(ends).copied().collect();
+    let thin = GREY.stroke_width(1);
+    let keys = [
+        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), NAMES[0]),
+        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), NAMES[1]),
+        Key::new(Sign::Line(limit_style()), "curve over X, Y and t"),
+        Key::new(Sign::Line(thin), "its projection"),
+    ];
+    let svg = keyed(&keys, |area| {
+        let title =
+            format!("Surfaces of both families; up: t from {} to {}", tick(&low), tick(&high));
+        let view = Space::around(&title, "mm", &all).up("t, scaled").draw(area, vec![])?;
+        for (surface, colour) in surfaces.iter().zip(FAMILIES) {
+            let style = colour.stroke_width(1);
+            surface.iter().try_for_each(|ends| area.draw(&view.path(ends, style)))?;
         }
-        let thin = BLACK.stroke_width(1);
-        chart
-            .draw_series(LineSeries::new(raised, BLACK.stroke_width(3)))?
-            .label("curve over X, Y and t")
-            .legend(|(x, y)| PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(3)));
-        chart
-            .draw_series(LineSeries::new(shadow, thin))?
-            .label("its projection")
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], thin));
-        legend(&mut chart)
+        area.draw(&view.path(&shadow, thin))?;
+        area.draw(&view.path(&raised, limit_style()))?;
+        Ok(())
     })?;
     Ok(Plot { file: "families-surfaces.svg".into(), caption: caption.into(), svg })
 }
@@ -203,9 +201,8 @@ fn split(config: &MachineConfig, route: &Route) -> Result<[Plot; 2], DrawError> 
         points: route.rows.iter().map(|row| (row.node.s, value(row))).collect(),
     };
     let unit = config.length_unit();
-    let plot = |file: &str, caption: &str, y: &str, lines: &[Line]| -> Result<Plot, DrawError> {
-        let frame = Frame { title: caption, x: "arc length in mm", y, limits: vec![] };
-        let svg = drawn_lines(&frame, lines)?;
+    let plot = |file: &str, caption: &str, y: &str, lines: Vec<Line>| -> Result<Plot, DrawError> {
+        let svg = drawn_apart(caption, "arc length in mm", y, lines)?;
         Ok(Plot { file: file.into(), caption: caption.into(), svg })
     };
     let centre = [("X (table)", 0), ("Y (table)", 1), ("Z (platform)", 2)]
@@ -213,8 +210,8 @@ fn split(config: &MachineConfig, route: &Route) -> Result<[Plot; 2], DrawError> 
     let tilts =
         [("A", 3), ("B", 4)].map(|(name, k)| line(name, &move |row: &Row| row.node.pose[k]));
     Ok([
-        plot("split.svg", "Centre of the platform", &format!("position in {unit}"), &centre)?,
-        plot("split-tilts.svg", "Tilts of the platform", "angle in degrees", &tilts)?,
+        plot("split.svg", "Centre of the platform", &format!("position in {unit}"), centre.into())?,
+        plot("split-tilts.svg", "Tilts of the platform", "angle in degrees", tilts.into())?,
     ])
 }
 
@@ -223,21 +220,29 @@ fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError>
     for group in config.groups() {
         let (name, unit) = (group.kind.plural(), group.unit);
         let stem = name.replace(' ', "-");
-        let mut add = |file: String, caption: String, y: String, lines: Vec<Line>| {
-            let frame = Frame { title: &caption, x: "arc length in mm", y: &y, limits: vec![] };
-            let svg = drawn_lines(&frame, &lines)?;
+        let mut add = |file: String, caption: String, y: String, strips: Vec<Strip>| {
+            let sheet = Strips::new(&caption, "arc length in mm", &y, &strips);
+            let svg = drawn_strips(&sheet, &strips)?;
             plots.push(Plot { file, caption, svg });
             Ok::<(), DrawError>(())
+        };
+        let with = |lines: Vec<Line>, limits: &dyn Fn(&Joint) -> [f64; 2]| -> Vec<Strip> {
+            let limits = group.joints.iter().map(|i| limits(&config.joints[*i]));
+            let finite = limits.map(|own| own.into_iter().filter(|end| end.is_finite()).collect());
+            lines.into_iter().zip(finite).map(|(line, own)| Strip::of(line, own)).collect()
         };
         let values = route.rows.iter().map(|row| (row.node.s, &row.joints));
         let caption = format!("{} along the curve", first_up(name));
         let y = format!("{} in {unit}", group.kind.quantity());
-        add(format!("{stem}.svg"), caption, y, lines(config, &group, values))?;
+        let strips = with(lines(config, &group, values), &|joint| [joint.min, joint.max]);
+        add(format!("{stem}.svg"), caption, y, strips)?;
         let rates = route.rows.iter().filter_map(|row| Some((row.node.s, row.rates.as_ref()?)));
         if rates.clone().next().is_some() {
             let caption = format!("Speeds of {name} at the programmed speed");
             let y = format!("speed in {unit}/s");
-            add(format!("{stem}-speeds.svg"), caption, y, lines(config, &group, rates))?;
+            let most = |joint: &Joint| [-joint.max_velocity, joint.max_velocity];
+            let strips = with(lines(config, &group, rates), &most);
+            add(format!("{stem}-speeds.svg"), caption, y, strips)?;
         }
     }
     Ok(plots)
@@ -276,13 +281,9 @@ pub fn of_job(config: &MachineConfig, job: &Job) -> Result<Vec<Plot>, DrawError>
             let (name, unit) = (group.kind.plural(), config.length_unit());
             let changes = done.along.iter().map(|along| (along.length, &along.change));
             let caption = format!("Operation {}, {}: change of {name}", n + 1, done.name);
-            let frame = Frame {
-                title: &caption,
-                x: &format!("length of the path in {unit}"),
-                y: &format!("change of {} in {}", group.kind.quantity(), group.unit),
-                limits: vec![],
-            };
-            let svg = drawn_lines(&frame, &lines(config, &group, changes))?;
+            let x = format!("length of the path in {unit}");
+            let y = format!("change of {} in {}", group.kind.quantity(), group.unit);
+            let svg = drawn_apart(&caption, &x, &y, lines(config, &group, changes))?;
             let stem = name.replace(' ', "-");
             let file = format!("{:02}-{}-{stem}.svg", n + 1, done.name);
             plots.push(Plot { file, caption: caption.clone(), svg });

@@ -4,9 +4,10 @@
 use crate::cut::report::{Drive, LineReport, Most, Report};
 use crate::draw::lines::Line;
 use crate::draw::margins::Figure;
-use crate::draw::over::{Over, drawn_over, highest, lowest};
 use crate::draw::page::{drawing, page};
 use crate::draw::plot::DrawError;
+use crate::draw::strips::{Strip, Strips, drawn_strips};
+use crate::draw::thin::{highest, lowest};
 use maud::{Markup, html};
 
 /// Shares are drawn up to here: a single one would hide all others.
@@ -177,8 +178,11 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
         if lines.is_empty() {
             return Ok(None);
         }
-        let over = Over { x: "line of the program", end, y, limits, marks: &[] };
-        let svg = drawn_over(&over, &lines)?;
+        let strips: Vec<Strip> =
+            lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect();
+        let x = "line of the program";
+        let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[], dots: true };
+        let svg = drawn_strips(&sheet, &strips)?;
         Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
     };
     let high = |name: &str, of: &dyn Fn(&LineReport) -> Option<f64>| Line {
@@ -201,14 +205,14 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "The load of the hardest drive over what it can do, and the depth of cut over the depth at \
              which the cut begins to chatter. Good: below the thick black line at 1. What is above 2 is \
              drawn there.",
-            "share",
+            "share of the limit",
             &[1.0],
             shares,
         )?,
         figure(
             "How far the tool is moved",
             "By the mean cutting force, by speeding up and braking, and by the teeth one after the other.",
-            "um",
+            "way in µm",
             &[],
             yields,
         )?,
@@ -217,7 +221,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "At the programmed spindle speeds. Good: above the thick black line, the depth of cut.",
             "depth in mm",
             &[report.depth_mm],
-            vec![Line { name: "limit".into(), points: lowest(&limits) }],
+            vec![Line { name: "stable up to".into(), points: lowest(&limits) }],
         )?,
     ];
     Ok(all.into_iter().flatten().collect())

@@ -2,15 +2,18 @@
 //! How a machine vibrates: responses, maps, the trace of the tool tip and its spectrum.
 
 use crate::draw::contour::contoured;
-use crate::draw::lines::{Line, apart, drawn_lines, thin};
+use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::{Line, without_stairs};
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, STYLES, drawn, legend, path_axes};
+use crate::draw::sheet::{Frame, TIME, path_axes};
+use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::draw::style::{PALE, line_style};
+use crate::draw::thin::thin;
 use crate::dynamics::linear::Ellipse;
 use crate::dynamics::record::Record;
 use crate::study::map::Map;
 use kinematics::{Letter, Matrix3, Vector3};
 use nalgebra::Complex;
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 
@@ -33,8 +36,8 @@ pub fn of_response(rows: &[(f64, Matrix3<Complex<f64>>)]) -> Result<Plot, DrawEr
         points: rows.iter().map(|(hz, h)| (*hz, amount(&h[(k, k)]) * UM)).collect(),
     };
     let caption = "Displacement of the tip per force along the same axis";
-    let frame = Frame { title: caption, x: "frequency in Hz", y: "um/N", limits: vec![] };
-    let svg = drawn_lines(&frame, &[line(0), line(1), line(2)])?;
+    let lines = vec![line(0), line(1), line(2)];
+    let svg = drawn_apart(caption, "frequency in Hz", "displacement per force in µm/N", lines)?;
     Ok(Plot { file: "response.svg".into(), caption: caption.into(), svg })
 }
 
@@ -59,14 +62,14 @@ pub fn of_map(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
                 y: &format!("{} in {length}", letters[1]),
                 limits: vec![],
             };
-            let svg = contoured(&frame, &map.sides, &values)?;
+            let svg = contoured(&frame, unit, &map.sides, &values)?;
             let file = format!("{file}-{}.svg", plane.to_lowercase());
             Ok(Plot { file, caption: caption.clone(), svg })
         };
     let swing = "Largest displacement of the tip per force at a natural frequency";
     Ok([
         of(0, "Lowest natural frequency", "frequency", "Hz", 1.0)?,
-        of(1, swing, "swing", "um/N", UM)?,
+        of(1, swing, "swing", "µm/N", UM)?,
     ])
 }
 
@@ -81,29 +84,21 @@ pub fn of_trace(record: &Record, linear: Option<&Matrix3<f64>>) -> Result<Plot, 
     let own = outline(&record.covariance(), &mean);
     let expected = linear.map(|covariance| outline(covariance, &Vector3::zeros()));
     let caption = "Displacement of the tip from its command, seen from above";
-    let frame = Frame { title: caption, x: "X in um", y: "Y in um", limits: vec![] };
-    let svg = drawn(|root| {
-        // Room for the legend beside the trace.
-        let right = points.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
-        let left = points.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
-        let mut seen = points.clone();
-        seen.push((right + 0.3 * (right - left), mean.y * UM));
-        let mut chart = path_axes(root, &frame, &seen)?;
-        let grey = BLACK.mix(0.35);
-        chart
-            .draw_series(LineSeries::new(apart(&points), grey))?
-            .label("trace")
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], grey));
-        let ellipses = [Some((own, "standard deviation")), expected.map(|e| (e, "linear theory"))];
-        for ((line, name), (colour, (dash, gap))) in
-            ellipses.into_iter().flatten().zip([STYLES[0], STYLES[2]])
-        {
-            let style = colour.stroke_width(3);
-            chart.draw_series(DashedLineSeries::new(line, dash, gap, style))?.label(name).legend(
-                move |(x, y)| DashedPathElement::new([(x, y), (x + 34, y)], dash, gap, style),
-            );
+    let frame = Frame { title: caption, x: "X in µm", y: "Y in µm", limits: vec![] };
+    let trace = PALE.stroke_width(1);
+    let ellipses = [Some((own, "standard deviation")), expected.map(|e| (e, "linear theory"))];
+    let ellipses: Vec<_> = ellipses.into_iter().flatten().collect();
+    let names = ellipses.iter().enumerate().map(|(k, (_, name))| Key::line(k, name));
+    let keys: Vec<Key> =
+        std::iter::once(Key::new(Sign::Line(trace), "trace")).chain(names).collect();
+    let svg = keyed(&keys, |area| {
+        let mut chart = path_axes(area, &frame, &points)?;
+        let path = without_stairs(&chart, &points);
+        chart.draw_series([PathElement::new(path, trace)])?;
+        for (k, (line, _)) in ellipses.iter().enumerate() {
+            chart.draw_series([PathElement::new(line.clone(), line_style(k))])?;
         }
-        legend(&mut chart)
+        Ok(())
     })?;
     Ok(Plot { file: "trace.svg".into(), caption: caption.into(), svg })
 }
@@ -132,8 +127,8 @@ pub fn of_deviation(record: &Record) -> Result<Plot, DrawError> {
         ),
     };
     let caption = "Displacement of the tip from its command";
-    let frame = Frame { title: caption, x: "time in s", y: "um", limits: vec![] };
-    let svg = drawn_lines(&frame, &[line(0), line(1), line(2)])?;
+    let lines = vec![line(0), line(1), line(2)];
+    let svg = drawn_apart(caption, TIME, "displacement in µm", lines)?;
     Ok(Plot { file: "deviation.svg".into(), caption: caption.into(), svg })
 }
 
@@ -147,17 +142,18 @@ pub fn of_spectrum(
     found: &[Vector3<f64>],
     linear: &[Vector3<f64>],
 ) -> Result<Plot, DrawError> {
-    let line = |values: &[Vector3<f64>], k: usize, of: &str| Line {
-        name: format!("{}{of}", AXES[k]),
+    let line = |values: &[Vector3<f64>], k: usize, name: &str| Line {
+        name: name.into(),
         points: frequencies.iter().zip(values).map(|(hz, v)| (*hz, v[k].sqrt() * UM)).collect(),
     };
-    let mut lines: Vec<Line> = (0..3).map(|k| line(found, k, "")).collect();
-    if !linear.is_empty() {
-        lines.extend((0..3).map(|k| line(linear, k, ", linear theory")));
-    }
+    let strip = |k: usize| {
+        let theory = (!linear.is_empty()).then(|| line(linear, k, "linear theory"));
+        let lines = std::iter::once(line(found, k, "motion in time")).chain(theory).collect();
+        Strip { name: AXES[k].into(), lines, limits: vec![] }
+    };
+    let strips = [0, 1, 2].map(strip);
     let caption = "Spectrum of the displacement of the tip";
-    let frame =
-        Frame { title: caption, x: "frequency in Hz", y: "um per root of Hz", limits: vec![] };
-    let svg = drawn_lines(&frame, &lines)?;
+    let y = "root of the density in µm/√Hz";
+    let svg = drawn_strips(&Strips::new(caption, "frequency in Hz", y, &strips), &strips)?;
     Ok(Plot { file: "spectrum.svg".into(), caption: caption.into(), svg })
 }

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The ellipsoids of displacements and of turns under a load.
 
+use crate::draw::key::{Key, Sign, draw_keys};
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Area, FONT, Frame, STYLES, drawn, path_axes};
+use crate::draw::sheet::{Area, Frame, drawn_on, path_axes};
+use crate::draw::style::{PALE, TITLE, letters_at, limit_style, line_style};
 use crate::study::stiffness::{Ellipsoid, Stiffness};
 use kinematics::Letter;
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, VPos};
 
 /// A part of a stiffness as it is drawn: what a load does, whichever way it points.
 struct Loaded {
@@ -24,9 +26,9 @@ const LOADED: [Loaded; 2] = [
     Loaded {
         file: "ellipsoid-translation.svg",
         what: "Displacement of the tip under a force of 1 kN, whichever way it points",
-        unit: "um",
+        unit: "µm",
         load: 1e6,
-        stiffness: "N/um",
+        stiffness: "N/µm",
         scale: 1e-3,
     },
     Loaded {
@@ -42,8 +44,11 @@ const LOADED: [Loaded; 2] = [
 /// Points of an outline.
 const OUTLINE: usize = 180;
 
-/// Of the three principal axes: shades and dashes that print apart, and apart from the outline.
-const AXES: [(RGBColor, (u32, u32)); 3] = [STYLES[2], STYLES[1], STYLES[3]];
+const SIZE: (u32, u32) = (960, 500);
+
+/// Pixels of the title, and of the names of the lines.
+const HEAD: u32 = 40;
+const FOOT: u32 = 110;
 
 /// The ellipsoids of displacements under a force and of turns under a moment, where there are any,
 /// seen along the machine's axes.
@@ -64,9 +69,12 @@ pub fn of_ellipsoids(found: &Stiffness) -> Result<Vec<Plot>, DrawError> {
 fn seen_along_axes(loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<String, DrawError> {
     let most = loaded.load / ellipsoid.stiffness[0];
     let corners = [(-most, -most), (most, most)];
-    drawn(|root| {
-        let root = root.titled(loaded.what, (FONT, 20))?;
-        let panels = root.split_evenly((2, 2));
+    drawn_on(SIZE, |root| {
+        let style = letters_at(TITLE, HPos::Center, VPos::Top);
+        root.draw(&Text::new(loaded.what, (SIZE.0 as i32 / 2, 12), style))?;
+        let (_, below) = root.split_vertically(HEAD);
+        let (planes, foot) = below.split_vertically(SIZE.1 - HEAD - FOOT);
+        let panels = planes.split_evenly((1, 3));
         for (panel, plane) in panels.iter().zip([[0, 1], [0, 2], [1, 2]]) {
             let [across, up] = plane.map(|k| Letter::ALL[k].name());
             let frame = Frame {
@@ -77,42 +85,32 @@ fn seen_along_axes(loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<String, Dra
             };
             let mut chart = path_axes(panel, &frame, &corners)?;
             let outline = ellipsoid.outline(plane, loaded.load, OUTLINE);
-            let bold = BLACK.stroke_width(2);
-            chart.draw_series([PathElement::new(outline, bold)])?;
+            let area = outline.clone();
+            chart.draw_series([Polygon::new(area, PALE.mix(0.4).filled())])?;
+            chart.draw_series([PathElement::new(outline, limit_style())])?;
             for k in 0..3 {
                 let half = loaded.load / ellipsoid.stiffness[k];
                 let [x, y] = plane.map(|i| ellipsoid.axes[(i, k)] * half);
-                let (colour, (dash, gap)) = AXES[k];
-                let line = [(-x, -y), (x, y)];
-                let style = colour.stroke_width(2);
-                chart.draw_series([DashedPathElement::new(line, dash, gap, style)])?;
+                chart.draw_series([PathElement::new([(-x, -y), (x, y)], line_style(k))])?;
             }
         }
-        named_axes(&panels[3], loaded, ellipsoid)
+        name_axes(&foot, loaded, ellipsoid)
     })
 }
 
-/// What the lines are, in a panel of their own.
-fn named_axes(panel: &Area, loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<(), DrawError> {
-    let put = |row: i32, words: &str| {
-        let at = (120, 60 + 40 * row);
-        let label = Text::new(words.to_string(), (at.0, at.1 - 8), (FONT, 16).into_font());
-        panel.draw(&label)?;
-        Ok::<_, DrawError>([(at.0 - 60, at.1), (at.0 - 14, at.1)])
-    };
-    let line = put(0, "outline of the ellipsoid")?;
-    panel.draw(&PathElement::new(line, BLACK.stroke_width(2)))?;
-    for (k, (colour, (dash, gap))) in AXES.into_iter().enumerate() {
+/// What the lines are.
+fn name_axes(area: &Area, loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<(), DrawError> {
+    let axis = |k: usize| {
         let axis = ellipsoid.axes.column(k).map(|part| format!("{:.2}", part + 0.0));
         let stiffness = ellipsoid.stiffness[k];
         let value = match stiffness.is_finite() {
             true => format!("{:.3} {}", stiffness * loaded.scale, loaded.stiffness),
             false => "rigid".into(),
         };
-        let words = format!("along {} {} {}: {value}", axis[0], axis[1], axis[2]);
-        let line = put(1 + k as i32, &words)?;
-        let style = colour.stroke_width(2);
-        panel.draw(&DashedPathElement::new(line, dash, gap, style))?;
-    }
-    Ok(())
+        Key::line(k, &format!("along {} {} {}: {value}", axis[0], axis[1], axis[2]))
+    };
+    let outline = Key::new(Sign::Line(limit_style()), "outline of the ellipsoid");
+    let (left, right) = area.split_horizontally(SIZE.0 / 2);
+    draw_keys(&left.margin(0, 0, 90, 0), &[outline, axis(0)], 24)?;
+    draw_keys(&right, &[axis(1), axis(2)], 24)
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Lines over time or over the length of a path, and how few points they need.
+//! Lines that are compared, in one plot.
 
+use crate::draw::key::{Key, Sign, keyed};
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, Frame, LEGEND_ROOM, SIZE, STYLES, axes, drawn, legend, padded};
+use crate::draw::sheet::{Chart, Frame, axes, padded};
+use crate::draw::style::{limit_style, line_style};
+use crate::draw::thin::{bends, thin};
 use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 /// One named line of a plot.
@@ -14,36 +16,45 @@ pub(super) struct Line {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Marks of a dashed line are placed by pixels; more points than pixels only cost size.
-const MOST_POINTS: usize = 1500;
-
 pub(super) fn drawn_lines(frame: &Frame, lines: &[Line]) -> Result<String, DrawError> {
-    drawn(|root| {
-        let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1));
+    let limits = frame.limits.iter().map(|(name, _)| Key::new(Sign::Line(limit_style()), name));
+    let names = lines.iter().enumerate().map(|(k, line)| Key::line(k, &line.name));
+    let keys: Vec<Key> = limits.chain(names).collect();
+    keyed(&keys, |area| {
+        let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(finite);
         let y = padded(values.chain(frame.limits.iter().map(|limit| limit.1)));
-        let end = lines[0].points.last().map(|p| p.0).filter(|end| *end > 0.0).unwrap_or(1.0);
-        let mut chart = axes(root, frame, 0.0..end * LEGEND_ROOM, y)?;
-        for (name, value) in &frame.limits {
+        let ends = lines.iter().filter_map(|line| line.points.last()).map(|p| p.0);
+        let end = Some(ends.fold(0.0, f64::max)).filter(|end| *end > 0.0).unwrap_or(1.0);
+        let mut chart = axes(area, frame, 0.0..end, y)?;
+        for (_, value) in &frame.limits {
             let ends = [(0.0, *value), (end, *value)];
-            chart
-                .draw_series(LineSeries::new(ends, BLACK.stroke_width(3)))?
-                .label(name)
-                .legend(|(x, y)| PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(3)));
+            chart.draw_series([PathElement::new(ends, limit_style())])?;
         }
-        draw_lines(&mut chart, lines)?;
-        legend(&mut chart)
+        lines.iter().enumerate().try_for_each(|(k, line)| draw_line(&mut chart, line, k))
     })
 }
 
-pub(super) fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Result<(), DrawError> {
-    for (line, (colour, (dash, gap))) in lines.iter().zip(STYLES) {
-        let style = colour.stroke_width(2);
-        let sample = move |(x, y)| DashedPathElement::new([(x, y), (x + 34, y)], dash, gap, style);
-        let series =
-            chart.draw_series(DashedLineSeries::new(line.points.clone(), dash, gap, style));
-        series?.label(&line.name).legend(sample);
+fn finite(value: &f64) -> bool {
+    value.is_finite()
+}
+
+/// The line of a number, with gaps where its values are not finite.
+pub(super) fn draw_line(chart: &mut Chart, line: &Line, number: usize) -> Result<(), DrawError> {
+    let parts = line.points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
+    for part in parts {
+        let path = without_stairs(chart, part);
+        chart.draw_series([PathElement::new(path, line_style(number))])?;
     }
     Ok(())
+}
+
+/// The points of a line that a chart needs.
+pub(super) fn without_stairs(chart: &Chart, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let (width, height) = chart.plotting_area().dim_in_pixel();
+    let (x, y) = (chart.x_range(), chart.y_range());
+    let scale = (f64::from(width) / (x.end - x.start), f64::from(height) / (y.end - y.start));
+    let pixels: Vec<(f64, f64)> = points.iter().map(|p| (p.0 * scale.0, p.1 * scale.1)).collect();
+    bends(&pixels).into_iter().map(|place| points[place]).collect()
 }
 
 /// One line for each joint of a group, from (abscissa, values of all joints).
@@ -62,67 +73,4 @@ pub(super) fn lines<'a, const N: usize>(
 pub(super) fn first_up(text: &str) -> String {
     let mut characters = text.chars();
     characters.next().map_or(String::new(), |c| c.to_uppercase().chain(characters).collect())
-}
-
-/// Few enough points; every group keeps its point of largest amount, so that peaks stay.
-pub(super) fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    let points: Vec<(f64, f64)> = points.collect();
-    let group = points.len().div_ceil(MOST_POINTS).max(1);
-    let peak = |group: &[(f64, f64)]| {
-        group.iter().copied().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or_default()
-    };
-    points.chunks(group).map(peak).collect()
-}
-
-/// As [`thin`], keeping the lowest points.
-pub(super) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    let points: Vec<(f64, f64)> = points.filter(|point| point.1.is_finite()).collect();
-    let group = points.len().div_ceil(MOST_POINTS).max(1);
-    let least = |group: &[(f64, f64)]| {
-        group.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
-    };
-    points.chunks(group).map(least).collect()
-}
-
-/// The points that lie apart by about a pixel, and the last one.
-pub(super) fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    places_apart(points, 1.0).into_iter().map(|place| points[place]).collect()
-}
-
-/// Where in a list the points are that lie apart by about so many pixels, and the last one.
-pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
-    let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
-    let least = pixels * (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
-    let mut kept: Vec<usize> = vec![];
-    for (place, point) in points.iter().enumerate() {
-        let far =
-            |last: &usize| (point.0 - points[*last].0).hypot(point.1 - points[*last].1) > least;
-        if kept.last().is_none_or(far) {
-            kept.push(place);
-        }
-    }
-    kept.extend(points.len().checked_sub(1).filter(|last| kept.last() != Some(last)));
-    kept
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thinning_keeps_peaks() {
-        let spike = |k: u32| (f64::from(k), if k == 7777 { -5.0 } else { 1.0 });
-        let points = thin((0..10_000).map(spike));
-        assert!(points.len() <= MOST_POINTS, "{}", points.len());
-        assert!(points.contains(&(7777.0, -5.0)));
-    }
-
-    #[test]
-    fn a_path_keeps_its_bends_and_loses_what_a_pixel_hides() {
-        let circle = |k: u32| (f64::from(k) * 1e-5 * std::f64::consts::TAU).sin_cos();
-        let points: Vec<_> = (0..=50_000).map(circle).collect();
-        let kept = apart(&points);
-        assert!((500..2000).contains(&kept.len()), "{}", kept.len());
-        assert_eq!(kept.last(), points.last());
-    }
 }

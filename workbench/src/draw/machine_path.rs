@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The path of a program in the room of its machine, by how near it comes to the limits.
 
-use crate::draw::lines::places_apart;
-use crate::draw::over::{Mark, RED, label, write};
+use crate::draw::key::{Key, Sign, draw_keys_across};
+use crate::draw::machine::{Drawn, LEG, at_pose};
+use crate::draw::over::{Mark, label};
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Area, Chart, Frame, drawn, legend_at, path_axes, project, span};
+use crate::draw::sheet::{Area, drawn_on, span};
+use crate::draw::space::{Space, View, edges, project};
+use crate::draw::style::{BLUE, ORANGE, RED, SMALL, mark_letters, width_of};
+use crate::draw::thin::places_apart;
 use crate::program::course::Thinned;
 use crate::read::machine::MachineConfig;
+use kinematics::Vector3;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 /// Most points of a path.
 const MOST_POINTS: usize = 5000;
@@ -22,16 +27,13 @@ const ROUNDING: f64 = 1e-6;
 /// Less of a limit's range than this is near.
 pub(super) const NEAR: f64 = 0.1;
 
-/// Breaks nearer to each other than this share of a view become one.
-const ONE_MARK: f64 = 0.02;
+/// Breaks nearer to each other than so many pixels become one.
+const ONE_MARK: i32 = 12;
 
 /// How near a part of a path comes to the limits, the worst last. Widths differ as well: a print
 /// without colours shows them.
-const SHADES: [(&str, RGBColor, u32); 3] = [
-    ("away from limits", RGBColor(0, 90, 160), 2),
-    ("near a limit", RGBColor(215, 115, 0), 4),
-    ("beyond a limit", RED, 7),
-];
+const SHADES: [(&str, RGBColor, u32); 3] =
+    [("away from limits", BLUE, 2), ("near a limit", ORANGE, 4), ("beyond a limit", RED, 7)];
 
 fn shade(room: f64) -> usize {
     match room {
@@ -41,75 +43,67 @@ fn shade(room: f64) -> usize {
     }
 }
 
-/// The path twice: in the box of the axis limits, and closer.
+/// Half the pixels of a cross.
+const CROSS: i32 = 8;
+
+const SIZE: (u32, u32) = (960, 600);
+
+/// Pixels of the key.
+const KEYS: u32 = 36;
+
+/// The path twice: in the machine with the limits of the axes, and closer.
 pub(super) fn in_its_room(
     config: &MachineConfig,
     course: &Thinned,
     marks: &[Mark],
 ) -> Result<String, DrawError> {
     let path = Path::new(course);
-    let edges = edges(config, course);
+    let limits = limits(config, course);
     let unit = config.length_unit();
-    drawn(|root| {
-        let areas = root.split_evenly((1, 2));
-        let corners: Vec<(f64, f64)> = edges.iter().flatten().copied().collect();
-        let around = [&path.points[..], &corners].concat();
-        let mut chart = view(&areas[0], "In the machine", unit, &around)?;
-        let thin = BLACK.stroke_width(1);
-        for (k, edge) in edges.iter().enumerate() {
-            let series = chart.draw_series(LineSeries::new(*edge, thin))?;
-            if k == 0 {
-                series
-                    .label("limits of the axes")
-                    .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], thin));
-            }
-        }
-        path.draw(&mut chart)?;
-        draw_marks(&mut chart, marks, &around)?;
-        // The corners below an isometric box are empty.
-        legend_at(&mut chart, SeriesLabelPosition::LowerRight)?;
+    let thin = BLACK.stroke_width(1);
+    let keys: Vec<Key> = std::iter::once(Key::new(Sign::Line(thin), "limits of the axes"))
+        .chain(path.keys())
+        .chain([Key::new(Sign::Line(LEG.stroke_width(4)), "machine, at home")])
+        .collect();
+    drawn_on(SIZE, |root| {
+        let (views, foot) = root.split_vertically(SIZE.1 - KEYS);
+        draw_keys_across(&foot, &keys, (24, KEYS as i32 / 2))?;
+        let areas = views.split_evenly((1, 2));
+        let Drawn { mut parts, mut places } = at_pose(config, &config.home_pose());
+        parts.extend(edges(&limits, thin));
+        places.extend(limits);
+        places.extend(&path.points);
+        let view = Space::around("In the machine", unit, &places).draw(&areas[0], parts)?;
+        path.draw(&areas[0], &view)?;
+        draw_marks(&areas[0], &view, marks)?;
         let marked = marks.iter().map(|mark| place(&mark.pose));
-        let around: Vec<(f64, f64)> = path.points.iter().copied().chain(marked).collect();
-        let mut chart = view(&areas[1], "Closer", unit, &around)?;
-        path.draw(&mut chart)?;
-        draw_marks(&mut chart, marks, &around)
+        let around: Vec<Vector3<f64>> = path.points.iter().copied().chain(marked).collect();
+        let view = Space::around("Closer", unit, &around).draw(&areas[1], vec![])?;
+        path.draw(&areas[1], &view)?;
+        draw_marks(&areas[1], &view, marks)
     })
 }
 
-fn view<'a, 'b>(
-    area: &'a Area<'b>,
-    title: &str,
-    unit: &str,
-    around: &[(f64, f64)],
-) -> Result<Chart<'a, 'b>, DrawError> {
-    let frame = Frame {
-        title,
-        x: &format!("to the right: X and Y, in {unit}"),
-        y: &format!("up: Z, in {unit}"),
-        limits: vec![],
-    };
-    path_axes(area, &frame, around)
-}
-
-fn place(pose: &[f64; 6]) -> (f64, f64) {
-    project([pose[0], pose[1], pose[2]])
+fn place(pose: &[f64; 6]) -> Vector3<f64> {
+    Vector3::new(pose[0], pose[1], pose[2])
 }
 
 /// The path on the sheet, and the stretches that are near or beyond limits.
 struct Path {
-    points: Vec<(f64, f64)>,
+    points: Vec<Vector3<f64>>,
     /// Places in the points, both included, with their shades.
     stretches: Vec<([usize; 2], usize)>,
 }
 
 impl Path {
     fn new(course: &Thinned) -> Self {
-        let all: Vec<(f64, f64)> = course.samples.iter().map(|s| place(&s.pose)).collect();
+        let all: Vec<Vector3<f64>> = course.samples.iter().map(|s| place(&s.pose)).collect();
+        let flat: Vec<(f64, f64)> = all.iter().map(project).collect();
         let mut pixels = 1.0;
-        let mut kept = places_apart(&all, pixels);
+        let mut kept = places_apart(&flat, pixels);
         while kept.len() > MOST_POINTS {
             pixels *= 1.5;
-            kept = places_apart(&all, pixels);
+            kept = places_apart(&flat, pixels);
         }
         let points = kept.iter().map(|place| all[*place]).collect();
         // What lies between two points counts with the first.
@@ -128,21 +122,20 @@ impl Path {
         Self { points, stretches: stretches.collect() }
     }
 
-    fn draw(&self, chart: &mut Chart) -> Result<(), DrawError> {
+    /// What its colours are.
+    fn keys(&self) -> impl Iterator<Item = Key> {
+        let is_seen = |shade: &usize| *shade == 0 || self.stretches.iter().any(|s| s.1 == *shade);
+        let shades = (0..SHADES.len()).filter(is_seen).map(|shade| SHADES[shade]);
+        shades.map(|(name, colour, width)| Key::new(Sign::Line(colour.stroke_width(width)), name))
+    }
+
+    fn draw(&self, area: &Area, view: &View) -> Result<(), DrawError> {
         let last = self.points.len().saturating_sub(1);
         let whole = ([0, last], 0);
-        for shade in 0..SHADES.len() {
-            let (name, colour, width) = SHADES[shade];
-            let style = colour.stroke_width(width);
+        for (shade, (_, colour, width)) in SHADES.into_iter().enumerate() {
             let own = self.stretches.iter().chain([&whole]).filter(|(_, own)| *own == shade);
-            for (k, ([from, to], _)) in own.enumerate() {
-                let points = self.points[*from..=*to].iter().copied();
-                let series = chart.draw_series(LineSeries::new(points, style))?;
-                if k == 0 {
-                    series
-                        .label(name)
-                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], style));
-                }
+            for ([from, to], _) in own {
+                area.draw(&view.path(&self.points[*from..=*to], colour.stroke_width(width)))?;
             }
         }
         Ok(())
@@ -170,44 +163,64 @@ fn stretches(shades: &[usize], shade: usize) -> Vec<[usize; 2]> {
     found
 }
 
-/// Edges of the box of the limits of X, Y and Z; where one has none, the path ends the box.
-fn edges(config: &MachineConfig, course: &Thinned) -> Vec<[(f64, f64); 2]> {
+/// The limits of X, Y and Z; where one has none, the path ends the box.
+fn limits(config: &MachineConfig, course: &Thinned) -> [Vector3<f64>; 2] {
     let ends: [[f64; 2]; 3] = std::array::from_fn(|k| {
         let (low, high) = span(course.samples.iter().flat_map(|sample| sample.poses[k]));
         let axis = config.axes[k];
         let or = |limit: f64, value: f64| if limit.is_finite() { limit } else { value };
         [or(axis.min, low), or(axis.max, high)]
     });
-    let corner = |k: usize| project(std::array::from_fn(|axis| ends[axis][k >> axis & 1]));
-    let beside = |k: usize| (0..3).map(move |axis| (k, k | 1 << axis)).filter(|(a, b)| a != b);
-    (0..8).flat_map(beside).map(|(a, b)| [corner(a), corner(b)]).collect()
+    [0, 1].map(|end| Vector3::from_fn(|k, _| ends[k][end]))
 }
 
-fn draw_marks(chart: &mut Chart, marks: &[Mark], around: &[(f64, f64)]) -> Result<(), DrawError> {
-    let wide = [|p: &(f64, f64)| p.0, |p: &(f64, f64)| p.1].map(|of| {
-        let (low, high) = span(around.iter().map(of));
-        high - low
-    });
-    let near = ONE_MARK * wide[0].max(wide[1]);
-    let mut groups: Vec<((f64, f64), Vec<usize>)> = vec![];
+/// Crosses with what belongs to them; breaks that are near each other share one. A label without room
+/// is left out: the list of the page has them all.
+fn draw_marks(area: &Area, view: &View, marks: &[Mark]) -> Result<(), DrawError> {
+    let mut groups: Vec<((i32, i32), Vec<usize>)> = vec![];
     for (number, mark) in marks.iter().enumerate() {
-        let at = place(&mark.pose);
-        let same = |group: &&mut ((f64, f64), Vec<usize>)| {
-            (group.0.0 - at.0).hypot(group.0.1 - at.1) < near
+        let at = view.pixel(&place(&mark.pose));
+        let same = |group: &&mut ((i32, i32), Vec<usize>)| {
+            (group.0.0 - at.0).abs().max((group.0.1 - at.1).abs()) < ONE_MARK
         };
         match groups.iter_mut().find(same) {
             Some(group) => group.1.push(number),
             None => groups.push((at, vec![number])),
         }
     }
-    let (low, high) = span(around.iter().map(|p| p.0));
+    let cross = |((x, y), _): &((i32, i32), _)| [x - CROSS, x + CROSS, y - CROSS, y + CROSS];
+    let mut taken: Vec<[i32; 4]> = groups.iter().map(cross).collect();
     for (at, numbers) in groups {
-        chart.draw_series([Cross::new(at, 8, RED.stroke_width(3))])?;
-        let right = at.0 > (low + high) / 2.0;
-        let (side, shift) = if right { (HPos::Right, -13) } else { (HPos::Left, 13) };
-        write(chart, at, &label(marks, &numbers), Pos::new(side, VPos::Bottom), (shift, -4))?;
+        area.draw(&Cross::new(at, CROSS, RED.stroke_width(3)))?;
+        let label = label(marks, &numbers);
+        if let Some(corner) = free_corner(area, at, &label, &mut taken) {
+            let style = mark_letters(HPos::Left, VPos::Center);
+            area.draw(&Text::new(label, corner, style))?;
+        }
     }
     Ok(())
+}
+
+/// The left end of a label beside a place where no other stands.
+fn free_corner(
+    area: &Area,
+    (x, y): (i32, i32),
+    label: &str,
+    taken: &mut Vec<[i32; 4]>,
+) -> Option<(i32, i32)> {
+    let (wide, (most, _)) = (width_of(label, SMALL) as i32, area.dim_in_pixel());
+    let sides = [-10, 10, -28, 28, -46, 46, -64, 64];
+    let places = sides.into_iter().flat_map(|dy| [(x + 13, y + dy), (x - 13 - wide, y + dy)]);
+    for (left, middle) in places {
+        let own = [left, left + wide, middle - 9, middle + 9];
+        let is_apart =
+            |t: &[i32; 4]| own[1] <= t[0] || t[1] <= own[0] || own[3] <= t[2] || t[3] <= own[2];
+        if left >= 0 && own[1] <= most as i32 && own[2] >= 40 && taken.iter().all(is_apart) {
+            taken.push(own);
+            return Some((left, middle));
+        }
+    }
+    None
 }
 
 #[cfg(test)]

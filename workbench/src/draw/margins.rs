@@ -3,9 +3,11 @@
 
 use crate::draw::lines::Line;
 use crate::draw::machine_path::in_its_room;
-use crate::draw::over::{Mark, Over, drawn_over, envelope, highest, lowest};
+use crate::draw::over::Mark;
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::TIME;
+use crate::draw::strips::{Strip, Strips, drawn_strips};
+use crate::draw::thin::{envelope, highest, lowest};
 use crate::program::course::{Abscissa, Sample, Thinned};
 use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
@@ -69,16 +71,18 @@ impl Sheet<'_> {
         &self,
         title: &str,
         y: &str,
-        limits: &[f64],
-        lines: &[Line],
+        strips: &[Strip],
         about: &str,
     ) -> Result<Figure, DrawError> {
         let x = match self.course.abscissa {
             Abscissa::Seconds => TIME,
             Abscissa::Length => &format!("length along the path in {}", self.config.length_unit()),
         };
-        let over = Over { x, end: self.course.end, y, limits, marks: self.marks };
-        let svg = drawn_over(&over, lines)?;
+        let (end, marks) = (self.course.end, self.marks);
+        let svg = drawn_strips(
+            &Strips { title: "", x, y, end, all_limits: true, marks, dots: false },
+            strips,
+        )?;
         Ok(Figure { title: title.into(), about: about.into(), svg })
     }
 
@@ -104,7 +108,8 @@ impl Sheet<'_> {
         let about = "How much of each limit is left while the program runs, as a share of its range; of \
                      several parts the one with the least. Good: all lines stay above the thick black \
                      line at 0. Bad: a line that reaches it or falls below: there the machine cannot go on.";
-        self.figure("Room left to limits of the place", "share that is left", &[0.0], &lines, about)
+        let strips = with_limits(lines, &[0.0]);
+        self.figure("Room left to limits of the place", "share that is left", &strips, about)
     }
 
     fn rooms_of_motion(&self) -> Result<Figure, DrawError> {
@@ -119,13 +124,8 @@ impl Sheet<'_> {
                      up and brake, and of how far they may lag behind their command (the following \
                      error). 1 is all of it: the drives rest. Good: all lines stay above the thick black line at 0. \
                      Bad: a line below it: the program asks more than a drive can do.";
-        self.figure(
-            "Room left to limits of the motion",
-            "share that is left",
-            &[0.0],
-            &lines,
-            about,
-        )
+        let strips = with_limits(lines, &[0.0]);
+        self.figure("Room left to limits of the motion", "share that is left", &strips, about)
     }
 
     /// Lowest values; none where there is no such limit.
@@ -149,7 +149,8 @@ impl Sheet<'_> {
                      becomes too fast. The thick black line at 1 is the feed of the program. Good: the line \
                      stays there. Bad: it falls: the program takes longer, and at 0 the machine stands.";
         let title = "Feed that the guard allows";
-        self.figure(title, "share of the programmed feed", &[1.0], &[line], about).map(Some)
+        let strips = with_limits(vec![line], &[1.0]);
+        self.figure(title, "share of the programmed feed", &strips, about).map(Some)
     }
 
     /// Coordinates as shares of their ranges; none where no axis has a range.
@@ -171,30 +172,26 @@ impl Sheet<'_> {
         let about = "Where the tool is on each axis: 0 is the lowest place that the axis allows, 1 the highest. \
                      Good: all lines stay between the two thick black lines. Bad: a line that leaves them.";
         let y = "share of the axis range";
-        self.figure("Positions of the axes", y, &[0.0, 1.0], &lines, about).map(Some)
+        self.figure("Positions of the axes", y, &with_limits(lines, &[0.0, 1.0]), about).map(Some)
     }
 
     fn values(&self, group: &Group) -> Result<Figure, DrawError> {
         let name = group.kind.plural();
-        let line = |i: &usize| {
+        let strip = |i: &usize| {
             let values: Vec<_> = self.course.samples.iter().map(|s| (s.at, s.joints[*i])).collect();
-            Line { name: self.config.joints[*i].name.clone(), points: envelope(&values) }
-        };
-        let lines: Vec<Line> = group.joints.iter().map(line).collect();
-        let ends = group.joints.iter().flat_map(|i| {
             let joint = &self.config.joints[*i];
-            [joint.min, joint.max]
-        });
-        let mut limits: Vec<f64> = ends.filter(|end| end.is_finite()).collect();
-        limits.sort_by(f64::total_cmp);
-        limits.dedup();
+            let line = Line { name: joint.name.clone(), points: envelope(&values) };
+            let limits = [joint.min, joint.max].into_iter().filter(|end| end.is_finite());
+            Strip::of(line, limits.collect())
+        };
+        let strips: Vec<Strip> = group.joints.iter().map(strip).collect();
         let about = format!(
             "Where the {name} are: each of them is moved by a drive of its own. Good: all lines stay \
              between the thick black lines, the ends of their travel. Bad: a line that reaches or \
              crosses one."
         );
         let y = format!("{} in {}", group.kind.quantity(), group.unit);
-        self.figure(&format!("Positions of the {name}"), &y, &limits, &lines, &about)
+        self.figure(&format!("Positions of the {name}"), &y, &strips, &about)
     }
 
     fn motion(&self, group: &Group) -> Result<[Figure; 3], DrawError> {
@@ -210,13 +207,8 @@ impl Sheet<'_> {
                 "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it. \
                  What is above {MOST_SHARE} is drawn there."
             );
-            self.figure(
-                &format!("{what} of the {name}"),
-                "share of the limit",
-                &[1.0],
-                &lines,
-                &about,
-            )
+            let strips = with_limits(lines, &[1.0]);
+            self.figure(&format!("{what} of the {name}"), "share of the limit", &strips, &about)
         };
         Ok([
             figure(
@@ -237,4 +229,9 @@ impl Sheet<'_> {
             )?,
         ])
     }
+}
+
+/// One strip a line, all with the same limits.
+fn with_limits(lines: Vec<Line>, limits: &[f64]) -> Vec<Strip> {
+    lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect()
 }

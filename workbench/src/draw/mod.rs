@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pictures and pages: one file a picture, or a few that belong together.
 //!
-//! Every picture is drawn on a `sheet`; `lines` go over time or over a path, with limits and marks
-//! where they stand on a page (`over`), `contour` lines over a plane.
+//! Every picture is drawn on a `sheet`, in the one `style`, its key beside it. `lines` are compared in one
+//! plot, `strips` stand below each other over time or a path, with the marks of a page (`over`), `contour`
+//! maps lie over a plane, and what has a body stands in `space`.
 
 mod contour;
 pub mod course;
@@ -10,7 +11,9 @@ pub mod curve;
 pub mod cut;
 pub mod dynamics;
 pub mod ellipsoid;
+mod key;
 mod lines;
+mod machine;
 mod machine_path;
 pub mod margins;
 pub mod motion;
@@ -23,7 +26,11 @@ pub mod sample;
 pub mod sensitivity;
 mod sheet;
 mod slice;
+mod space;
 pub mod stability;
 pub mod stiffness;
+mod strips;
+mod style;
+mod thin;
 mod tool_path;
 pub mod workspace;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The joints of a motion: values, changes along the path, speeds and corrections.
 
-use crate::draw::lines::{Line, drawn_lines, first_up, lines};
+use crate::draw::lines::{Line, first_up, lines};
 use crate::draw::plot::{DrawError, Plot};
 use crate::draw::sample::Sample;
-use crate::draw::sheet::{Frame, TIME, span};
+use crate::draw::sheet::TIME;
+use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::draw::tool_path::{isometric, tool_path};
 use crate::program::path::{Along, along};
 use crate::read::joints::{Group, JointKind};
@@ -37,7 +38,7 @@ pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, Draw
     });
     plots.push(Plot {
         file: "tool-path-3d.svg".into(),
-        caption: "Path of the control point (isometric) with the tool axis at some places".into(),
+        caption: "Path of the control point in space, with the tool axis at some places".into(),
         svg: isometric(&world, unit)?,
     });
     Ok(plots)
@@ -60,7 +61,7 @@ fn of_group(
     Ok([
         Plot {
             file: format!("{stem}.svg"),
-            caption: format!("{} during the program; limits where they are near", first_up(name)),
+            caption: format!("{} during the program, with their limits", first_up(name)),
             svg: values(config, group, world)?,
         },
         Plot {
@@ -73,68 +74,51 @@ fn of_group(
         },
         Plot {
             file: format!("{stem}-speeds.svg"),
-            caption: format!("Speeds of {name}; the lowest limit stands above the plot"),
+            caption: format!("Speeds of {name}, with their limits"),
             svg: speeds(config, group, world)?,
         },
     ])
 }
 
 fn values(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
-    let joints = || group.joints.iter().map(|i| &config.joints[*i]);
-    let low = joints().fold(f64::NEG_INFINITY, |low, j| low.max(j.min));
-    let high = joints().fold(f64::INFINITY, |high, j| high.min(j.max));
     let lines = lines(config, group, world.iter().map(|s| (time(world, s), &s.joints)));
+    let limits = |i: &usize| vec![config.joints[*i].min, config.joints[*i].max];
     let Group { kind, unit, .. } = group;
-    let frame = Frame {
-        title: &format!("{} (limits {low} to {high} {unit})", first_up(kind.plural())),
-        x: TIME,
-        y: &format!("{} in {unit}", kind.quantity()),
-        limits: near(&lines, &[(format!("lowest {low}"), low), (format!("highest {high}"), high)]),
-    };
-    drawn_lines(&frame, &lines)
+    let y = format!("{} in {unit}", kind.quantity());
+    with_limits(&first_up(kind.plural()), &y, lines, group.joints.iter().map(limits))
 }
 
-/// Limits no farther from the lines than these reach: others would only flatten them.
-fn near(lines: &[Line], limits: &[(String, f64)]) -> Vec<(String, f64)> {
-    let (low, high) = span(lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)));
-    let reach = low - (high - low)..=high + (high - low);
-    limits.iter().filter(|(_, value)| reach.contains(value)).cloned().collect()
+/// Over time, each line with its limits.
+fn with_limits(
+    title: &str,
+    y: &str,
+    lines: Vec<Line>,
+    limits: impl Iterator<Item = Vec<f64>>,
+) -> Result<String, DrawError> {
+    let finite = |limits: Vec<f64>| limits.into_iter().filter(|limit| limit.is_finite()).collect();
+    let strips: Vec<Strip> =
+        lines.into_iter().zip(limits.map(finite)).map(|(line, own)| Strip::of(line, own)).collect();
+    drawn_strips(&Strips::new(title, TIME, y, &strips), &strips)
 }
 
 fn changes(config: &MachineConfig, group: &Group, path: &[Along]) -> Result<String, DrawError> {
-    let frame = Frame {
-        title: &format!("{}: change since the program's start", first_up(group.kind.plural())),
-        x: &format!("length of the path in {}", config.length_unit()),
-        y: &format!("change of {} in {}", group.kind.quantity(), group.unit),
-        limits: vec![],
-    };
-    drawn_lines(&frame, &lines(config, group, path.iter().map(|a| (a.length, &a.change))))
+    let title = format!("{}: change since the program's start", first_up(group.kind.plural()));
+    let x = format!("length of the path in {}", config.length_unit());
+    let y = format!("change of {} in {}", group.kind.quantity(), group.unit);
+    let values = path.iter().map(|a| (a.length, &a.change));
+    drawn_apart(&title, &x, &y, lines(config, group, values))
 }
 
 fn corrections(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, DrawError> {
-    let frame = Frame {
-        title: "Nut corrections",
-        x: TIME,
-        y: &format!("correction in {unit}"),
-        limits: vec![],
-    };
     let groups = config.groups();
     let struts = groups.iter().filter(|group| group.kind == JointKind::Strut);
     let values = world.iter().map(|s| (time(world, s), &s.corrections));
     let lines: Vec<Line> = struts.flat_map(|group| lines(config, group, values.clone())).collect();
-    drawn_lines(&frame, &lines)
+    drawn_apart("Nut corrections", TIME, &format!("correction in {unit}"), lines)
 }
 
 fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
-    let limits = group.joints.iter().map(|i| config.joints[*i].max_velocity);
-    let limit = limits.fold(f64::INFINITY, f64::min);
     let Group { kind, unit, .. } = group;
-    let frame = Frame {
-        title: &format!("Speeds of {} (limit {limit} {unit}/s)", kind.plural()),
-        x: TIME,
-        y: &format!("speed in {unit}/s"),
-        limits: vec![],
-    };
     let speeds: Vec<_> = world
         .windows(2)
         .map(|w| {
@@ -142,22 +126,13 @@ fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<St
             (time(world, w[1]), std::array::from_fn::<f64, MAX_JOINTS, _>(speed))
         })
         .collect();
-    drawn_lines(&frame, &lines(config, group, speeds.iter().map(|(t, v)| (*t, v))))
+    let lines = lines(config, group, speeds.iter().map(|(t, v)| (*t, v)));
+    let most = group.joints.iter().map(|i| config.joints[*i].max_velocity);
+    let title = format!("Speeds of {}", kind.plural());
+    with_limits(&title, &format!("speed in {unit}/s"), lines, most.map(|most| vec![-most, most]))
 }
 
 /// Seconds since the program's start.
 fn time(world: &[&Sample], sample: &Sample) -> f64 {
     sample.time - world[0].time
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn limits_far_from_the_lines_are_left_out() {
-        let line = Line { name: String::new(), points: vec![(0.0, 10.0), (1.0, 14.0)] };
-        let limits = [(String::from("low"), 5.9), (String::from("high"), 17.9)];
-        assert_eq!(near(&[line], &limits), limits[1..]);
-    }
 }

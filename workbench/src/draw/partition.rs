@@ -2,14 +2,22 @@
 //! Partitions of a plane by the number of unstable roots: curves hatched on the side with fewer of
 //! them, and that number in every region.
 
+use crate::draw::key::{Key, Sign, keyed};
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, FONT, Frame, SIZE, STYLES, axes, drawn, legend};
+use crate::draw::sheet::{Chart, Frame, SIZE, axes};
+use crate::draw::style::{BLUE, NAME, PALE, letters_at};
 use crate::stability::partition::{Point, Window, regions};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 /// Pixels from one stroke of the hatching to the next, and their length.
 const HATCH: [f64; 2] = [11.0, 8.0];
+
+/// Of a curve: it is not dashed.
+const WIDTH: u32 = 2;
+
+/// Letters this many pixels apart do not touch.
+const ENOUGH: f64 = 30.0;
 
 /// Roots are counted this many pixels beside a curve.
 const BESIDE: f64 = 2.0;
@@ -39,58 +47,108 @@ pub(super) fn partitioned(
         (across[1] - across[0]) / (0.9 * f64::from(SIZE.0)),
         (up[1] - up[0]) / (0.85 * f64::from(SIZE.1)),
     ];
-    drawn(|root| {
-        let mut chart = axes(root, &partition.frame, across[0]..across[1], up[0]..up[1])?;
+    // Letters beside the places: curves that cross there leave no room for more.
+    let marks: Vec<([f64; 2], Key)> = partition
+        .marks
+        .iter()
+        .zip('a'..)
+        .map(|((at, text), letter)| (*at, Key::new(Sign::Letter(letter.into()), text)))
+        .collect();
+    let numbers = Key::new(Sign::Letter("2".into()), "unstable roots");
+    let line = Key::new(Sign::Line(BLUE.stroke_width(WIDTH)), "hatched where fewer");
+    let named = marks.iter().map(|(_, key)| Key::new(key.sign.clone(), &key.name));
+    let keys: Vec<Key> = [numbers, line].into_iter().chain(named).collect();
+    keyed(&keys, |area| {
+        let mut chart = axes(area, &partition.frame, across[0]..across[1], up[0]..up[1])?;
         let line = |from: [f64; 2], to: [f64; 2], style| {
             clipped(from, to, &partition.window)
                 .map(|ends| PathElement::new(ends.map(|[x, y]| (x, y)), style))
         };
-        let thin = BLACK.mix(0.35).stroke_width(1);
+        let thin = PALE.stroke_width(1);
         let zeros = [
             line([across[0], 0.0], [across[1], 0.0], thin),
             line([0.0, up[0]], [0.0, up[1]], thin),
         ];
         chart.draw_series(zeros.into_iter().flatten())?;
-        for (curve, (colour, _)) in partition.curves.iter().zip(STYLES.iter().cycle()) {
-            let pieces = curve.windows(2);
-            let style = colour.stroke_width(2);
-            chart.draw_series(pieces.filter_map(|pair| line(pair[0], pair[1], style)))?;
+        for curve in &partition.curves {
+            let style = BLUE.stroke_width(WIDTH);
+            let pieces = visible(curve, &partition.window, &pixel);
+            chart.draw_series(pieces.into_iter().map(|piece| PathElement::new(piece, style)))?;
             let strokes = hatched(curve, &pixel, &partition.window, &unstable);
-            let style = colour.stroke_width(1);
+            let style = BLUE.stroke_width(1);
             chart.draw_series(strokes.into_iter().filter_map(|[a, b]| line(a, b, style)))?;
         }
-        label(&mut chart, partition, &unstable)
+        label(&mut chart, partition, &marks, &pixel, &unstable)
     })
 }
 
-fn label<'a, 'b: 'a>(
-    chart: &mut Chart<'a, 'b>,
+/// What of a curve is seen, in pieces without the points that a pixel hides.
+fn visible(curve: &[[f64; 2]], window: &Window, pixel: &[f64; 2]) -> Vec<Vec<(f64, f64)>> {
+    let mut pieces: Vec<Vec<(f64, f64)>> = vec![];
+    for pair in curve.windows(2) {
+        let Some([from, to]) = clipped(pair[0], pair[1], window) else { continue };
+        let ([x, y], end) = (from, (to[0], to[1]));
+        match pieces.last_mut().and_then(|piece| piece.last().copied().map(|last| (piece, last))) {
+            Some((piece, last)) if last == (x, y) => piece.push(end),
+            _ => pieces.push(vec![(x, y), end]),
+        }
+    }
+    let near = |a: &(f64, f64), b: &(f64, f64)| {
+        ((a.0 - b.0) / pixel[0]).hypot((a.1 - b.1) / pixel[1]) < 1.0
+    };
+    for piece in &mut pieces {
+        let last = piece[piece.len() - 1];
+        piece.dedup_by(|later, kept| near(later, kept));
+        if piece[piece.len() - 1] != last {
+            piece.push(last);
+        }
+    }
+    pieces
+}
+
+fn label(
+    chart: &mut Chart,
     partition: &Partition,
+    marks: &[([f64; 2], Key)],
+    pixel: &[f64; 2],
     unstable: &(impl Fn([f64; 2]) -> usize + Sync),
 ) -> Result<(), DrawError> {
-    let numbers = (FONT, 26).into_font().color(&BLACK);
-    let numbers = numbers.pos(Pos::new(HPos::Center, VPos::Center));
+    let numbers = letters_at(24, HPos::Center, VPos::Center);
+    let mut taken: Vec<[f64; 2]> = vec![];
     for region in regions(&partition.window, unstable) {
         let place = (region.at[0], region.at[1]);
         chart.draw_series([Circle::new(place, 15, WHITE.filled())])?;
         let text = region.unstable.to_string();
         chart.draw_series([Text::new(text, place, numbers.clone())])?;
+        taken.push(region.at);
     }
-    let words = (FONT, 18).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Bottom));
-    // Letters beside the places: curves that cross there leave no room for more.
-    for (([x, y], text), letter) in partition.marks.iter().zip('a'..) {
-        let letter = letter.to_string();
-        let own = letter.clone();
-        let dot = EmptyElement::at((*x, *y))
+    for (at, key) in marks {
+        let Sign::Letter(letter) = &key.sign else { continue };
+        let [x, y] = free_side(*at, pixel, &mut taken);
+        let dot = EmptyElement::at((at[0], at[1]))
             + Circle::new((0, 0), 4, BLACK.filled())
-            + Text::new(letter.clone(), (7, -5), words.clone());
-        chart.draw_series([dot])?.label(text).legend(move |(x, y)| {
-            EmptyElement::at((x + 17, y))
-                + Circle::new((-6, 0), 4, BLACK.filled())
-                + Text::new(own.clone(), (2, -8), (FONT, 18).into_font())
-        });
+            + Text::new(letter.clone(), (x, -y), letters_at(NAME, HPos::Center, VPos::Center));
+        chart.draw_series([dot])?;
     }
-    if partition.marks.is_empty() { Ok(()) } else { legend(chart) }
+    Ok(())
+}
+
+/// Where beside a mark its letter stands: pixels to the right and up, as far from other letters as
+/// possible.
+fn free_side(at: [f64; 2], pixel: &[f64; 2], taken: &mut Vec<[f64; 2]>) -> [i32; 2] {
+    let place = |side: &[i32; 2]| [0, 1].map(|k| at[k] + f64::from(side[k]) * pixel[k]);
+    let room = |side: &[i32; 2]| {
+        let own = place(side);
+        let away = |other: &[f64; 2]| {
+            ((own[0] - other[0]) / pixel[0]).hypot((own[1] - other[1]) / pixel[1])
+        };
+        taken.iter().map(away).fold(ENOUGH, f64::min)
+    };
+    let sides = [[11, 12], [-11, 12], [11, -13], [-11, -13]];
+    let best = sides.into_iter().reduce(|a, b| if room(&b) > room(&a) { b } else { a });
+    let best = best.unwrap_or(sides[0]);
+    taken.push(place(&best));
+    best
 }
 
 /// Strokes at even distances along a curve, on the side with fewer unstable roots.

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The legs along a sequence of poses: angles, gaps, and paths of points of the platform.
 
-use crate::draw::course::{Course, lines_over};
-use crate::draw::lines::{Line, thin, thin_low};
+use crate::draw::course::{Course, lines_over, strips_over};
+use crate::draw::lines::Line;
 use crate::draw::plot::{DrawError, Plot};
+use crate::draw::strips::Strip;
+use crate::draw::thin::{thin, thin_low};
 use crate::read::machine::MachineConfig;
 use crate::study::rods::Rods;
 
@@ -17,17 +19,18 @@ pub fn of_rods(
     rods: &[Rods],
 ) -> Result<Vec<Plot>, DrawError> {
     let mut plots = vec![];
-    for (file, caption, y, value) in ANGLES {
-        let lines: Vec<Line> = (0..config.legs())
+    for (file, caption, y, value, limit) in ANGLES {
+        let strips: Vec<Strip> = (0..config.legs())
             .filter(|i| rods.first().is_some_and(|first| value(first, *i).is_some()))
             .map(|i| {
                 let points = rods.iter().map(|rods| value(rods, i).unwrap_or(f64::NAN));
                 let points = course.at.iter().copied().zip(without_turns(points));
-                Line { name: config.joints[i].name.clone(), points: thin(points) }
+                let line = Line { name: config.joints[i].name.clone(), points: thin(points) };
+                Strip::of(line, limit(config, i).into_iter().collect())
             })
             .collect();
-        if !lines.is_empty() {
-            plots.push(lines_over(course, file, caption, y, &lines)?);
+        if !strips.is_empty() {
+            plots.push(strips_over(course, file, caption, y, &strips)?);
         }
     }
     plots.push(between(course, rods)?);
@@ -39,24 +42,46 @@ pub fn of_rods(
 /// One angle of a leg.
 type Angle = fn(&Rods, usize) -> Option<f64>;
 
-/// Pictures of angles: file, caption, ordinate, value.
-const ANGLES: [(&str, &str, &str, Angle); 5] = [
-    ("rods-elevation.svg", "Legs above the XY plane", "elevation in degrees", |r, i| {
-        Some(r.rods[i].elevation)
-    }),
-    ("rods-azimuth.svg", "Legs about Z, from X", "azimuth in degrees", |r, i| {
-        Some(r.rods[i].azimuth)
-    }),
-    ("base-cones.svg", "Legs from their direction at home, at the base", "angle in degrees", {
-        |r, i| Some(r.rods[i].base_cone)
-    }),
+/// The largest value that the machine's file allows a leg.
+type Most = fn(&MachineConfig, usize) -> Option<f64>;
+
+/// Pictures of angles: file, caption, ordinate, value, limit.
+const ANGLES: [(&str, &str, &str, Angle, Most); 5] = [
+    (
+        "rods-elevation.svg",
+        "Legs above the XY plane",
+        "elevation in degrees",
+        |r, i| Some(r.rods[i].elevation),
+        |_, _| None,
+    ),
+    (
+        "rods-azimuth.svg",
+        "Legs about Z, from X",
+        "azimuth in degrees",
+        |r, i| Some(r.rods[i].azimuth),
+        |_, _| None,
+    ),
+    (
+        "base-cones.svg",
+        "Legs from their direction at home, at the base",
+        "angle in degrees",
+        |r, i| Some(r.rods[i].base_cone),
+        |config, i| config.base_cone[i],
+    ),
     (
         "platform-cones.svg",
         "Legs from their direction at home, at the platform",
         "angle in degrees",
         |r, i| Some(r.rods[i].platform_cone),
+        |config, i| config.platform_cone[i],
     ),
-    ("guide-angles.svg", "Rods to their guides", "angle in degrees", |r, i| r.rods[i].guide),
+    (
+        "guide-angles.svg",
+        "Rods to their guides",
+        "angle in degrees",
+        |r, i| r.rods[i].guide,
+        |_, _| None,
+    ),
 ];
 
 /// Angles in degrees, each within half a turn of the one before.
@@ -76,8 +101,8 @@ fn between(course: &Course, rods: &[Rods]) -> Result<Plot, DrawError> {
                 rods.iter().map(|rods| rods.between.iter().copied().reduce(pick).unwrap_or(0.0)),
             )),
         };
-    let lines = [line("greatest", f64::max), line("least", f64::min)];
-    lines_over(course, "between.svg", "Angles between two legs", "angle in degrees", &lines)
+    let lines = vec![line("greatest", f64::max), line("least", f64::min)];
+    lines_over(course, "between.svg", "Angles between two legs", "angle in degrees", lines)
 }
 
 fn gaps(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Option<Plot>, DrawError> {
@@ -86,9 +111,9 @@ fn gaps(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Option
     if points.is_empty() {
         return Ok(None);
     }
-    let lines = [Line { name: "nearest pair".into(), points }];
+    let lines = vec![Line { name: "nearest pair".into(), points }];
     let y = format!("gap in {}", config.length_unit());
-    lines_over(course, "gaps.svg", "Least gap between two legs", &y, &lines).map(Some)
+    lines_over(course, "gaps.svg", "Least gap between two legs", &y, lines).map(Some)
 }
 
 fn traces(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Vec<Plot>, DrawError> {
@@ -100,7 +125,7 @@ fn traces(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Vec<
         };
         let caption = format!("Point {k} of the platform, in base");
         let y = format!("position in {}", config.length_unit());
-        lines_over(course, &format!("point-{k}.svg"), &caption, &y, &[0, 1, 2].map(line))
+        lines_over(course, &format!("point-{k}.svg"), &caption, &y, [0, 1, 2].map(line).into())
     };
     (0..count).map(trace).collect()
 }

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What errors of the joints do: bars at one pose, and lines along a motion.
 
-use crate::draw::course::{Course, lines_over};
-use crate::draw::lines::{Line, thin};
+use crate::draw::course::{Course, lines_over, strips_over};
+use crate::draw::lines::Line;
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{FONT, Frame, drawn};
+use crate::draw::sheet::{Frame, drawn, tick};
+use crate::draw::strips::Strip;
+use crate::draw::style::{FONT, NAME, PALE, SMALL, TITLE, area_colour, letters_at};
+use crate::draw::thin::thin;
 use crate::read::machine::MachineConfig;
 use crate::study::sensitivity::{Point, Sensitivity};
 use kinematics::Letter;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::{HPos, VPos};
 
 /// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
 ///
@@ -37,7 +40,10 @@ pub fn of_sensitivity(
         }
         let caption = format!("Share of each joint in the error of the {part}");
         let y = format!("error for one standard deviation, in {unit}");
-        let svg = bars(&Frame { title: &caption, x: "", y: &y, limits: vec![] }, &groups)?;
+        let svg = bars(
+            &Frame { title: &caption, x: "number of the joint at each bar", y: &y, limits: vec![] },
+            &groups,
+        )?;
         plots.push(Plot { file: format!("sensitivity-{part}.svg"), caption, svg });
     }
     if !points.is_empty() {
@@ -58,7 +64,7 @@ fn of_motion(config: &MachineConfig, points: &[Point]) -> Result<Vec<Plot>, Draw
             points: thin(points.iter().map(|point| (point.time, value(point)))),
         };
         let lines: Vec<Line> = lines.into_iter().map(line).collect();
-        lines_over(&course, file, caption, y, &lines)
+        lines_over(&course, file, caption, y, lines)
     };
     let moved = |from: usize| {
         let letters = Letter::ALL[from..from + 3].iter();
@@ -108,9 +114,13 @@ fn of_motion(config: &MachineConfig, points: &[Point]) -> Result<Vec<Plot>, Draw
         let y = format!("rate in {}/s", group.unit);
         plots.push(draw(&format!("motion-{stem}-rates.svg"), &caption, &y, joints(true))?);
     }
-    let hold: Vec<(String, Value)> =
-        vec![("smallest singular value".into(), Box::new(|point: &Point| point.hold))];
-    plots.push(draw("motion-hold.svg", "How well the legs hold the platform", "no unit", hold)?);
+    let hold = thin(points.iter().map(|point| (point.time, point.hold)));
+    let hold = Line { name: "singular value".into(), points: hold };
+    let limit = Some(config.conditioning_limit).filter(|limit| *limit > 0.0);
+    let caption = "How well the legs hold the platform";
+    let y = "smallest singular value, no unit";
+    let strips = [Strip::of(hold, limit.into_iter().collect())];
+    plots.push(strips_over(&course, "motion-hold.svg", caption, y, &strips)?);
     Ok(plots)
 }
 
@@ -122,38 +132,44 @@ fn bars(frame: &Frame, groups: &[(char, Vec<f64>)]) -> Result<String, DrawError>
     drawn(|root| {
         let width = groups.len() as f64;
         let mut chart = ChartBuilder::on(root)
-            .caption(frame.title, (FONT, 22))
+            .caption(frame.title, (FONT, TITLE))
             .margin(12)
-            .x_label_area_size(20)
-            .y_label_area_size(84)
-            .build_cartesian_2d(0.0..width, -1.25 * most..1.25 * most)?;
+            .x_label_area_size(44)
+            .y_label_area_size(96)
+            .build_cartesian_2d(0.0..width, -1.15 * most..1.3 * most)?;
         chart
             .configure_mesh()
             .disable_x_mesh()
             .x_labels(0)
+            .x_desc(frame.x)
             .y_desc(frame.y)
-            .label_style((FONT, 14))
-            .axis_desc_style((FONT, 16))
+            .y_label_formatter(&tick)
+            .label_style((FONT, SMALL))
+            .axis_desc_style((FONT, NAME))
             .light_line_style(WHITE)
             .draw()?;
-        let style = |size: i32| {
-            let style = (FONT, size).into_font().color(&BLACK);
-            style.pos(Pos::new(HPos::Center, VPos::Center))
-        };
+        let number = letters_at(SMALL, HPos::Center, VPos::Center);
         for (g, (name, values)) in groups.iter().enumerate() {
             let left = |j: usize| g as f64 + 0.1 + 0.8 * j as f64 / count as f64;
             for (j, value) in values.iter().enumerate() {
                 let corners = [(left(j), 0.0), (left(j) + 0.64 / count as f64, *value)];
-                let grey = RGBColor(190, 190, 190);
-                let filled = Rectangle::new(corners, grey.filled());
+                let filled = Rectangle::new(corners, area_colour(0).filled());
                 let outline = Rectangle::new(corners, BLACK.stroke_width(1));
                 chart.draw_series([filled, outline])?;
-                let beyond = value + most * 0.05 * if *value < 0.0 { -1.0 } else { 1.0 };
+                let beyond = value + most * 0.04 * if *value < 0.0 { -1.0 } else { 1.0 };
                 let at = (left(j) + 0.32 / count as f64, beyond);
-                chart.draw_series([Text::new(j.to_string(), at, style(14))])?;
+                chart.draw_series([Text::new(j.to_string(), at, number.clone())])?;
             }
-            let at = (g as f64 + 0.5, -1.17 * most);
-            chart.draw_series([Text::new(name.to_string(), at, style(20))])?;
+            let head = letters_at(TITLE, HPos::Center, VPos::Top);
+            chart.draw_series([Text::new(
+                name.to_string(),
+                (g as f64 + 0.5, 1.28 * most),
+                head,
+            )])?;
+            if g > 0 {
+                let edge = [(g as f64, -1.15 * most), (g as f64, 1.3 * most)];
+                chart.draw_series([PathElement::new(edge, PALE.stroke_width(1))])?;
+            }
         }
         let zero = [(0.0, 0.0), (width, 0.0)];
         chart.draw_series([PathElement::new(zero, BLACK.stroke_width(1))])?;

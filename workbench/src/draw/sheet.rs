@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A sheet: its size, its axes and its legend. Made to be read in black and white as well: lines
-//! differ in dashes, not in colour alone.
+//! A sheet: its size and its axes.
 
 use crate::draw::plot::DrawError;
-use kinematics::MAX_LEGS;
+use crate::draw::style::{FONT, NAME, SMALL, TITLE, dashed};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
@@ -15,39 +14,23 @@ pub(super) type Chart<'a, 'b> =
     ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 pub(super) const SIZE: (u32, u32) = (960, 600);
 pub(super) const TIME: &str = "time in s";
-pub(super) const FONT: &str = "sans-serif";
-
-/// Plots of joints are this much longer than the data: the legend covers nothing.
-pub(super) const LEGEND_ROOM: f64 = 1.2;
-
-/// Isometric view: X to the right and down, Y to the right and up, Z up.
-const COS_30: f64 = 0.866_025_403_784_438_6;
 
 /// Pixels around a plot.
-const MARGIN: u32 = 12;
+pub(super) const MARGIN: u32 = 12;
 
 /// Pixels for ticks and description below a plot, and to its left.
 const BELOW: u32 = 44;
 
-const LEFT: u32 = 64;
+const LEFT: u32 = 80;
 
 /// Pixels to its right: half of a tick's label stands there.
 const RIGHT: u32 = 28;
 
-/// Pixels that the caption takes above a plot.
-const CAPTION: u32 = 28;
+/// Least pixels from one tick to the next.
+const TICK: (u32, u32) = (54, 30);
 
-/// Dark shades that print apart, and (dash, gap) in pixels.
-pub(super) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
-    (RGBColor(0, 0, 0), (40, 1)),
-    (RGBColor(0, 90, 160), (12, 5)),
-    (RGBColor(180, 40, 20), (5, 4)),
-    (RGBColor(0, 120, 70), (2, 4)),
-    (RGBColor(120, 60, 140), (30, 6)),
-    (RGBColor(150, 100, 0), (9, 9)),
-    (RGBColor(90, 90, 90), (18, 16)),
-    (RGBColor(0, 110, 120), (3, 9)),
-];
+/// Pixels that the caption takes above a plot.
+pub(super) const CAPTION: u32 = 26;
 
 /// What stands around the lines.
 pub(super) struct Frame<'a> {
@@ -58,17 +41,26 @@ pub(super) struct Frame<'a> {
     pub limits: Vec<(String, f64)>,
 }
 
+/// A sheet of the usual size.
 pub(super) fn drawn(
+    draw: impl FnOnce(&Area) -> Result<(), DrawError>,
+) -> Result<String, DrawError> {
+    drawn_on(SIZE, draw)
+}
+
+/// A sheet of a size in pixels.
+pub(super) fn drawn_on(
+    size: (u32, u32),
     draw: impl FnOnce(&Area) -> Result<(), DrawError>,
 ) -> Result<String, DrawError> {
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         root.fill(&WHITE)?;
         draw(&root)?;
         root.present()?;
     }
-    Ok(svg)
+    Ok(dashed(svg))
 }
 
 pub(super) fn axes<'a, 'b>(
@@ -77,28 +69,34 @@ pub(super) fn axes<'a, 'b>(
     x: Range<f64>,
     y: Range<f64>,
 ) -> Result<Chart<'a, 'b>, DrawError> {
-    let mut chart = ChartBuilder::on(area)
-        .caption(frame.title, (FONT, 22))
+    let mut builder = ChartBuilder::on(area);
+    if !frame.title.is_empty() {
+        builder.caption(frame.title, (FONT, TITLE));
+    }
+    let mut chart = builder
         .margin(MARGIN)
         .margin_right(RIGHT)
         .x_label_area_size(BELOW)
         .y_label_area_size(LEFT)
         .build_cartesian_2d(x, y)?;
+    let (width, height) = chart.plotting_area().dim_in_pixel();
     chart
         .configure_mesh()
+        .x_labels((width / TICK.0).clamp(2, 20) as usize)
+        .y_labels((height / TICK.1).clamp(2, 20) as usize)
         .x_desc(frame.x)
         .y_desc(frame.y)
-        .label_style((FONT, 14))
+        .label_style((FONT, SMALL))
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
-        .axis_desc_style((FONT, 16))
+        .axis_desc_style((FONT, NAME))
         .light_line_style(WHITE)
         .draw()?;
     Ok(chart)
 }
 
 /// Ticks are round numbers: without the digits of their rounding, and without "-0".
-fn tick(value: &f64) -> String {
+pub(super) fn tick(value: &f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0)
 }
 
@@ -109,7 +107,8 @@ pub(super) fn path_axes<'a, 'b>(
     points: &[(f64, f64)],
 ) -> Result<Chart<'a, 'b>, DrawError> {
     let (width, height) = area.dim_in_pixel();
-    let (width, height) = (width - LEFT - MARGIN - RIGHT, height - BELOW - CAPTION - 2 * MARGIN);
+    let caption = if frame.title.is_empty() { 0 } else { CAPTION };
+    let (width, height) = (width - LEFT - MARGIN - RIGHT, height - BELOW - caption - 2 * MARGIN);
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
     let scale = ((x.end - x.start) / f64::from(width)).max((y.end - y.start) / f64::from(height));
     let around = |range: Range<f64>, pixels: u32| {
@@ -119,27 +118,11 @@ pub(super) fn path_axes<'a, 'b>(
     axes(area, frame, around(x, width), around(y, height))
 }
 
-pub(super) fn project([x, y, z]: [f64; 3]) -> (f64, f64) {
-    ((x + y) * COS_30, z + (y - x) * 0.5)
-}
-
-pub(super) fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<(), DrawError> {
-    legend_at(chart, SeriesLabelPosition::UpperRight)
-}
-
-pub(super) fn legend_at<'a, 'b: 'a>(
-    chart: &mut Chart<'a, 'b>,
-    position: SeriesLabelPosition,
-) -> Result<(), DrawError> {
-    chart
-        .configure_series_labels()
-        .background_style(WHITE.mix(0.85))
-        .border_style(BLACK)
-        .legend_area_size(44)
-        .label_font((FONT, 14))
-        .position(position)
-        .draw()?;
-    Ok(())
+/// Pixels across of an area as high as a sheet that [`path_axes`] fills with these sides.
+pub(super) fn width_for([wide, high]: [f64; 2]) -> u32 {
+    let height = SIZE.1 - BELOW - CAPTION - 2 * MARGIN;
+    let width = (f64::from(height) * wide / high).clamp(240.0, 720.0) as u32;
+    width + LEFT + MARGIN + RIGHT
 }
 
 /// Lowest and highest value.
@@ -153,6 +136,19 @@ pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let span = high - low;
     let margin = if span > 1e-9 * high.abs() { 0.06 * span } else { 1.0 };
     low - margin..high + margin
+}
+
+/// Round values within a range, about so many steps apart.
+pub(super) fn round_steps([low, high]: [f64; 2], steps: usize) -> Vec<f64> {
+    let rough = (high - low) / steps as f64;
+    if !(rough > 1e-9 * high.abs().max(low.abs())) {
+        return vec![];
+    }
+    let power = 10.0_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= rough);
+    let step = step.unwrap_or(10.0 * power);
+    let first = (low / step).ceil() as i64;
+    (first..).map(|k| k as f64 * step).take_while(|level| *level <= high).collect()
 }
 
 #[cfg(test)]
@@ -201,5 +197,11 @@ mod tests {
     #[test]
     fn ticks_are_short() {
         assert_eq!([tick(&-0.0), tick(&0.300_000_000_4), tick(&1400.0)], ["0", "0.3", "1400"]);
+    }
+
+    #[test]
+    fn steps_are_round_and_within_their_range() {
+        assert_eq!(round_steps([-130.0, 260.0], 4), [-100.0, 0.0, 100.0, 200.0]);
+        assert!(round_steps([3.0, 3.0], 4).is_empty());
     }
 }

@@ -1,86 +1,165 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A slice of a workspace, with what limits it where.
+//! A slice of a workspace: the area that is reached, its border by what limits it, and the limits of
+//! the axes.
 
+use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::without_stairs;
 use crate::draw::plot::DrawError;
-use crate::draw::sheet::{FONT, Frame, STYLES, drawn, legend, path_axes};
+use crate::draw::sheet::{Chart, Frame, path_axes};
+use crate::draw::style::{BLUE, limit_style, line_style};
+use crate::read::machine::MachineConfig;
 use crate::study::slice::Slice;
+use crate::study::workspace::{Border, Ray};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A mark of its own for each kind of limit.
-const MARKS: [&str; 13] = ["o", "v", "^", "-", "x", "+", "#", "=", "~", "*", "%", "/", "|"];
+/// Of the area within.
+const INSIDE: f64 = 0.14;
 
-/// Room for a mark, as a share of a sheet's width that the outline fills.
-const MARK_ROOM: f64 = 0.03;
-
-/// Width of a sheet over its height.
-const ASPECT: f64 = 1.6;
-
-pub(super) fn sliced(unit: &str, slice: &Slice) -> Result<String, DrawError> {
+pub(super) fn sliced(
+    config: &MachineConfig,
+    slice: &Slice,
+    kinds: &Kinds,
+) -> Result<String, DrawError> {
     let outline = slice.outline();
-    let place = slice.plane.axes.map(|axis| axis.dot(&slice.from));
-    let points: Vec<(f64, f64)> = outline.iter().map(|([x, y], _)| (*x, *y)).collect();
-    let name = |k: usize| {
-        let axis = slice.plane.axes[k];
-        let letter = ["X", "Y", "Z"].into_iter().zip(axis.iter()).find(|(_, part)| **part == 1.0);
-        let side = ["across", "up"][k];
-        format!("{} in {unit}", letter.map_or(side, |(letter, _)| letter))
-    };
-    drawn(|root| {
-        let title =
-            format!("Slice {}: the limit met at each place of the border", slice.plane.name);
-        let frame = Frame { title: &title, x: &name(0), y: &name(1), limits: vec![] };
-        // Room for the legend beside the outline.
-        let right = points.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
-        let left = points.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
-        let middle = points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64;
-        let high = points.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
-        let low = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
-        let room = MARK_ROOM * (right - left).max(ASPECT * (high - low));
-        let roomy = points.iter().copied().chain([(right + 0.45 * (right - left), middle)]);
-        let mut chart = path_axes(root, &frame, &roomy.collect::<Vec<_>>())?;
-        let mut kinds: Vec<_> =
-            outline.iter().map(|(_, border)| (border.rank(), border.kind())).collect();
-        kinds.sort();
-        kinds.dedup();
-        for (kind, (rank, kind_name)) in kinds.into_iter().enumerate() {
-            let own: Vec<(f64, f64)> = outline
-                .iter()
-                .filter(|(_, border)| border.rank() == rank)
-                .map(|([x, y], _)| (*x, *y))
-                .collect();
-            let (colour, _) = STYLES[kind % STYLES.len()];
-            let dots = own.iter().map(|at| Circle::new(*at, 1, colour.filled()));
-            chart.draw_series(dots)?;
-            let style = (FONT, 17).into_font().color(&colour);
-            let centred = style.pos(Pos::new(HPos::Center, VPos::Center));
-            let sign = centred.clone();
-            chart
-                .draw_series(
-                    apart(&own, room)
-                        .into_iter()
-                        .map(|at| Text::new(MARKS[kind], at, sign.clone())),
-                )?
-                .label(kind_name)
-                .legend(move |(x, y)| Text::new(MARKS[kind], (x + 17, y), centred.clone()));
+    let sheet = Sheet { slice, kinds };
+    let limits = axis_limits(config, slice);
+    let seen = outline.iter().map(|(_, border)| border);
+    let mut keys = kinds.keys(seen, |number| Sign::Line(line_style(number)));
+    keys.push(Key::new(Sign::Area(RGBColor(219, 235, 244)), "within all limits"));
+    if limits.is_some() {
+        keys.push(Key::new(Sign::Line(limit_style()), "limits of the axes"));
+    }
+    keys.push(Key::new(Sign::Cross, "rays begin"));
+    let unit = config.length_unit();
+    let title = format!("Slice {}: where the tool can be, by what limits it", slice.plane.name);
+    let frame =
+        Frame { title: &title, x: &sheet.name(0, unit), y: &sheet.name(1, unit), limits: vec![] };
+    let around: Vec<(f64, f64)> =
+        outline.iter().map(|([x, y], _)| (*x, *y)).chain(limits.into_iter().flatten()).collect();
+    keyed(&keys, |area| {
+        let mut chart = path_axes(area, &frame, &around)?;
+        chart.draw_series(
+            sheet.areas().into_iter().map(|a| Polygon::new(a, BLUE.mix(INSIDE).filled())),
+        )?;
+        if let Some(corners) = limits {
+            let closed = [&corners[..], &corners[..1]].concat();
+            chart.draw_series([PathElement::new(closed, limit_style())])?;
         }
-        let bold = BLACK.stroke_width(2);
-        chart
-            .draw_series([Cross::new((place[0], place[1]), 6, bold)])?
-            .label("rays begin")
-            .legend(move |(x, y)| Cross::new((x + 17, y), 6, bold));
-        legend(&mut chart)
+        sheet.draw_border(&mut chart)?;
+        let place = slice.plane.axes.map(|axis| axis.dot(&slice.from));
+        chart.draw_series([Cross::new((place[0], place[1]), 6, limit_style())])?;
+        Ok(())
     })
 }
 
-/// Points that leave room for their marks.
-fn apart(points: &[(f64, f64)], room: f64) -> Vec<(f64, f64)> {
-    let mut kept: Vec<(f64, f64)> = vec![];
-    for point in points {
-        let is_free = |other: &(f64, f64)| (point.0 - other.0).hypot(point.1 - other.1) >= room;
-        if kept.iter().all(is_free) {
-            kept.push(*point);
-        }
+struct Sheet<'a> {
+    slice: &'a Slice,
+    kinds: &'a Kinds,
+}
+
+impl Sheet<'_> {
+    /// What an axis of the plane is called.
+    fn name(&self, k: usize, unit: &str) -> String {
+        let axis = self.slice.plane.axes[k];
+        let letter = ["X", "Y", "Z"].into_iter().zip(axis.iter()).find(|(_, part)| **part == 1.0);
+        let side = ["across", "up"][k];
+        format!("{} in {unit}", letter.map_or(side, |(letter, _)| letter))
     }
-    kept
+
+    fn point(&self, ray: &Ray, distance: f64) -> (f64, f64) {
+        let place = self.slice.from + ray.direction * distance;
+        let [x, y] = self.slice.plane.axes.map(|axis| axis.dot(&place));
+        (x, y)
+    }
+
+    /// Rays beside each other, all around.
+    fn pairs(&self) -> impl Iterator<Item = (&Ray, &Ray)> {
+        let rays = &self.slice.rays;
+        rays.iter().zip(rays.iter().cycle().skip(1))
+    }
+
+    /// What lies within: around the place where the rays begin, and pieces beyond a gap.
+    fn areas(&self) -> Vec<Vec<(f64, f64)>> {
+        let around = self.slice.rays.iter().map(|ray| self.point(ray, ray.exit())).collect();
+        let beyond = self.pairs().flat_map(|(ray, next)| {
+            let both = ray.inside.iter().zip(&next.inside).skip(1);
+            both.map(move |(own, other)| {
+                let ends = [(ray, own[0]), (ray, own[1]), (next, other[1]), (next, other[0])];
+                ends.map(|(ray, distance)| self.point(ray, distance)).to_vec()
+            })
+        });
+        std::iter::once(around).chain(beyond).collect()
+    }
+
+    /// The border as lines, each of one kind; the line around the beginning is closed.
+    fn border(&self) -> Vec<(usize, Vec<(f64, f64)>)> {
+        let mut lines: Vec<(usize, Vec<(f64, f64)>)> = vec![];
+        let most = self.pairs().map(|(a, b)| a.inside.len().min(b.inside.len())).max().unwrap_or(1);
+        for end in 0..2 * most - 1 {
+            for (ray, next) in self.pairs() {
+                let (Some(own), Some(other)) =
+                    (ray.crossings().nth(end), next.crossings().nth(end))
+                else {
+                    continue;
+                };
+                let (from, to) = (self.point(ray, own.0), self.point(next, other.0));
+                let kind = self.kinds.number(&own.1);
+                match lines.last_mut() {
+                    Some((last, line)) if *last == kind && line.last() == Some(&from) => {
+                        line.push(to)
+                    }
+                    _ => lines.push((kind, vec![from, to])),
+                }
+            }
+        }
+        lines
+    }
+
+    fn draw_border(&self, chart: &mut Chart) -> Result<(), DrawError> {
+        for (kind, line) in self.border() {
+            let path = without_stairs(chart, &line);
+            chart.draw_series([PathElement::new(path, line_style(kind))])?;
+        }
+        Ok(())
+    }
+}
+
+/// Corners of the limits of the axes in the plane, where it is spanned by two limited axes.
+fn axis_limits(config: &MachineConfig, slice: &Slice) -> Option<[(f64, f64); 4]> {
+    let range = |k: usize| {
+        let axis = slice.plane.axes[k].iter().position(|part| *part == 1.0)?;
+        let ends = [config.axes[axis].min, config.axes[axis].max];
+        ends.iter().all(|end| end.is_finite()).then_some(ends)
+    };
+    let ([left, right], [low, high]) = (range(0)?, range(1)?);
+    Some([(left, low), (right, low), (right, high), (left, high)])
+}
+
+/// The kinds of limits in the pictures of a workspace, with the same colours in all.
+pub(super) struct Kinds(Vec<(usize, bool)>);
+
+impl Kinds {
+    pub(super) fn of<'a>(borders: impl Iterator<Item = &'a Border>) -> Self {
+        let mut kinds: Vec<_> = borders.map(Border::rank).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        Self(kinds)
+    }
+
+    /// Its place among them, which is that of its colour.
+    pub(super) fn number(&self, border: &Border) -> usize {
+        self.0.iter().position(|rank| *rank == border.rank()).unwrap_or(0)
+    }
+
+    /// What the colours of one picture are.
+    pub(super) fn keys<'a>(
+        &self,
+        seen: impl Iterator<Item = &'a Border>,
+        sign: impl Fn(usize) -> Sign,
+    ) -> Vec<Key> {
+        let mut kinds: Vec<_> = seen.map(|border| (self.number(border), border.kind())).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        kinds.into_iter().map(|(number, name)| Key::new(sign(number), name)).collect()
+    }
 }

@@ -2,15 +2,16 @@
 //! Pictures of stability in the cut: partitions, responses, stable depths over spindle speeds.
 
 use crate::draw::contour::contoured;
-use crate::draw::lines::{Line, drawn_lines};
+use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::{Line, drawn_lines, without_stairs};
 use crate::draw::partition::{Partition, partitioned, places};
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, STYLES, axes, drawn, legend, path_axes};
-use crate::stability::bands::Loss;
+use crate::draw::sheet::{Frame, axes, path_axes};
+use crate::draw::style::{GREY, limit_style, line_style};
+use crate::stability::bands::{Band, Loss};
 use crate::stability::lag::Lag;
 use crate::stability::lobes::LobePoint;
-use crate::stability::map::StableMap;
-use crate::stability::partition::Point;
+use crate::stability::map::{Column, StableMap};
 use crate::stability::response::{Response, unwrapped};
 use crate::stability::system::Adjustment;
 use nalgebra::{Complex, ComplexField};
@@ -22,6 +23,9 @@ const BEYOND: f64 = 4.0;
 
 /// Points of a boundary by two parameters.
 const POINTS: usize = 20_000;
+
+/// Halvings of a step of frequency: down to rounding.
+const HALVINGS: usize = 48;
 
 /// The stiffness that a picture is about: the limit, or that at rest where there is none.
 fn reference(lag: &Lag) -> f64 {
@@ -109,11 +113,11 @@ fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot,
     let own = first.square / first.gain;
     let most = BEYOND * reference(lag);
     let window = [[0.0, 3.0 * own], [0.0, most]];
-    let pairs: Vec<_> = omegas(lag).map(|omega| lag.link_and_stiffness(omega)).collect();
+    let pairs = by_omega(lag);
     let mut curves = vec![];
     for branch in 0..2 {
-        let inside = |points: &Vec<Point>| {
-            let place: Option<[f64; 2]> = points.get(branch).map(|point| point.at);
+        let inside = |points: &Vec<[f64; 2]>| {
+            let place = points.get(branch).copied();
             place.filter(|[link, cut]| *link > 0.0 && *cut > 0.0 && *cut < 1e3 * most)
         };
         let places: Vec<Option<[f64; 2]>> = pairs.iter().map(inside).collect();
@@ -140,6 +144,33 @@ fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot,
     Ok(Plot { file: format!("{stem}-partition-link.svg"), caption: caption.clone(), svg })
 }
 
+/// Both points of the boundary by the first link at each frequency, that of the smaller 1/K first. Where the
+/// two meet and end, the frequency is found by halving: both curves reach to there.
+fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
+    let at = |omega: f64| {
+        let mut points: Vec<[f64; 2]> =
+            lag.link_and_stiffness(omega).iter().map(|point| point.at).collect();
+        points.sort_by(|a, b| (1.0 / a[1]).total_cmp(&(1.0 / b[1])));
+        points
+    };
+    let omegas: Vec<f64> = omegas(lag).collect();
+    let mut found = vec![];
+    for pair in omegas.windows(2) {
+        let (from, to) = (at(pair[0]), at(pair[1]));
+        let (begins, ends) = (from.is_empty() && !to.is_empty(), !from.is_empty() && to.is_empty());
+        found.push(from);
+        if begins || ends {
+            let (mut real, mut none) = if ends { (pair[0], pair[1]) } else { (pair[1], pair[0]) };
+            for _ in 0..HALVINGS {
+                let middle = (real + none) / 2.0;
+                *(if at(middle).is_empty() { &mut none } else { &mut real }) = middle;
+            }
+            found.push(at(real));
+        }
+    }
+    found
+}
+
 /// Real and imaginary part, amplitude, phase and hodograph of the tool against the work, of one or
 /// several adjustments at one cutting stiffness.
 ///
@@ -163,7 +194,7 @@ pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, 
         };
         let lines: Vec<Line> = responses.iter().map(of).collect();
         let caption = format!("Response of the tool against the work: {name}");
-        let unit = if k == 3 { "degrees" } else { "um/N" };
+        let unit = if k == 3 { "degrees" } else { "µm/N" };
         let y = format!("{name} in {unit}");
         let frame = Frame { title: &caption, x: "frequency in rad/s", y: &y, limits: vec![] };
         let svg = drawn_lines(&frame, &lines)?;
@@ -198,22 +229,21 @@ fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
     let caption = "Response of the tool against the work: hodograph";
     let frame = Frame {
         title: caption,
-        x: "real part in um/N",
-        y: "imaginary part in um/N",
+        x: "real part in µm/N",
+        y: "imaginary part in µm/N",
         limits: vec![],
     };
-    let svg = drawn(|root| {
-        let mut chart = path_axes(root, &frame, &all)?;
-        for ((name, own), (colour, _)) in responses.iter().zip(STYLES) {
-            let style = colour.stroke_width(2);
+    let names = responses.iter().enumerate().map(|(k, (name, _))| Key::line(k, name));
+    let keys: Vec<Key> = names.chain([Key::new(Sign::Cross, "zero")]).collect();
+    let svg = keyed(&keys, |area| {
+        let mut chart = path_axes(area, &frame, &all)?;
+        for (k, (_, own)) in responses.iter().enumerate() {
             let points: Vec<(f64, f64)> = own.iter().map(place).collect();
-            chart
-                .draw_series([PathElement::new(points, style)])?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 34, y)], style));
+            let path = without_stairs(&chart, &points);
+            chart.draw_series([PathElement::new(path, line_style(k))])?;
         }
-        chart.draw_series([Cross::new((0.0, 0.0), 5, BLACK.stroke_width(2))])?;
-        legend(&mut chart)
+        chart.draw_series([Cross::new((0.0, 0.0), 6, limit_style())])?;
+        Ok(())
     })?;
     Ok(Plot { file: "response-hodograph.svg".into(), caption: caption.into(), svg })
 }
@@ -230,8 +260,15 @@ pub fn of_overhangs(limits: &[(f64, f64)]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "overhang.svg".into(), caption: caption.into(), svg })
 }
 
-/// Unstable depths over spindle speeds: light where the vibration has a frequency of its own, dark
-/// where it takes two tooth periods; the line is the zero-order limit (1/min, mm).
+/// How stability is lost, with a shade and a name.
+const LOSSES: [(Loss, RGBColor, &str); 3] = [
+    (Loss::Hopf, RGBColor(250, 200, 160), "unstable"),
+    (Loss::Doubling, RGBColor(190, 140, 180), "unstable, two tooth periods"),
+    (Loss::Fold, GREY, "unstable, deflection grows"),
+];
+
+/// Unstable depths over spindle speeds, darker where the vibration takes two tooth periods; the line is
+/// the zero-order limit (1/min, mm).
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -239,53 +276,44 @@ pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot,
     let caption = "Stable depths by spindle speed";
     let frame =
         Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
-    let speeds: Vec<f64> = map.columns.iter().map(|column| column.rpm).collect();
-    let (first, last) = (speeds[0], speeds[speeds.len() - 1]);
-    // Each column fills half the way to its neighbours.
-    let edge = |k: usize| match k {
-        0 => first,
-        k if k == speeds.len() => last,
-        k => (speeds[k - 1] + speeds[k]) / 2.0,
-    };
-    let shade = |loss: Loss| match loss {
-        Loss::Hopf => RGBColor(205, 205, 205),
-        Loss::Doubling => RGBColor(140, 140, 140),
-        Loss::Fold => RGBColor(90, 90, 90),
-    };
-    let svg = drawn(|root| {
-        let mut chart = axes(root, &frame, first..last, 0.0..1.15 * map.most)?;
-        for (loss, name) in [
-            (Loss::Hopf, "unstable"),
-            (Loss::Doubling, "unstable, two tooth periods"),
-            (Loss::Fold, "unstable, deflection grows"),
-        ] {
-            let colour = shade(loss);
-            let cells = map.columns.iter().enumerate().flat_map(|(k, column)| {
-                let own = column.bands.iter().filter(move |band| band.loss == loss);
-                own.map(move |band| {
-                    Rectangle::new([(edge(k), band.low), (edge(k + 1), band.high)], colour.filled())
-                })
-            });
-            let cells: Vec<_> = cells.collect();
-            if !cells.is_empty() {
-                chart.draw_series(cells)?.label(name).legend(move |(x, y)| {
-                    Rectangle::new([(x, y - 6), (x + 34, y + 6)], colour.filled())
-                });
-            }
-        }
+    let [first, last] = [&map.columns[0], &map.columns[map.columns.len() - 1]].map(|c| c.rpm);
+    let has = |loss: Loss| map.columns.iter().any(|c| c.bands.iter().any(|band| band.loss == loss));
+    let shades = LOSSES.iter().filter(|(loss, ..)| has(*loss));
+    let shades = shades.map(|(_, colour, name)| Key::new(Sign::Area(*colour), name));
+    let stable = [Key::new(Sign::Area(WHITE), "stable")];
+    let line = [Key::new(Sign::Line(limit_style()), "zero order")];
+    let keys: Vec<Key> = stable.into_iter().chain(shades).chain(line).collect();
+    let svg = keyed(&keys, |area| {
+        let mut chart = axes(area, &frame, first..last, 0.0..map.most)?;
+        let cells = map.columns.windows(2).flat_map(|pair| cells(&pair[0], &pair[1]));
+        chart.draw_series(cells.map(|(corners, colour)| Polygon::new(corners, colour.filled())))?;
         let inside = zero_order.split(|point| !(point.1 <= map.most)).filter(|part| part.len() > 1);
-        for (k, part) in inside.enumerate() {
-            let series =
-                chart.draw_series(LineSeries::new(part.to_vec(), BLACK.stroke_width(2)))?;
-            if k == 0 {
-                series.label("zero order").legend(|(x, y)| {
-                    PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(2))
-                });
-            }
-        }
-        legend(&mut chart)
+        chart.draw_series(inside.map(|part| PathElement::new(part.to_vec(), limit_style())))?;
+        Ok(())
     })?;
     Ok(Plot { file: "stable-depths.svg".into(), caption: caption.into(), svg })
+}
+
+/// What is unstable between two columns: bands that both have run from one to the other, others
+/// reach half way.
+fn cells(left: &Column, right: &Column) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
+    let colour =
+        |band: &Band| LOSSES.iter().find(|(loss, ..)| *loss == band.loss).map_or(GREY, |l| l.1);
+    let same = |(a, b): (&Band, &Band)| a.loss == b.loss;
+    let cell = |from: (f64, &Band), to: (f64, &Band)| {
+        let corners =
+            vec![(from.0, from.1.low), (to.0, to.1.low), (to.0, to.1.high), (from.0, from.1.high)];
+        (corners, colour(from.1))
+    };
+    let pairs = left.bands.iter().zip(&right.bands);
+    if left.bands.len() == right.bands.len() && pairs.clone().all(same) {
+        return pairs.map(|(a, b)| cell((left.rpm, a), (right.rpm, b))).collect();
+    }
+    let middle = (left.rpm + right.rpm) / 2.0;
+    let half = |column: &Column| -> Vec<_> {
+        column.bands.iter().map(|band| cell((column.rpm, band), (middle, band))).collect()
+    };
+    [half(left), half(right)].concat()
 }
 
 /// Stability lobes of the zero-order approximation, within spindle speeds (1/min) and to a depth in
@@ -298,18 +326,18 @@ pub fn of_lobes(
     [low, high]: [f64; 2],
     most: f64,
 ) -> Result<Plot, DrawError> {
-    let caption = "Stability lobes, zero order";
+    let caption = "Stability lobes, zero order: stable below all of them";
     let frame =
         Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
     let is_seen =
         |point: &LobePoint| (low..=high).contains(&point.rpm) && point.limit.depth <= most;
-    let svg = drawn(|root| {
-        let mut chart = axes(root, &frame, low..high, 0.0..most)?;
+    let svg = keyed(&[Key::line(0, "lobes")], |area| {
+        let mut chart = axes(area, &frame, low..high, 0.0..most)?;
         for lobe in lobes {
             for part in lobe.split(|point| !is_seen(point)).filter(|part| part.len() > 1) {
                 let points: Vec<(f64, f64)> =
                     part.iter().map(|point| (point.rpm, point.limit.depth)).collect();
-                chart.draw_series([PathElement::new(points, BLACK.stroke_width(1))])?;
+                chart.draw_series([PathElement::new(points, line_style(0))])?;
             }
         }
         Ok(())
@@ -324,7 +352,7 @@ pub fn of_lobes(
 pub fn of_tip(lines: [Vec<(f64, f64)>; 2]) -> Result<Plot, DrawError> {
     let caption = "Amplitude of the tool tip under a force of 1 N";
     let frame =
-        Frame { title: caption, x: "frequency in Hz", y: "amplitude in um/N", limits: vec![] };
+        Frame { title: caption, x: "frequency in Hz", y: "amplitude in µm/N", limits: vec![] };
     let [feed, normal] = lines.map(|points| {
         points.into_iter().map(|(omega, amplitude)| (omega / TAU, 1e3 * amplitude)).collect()
     });
@@ -355,7 +383,7 @@ pub fn of_depths(
         y: &format!("{} in {unit}", letters[1]),
         limits: vec![],
     };
-    let svg = contoured(&frame, sides, depths)?;
+    let svg = contoured(&frame, "mm", sides, depths)?;
     let file = format!("limit-depth-{}.svg", plane.to_lowercase());
     Ok(Plot { file, caption: caption.clone(), svg })
 }
@@ -366,8 +394,12 @@ pub fn of_depths(
 /// As [`DrawError`].
 pub fn of_path(depths: &[f64]) -> Result<Plot, DrawError> {
     let caption = "Depth up to which the program is stable";
-    let frame =
-        Frame { title: caption, x: "place along the program", y: "depth in mm", limits: vec![] };
+    let frame = Frame {
+        title: caption,
+        x: "number of the place along the program",
+        y: "depth in mm",
+        limits: vec![],
+    };
     let points = depths.iter().enumerate().map(|(k, depth)| (k as f64, *depth)).collect();
     let svg = drawn_lines(&frame, &[Line { name: "limit".into(), points }])?;
     Ok(Plot { file: "program-depths.svg".into(), caption: caption.into(), svg })

@@ -24,11 +24,11 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
             y: &format!("{} in {}", letters[1], length),
             limits: vec![],
         };
-        let svg = contoured(&frame, &map.sides, &values)?;
+        let svg = contoured(&frame, unit, &map.sides, &values)?;
         let file = format!("stiffness-{what}-{}.svg", plane.to_lowercase());
         Ok(Plot { file, caption: caption.clone(), svg })
     };
-    Ok([of(0, "translation", "N/um", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
+    Ok([of(0, "translation", "N/µm", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
 }
 
 /// How the smallest stiffness changes with the size of the platform.
@@ -45,8 +45,8 @@ pub fn of_platform_sizes(sizes: &[(f64, [f64; 2])]) -> Result<Plot, DrawError> {
     let caption = "Smallest stiffness by the size of the platform";
     let frame = Frame {
         title: caption,
-        x: "size of the platform, share of this one",
-        y: "stiffness, share of this machine's",
+        x: "size of the platform, as a share of this one",
+        y: "stiffness, as a share of this machine's",
         limits: vec![],
     };
     let svg = drawn_lines(&frame, &lines)?;

@@ -1,15 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The path of the control point, in planes and in space.
 
-use crate::draw::lines::apart;
+use crate::draw::key::{Key, Sign, keyed};
+use crate::draw::lines::without_stairs;
 use crate::draw::plot::DrawError;
 use crate::draw::sample::Sample;
-use crate::draw::sheet::{Frame, STYLES, drawn, legend, padded, path_axes, project, span};
-use kinematics::Letter;
+use crate::draw::sheet::{Frame, drawn, path_axes, span};
+use crate::draw::space::{Space, project};
+use crate::draw::style::{BLUE, VERMILLION};
+use crate::draw::thin::places_apart;
+use kinematics::{Letter, Vector3};
 use plotters::prelude::*;
 
 /// Tool axes drawn along the path.
 const NEEDLES: usize = 60;
+
+/// Length of a tool axis, as a share of the path's largest side.
+const NEEDLE: f64 = 0.12;
 
 /// A path does not move along a coordinate that changes by less than this share of the others.
 const LEAST_EXTENT: f64 = 1e-6;
@@ -28,7 +35,8 @@ pub(super) fn tool_path(world: &[&Sample], unit: &str) -> Result<String, DrawErr
                 limits: vec![],
             };
             let mut chart = path_axes(area, &frame, &points)?;
-            chart.draw_series(LineSeries::new(apart(&points), BLACK))?;
+            let path = without_stairs(&chart, &points);
+            chart.draw_series([PathElement::new(path, BLUE.stroke_width(2))])?;
         }
         Ok(())
     })
@@ -66,39 +74,34 @@ fn views(world: &[&Sample]) -> Vec<View> {
 }
 
 pub(super) fn isometric(world: &[&Sample], unit: &str) -> Result<String, DrawError> {
-    drawn(|root| {
-        let points: Vec<(f64, f64)> =
-            world.iter().map(|s| project([s.pose[0], s.pose[1], s.pose[2]])).collect();
-        let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
-        let length = 0.08 * (x.end - x.start).max(y.end - y.start);
-        let step = (world.len() / NEEDLES).max(1);
-        let needles: Vec<_> = world.iter().step_by(step).map(|s| needle(s, length)).collect();
-        let ends: Vec<(f64, f64)> = points.iter().chain(needles.as_flattened()).copied().collect();
-        let frame = Frame {
-            title: "Tool path, isometric: X right and down, Y right and up, Z up",
-            x: &format!("(X + Y) cos 30° in {unit}"),
-            y: &format!("Z + (Y - X)/2 in {unit}"),
-            limits: vec![],
-        };
-        let mut chart = path_axes(root, &frame, &ends)?;
-        chart
-            .draw_series(LineSeries::new(apart(&points), BLACK.stroke_width(2)))?
-            .label("control point")
-            .legend(|(x, y)| PathElement::new([(x, y), (x + 34, y)], BLACK.stroke_width(2)));
-        let thin = STYLES[2].0.stroke_width(1);
-        chart
-            .draw_series(needles.iter().map(|ends| PathElement::new(*ends, thin)))?
-            .label("tool axis")
-            .legend(move |(x, y)| PathElement::new([(x, y + 6), (x + 12, y - 6)], thin));
-        legend(&mut chart)
+    let place = |s: &&Sample| Vector3::new(s.pose[0], s.pose[1], s.pose[2]);
+    let all: Vec<Vector3<f64>> = world.iter().map(place).collect();
+    let flat: Vec<(f64, f64)> = all.iter().map(project).collect();
+    let path: Vec<Vector3<f64>> = places_apart(&flat, 1.0).into_iter().map(|k| all[k]).collect();
+    let extent = |k: usize| {
+        let (low, high) = span(all.iter().map(|place| place[k]));
+        high - low
+    };
+    let length = NEEDLE * extent(0).max(extent(1)).max(extent(2)).max(1.0);
+    let step = world.len().div_ceil(NEEDLES).max(1);
+    let needles: Vec<_> = world.iter().step_by(step).map(|s| needle(s, length)).collect();
+    let (bold, thin) = (BLUE.stroke_width(2), VERMILLION.stroke_width(1));
+    let keys =
+        [Key::new(Sign::Line(bold), "control point"), Key::new(Sign::Line(thin), "tool axis")];
+    let ends: Vec<Vector3<f64>> = all.iter().chain(needles.as_flattened()).copied().collect();
+    keyed(&keys, |area| {
+        let title = "Tool path, with the tool axis at some places";
+        let view = Space::around(title, unit, &ends).draw(area, vec![])?;
+        needles.iter().try_for_each(|ends| area.draw(&view.path(ends, thin)))?;
+        area.draw(&view.path(&path, bold))?;
+        Ok(())
     })
 }
 
 /// From the control point along the tool axis, tip to holder.
-fn needle(sample: &Sample, length: f64) -> [(f64, f64); 2] {
+fn needle(sample: &Sample, length: f64) -> [Vector3<f64>; 2] {
     let pose = kinematics::Pose::from_degrees(sample.pose);
-    let end = pose.position + pose.rotation().column(2) * length;
-    [project(pose.position.into()), project(end.into())]
+    [pose.position, pose.position + pose.rotation().column(2) * length]
 }
 
 #[cfg(test)]

@@ -1,69 +1,103 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The body of a workspace as wires.
+//! The body of a workspace with the machine and the axis limits, in the colours of what limits it.
 
+use crate::draw::key::{Key, Sign, keyed_on};
+use crate::draw::machine::{Drawn, LEG, at_pose, axis_box};
 use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, STYLES, drawn, legend, path_axes, project};
-use crate::draw::slice::sliced;
+use crate::draw::slice::{Kinds, sliced};
+use crate::draw::space::{Part, Space, edges, side};
+use crate::draw::style::{area_colour, limit_style};
+use crate::read::machine::MachineConfig;
 use crate::study::body::Body;
 use crate::study::slice::Slice;
-use crate::study::workspace::Ray;
-use plotters::element::DashedPathElement;
+use crate::study::workspace::{Border, Ray};
+use kinematics::Vector3;
 use plotters::prelude::*;
+
+/// Most sides of the body from pole to pole.
+const SIDES: usize = 60;
+
+/// The machine is seen through the body.
+const OPACITY: f64 = 0.8;
+
+const SIZE: (u32, u32) = (960, 720);
 
 /// Pictures of a workspace: the body, and every slice with what limits it where.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_workspace(unit: &str, body: &Body, slices: &[Slice]) -> Result<Vec<Plot>, DrawError> {
+pub fn of_workspace(
+    config: &MachineConfig,
+    body: &Body,
+    slices: &[Slice],
+) -> Result<Vec<Plot>, DrawError> {
+    let outlines: Vec<Border> =
+        slices.iter().flat_map(|slice| slice.outline()).map(|(_, border)| border).collect();
+    let kinds = Kinds::of(body.rays().map(|(_, ray)| &ray.limit).chain(&outlines));
     let mut plots = vec![Plot {
         file: "workspace.svg".into(),
-        caption: "The workspace around the place where the rays begin (isometric)".into(),
-        svg: wire_frame(unit, body)?,
+        caption: "The workspace around the place where the rays begin, with the machine at home"
+            .into(),
+        svg: solid(config, body, &kinds)?,
     }];
     for slice in slices {
         let name = slice.plane.name.to_lowercase().replace(',', "_");
         plots.push(Plot {
             file: format!("slice-{name}.svg"),
             caption: format!("Slice {} of the workspace, by what limits it", slice.plane.name),
-            svg: sliced(unit, slice)?,
+            svg: sliced(config, slice, &kinds)?,
         });
     }
     Ok(plots)
 }
 
-/// Lines of the body that are drawn: every so many rings, and as many meridians.
-const WIRES: usize = 12;
-
-fn wire_frame(unit: &str, body: &Body) -> Result<String, DrawError> {
-    let end = |ray: &Ray| {
-        let place = body.from + ray.direction * ray.exit();
-        project([place.x, place.y, place.z])
-    };
-    let stride = (body.rings.len() / WIRES).max(1);
-    let closed = |rays: &Vec<Ray>| rays.iter().chain(rays.first()).map(end).collect::<Vec<_>>();
-    let rings: Vec<Vec<_>> = body.rings.iter().step_by(stride).map(closed).collect();
-    let meridian =
-        |k: usize| -> Vec<_> { body.rings.iter().map(|ring| end(&ring[k % ring.len()])).collect() };
-    let stride = (body.around / WIRES).max(1);
-    let meridians: Vec<Vec<_>> = (0..body.around).step_by(stride).map(meridian).collect();
-    let points: Vec<_> = rings.iter().chain(&meridians).flatten().copied().collect();
-    drawn(|root| {
-        let frame = Frame {
-            title: "Workspace, isometric: X right and down, Y right and up, Z up",
-            x: &format!("(X + Y) cos 30° in {unit}"),
-            y: &format!("Z + (Y - X)/2 in {unit}"),
-            limits: vec![],
-        };
-        let mut chart = path_axes(root, &frame, &points)?;
-        let styles = [("one elevation", &rings, STYLES[0]), ("one azimuth", &meridians, STYLES[2])];
-        for (name, lines, (colour, (dash, gap))) in styles {
-            let style = colour.stroke_width(1);
-            let drawn =
-                lines.iter().map(|line| DashedPathElement::new(line.clone(), dash, gap, style));
-            chart.draw_series(drawn)?.label(name).legend(move |(x, y)| {
-                DashedPathElement::new([(x, y), (x + 34, y)], dash, gap, style)
-            });
-        }
-        legend(&mut chart)
+fn solid(config: &MachineConfig, body: &Body, kinds: &Kinds) -> Result<String, DrawError> {
+    let mut parts = sides(body, kinds);
+    let Drawn { parts: machine, mut places } = at_pose(config, &config.home_pose());
+    parts.extend(machine);
+    places.extend(body.rays().map(|(_, ray)| end(body, ray)));
+    let seen = body.rays().map(|(_, ray)| &ray.limit);
+    let mut keys = kinds.keys(seen, |number| Sign::Area(area_colour(number)));
+    keys.push(Key::new(Sign::Line(LEG.stroke_width(4)), "machine, at home"));
+    if let Some(corners) = axis_box(config) {
+        parts.extend(edges(&corners, limit_style()));
+        places.extend(corners);
+        keys.push(Key::new(Sign::Line(limit_style()), "limits of the axes"));
+    }
+    let unit = config.length_unit();
+    keyed_on(SIZE, &keys, |area| {
+        let title = "Where the tool can be, by what limits it";
+        Space::around(title, unit, &places).draw(area, parts).map(drop)
     })
+}
+
+fn end(body: &Body, ray: &Ray) -> Vector3<f64> {
+    body.from + ray.direction * ray.exit()
+}
+
+/// Sides of the body that are towards the eye, few enough for a page.
+fn sides(body: &Body, kinds: &Kinds) -> Vec<Part> {
+    let last = body.rings.len() - 1;
+    let stride = last.div_ceil(SIDES);
+    let rings: Vec<usize> = (0..last).step_by(stride).chain([last]).collect();
+    let turns: Vec<usize> = (0..body.around).step_by(stride).chain([body.around]).collect();
+    let ray = |ring: usize, k: usize| &body.rings[ring][k % body.rings[ring].len()];
+    let between =
+        rings.windows(2).flat_map(|rings| turns.windows(2).map(move |turns| (rings, turns)));
+    let of = |(rings, turns): (&[usize], &[usize])| {
+        let rays = [
+            ray(rings[0], turns[0]),
+            ray(rings[0], turns[1]),
+            ray(rings[1], turns[1]),
+            ray(rings[1], turns[0]),
+        ];
+        // At a pole two of them are one.
+        let own = if rings[0] == 0 { rays[2] } else { rays[0] };
+        side(
+            rays.map(|ray| end(body, ray)).to_vec(),
+            area_colour(kinds.number(&own.limit)),
+            OPACITY,
+        )
+    };
+    between.filter_map(of).collect()
 }

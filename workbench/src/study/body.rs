@@ -128,6 +128,18 @@ impl Body {
         ends.fold([self.from, self.from], |[low, high], end| [low.inf(&end), high.sup(&end)])
     }
 
+    /// Its centre of volume, as the first pieces of the rays see it.
+    pub fn middle(&self) -> Vector3<f64> {
+        let piece = |(angle, ray): (f64, &Ray)| {
+            let exit = ray.exit();
+            (angle * exit.powi(3) / 3.0, ray.direction * (angle * exit.powi(4) / 4.0))
+        };
+        let pieces = self.rays().map(piece);
+        let (volume, moment) =
+            pieces.fold((0.0, Vector3::zeros()), |sum, (v, m)| (sum.0 + v, sum.1 + m));
+        self.from + moment / volume
+    }
+
     /// Points of the surface around the place where the rays begin, and its triangles, seen from
     /// outside counterclockwise.
     pub fn mesh(&self) -> (Vec<Vector3<f64>>, Vec<[usize; 3]>) {

@@ -111,7 +111,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &obj(config.length_unit(), &body.mesh()))?;
     }
     if let Some(folder) = &arguments.plots {
-        let plots = of_workspace(config.length_unit(), body, slices)?;
+        // From its middle, where that is inside, all sides are seen alike.
+        let step = workspace.extent() / STEPS;
+        let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &|_| () };
+        let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
+        let plots = of_workspace(&config, pictured.as_ref().unwrap_or(body), slices)?;
         Plot::write_all(&plots, folder)?;
     }
     tell(&config, &workspace, &seen)?;

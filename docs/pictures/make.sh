@@ -1,0 +1,37 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-2.0-or-later
+# Draws the pictures of the documentation by the commands that they show; `make pictures` calls it.
+#
+#     docs/pictures/make.sh PKM
+set -eu
+
+pkm=$(realpath "$1")
+cd "$(dirname "$0")/../.."
+hexapod=configs/hexapod/hexapod.ini
+surface=configs/hexapod/programs/five-axis-surface.ngc
+drawn=$(mktemp -d)
+trap 'rm -rf "$drawn"' EXIT
+
+# draw COMMAND... -- PICTURE...: the pictures that are kept of those that a command draws, NAME or NAME=OWN-NAME.
+draw() {
+    words=
+    while [ "$1" != -- ]; do words="$words $1"; shift; done
+    shift
+    echo "pkm$words"
+    # shellcheck disable=SC2086  # words of commands have no spaces
+    "$pkm" $words --plots "$drawn" > "$drawn/answer" 2>&1 || { cat "$drawn/answer" >&2; exit 1; }
+    for picture; do cp "$drawn/${picture%%=*}.svg" "docs/pictures/${picture#*=}.svg"; done
+    rm -rf "${drawn:?}"/*
+}
+
+draw workspace $hexapod --bands 36 --grid 8 --plane xz -- workspace slice-xz
+draw workspace configs/linear-delta/linear-delta.ini --bands 36 --grid 8 -- workspace=workspace-linear-delta
+draw workspace configs/rotary-delta/rotary-delta.ini --bands 36 --grid 8 -- workspace=workspace-rotary-delta
+draw replay $hexapod $surface --period 0.05 -- struts tool-path-3d
+draw sensitivity $hexapod --study docs/examples/paper-001.toml --law --draws 100 --rays 50 -- sensitivity-position
+draw stiffness $hexapod configs/hexapod/cutting.toml 0 0 300 10 0 0 --tool 0 0 80 --grid 31 -- \
+    ellipsoid-translation stiffness-translation-xz
+draw dynamics $hexapod configs/hexapod/dynamics.toml --shake noise -- spectrum
+draw stability pose $hexapod configs/hexapod/cutting.toml -80 60 350 10 -20 0 --feed 1 0 0 --speeds 2500 7000 -- stable-depths
+draw stability lag docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
+draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Scenarios of a machine that is watched through pkm-live."""
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from bisect import bisect
+
+import hal
+
+from browsers import Browser, deaf, is_dropped
+from machine import AXES, Progress, halcmd
+
+POSE = [f"pkmkins.{letter}" for letter in AXES]
+# Updates a second that the page is promised.
+RATE = 20
+# Where it stands still, forward kinematics answers to their convergence criterion.
+FORWARD = 1e-9
+# A state that arrives is at most so old: an update, and what a busy computer adds.
+OLD_SECONDS = 0.3
+
+
+class Sampler(threading.Thread):
+    """The pose on the pins, as often as it can be read beside other work, with times."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.samples = []
+        self.is_stopped = False
+        self.start()
+
+    def run(self):
+        while not self.is_stopped:
+            self.samples.append((time.monotonic(), [hal.get_value(pin) for pin in POSE]))
+            time.sleep(0.002)
+
+    def stop(self):
+        self.is_stopped = True
+        self.join(5)
+
+
+def farthest(samples, events):
+    """How far the poses of events are at most from what the pins showed shortly before they came. Between two looks
+    at the pins these move: a pose may be as far from both, and not farther."""
+    times = [when for when, _ in samples]
+    most = 0.0
+    for at, state in events:
+        # The look after the event too: it may have been read after the last one before.
+        near = [pose for _, pose in samples[bisect(times, at - OLD_SECONDS):bisect(times, at) + 1]]
+        steps = [distance(a, b) for a, b in zip(near, near[1:])]
+        if steps and state["pose"]:
+            own = min(distance(pose, state["pose"]) for pose in near)
+            assert own <= max(steps) + FORWARD, f"{own} from all that the pins showed, which moved by {max(steps)} at most"
+            most = max(most, own)
+    return most
+
+
+def distance(one, other):
+    return max(abs(a - b) for a, b in zip(one, other))
+
+
+def servo_functions():
+    """What the servo thread carries out, in order."""
+    lines = map(str.split, halcmd("-s", "show", "thread").splitlines())
+    return [words[1] for words in lines if words and words[0].isdigit()]
+
+
+def watched(machine, out, port, path, lines, seconds, count, rounds):
+    """A program runs while `count` browsers watch, and one that never reads; then LinuxCNC is killed."""
+    machine.start()
+    first = Browser(port)
+    at_rest = first.wait(lambda state: state["pose"] is not None, 20, "a pose")
+    assert at_rest["pose"] == [hal.get_value(pin) for pin in POSE], at_rest
+    joints = [hal.get_value(f"joint.{n}.pos-fb") for n in machine.layout.joints]
+    assert distance(at_rest["joints"], joints) < 1e-9, at_rest
+    assert at_rest["geometry_hash"] == hal.get_value("pkmkins.geometry-hash") & 0xFFFFFFFF
+    assert at_rest["task state"] == "on" and at_rest["fault"] is None, at_rest
+
+    functions, pins = servo_functions(), halcmd("-s", "show", "pin").count("\n")
+    others = [Browser(port) for _ in range(count - 1)]
+    silent, sampler = deaf(port), Sampler()
+    begin = time.monotonic()
+    for _ in range(rounds):
+        machine.run_program(path, Progress(out / "progress", lines), seconds)
+    duration = time.monotonic() - begin
+    sampler.stop()
+    assert servo_functions() == functions, servo_functions()
+    assert halcmd("-s", "show", "pin").count("\n") == pins, "pkm-live has made a pin"
+    most = farthest(sampler.samples, [event for event in first.events if event[0] > begin + OLD_SECONDS])
+    rates = []
+    for browser in [first, *others]:
+        numbers = [state["sequence"] for at, state in browser.events if begin <= at <= begin + duration]
+        assert numbers == sorted(set(numbers)), "states out of order"
+        rates.append(len(numbers) / duration)
+    assert min(rates) >= RATE, f"{rates} updates a second"
+    assert any(state["line"] and state["file"] == os.path.basename(path) and state["mode"] == "auto"
+               for _, state in first.events), first.newest()
+    limit = time.monotonic() + 30
+    while not is_dropped(silent):
+        assert time.monotonic() < limit, "one that never reads is kept"
+        time.sleep(1)
+    for browser in [first, *others]:
+        browser.stop()
+    kill("rtapi_app")
+    return {"seconds": round(duration, 3), "cycles": round(duration * 1000), "rate": round(min(rates), 1),
+            "distance": most}
+
+
+def kill(name):
+    for number in subprocess.run(["pgrep", "-x", name], capture_output=True, text=True).stdout.split():
+        os.kill(int(number), signal.SIGKILL)
+
+
+def watched_again(machine, out, port):
+    """A LinuxCNC that starts after one that was killed is shown."""
+    machine.start()
+    browser = Browser(port)
+    state = browser.wait(lambda state: state["pose"] is not None, 20, "a pose")
+    assert state["pose"] == [hal.get_value(pin) for pin in POSE], state
+    browser.stop()

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The key that says what is what, where it covers nothing.
+
+use crate::draw::plot::DrawError;
+use crate::draw::sheet::{Area, CAPTION, MARGIN, SIZE, drawn_on};
+use crate::draw::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, VPos};
+
+/// Pixels of a sign.
+const SIGN: u32 = 32;
+
+/// Pixels from one line of a key to the next.
+const STEP: i32 = 22;
+
+/// What stands for something in a key.
+#[derive(Clone)]
+pub(super) enum Sign {
+    Line(ShapeStyle),
+    Area(RGBColor),
+    Dot,
+    Cross,
+    Letter(String),
+}
+
+/// A line of a key: the sign and what it is.
+pub(super) struct Key {
+    pub(super) sign: Sign,
+    pub(super) name: String,
+}
+
+impl Key {
+    pub(super) fn new(sign: Sign, name: &str) -> Self {
+        Self { sign, name: name.into() }
+    }
+
+    /// Of the line of a number.
+    pub(super) fn line(number: usize, name: &str) -> Self {
+        Self::new(Sign::Line(line_style(number)), name)
+    }
+
+    /// Pixels across.
+    pub(super) fn width(&self) -> u32 {
+        SIGN + 10 + width_of(&self.name, SMALL)
+    }
+
+    /// With the left end of its middle at a place.
+    pub(super) fn draw(&self, area: &Area, (x, y): (i32, i32)) -> Result<(), DrawError> {
+        let end = x + SIGN as i32;
+        let middle = (x + end) / 2;
+        match &self.sign {
+            Sign::Line(style) => area.draw(&PathElement::new([(x, y), (end, y)], *style))?,
+            Sign::Area(colour) => {
+                let corners = [(x, y - 6), (end, y + 6)];
+                area.draw(&Rectangle::new(corners, colour.filled()))?;
+                area.draw(&Rectangle::new(corners, GREY.stroke_width(1)))?;
+            }
+            Sign::Dot => area.draw(&Circle::new((middle, y), 4, BLACK.filled()))?,
+            Sign::Cross => area.draw(&Cross::new((middle, y), 6, limit_style()))?,
+            Sign::Letter(letter) => {
+                let style = letters_at(NAME, HPos::Center, VPos::Center);
+                area.draw(&Text::new(letter.clone(), (middle, y), style))?;
+            }
+        }
+        let style = letters_at(SMALL, HPos::Left, VPos::Center);
+        area.draw(&Text::new(self.name.clone(), (end + 8, y), style))?;
+        Ok(())
+    }
+}
+
+/// A sheet with its key in a column of its own: it covers nothing.
+pub(super) fn keyed(
+    keys: &[Key],
+    draw: impl FnOnce(&Area) -> Result<(), DrawError>,
+) -> Result<String, DrawError> {
+    keyed_on(SIZE, keys, draw)
+}
+
+/// As [`keyed`], of a size in pixels.
+pub(super) fn keyed_on(
+    size: (u32, u32),
+    keys: &[Key],
+    draw: impl FnOnce(&Area) -> Result<(), DrawError>,
+) -> Result<String, DrawError> {
+    drawn_on(size, |root| {
+        let Some(widest) = keys.iter().map(Key::width).max() else { return draw(root) };
+        let (plot, column) = root.split_horizontally(size.0 - widest - MARGIN);
+        draw(&plot)?;
+        draw_keys(&column, keys, (CAPTION + 2 * MARGIN) as i32)
+    })
+}
+
+/// Keys below each other, the first at a height.
+pub(super) fn draw_keys(area: &Area, keys: &[Key], top: i32) -> Result<(), DrawError> {
+    let places = (0..).map(|k| (0, top + k * STEP));
+    keys.iter().zip(places).try_for_each(|(key, place)| key.draw(area, place))
+}
+
+/// Keys beside each other, the first at a place.
+pub(super) fn draw_keys_across(
+    area: &Area,
+    keys: &[Key],
+    (mut x, y): (i32, i32),
+) -> Result<(), DrawError> {
+    for key in keys {
+        key.draw(area, (x, y))?;
+        x += key.width() as i32 + 28;
+    }
+    Ok(())
+}

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A machine in space, as a drawing of its legs, guides, platform and tool.
+
+use crate::draw::space::{Part, ball, course, line, plate};
+use crate::draw::style::PALE;
+use crate::read::machine::MachineConfig;
+use kinematics::{LegKind, Pose, Vector3};
+use plotters::prelude::*;
+
+/// Of legs.
+pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
+
+/// Of guides and arms.
+const GUIDE: RGBColor = RGBColor(150, 150, 165);
+
+/// A machine at a pose.
+pub(super) struct Drawn {
+    /// What is drawn.
+    pub(super) parts: Vec<Part>,
+    /// Places that belong into the picture.
+    pub(super) places: Vec<Vector3<f64>>,
+}
+
+/// The machine at a pose of its own; nothing where it cannot be there.
+pub(super) fn at_pose(config: &MachineConfig, pose: &Pose) -> Drawn {
+    let nothing = Drawn { parts: vec![], places: vec![] };
+    let Ok(at) = config.machine.at(pose, &config.spindle) else { return nothing };
+    let legs = &at.segments()[..config.legs()];
+    let lower: Vec<Vector3<f64>> = legs.iter().map(|leg| leg.base).collect();
+    let upper: Vec<Vector3<f64>> = legs.iter().map(|leg| leg.platform).collect();
+    let mut parts = vec![];
+    let mut places = [lower.clone(), upper.clone()].concat();
+    for (from, to) in lower.iter().zip(&upper) {
+        parts.extend(line(*from, *to, LEG.stroke_width(4)));
+    }
+    for (i, leg) in config.geometry.legs().iter().enumerate().take(config.legs()) {
+        let hip = Vector3::from(leg.base);
+        match leg.kind {
+            LegKind::Slider(slider) => {
+                let way = Vector3::from(slider.guide).normalize();
+                let end = |value: f64| hip + way * (value + config.offsets[i]);
+                let [low, high] = [config.joints[i].min, config.joints[i].max].map(end);
+                if [low, high].iter().all(|end| end.iter().all(|x| x.is_finite())) {
+                    parts.extend(line(low, high, GUIDE.stroke_width(6)));
+                    places.extend([low, high]);
+                }
+            }
+            LegKind::Crank(_) => {
+                parts.extend(line(hip, lower[i], GUIDE.stroke_width(7)));
+                places.push(hip);
+            }
+            _ => {}
+        }
+    }
+    let around = ring(&upper);
+    parts.extend(lower.iter().map(|at| ball(*at, LEG, 5)));
+    parts.extend(upper.iter().map(|at| ball(*at, LEG, 3)));
+    let middle = upper.iter().sum::<Vector3<f64>>() / upper.len() as f64;
+    parts.extend(line(middle, pose.position, LEG.stroke_width(3)));
+    if around.len() > 2 {
+        parts.push(plate(around.clone(), PALE, 0.9));
+        parts.extend(course(&[&around[..], &[around[0]]].concat(), LEG.stroke_width(1)));
+    }
+    places.push(pose.position);
+    Drawn { parts, places }
+}
+
+/// Places in the order in which they are seen from above, around their middle.
+fn ring(places: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let middle = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
+    let mut ring = places.to_vec();
+    let angle = |place: &Vector3<f64>| (place.y - middle.y).atan2(place.x - middle.x);
+    ring.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    ring
+}
+
+/// The corners of the limits of X, Y and Z where all are limited.
+pub(super) fn axis_box(config: &MachineConfig) -> Option<[Vector3<f64>; 2]> {
+    let low = Vector3::from_fn(|k, _| config.axes[k].min);
+    let high = Vector3::from_fn(|k, _| config.axes[k].max);
+    let is_limited = low.iter().chain(high.iter()).all(|end| end.is_finite());
+    is_limited.then_some([low, high])
+}

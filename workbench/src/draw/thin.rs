@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How few points a line needs on a sheet: its peaks stay.
+
+use crate::draw::sheet::{SIZE, padded, span};
+
+/// Columns that a line is thinned to: as many as a strip has pixels.
+const COLUMNS: usize = 680;
+
+/// Few enough points; every column keeps the lowest and the highest value.
+pub(super) fn envelope(values: &[(f64, [f64; 2])]) -> Vec<(f64, f64)> {
+    let mut points: Vec<(f64, f64)> = vec![];
+    for column in columns(values) {
+        let all = column.iter().flat_map(|(_, ends)| *ends).filter(|value| value.is_finite());
+        let (low, high) = span(all);
+        let at = column[0].0;
+        // From the one that is nearer to the line so far.
+        let last = points.last().map_or(low, |last| last.1);
+        let ends = if (last - low).abs() > (last - high).abs() { [high, low] } else { [low, high] };
+        points.push((at, ends[0]));
+        if low < high {
+            points.push((column[column.len() - 1].0, ends[1]));
+        }
+    }
+    without_level_points(points)
+}
+
+/// Few enough points; every column keeps its highest value.
+pub(super) fn highest(values: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    // Of equal ones the first.
+    let higher = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
+    let highest = |column: &[(f64, f64)]| column.iter().copied().reduce(higher).unwrap_or_default();
+    without_level_points(columns(values).map(highest).collect())
+}
+
+/// As [`highest`], of the lowest values.
+pub(super) fn lowest(values: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let turned: Vec<(f64, f64)> = values.iter().map(|(at, value)| (*at, -value)).collect();
+    highest(&turned).into_iter().map(|(at, value)| (at, -value)).collect()
+}
+
+fn columns<T>(values: &[T]) -> std::slice::Chunks<'_, T> {
+    values.chunks(values.len().div_ceil(COLUMNS).max(1))
+}
+
+/// A level stretch needs its two ends only.
+fn without_level_points(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = vec![];
+    for point in points {
+        if let [.., a, b] = kept[..]
+            && a.1 == b.1
+            && b.1 == point.1
+        {
+            kept.pop();
+        }
+        kept.push(point);
+    }
+    kept
+}
+
+/// As [`envelope`], of one value at a place; what is no number is left out.
+pub(super) fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let points: Vec<_> =
+        points.filter(|p| p.1.is_finite()).map(|(at, value)| (at, [value; 2])).collect();
+    envelope(&points)
+}
+
+/// As [`lowest`]; what is no number is left out.
+pub(super) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    lowest(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>())
+}
+
+/// Where in a list the points are that lie apart by about so many pixels, and the last one.
+pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
+    let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
+    let least = pixels * (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
+    let mut kept: Vec<usize> = vec![];
+    for (place, point) in points.iter().enumerate() {
+        let far =
+            |last: &usize| (point.0 - points[*last].0).hypot(point.1 - points[*last].1) > least;
+        if kept.last().is_none_or(far) {
+            kept.push(place);
+        }
+    }
+    kept.extend(points.len().checked_sub(1).filter(|last| kept.last() != Some(last)));
+    kept
+}
+
+/// Pixels by which a point may lie beside the line that is drawn: sheets have whole pixels, and many points
+/// on a gentle slope would make stairs of them.
+const BESIDE: f64 = 0.6;
+
+/// The places of points, in pixels, that a line through them needs: all others lie [`BESIDE`] it (Ramer,
+/// Douglas and Peucker).
+pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
+    let mut is_kept = vec![false; points.len()];
+    let mut spans = vec![(0, points.len().saturating_sub(1))];
+    while let Some((from, to)) = spans.pop() {
+        for kept in [from, to] {
+            if let Some(kept) = is_kept.get_mut(kept) {
+                *kept = true;
+            }
+        }
+        let between = (from + 1..to).map(|k| (distance(points[k], points[from], points[to]), k));
+        if let Some((far, bend)) = between.max_by(|a, b| a.0.total_cmp(&b.0))
+            && far > BESIDE
+        {
+            spans.extend([(from, bend), (bend, to)]);
+        }
+    }
+    (0..points.len()).filter(|k| is_kept[*k]).collect()
+}
+
+/// Of a point from the line between two others.
+fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
+    let (way, own) = ((to.0 - from.0, to.1 - from.1), (point.0 - from.0, point.1 - from.1));
+    let square = way.0 * way.0 + way.1 * way.1;
+    let share = if square > 0.0 { (own.0 * way.0 + own.1 * way.1) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    (own.0 - share * way.0).hypot(own.1 - share * way.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thin_line_keeps_its_lowest_and_its_highest_value() {
+        let value = |k: u32| match k {
+            77_777 => 9.0,
+            88_888 => -7.0,
+            _ => f64::from(k).sin(),
+        };
+        let values: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), value(k))).collect();
+        let both: Vec<_> = values.iter().map(|(at, value)| (*at, [*value; 2])).collect();
+        let line = envelope(&both);
+        assert!(line.len() <= 2 * COLUMNS);
+        assert_eq!(span(line.iter().map(|p| p.1)), (-7.0, 9.0));
+        assert!(line.is_sorted_by(|a, b| a.0 <= b.0));
+        assert!(highest(&values).contains(&(77_777.0, 9.0)));
+        assert!(lowest(&values).contains(&(88_888.0, -7.0)));
+    }
+
+    #[test]
+    fn a_level_line_has_two_points() {
+        let values: Vec<_> = (0..5000).map(|k| (f64::from(k), 3.0)).collect();
+        let line = highest(&values);
+        assert!(line.len() == 2 && line[0].0 == 0.0 && line[1].0 > 4990.0, "{line:?}");
+    }
+
+    #[test]
+    fn thinning_keeps_peaks() {
+        let spike = |k: u32| (f64::from(k), if k == 7777 { -5.0 } else { 1.0 });
+        let points = thin((0..10_000).map(spike));
+        assert!(points.len() <= 2 * COLUMNS, "{}", points.len());
+        // In its column.
+        let near = |p: &(f64, f64)| p.1 == -5.0 && (p.0 - 7777.0).abs() < 1e4 / COLUMNS as f64;
+        assert!(points.iter().any(near));
+    }
+
+    #[test]
+    fn a_line_needs_its_bends_alone() {
+        let corner = |k: u32| (f64::from(k), if k < 70 { 3.0 } else { f64::from(k) - 67.0 });
+        let points: Vec<_> = (0..=100).map(corner).collect();
+        assert_eq!(bends(&points), [0, 70, 100]);
+        // A closed line too, and none.
+        let square = [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0), (0.0, 0.0)];
+        assert_eq!(bends(&square), [0, 1, 2, 3, 4]);
+        assert!(bends(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_path_keeps_its_bends_and_loses_what_a_pixel_hides() {
+        let circle = |k: u32| (f64::from(k) * 1e-5 * std::f64::consts::TAU).sin_cos();
+        let points: Vec<_> = (0..=50_000).map(circle).collect();
+        let kept = places_apart(&points, 1.0);
+        assert!((500..2000).contains(&kept.len()), "{}", kept.len());
+        assert_eq!(kept.last(), Some(&50_000));
+    }
+}
