@@ -35,3 +35,13 @@ draw dynamics $hexapod configs/hexapod/dynamics.toml --shake noise -- spectrum
 draw stability pose $hexapod configs/hexapod/cutting.toml -80 60 350 10 -20 0 --feed 1 0 0 --speeds 2500 7000 -- stable-depths
 draw stability lag docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
 draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net
+
+# The pages of pkm view: every shipped machine in the middle of its first program. Needs a browser.
+for folder in configs/*/; do
+    machine=$(basename "$folder")
+    set -- "$folder"programs/*.ngc
+    echo "pkm view $machine"
+    "$pkm" view "$folder$machine.ini" "$1" --picture "docs/pictures/machine-$machine.png" --size 640 400
+done
+echo "pkm view hexapod"
+"$pkm" view $hexapod $surface --picture docs/pictures/view-hexapod.png --size 1200 700

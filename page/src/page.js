@@ -10,6 +10,7 @@ import { vector } from "./parts.js";
 import { Player } from "./player.js";
 import { Program } from "./program.js";
 import { Recorder, wanted } from "./record.js";
+import { shape } from "./shape.js";
 import { Stage } from "./stage.js";
 import { numbers, unpacked } from "./unpack.js";
 
@@ -27,8 +28,10 @@ class Page {
     for (const mechanism of mechanisms) this.build(mechanism);
     this.box = this.everything();
     const letters = mechanisms.map(({ scene }) => scene.coordinates).join("");
+    this.problems = [...data.problems];
     this.stage = new Stage(this.canvas, this.size, this.box, letters, record !== undefined);
     for (const { drawing } of mechanisms) this.stage.scene.add(drawing.group);
+    mechanisms[0].shapes.forEach((given) => this.addShape(given));
     if (data.program) this.program = new Program(data.program);
     if (this.program?.isEmpty) this.program = undefined;
     this.lay(record);
@@ -42,6 +45,17 @@ class Page {
     mechanism.drawn = kinematics.at(scene.home.pose, tool);
     mechanism.drawing.place(mechanism.drawn);
     mechanism.drawing.buildCones(mechanism.drawn);
+  }
+
+  /** A shape from a file, in the frame of its part. */
+  addShape(given) {
+    const { base, platform } = this.mechanisms[0].drawing;
+    const frames = { base, platform, spindle: platform, table: this.stage.work };
+    try {
+      frames[given.part].add(shape(given));
+    } catch (error) {
+      this.problems.push(`${given.part} is drawn without its shape: ${given.name}: ${error.message}`);
+    }
   }
 
   lay(record) {
@@ -78,6 +92,7 @@ class Page {
     return element("header", {},
       element("h1", {}, title), element("span", { class: "about" }, about), verdict, this.state,
       error && element("p", { class: "error", role: "alert" }, error),
+      ...this.problems.map((text) => element("p", { class: "error", role: "alert" }, text)),
       element("span", { class: "hash" }, `geometry ${hash}`));
   }
 

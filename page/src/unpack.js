@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // What pkm has packed into the page.
 
-function bytes(base64) {
+export function bytes(base64) {
   const text = atob(base64);
   const all = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) all[i] = text.charCodeAt(i);

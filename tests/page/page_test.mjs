@@ -6,7 +6,7 @@
 //
 // Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
 import { spawnSync } from "node:child_process";
-import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { dirname, join, resolve } from "node:path";
@@ -271,6 +271,22 @@ async function own(browser) {
   }
 }
 
+/** The machine is drawn whatever is wrong with the shapes of its parts, and what is wrong is told. */
+async function shapes(browser) {
+  const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
+  writeFileSync(file("good.stl"), triangles);
+  writeFileSync(file("broken.stl"), "not a shape");
+  const text = readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = good.stl mm -100 -100 0\nPLATFORM_MODEL = broken.stl mm\nBASE_MODEL = missing.obj inch\n");
+  writeFileSync(file("shapes.ini"), text);
+  const made = pkm(["view", file("shapes.ini"), "--html", file("shapes.html")]);
+  check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
+  const { page, close } = await opened(browser, file("shapes.html"));
+  const told = (await page.locator("header .error").allTextContents()).join("; ");
+  check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `told: ${told}`);
+  await isDrawn(page, "shapes");
+  await close();
+}
+
 async function long(browser) {
   const lines = Array.from({ length: 5000 }, (_, i) => `G1 X${(40 * Math.cos(i / 30)).toFixed(4)} Y${(40 * Math.sin(i / 30)).toFixed(4)} Z${(200 + i / 200).toFixed(4)}`);
   writeFileSync(file("long.ngc"), `G21 G90 G64 P0.01\nG1 F3000\n${lines.join("\n")}\nM2\n`);
@@ -298,6 +314,7 @@ const TESTS = [
   ["a mark leads to its line, and a refused pose has a reason", marks],
   ["a program that cannot be read is told beside the machine", unread],
   ["a machine of one's own appears without a line of code", own],
+  ["a shape that cannot be read is told, and the machine is drawn", shapes],
   ["the page of 5,000 lines is below 2 MB", long],
   ["a video has the frames that were asked for", video],
 ];

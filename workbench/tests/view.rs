@@ -108,7 +108,7 @@ fn the_page_of_a_machine_is_one_file_by_its_name() {
     assert_eq!(view(folder.path(), &[hexapod.to_str().unwrap()]).status.code(), Some(0));
     let page = std::fs::read_to_string(folder.path().join("hexapod.html")).unwrap();
     assert!(page.len() < 2_000_000, "{}", page.len());
-    for foreign in [" src=", "<link", "@import", "import("] {
+    for foreign in [" src=", "rel=\"stylesheet\"", "@import", "import("] {
         assert!(
             !page.split("<script type=\"module\">").next().unwrap().contains(foreign),
             "{foreign}"

@@ -4,6 +4,7 @@
 use crate::limits;
 use crate::program::course::{Abscissa, Sample, Thinned};
 use crate::read::machine::MachineConfig;
+use crate::read::models::Model;
 use crate::scene::Scene;
 use crate::view::track::{Point, Track};
 use base64::Engine;
@@ -15,6 +16,9 @@ use std::collections::BTreeMap;
 
 /// Raised when the page's code and its data belong together no longer.
 const VERSION: u32 = 1;
+
+/// Of a file with a shape; a page holds all of it.
+const MOST_BYTES: u64 = 20_000_000;
 
 /// Everything.
 #[derive(Serialize)]
@@ -29,6 +33,8 @@ pub struct Data {
     program: Option<Program>,
     /// Why there is no program to show, although one was asked for.
     error: Option<String>,
+    /// What is drawn without its shape, and why.
+    problems: Vec<String>,
 }
 
 /// A mechanism.
@@ -41,6 +47,19 @@ struct Mechanism {
     limits: BTreeMap<String, Named>,
     /// Its spindle offset as a tool vector.
     tool: [f64; 3],
+    /// Shapes of parts.
+    shapes: Vec<Shape>,
+}
+
+/// A shape from a file.
+#[derive(Serialize)]
+struct Shape {
+    part: &'static str,
+    /// Name of the file.
+    name: String,
+    scale: f64,
+    place: [f64; 6],
+    bytes: String,
 }
 
 /// What people call a limit of a part.
@@ -111,15 +130,25 @@ impl Data {
     /// Of a machine alone.
     pub fn new(config: &MachineConfig, is_live: bool) -> Self {
         let stem = config.file.file_stem().unwrap_or_default();
+        let shapes: Vec<Result<Shape, String>> = config.models.iter().map(Shape::read).collect();
+        let problems = shapes.iter().filter_map(|shape| shape.as_ref().err().cloned()).collect();
+        let mut mechanisms: Vec<_> = config.mechanisms().map(Mechanism::new).collect();
+        mechanisms[0].shapes = shapes.into_iter().filter_map(Result::ok).collect();
         Self {
             version: VERSION,
             title: stem.to_string_lossy().into_owned(),
             limits: Limit::ALL.iter().map(|limit| limit.name()).collect(),
-            mechanisms: config.mechanisms().map(Mechanism::new).collect(),
+            mechanisms,
+            problems,
             is_live,
             program: None,
             error: None,
         }
+    }
+
+    /// What is drawn without its shape, and why.
+    pub fn problems(&self) -> &[String] {
+        &self.problems
     }
 
     /// Shows why there is no program.
@@ -182,7 +211,26 @@ impl Mechanism {
             numbers: BASE64_STANDARD.encode(bytes),
             limits: named(config),
             tool: config.spindle.into(),
+            shapes: vec![],
         }
+    }
+}
+
+impl Shape {
+    fn read(model: &Model) -> Result<Self, String> {
+        let Model { part, file, scale, place, .. } = model;
+        let told = |error: String| {
+            format!("{part} is drawn without its shape: {}: {error}", file.display())
+        };
+        let size = std::fs::metadata(file).map_err(|error| told(error.to_string()))?.len();
+        if size > MOST_BYTES {
+            return Err(told(format!(
+                "{size} bytes, expected {MOST_BYTES} at most: make it coarser"
+            )));
+        }
+        let bytes = std::fs::read(file).map_err(|error| told(error.to_string()))?;
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { part, name, scale: *scale, place: *place, bytes: BASE64_STANDARD.encode(bytes) })
     }
 }
 

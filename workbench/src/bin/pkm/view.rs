@@ -88,6 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         None => (Data::new(&config, arguments.live), Verdict::Fits),
         Some(program) => of_program(&config, &arguments.judging, program)?,
     };
+    data.problems().iter().for_each(tell_error);
     let page = page(&data);
     if let Some(file) = html(arguments, &config) {
         write_whole(&file, &page)?;

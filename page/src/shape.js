@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// Shapes of parts from STL and OBJ files.
+import * as THREE from "three";
+import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
+import { STLLoader } from "three/addons/loaders/STLLoader.js";
+import { COLOURS } from "./colours.js";
+import { material } from "./parts.js";
+import { bytes } from "./unpack.js";
+
+function read({ name, bytes: text }, look) {
+  const data = bytes(text);
+  if (!name.toLowerCase().endsWith(".obj")) return new THREE.Mesh(new STLLoader().parse(data.buffer), look);
+  const group = new OBJLoader().parse(new TextDecoder().decode(data));
+  group.traverse((part) => {
+    if (part.isMesh) part.material = look;
+  });
+  return group;
+}
+
+/** The shape that pkm has packed, at its place and in machine units. */
+export function shape(given) {
+  const look = material(given.part === "platform" ? COLOURS.platform : COLOURS.table, { side: THREE.DoubleSide });
+  const made = read(given, look);
+  const box = new THREE.Box3().setFromObject(made);
+  if (box.isEmpty() || ![...box.min, ...box.max].every(Number.isFinite)) throw new Error("no triangles in it");
+  const [x, y, z, ...angles] = given.place;
+  made.position.set(x, y, z);
+  made.rotation.set(...angles.map(THREE.MathUtils.degToRad), "ZYX");
+  made.scale.setScalar(given.scale);
+  const group = new THREE.Group();
+  group.add(made);
+  return group;
+}
