@@ -131,3 +131,19 @@ def judged(out):
     changed = pictures["home"].differs(pictures["program"], state["window"])
     assert changed > CHANGED, f"parts have gone {max(gone):.0f} pixels, and {changed:.1%} of the model has changed"
     return f"{len(gone)} parts, which go {max(gone):.0f} pixels"
+
+
+def has_shape(out, points):
+    """Whether points of a shape, in the platform's frame, are drawn at home, and the legs as well."""
+    scene = Scene(json.loads((out / "scenes.json").read_text())[0])
+    state = json.loads((out / "home.json").read_text())
+    view, picture = View([scene], state["window"]), Picture(out / "home.ppm")
+    own = state["mechanisms"][0]
+    platform = scene.place(own["joints"], own["pose"], own["tool"]).platform
+    for point in points:
+        x, y = map(round, view.pixel(platform.out(point)))
+        assert is_green(picture.at(x, y)), f"no shape at {point}, pixel {x} {y}: {picture.at(x, y)}"
+    rods = [part for part in parts([scene], state) if part[0].startswith("rod")]
+    missing = [name for name, point, colour in rods if not picture.shows(view.pixel(point), colour)]
+    assert len(missing) <= 1, missing
+    return f"{len(points)} points of the shape, {len(rods)} legs"

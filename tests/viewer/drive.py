@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
 
-    drive.py FOLDER program|refused|bare        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER home|program|refused|bare        with INI_FILE_NAME and DISPLAY set
 
 `program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
 """
@@ -54,6 +54,11 @@ def tree():
     return subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
 
 
+def title(name):
+    found = re.search(rf'"({re.escape(name)}: pkmkins.*?)": \(', tree())
+    return found and found[1]
+
+
 def windows(name):
     """Left, top, width and height of the model's window, once it has its place."""
     if not re.search('"(AXIS|axis)', tree()):
@@ -63,7 +68,7 @@ def windows(name):
 
 
 def state(machine, scenes, name):
-    values = {"window": windows(name), "mechanisms": []}
+    values = {"window": windows(name), "title": title(name), "mechanisms": []}
     for scene in scenes:
         values["mechanisms"].append({key: [machine.get(pin) for pin in pins] for key, pins in (
             ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene.joints]),
@@ -93,8 +98,8 @@ def described(ini):
     return [first, asked("2")] if first.is_of_pair else [first]
 
 
-def program(out, ini, name):
-    """Homes the machine and runs its program."""
+def home(out, ini, name):
+    """Homes the machine; returns what the picture of it needs."""
     scenes = described(ini)
     (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
     kept = wait_for_axis(name)
@@ -102,12 +107,17 @@ def program(out, ini, name):
     machine = Machine()
     machine.start()
     machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
-    home = picture(machine, scenes, out, "home", name)
+    return kept, machine, scenes, picture(machine, scenes, out, "home", name)
+
+
+def program(out, ini, name):
+    """Homes the machine and runs its program."""
+    kept, machine, scenes, at_home = home(out, ini, name)
     machine.set_mode(linuxcnc.MODE_AUTO)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
     begin, gone, wanted = time.monotonic(), 0, MOTION
-    view, before = View(scenes, home["window"]), parts(scenes, home)
+    view, before = View(scenes, at_home["window"]), parts(scenes, at_home)
     while gone < wanted and time.monotonic() < begin + RUN_SECONDS:
         machine.pause(0.3)
         gone = farthest(view, before, parts(scenes, state(machine, scenes, name)))
@@ -171,7 +181,7 @@ def switch_kinematics(machine):
 
 def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
-    {"program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
+    {"home": home, "program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
 
 
 if __name__ == "__main__":
