@@ -112,8 +112,8 @@ test: setup
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 
-# Struts, two mechanisms, and an axis that carries the tool.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without
+# Struts, two mechanisms, an axis that carries the tool, and the cases beside the configurations.
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens
