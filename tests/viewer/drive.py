@@ -24,6 +24,8 @@ COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
+# limit-iterations must be 1 to 288.
+NO_ITERATIONS = -37
 # How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
 # of the time fewer, for those whose moves are short.
 RUN_SECONDS = 24.0
@@ -137,14 +139,14 @@ def refused(out, _ini, _name):
     subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
 
 
-def bare(_out, _ini, _name):
+def bare(out, _ini, _name):
     """Homes a machine whose panel knows nothing."""
     wait(lambda: '"AXIS ' in tree() or '"axis' in tree(), "window of AXIS")
     kept = hal.component("screens")
     kept.ready()
     for part in ("pyvcp", "pkmkins-panel"):
         wait(lambda: hal.component_exists(part), part)
-    from machine import Machine
+    from machine import Machine, halcmd
     machine = Machine()
     machine.start()
     # As long as the panel would take to know.
@@ -152,6 +154,12 @@ def bare(_out, _ini, _name):
     assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
     assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
     switch_kinematics(machine)
+    # A refusal for the picture.
+    machine.command.abort()
+    halcmd("setp", "pkmkins.limit-iterations", "0")
+    machine.wait(lambda: machine.get("pkmkins.fault") == NO_ITERATIONS, 5, "a refusal")
+    time.sleep(SETTLE_SECONDS)
+    subprocess.run(["import", "-window", "root", str(out / "bare.png")], check=True, timeout=60)
     kept.exit()
 
 
