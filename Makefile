@@ -120,8 +120,8 @@ test: setup
 test-page: setup-page page-check
 	tests/page/page_test.mjs target/host/pkm --out build/page
 
-# Struts, two mechanisms, and an axis that carries the tool.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without
+# Struts, two mechanisms, an axis that carries the tool, and the cases beside the configurations.
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens

@@ -7,9 +7,6 @@ which this keeps up to date from pins that it reads by name.
 
 import os
 import sys
-import tkinter
-
-import hal
 
 sys.path.append(os.path.dirname(os.path.realpath(__file__)))
 from pkmkins_causes import CAUSES
@@ -18,12 +15,12 @@ from pkmkins_causes import CAUSES
 PERIOD = 300
 
 
-def count_legs():
-    """Legs of the module: joints behind them are called joints."""
+def count_legs(value):
+    """Legs of the module: joints behind them are called joints; `value` reads a pin."""
     count = 0
     try:
         while True:
-            hal.get_value(f"pkmkins.base.{count}.x")
+            value(f"pkmkins.base.{count}.x")
             count += 1
     except (RuntimeError, TypeError, ValueError):
         return count
@@ -37,7 +34,7 @@ def sentence(code, number, legs):
 
 
 def words(value, legs):
-    """What is ahead, and what was refused last; `value` reads a pin."""
+    """What is ahead, and what was refused last."""
     told = []
     if value("pkmkins.limit-soon"):
         told.append("ahead: " + sentence(value("pkmkins.limit-reason"), value("pkmkins.limit-leg"), legs))
@@ -48,6 +45,10 @@ def words(value, legs):
 
 def reason(master):
     """A variable of Tk that always has the words."""
+    import tkinter
+
+    import hal
+
     text = tkinter.StringVar(master)
     # Tk forgets a variable that nobody holds.
     master.pkmkins_reason = text
@@ -56,7 +57,7 @@ def reason(master):
     def look():
         try:
             if not legs:
-                legs.append(count_legs())
+                legs.append(count_legs(hal.get_value))
             text.set(words(hal.get_value, legs[0]))
         except (RuntimeError, TypeError, ValueError) as error:
             text.set(f"pins are missing: {error}")

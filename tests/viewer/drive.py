@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
 
-    drive.py FOLDER program|refused|bare        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER home|program|refused|bare        with INI_FILE_NAME and DISPLAY set
 
 `program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
 """
@@ -24,6 +24,8 @@ COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
+# limit-iterations must be 1 to 288.
+NO_ITERATIONS = -37
 # How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
 # of the time fewer, for those whose moves are short.
 RUN_SECONDS = 24.0
@@ -54,6 +56,11 @@ def tree():
     return subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
 
 
+def title(name):
+    found = re.search(rf'"({re.escape(name)}: pkmkins.*?)": \(', tree())
+    return found and found[1]
+
+
 def windows(name):
     """Left, top, width and height of the model's window, once it has its place."""
     if not re.search('"(AXIS|axis)', tree()):
@@ -63,7 +70,7 @@ def windows(name):
 
 
 def state(machine, scenes, name):
-    values = {"window": windows(name), "mechanisms": []}
+    values = {"window": windows(name), "title": title(name), "mechanisms": []}
     for scene in scenes:
         values["mechanisms"].append({key: [machine.get(pin) for pin in pins] for key, pins in (
             ("joints", [f"joint.{joint['number']}.pos-fb" for joint in scene.joints]),
@@ -93,8 +100,8 @@ def described(ini):
     return [first, asked("2")] if first.is_of_pair else [first]
 
 
-def program(out, ini, name):
-    """Homes the machine and runs its program."""
+def home(out, ini, name):
+    """Homes the machine; returns what the picture of it needs."""
     scenes = described(ini)
     (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
     kept = wait_for_axis(name)
@@ -102,12 +109,17 @@ def program(out, ini, name):
     machine = Machine()
     machine.start()
     machine.wait(lambda: machine.get("pkmkins-panel.known"), 20, "travel left")
-    home = picture(machine, scenes, out, "home", name)
+    return kept, machine, scenes, picture(machine, scenes, out, "home", name)
+
+
+def program(out, ini, name):
+    """Homes the machine and runs its program."""
+    kept, machine, scenes, at_home = home(out, ini, name)
     machine.set_mode(linuxcnc.MODE_AUTO)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
     begin, gone, wanted = time.monotonic(), 0, MOTION
-    view, before = View(scenes, home["window"]), parts(scenes, home)
+    view, before = View(scenes, at_home["window"]), parts(scenes, at_home)
     while gone < wanted and time.monotonic() < begin + RUN_SECONDS:
         machine.pause(0.3)
         gone = farthest(view, before, parts(scenes, state(machine, scenes, name)))
@@ -127,14 +139,14 @@ def refused(out, _ini, _name):
     subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
 
 
-def bare(_out, _ini, _name):
+def bare(out, _ini, _name):
     """Homes a machine whose panel knows nothing."""
     wait(lambda: '"AXIS ' in tree() or '"axis' in tree(), "window of AXIS")
     kept = hal.component("screens")
     kept.ready()
     for part in ("pyvcp", "pkmkins-panel"):
         wait(lambda: hal.component_exists(part), part)
-    from machine import Machine
+    from machine import Machine, halcmd
     machine = Machine()
     machine.start()
     # As long as the panel would take to know.
@@ -142,6 +154,12 @@ def bare(_out, _ini, _name):
     assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
     assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
     switch_kinematics(machine)
+    # A refusal for the picture.
+    machine.command.abort()
+    halcmd("setp", "pkmkins.limit-iterations", "0")
+    machine.wait(lambda: machine.get("pkmkins.fault") == NO_ITERATIONS, 5, "a refusal")
+    time.sleep(SETTLE_SECONDS)
+    subprocess.run(["import", "-window", "root", str(out / "bare.png")], check=True, timeout=60)
     kept.exit()
 
 
@@ -171,7 +189,7 @@ def switch_kinematics(machine):
 
 def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
-    {"program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
+    {"home": home, "program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
 
 
 if __name__ == "__main__":

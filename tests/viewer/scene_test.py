@@ -10,6 +10,7 @@ import io
 import json
 import pathlib
 import random
+import re
 import struct
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import tempfile
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "viewer"))
 from pkmkins_mesh import MeshError, read as read_mesh
+from pkmkins_panel import count_legs, words
 from pkmkins_scene import Scene, SceneError, cross, norm, subtract
 
 # Some roundings of lengths of 1e3.
@@ -109,8 +111,30 @@ def shapes_failed():
     return failed
 
 
+def words_failed():
+    """What the panel says of a refusal is what the core says of it, without the value."""
+    ini = REPOSITORY / "configs/linear-delta/linear-delta.ini"
+    done = subprocess.run([sys.argv[1], "joints", ini, "9999", *"00000"], capture_output=True, text=True)
+    core = re.sub(r" \(value [^)]*\)", "", done.stderr.removeprefix("pkm: ")).strip()
+    pins = {"pkmkins.limit-soon": False, "pkmkins.fault": -19, "pkmkins.fault-leg": 0}
+    pins.update({f"pkmkins.base.{n}.x": 0.0 for n in range(3)})
+
+    def value(name):
+        if name not in pins:
+            raise RuntimeError(name)
+        return pins[name]
+
+    said = [words(value, count_legs(value))]
+    pins.update({"pkmkins.limit-soon": True, "pkmkins.limit-reason": -90, "pkmkins.limit-leg": 3})
+    said.append(words(value, count_legs(value)))
+    good = (said[0] == f"last: {core}" and said[1].endswith("\n" + said[0]) and
+            said[1].startswith("ahead: joint 3: the joint comes to the end of its range"))
+    print(f"{'PASS' if good else 'FAIL'} a refusal in words: {said[0]}")
+    return not good
+
+
 def main():
-    wrong, failed, chance = shapes_failed(), 0, random.Random(20)
+    wrong, failed, chance = shapes_failed() + words_failed(), 0, random.Random(20)
     inis = sorted(REPOSITORY.glob("configs/*/*.ini"))
     for ini in inis:
         worst, count = largest_difference(ini, chance)

@@ -6,12 +6,14 @@
 
 Of every configuration: AXIS comes up, the machine is homed and its program runs. A picture is made at
 home and one in the program. In both every part of the machine has to be where the scene's formulas and
-the window's projection say, in its colour; and the parts have to have moved. Two cases more: a program that
-the filter holds back, and a computer without the command `pkm`. `--out` keeps the pictures.
+the window's projection say, in its colour; and the parts have to have moved. More cases: a program that the
+filter holds back, a computer without the command `pkm`, and shapes from files, good and bad. `--out` keeps the pictures.
 Needs Xvfb, ImageMagick and Mesa's software GL.
 """
 
 import argparse
+import itertools
+import json
 import os
 import re
 import shutil
@@ -152,8 +154,46 @@ def without_the_command(out):
     return "homed, kinematics switched, without model and travel left"
 
 
+# A plate of 20 cm with 6 cm of height under it, in centimetres, and points of its front and its left side.
+BOX = ((-10, -10, -6), (10, 10, 0))
+PLACE = (0, 0, -60)
+SEEN = ((0, -100, -90), (60, -100, -90), (-60, -100, -80))
+
+
+def box():
+    """Its twelve triangles, as the STL of text."""
+    corners = [tuple(BOX[bit][k] for k, bit in enumerate(bits)) for bits in itertools.product((0, 1), repeat=3)]
+    faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    lines = ["solid box"]
+    for face in faces:
+        for n in ((0, 1, 2), (0, 2, 3)):
+            points = "".join("vertex {} {} {}\n".format(*corners[face[k]]) for k in n)
+            lines.append(f"facet normal 0 0 0\nouter loop\n{points}endloop\nendfacet")
+    return "\n".join([*lines, "endsolid", ""])
+
+
+def shapes_from_files(out):
+    """A platform with a shape, a frame whose file is 100 MB, a table whose file is missing, a broken spindle."""
+    def edit(ini):
+        ini.with_name("box.stl").write_text(box())
+        ini.with_name("broken.obj").write_text("v 0 0 0\nf 1 2 3\n")
+        with open(ini.with_name("huge.stl"), "wb") as huge:
+            huge.truncate(100_000_000)
+        keys = ["PLATFORM_MODEL = box.stl cm {} {} {}".format(*PLACE), "BASE_MODEL = huge.stl mm",
+                "TABLE_MODEL = missing.stl mm", "SPINDLE_MODEL = broken.obj mm"]
+        ini.write_text(ini.read_text().replace("[PKM]\n", "\n".join(["[PKM]", *keys, ""]), 1))
+
+    driven("hexapod", out, "home", edit)
+    title = json.loads((out / "home.json").read_text())["title"]
+    for text in ("base is drawn without its shape", "100 MB", "table is drawn without", "No such file",
+                 "spindle is drawn without", "not there"):
+        assert text in title, f"the window does not say {text}: {title}"
+    return drawn.has_shape(out, SEEN)
+
+
 # Beside the configurations.
-CASES = {"a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command}
+CASES = {"a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command,
+         "shapes-from-files": shapes_from_files}
 
 
 def run_one(name, out):

@@ -781,8 +781,8 @@ Arguments:
 Options:
       --mechanism <NUMBER>
           Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
-          Z A B C; without it check, boxes, run and preflight look at both, and all others at the
-          first
+          Z A B C; without it check, boxes, run, preflight and travel look at both, and all others
+          at the first
 
   -h, --help
           Print help (see a summary with '-h')

@@ -2,7 +2,7 @@
 //! How far the machine can go from a pose, along every letter by itself, both ways.
 //!
 //! The way to the end of the letter's range is followed as a move of a program is
-//! ([`crate::program::follow`]): up to the place that is found every limit is proved to be kept.
+//! (`follow`): up to the place that is found every limit is proved to be kept.
 
 use crate::program::both::Flights;
 use crate::program::findings::Break;

@@ -20,10 +20,10 @@ const INI: &str = "INI_FILE_NAME";
 ///     ngc = pkm filter
 ///     nc = pkm filter
 ///
-/// A program that fits comes out as it is. Of any other one the user interface shows every limit that it
-/// leaves with its first line and the reason, as `pkm preflight` does, and does not load it. How far the
-/// check is goes to the bar of the user interface. Where LinuxCNC cannot be run in virtual time the
-/// path alone is judged.
+/// A program that fits comes out as it is. Of any other one the user interface shows every
+/// limit that it leaves with its first line and the reason, as `pkm preflight` does, and does
+/// not load it. How far the check is goes to the bar of the user interface. Where LinuxCNC
+/// cannot be run in virtual time the path alone is judged.
 ///
 /// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
 #[derive(clap::Args, Debug)]

@@ -142,7 +142,7 @@ struct MachineFile {
     #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
     machine: PathBuf,
     /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
-    /// C; without it check, boxes, run and preflight look at both, and all others at the first
+    /// C; without it check, boxes, run, preflight and travel look at both, and all others at the first
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
     mechanism: Option<u8>,
 }
