@@ -173,25 +173,26 @@ fn points(lines: &[LineReport], of: impl Fn(&LineReport) -> Option<f64>) -> Vec<
 fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
     let lines = &report.lines;
     let end = lines.last().map_or(1.0, |line| f64::from(line.line));
-    let figure = |title: &str, about: &str, y: &str, limits: &[f64], lines: Vec<Line>| {
-        let lines: Vec<Line> = lines.into_iter().filter(|line| !line.points.is_empty()).collect();
-        if lines.is_empty() {
-            return Ok(None);
-        }
-        let strips: Vec<Strip> =
-            lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect();
-        let x = "line of the program";
-        let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[], dots: true };
-        let svg = drawn_strips(&sheet, &strips)?;
-        Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
-    };
+    let figure =
+        |title: &str, about: &str, y: &str, limits: &[f64], most: f64, lines: Vec<Line>| {
+            let lines = lines.into_iter().filter(|line| !line.points.is_empty());
+            let strip = |line| Strip { shown: [0.0, most], ..Strip::of(line, limits.to_vec()) };
+            let strips: Vec<Strip> = lines.map(strip).collect();
+            if strips.is_empty() {
+                return Ok(None);
+            }
+            let x = "line of the program";
+            let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[], dots: true };
+            let svg = drawn_strips(&sheet, &strips)?;
+            Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
+        };
     let high = |name: &str, of: &dyn Fn(&LineReport) -> Option<f64>| Line {
         name: name.into(),
         points: highest(&points(lines, of)),
     };
     let shares = vec![
-        high("drive", &|line| line.drive_share.map(|share| share.min(MOST_SHARE))),
-        high("depth of cut", &|line| line.margin.map(|margin| (1.0 / margin).min(MOST_SHARE))),
+        high("drive", &|line| line.drive_share),
+        high("depth of cut", &|line| line.margin.map(|margin| 1.0 / margin)),
     ];
     let yields = vec![
         high("deflection", &|line| line.deflection_um),
@@ -207,6 +208,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
              drawn there.",
             "share of the limit",
             &[1.0],
+            MOST_SHARE,
             shares,
         )?,
         figure(
@@ -214,6 +216,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "By the mean cutting force, by speeding up and braking, and by the teeth one after the other.",
             "way in µm",
             &[],
+            f64::INFINITY,
             yields,
         )?,
         figure(
@@ -221,6 +224,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "At the programmed spindle speeds. Good: above the thick black line, the depth of cut.",
             "depth in mm",
             &[report.depth_mm],
+            f64::INFINITY,
             vec![Line { name: "stable up to".into(), points: lowest(&limits) }],
         )?,
     ];

@@ -149,7 +149,7 @@ pub fn of_spectrum(
     let strip = |k: usize| {
         let theory = (!linear.is_empty()).then(|| line(linear, k, "linear theory"));
         let lines = std::iter::once(line(found, k, "motion in time")).chain(theory).collect();
-        Strip { name: AXES[k].into(), lines, limits: vec![] }
+        Strip::new(AXES[k], lines, vec![])
     };
     let strips = [0, 1, 2].map(strip);
     let caption = "Spectrum of the displacement of the tip";

@@ -13,7 +13,7 @@ use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
 use kinematics::{Joints, Letter, Limit};
 
-/// Rooms are drawn between here and 1: how far beyond a limit a program is stands in the table.
+/// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;
 
 /// Shares of limits are drawn up to here: a single leap would hide all others.
@@ -108,7 +108,7 @@ impl Sheet<'_> {
         let about = "How much of each limit is left while the program runs, as a share of its range; of \
                      several parts the one with the least. Good: all lines stay above the thick black \
                      line at 0. Bad: a line that reaches it or falls below: there the machine cannot go on.";
-        let strips = with_limits(lines, &[0.0]);
+        let strips = shown(with_limits(lines, &[0.0]), [LEAST_ROOM, 1.0]);
         self.figure("Room left to limits of the place", "share that is left", &strips, about)
     }
 
@@ -124,17 +124,14 @@ impl Sheet<'_> {
                      up and brake, and of how far they may lag behind their command (the following \
                      error). 1 is all of it: the drives rest. Good: all lines stay above the thick black line at 0. \
                      Bad: a line below it: the program asks more than a drive can do.";
-        let strips = with_limits(lines, &[0.0]);
+        let strips = shown(with_limits(lines, &[0.0]), [LEAST_ROOM, 1.0]);
         self.figure("Room left to limits of the motion", "share that is left", &strips, about)
     }
 
     /// Lowest values; none where there is no such limit.
     fn line(&self, name: &str, room: impl Fn(&Sample) -> f64) -> Option<Line> {
         let values = self.course.samples.iter().map(|s| (s.at, room(s)));
-        let values: Vec<(f64, f64)> = values
-            .filter(|(_, room)| *room < f64::INFINITY)
-            .map(|(at, room)| (at, room.clamp(LEAST_ROOM, 1.0)))
-            .collect();
+        let values: Vec<(f64, f64)> = values.filter(|(_, room)| *room < f64::INFINITY).collect();
         (!values.is_empty()).then(|| Line { name: name.into(), points: lowest(&values) })
     }
 
@@ -199,7 +196,7 @@ impl Sheet<'_> {
         let figure = |what: &str, meaning: &str, of: fn(&Sample) -> &Joints| {
             let line = |i: &usize| {
                 let values: Vec<_> =
-                    self.course.samples.iter().map(|s| (s.at, of(s)[*i].min(MOST_SHARE))).collect();
+                    self.course.samples.iter().map(|s| (s.at, of(s)[*i])).collect();
                 Line { name: self.config.joints[*i].name.clone(), points: highest(&values) }
             };
             let lines: Vec<Line> = group.joints.iter().map(line).collect();
@@ -207,7 +204,7 @@ impl Sheet<'_> {
                 "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it. \
                  What is above {MOST_SHARE} is drawn there."
             );
-            let strips = with_limits(lines, &[1.0]);
+            let strips = shown(with_limits(lines, &[1.0]), [0.0, MOST_SHARE]);
             self.figure(&format!("{what} of the {name}"), "share of the limit", &strips, &about)
         };
         Ok([
@@ -234,4 +231,9 @@ impl Sheet<'_> {
 /// One strip a line, all with the same limits.
 fn with_limits(lines: Vec<Line>, limits: &[f64]) -> Vec<Strip> {
     lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect()
+}
+
+/// Strips that are drawn between two values.
+fn shown(strips: Vec<Strip>, shown: [f64; 2]) -> Vec<Strip> {
+    strips.into_iter().map(|strip| Strip { shown, ..strip }).collect()
 }

@@ -42,16 +42,33 @@ pub(super) struct Strip {
     pub(super) name: String,
     pub(super) lines: Vec<Line>,
     pub(super) limits: Vec<f64>,
+    /// Values beyond are drawn at its ends: a single leap would hide all others. Beside the strip they are
+    /// named as they are.
+    pub(super) shown: [f64; 2],
 }
 
 impl Strip {
-    /// A line alone, which has the name.
-    pub(super) fn of(line: Line, limits: Vec<f64>) -> Self {
-        Self { name: line.name.clone(), lines: vec![line], limits }
+    pub(super) fn new(name: &str, lines: Vec<Line>, limits: Vec<f64>) -> Self {
+        Self { name: name.into(), lines, limits, shown: [f64::NEG_INFINITY, f64::INFINITY] }
     }
 
+    /// A line alone, which has the name.
+    pub(super) fn of(line: Line, limits: Vec<f64>) -> Self {
+        Self::new(&line.name.clone(), vec![line], limits)
+    }
+
+    /// Values as they are.
+    fn all(&self) -> impl Iterator<Item = f64> {
+        self.lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| !v.is_nan())
+    }
+
+    /// Values as they are drawn.
     fn values(&self) -> impl Iterator<Item = f64> {
-        self.lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite())
+        self.all().map(|value| self.drawn_at(value)).filter(|value| value.is_finite())
+    }
+
+    fn drawn_at(&self, value: f64) -> f64 {
+        value.clamp(self.shown[0], self.shown[1])
     }
 
     /// Limits that are drawn: all, or those no farther from the lines than these reach.
@@ -218,7 +235,9 @@ fn draw_strip(chart: &mut Chart, strip: &Strip, sheet: &Strips, end: f64) -> Res
     let lines = limits.iter().map(|limit| [(0.0, *limit), (end, *limit)]);
     chart.draw_series(lines.map(|ends| PathElement::new(ends, limit_style())))?;
     for (k, line) in strip.lines.iter().enumerate() {
-        draw_line(chart, line, k)?;
+        let points = line.points.iter().map(|(at, value)| (*at, strip.drawn_at(*value))).collect();
+        let line = Line { name: String::new(), points };
+        draw_line(chart, &line, k)?;
         if sheet.dots && line.points.len() <= DOTS {
             let points = line.points.iter().filter(|point| point.1.is_finite());
             chart.draw_series(points.map(|at| Circle::new(*at, 3, STYLES[k].0.filled())))?;
@@ -235,7 +254,7 @@ fn mark_line(chart: &Chart, at: f64) -> PathElement<(f64, f64)> {
 /// Name and range of a strip, to its right.
 fn describe(area: &Area, strip: &Strip, height: i32) -> Result<(), DrawError> {
     let x = (SIZE.0 - RIGHT + 14) as i32;
-    let (low, high) = span(strip.values());
+    let (low, high) = span(strip.all());
     let mut words = vec![];
     let range = |low: f64, high: f64| match rounded(low, high) {
         [low, high] if low == high => low,
@@ -273,6 +292,9 @@ fn wrapped(name: &str) -> String {
 
 /// Two values with the digits that tell them apart, four of them.
 fn rounded(low: f64, high: f64) -> [String; 2] {
+    if low == f64::NEG_INFINITY && high.is_finite() {
+        return ["-∞".into(), rounded(high, high)[1].clone()];
+    }
     let size = low.abs().max(high.abs()).max(f64::MIN_POSITIVE);
     let least = (high - low).max(1e-4 * size);
     let digits = (2.0 - least.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -331,10 +353,19 @@ mod tests {
     }
 
     #[test]
+    fn a_leap_is_named_and_hides_nothing() {
+        let leap = Strip { shown: [-0.3, 1.0], ..strip("a", 0.5, -40.0, &[0.0]) };
+        assert_eq!(leap.values().collect::<Vec<_>>(), [0.5, -0.3]);
+        let svg = drawn_strips(&sheet(true), &[leap]).unwrap();
+        assert!(svg.contains("-40 to 0.5") && !svg.contains("\n-40\n"), "{svg}");
+    }
+
+    #[test]
     fn values_are_written_with_the_digits_that_tell_them_apart() {
         assert_eq!(rounded(930.3001, 1069.778), ["930", "1070"]);
         assert_eq!(rounded(0.00261, 0.00266), ["0.00261", "0.00266"]);
         assert_eq!(rounded(-0.0001, 12.0), ["0", "12"]);
         assert_eq!(rounded(72.0, 72.0), ["72", "72"]);
+        assert_eq!(rounded(f64::NEG_INFINITY, 0.25), ["-∞", "0.25"]);
     }
 }
