@@ -24,10 +24,14 @@ export class Kinematics {
     this.joints = exports.most_joints();
     this.legs = exports.most_legs();
     this.marginLength = exports.margin_length();
+    // Behind joints and ratios, ends of legs, rotation, three places, and the conditioning.
+    this.countPlace = 2 * this.joints + 6 * this.legs + 9 + 9 + 1;
   }
 
+  /** The block of numbers that the kinematics take and give; their memory never grows. */
   numbers() {
-    return new Float64Array(this.exports.memory.buffer, this.exports.numbers(), this.exports.capacity());
+    this.block ??= new Float64Array(this.exports.memory.buffer, this.exports.numbers(), this.exports.capacity());
+    return this.block;
   }
 
   /** Everything about a pose with a tool vector, or a Refusal. */
@@ -38,6 +42,22 @@ export class Kinematics {
     const code = this.exports.draw();
     if (code !== 0) throw new Refusal(code, this.message());
     return this.answer(this.numbers());
+  }
+
+  /** The least share of the range that limits leave at a pose, NaN where it is refused; `isLeftOut` gets kind of part and
+   * its number. */
+  least(pose, tool, isLeftOut) {
+    const numbers = this.numbers();
+    numbers.set(pose);
+    numbers.set(tool, 6);
+    if (this.exports.draw() !== 0) return NaN;
+    const count = numbers[this.countPlace];
+    let least = Infinity;
+    for (let n = 0; n < count; n++) {
+      const at = this.countPlace + 1 + n * this.marginLength;
+      if (!isLeftOut(numbers[at + 1], numbers[at + 2])) least = Math.min(least, numbers[at + this.marginLength - 1]);
+    }
+    return least;
   }
 
   message() {

@@ -5,6 +5,8 @@
 const OLD = 2000;
 
 export function follow(page) {
+  // Only the first mechanism's pins are sent.
+  for (const { drawing } of page.mechanisms.slice(1)) drawing.group.visible = false;
   const source = new EventSource("events");
   let heard = 0;
   source.onmessage = ({ data }) => {
@@ -26,11 +28,17 @@ function show(page) {
   const { geometry_hash: own } = mechanisms[0].scene;
   if (live.geometry_hash !== null && live.geometry_hash !== own) {
     tell(page, `the module has another geometry: 0x${live.geometry_hash.toString(16).padStart(8, "0")}`, true);
+  } else if (!live.pose) {
+    tell(page, "running, but its pose is not known: pins are missing", true);
   } else {
     const line = live.line ? `, line ${live.line}` : "";
-    tell(page, live.fault ?? `running${line}`, live.fault !== null && live.fault !== undefined);
+    tell(page, live.fault ?? `running${line}${live.geometry_hash === null ? ", its geometry not compared" : ""}`, live.fault !== null && live.fault !== undefined);
   }
-  if (live.pose?.every((value) => Number.isFinite(value))) page.take(live.pose, live.tool ?? undefined, 0);
+  if (!live.pose) return;
+  const { scene, place } = mechanisms[0];
+  const tool = scene.sees_tool ? (live.tool ?? place.tool) : [0, 0, 0];
+  // At rest nothing is computed anew.
+  if (String([place.pose, place.tool]) !== String([live.pose, tool])) page.take(live.pose, tool, 0);
 }
 
 function tell(page, text, isBad) {

@@ -23,6 +23,7 @@ class Page {
     this.which = 0;
     const record = wanted();
     this.canvas = element("canvas", { class: "picture", tabindex: "0", "aria-label": "the machine in 3D" });
+    this.canvas.addEventListener("keydown", ({ key: pressed }) => pressed === " " && this.player?.toggle());
     this.size = Math.max(...mechanisms.map(sizeOf));
     this.refusals = mechanisms.map(() => undefined);
     for (const mechanism of mechanisms) this.build(mechanism);
@@ -32,8 +33,9 @@ class Page {
     this.stage = new Stage(this.canvas, this.size, this.box, letters, record !== undefined);
     for (const { drawing } of mechanisms) this.stage.scene.add(drawing.group);
     mechanisms[0].shapes.forEach((given) => this.addShape(given));
+    this.box = this.everything();
+    for (const { drawing, drawn } of mechanisms) drawing.buildCones(drawn);
     if (data.program) this.program = new Program(data.program);
-    if (this.program?.isEmpty) this.program = undefined;
     this.lay(record);
   }
 
@@ -44,7 +46,6 @@ class Page {
     mechanism.place = { pose: [...scene.home.pose], tool: [...tool] };
     mechanism.drawn = kinematics.at(scene.home.pose, tool);
     mechanism.drawing.place(mechanism.drawn);
-    mechanism.drawing.buildCones(mechanism.drawn);
   }
 
   /** A shape from a file, in the frame of its part. */
@@ -85,12 +86,14 @@ class Page {
   header() {
     const { title, error, program } = this.data;
     const hash = this.mechanisms.map(({ scene }) => `0x${scene.geometry_hash.toString(16).padStart(8, "0")}`).join(", ");
+    const cause = program?.report.time.not_judged;
     const fits = { true: "fits", false: "does not fit", null: "not judged" }[String(program?.report.fits ?? null)];
     const verdict = program && element("span", { class: `verdict ${fits.replaceAll(" ", "-")}` }, fits);
     this.state = element("span", { class: "state" });
     const about = program ? `${program.name.split("/").pop()}` : "";
     return element("header", {},
-      element("h1", {}, title), element("span", { class: "about" }, about), verdict, this.state,
+      element("h1", {}, title), element("span", { class: "about" }, about), verdict,
+      cause && element("span", { class: "about" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`), this.state,
       error && element("p", { class: "error", role: "alert" }, error),
       ...this.problems.map((text) => element("p", { class: "error", role: "alert" }, text)),
       element("span", { class: "hash" }, `geometry ${hash}`));
@@ -187,9 +190,27 @@ class Page {
   }
 }
 
+/** Length that the drawing is measured by: of the machine, guides included. */
 function sizeOf({ scene }) {
+  const guides = scene.legs.map((leg, i) => (leg.kind === "slider" ? [(scene.joints[i].max - scene.joints[i].min) * 0.7, 0, 0] : [0, 0, 0]));
   const lengths = scene.legs.flatMap((leg) => [leg.base, leg.platform, ...(leg.rod ? [[leg.rod, 0, 0]] : [])]);
-  return Math.max(...lengths.map((v) => Math.hypot(...v)));
+  return Math.max(...[...lengths, ...guides].map((v) => Math.hypot(...v)).filter(Number.isFinite));
+}
+
+/** Ranges without an end, which JSON does not know, as far as anybody looks: some sizes, or a turn. */
+function bounded(scene) {
+  const size = sizeOf({ scene });
+  const axes = scene.axes.map(({ letter, min, max }) => {
+    const k = "XYZABC".indexOf(letter);
+    const far = k < 3 ? 2 * size : 360;
+    const [hasMin, hasMax] = [min !== null, max !== null];
+    return { letter, hasMin, hasMax, min: hasMin ? min : scene.home.pose[k] - far, max: hasMax ? max : scene.home.pose[k] + far };
+  });
+  const joints = scene.joints.map((joint, i) => {
+    const [home, far] = [scene.home.joints[i], joint.unit === "degrees" ? 360 : size];
+    return { ...joint, min: joint.min ?? home - far, max: joint.max ?? home + far };
+  });
+  return { ...scene, axes, joints };
 }
 
 /** What tests and other programs may use: poses and times are taken, and all is told as numbers. */
@@ -224,7 +245,7 @@ async function start() {
   const module = await WebAssembly.compile(code);
   document.title = data.title;
   const mechanisms = await Promise.all(data.mechanisms.map(async (mechanism) => ({
-    ...mechanism, kinematics: await Kinematics.of(module, numbers(mechanism.numbers)), names: data.limits,
+    ...mechanism, scene: bounded(mechanism.scene), kinematics: await Kinematics.of(module, numbers(mechanism.numbers)),
   })));
   window.pkm = interfaceOf(new Page(data, mechanisms));
 }

@@ -11,7 +11,10 @@ import { limitsBox, workspace } from "./workspace.js";
 const LISTED = 9;
 
 /** Milliseconds of peace before what takes long is computed. */
-const PEACE = 120;
+const PEACE = 250;
+
+/** Milliseconds between two answers of what takes some. */
+const SOON = 400;
 
 export class Panel {
   constructor(page) {
@@ -71,31 +74,28 @@ export class Panel {
 
   /** Dragging the tool in the picture. */
   handles() {
-    const letters = this.page.current.scene.axes.map(({ letter }) => letter);
-    this.handle = this.page.stage.handle(letters, (place, turn) => {
-      const { current } = this.page;
-      // The control point is the tip and the tool vector.
-      const pose = [...place.map((value, k) => value + this.grip[k]), ...turn];
-      const moved = current.place.pose.map((value, k) => (letters.includes("XYZABC"[k]) ? pose[k] : value));
+    const letters = () => this.page.current.scene.axes.map(({ letter }) => letter);
+    const taken = (place) => (this.grip = { place, pose: [...this.page.current.place.pose] });
+    this.handle = this.page.stage.handle(letters, taken, (place, turn) => {
+      const wanted = [...place.map((value, k) => this.grip.pose[k] + value - this.grip.place[k]), ...turn];
+      const moved = this.grip.pose.map((value, k) => (letters().includes("XYZABC"[k]) ? wanted[k] : value));
       this.page.player?.pause();
       this.isDragged = true;
       this.page.take(moved);
       this.isDragged = false;
     });
     return choice("drag", ["drag: nothing", "drag: move", "drag: turn"], (name) => {
-      this.grip = this.page.current.place.tool;
       this.follow();
       this.handle.mode(name.slice(6) === "nothing" ? "none" : name.slice(6));
     });
   }
 
-  /** Keeps the handle at the tool. */
+  /** Keeps the handle at the tool's tip. */
   follow() {
-    if (this.isDragged || !this.grip) return;
-    const { pose, tool } = this.page.current.place;
-    this.grip = tool;
-    this.handle.proxy.position.set(...pose.slice(0, 3).map((value, k) => value - tool[k]));
-    this.handle.proxy.rotation.set(...pose.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
+    if (this.isDragged) return;
+    const { place, drawn } = this.page.current;
+    this.handle.proxy.position.set(...drawn.tip);
+    this.handle.proxy.rotation.set(...place.pose.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
   }
 
   views() {
@@ -118,7 +118,7 @@ export class Panel {
       space,
       this.section(),
     ];
-    if (page.program) all.push(...this.overTime());
+    if (page.program && !page.program.isEmpty) all.push(...this.overTime());
     return element("div", {}, ...all);
   }
 
@@ -159,8 +159,13 @@ export class Panel {
     this.joints.replaceChildren(...scene.joints.map((joint, i) => element("tr", {},
       element("td", {}, joint.name), element("td", {}, shown(drawn.joints[i], 4)), element("td", {}, joint.unit))));
     if (this.handle) this.follow();
+    // While the machine moves travel is told from time to time, and the workspace when it has come to rest.
+    this.travelWaits ??= setTimeout(() => {
+      this.travelWaits = undefined;
+      this.showTravel();
+    }, SOON);
     clearTimeout(this.waiting);
-    this.waiting = setTimeout(() => this.afterwards(), PEACE);
+    this.waiting = setTimeout(() => this.space(), PEACE);
   }
 
   showLimits(margins, names) {
@@ -177,19 +182,12 @@ export class Panel {
     }));
   }
 
-  /** What takes longer than a frame. */
-  afterwards() {
-    if (this.page.player?.isPlaying) return;
-    this.showTravel();
-    this.space();
-  }
-
   showTravel() {
     const { current, refusals, which } = this.page;
     const { kinematics, place } = current;
     const rows = refusals[which] ? [] : travel(kinematics, current, place.pose, place.tool);
     this.travel.replaceChildren(...rows.map(({ letter, sign, left, unit, end }) =>
-      element("tr", { title: end }, element("td", {}, `${sign > 0 ? "+" : "−"}${letter}`), element("td", {}, shown(left, 2)), element("td", {}, unit), element("td", {}, end.split(":")[0]))));
+      element("tr", { title: end }, element("td", {}, `${sign > 0 ? "+" : "−"}${letter}`), element("td", {}, shown(left, 2)), element("td", {}, unit), element("td", {}, end))));
   }
 
   space() {

@@ -18,13 +18,17 @@ export class Player {
     this.time = 0;
     this.rate = 1;
     this.isPlaying = false;
-    this.marks = this.program.report.breaks.map((told) => this.mark(told)).filter(({ time }) => time !== undefined);
-    this.root = element("section", { class: "player" }, this.bar(), this.middle());
+    this.marks = this.program.report.breaks.map((told) => this.mark(told));
+    this.root = element("section", { class: "player" }, this.program.isEmpty ? undefined : this.bar(), this.middle());
   }
 
   mark(told) {
-    const time = told.seconds ?? this.program.timeOf(told.line, told.pose);
-    return { time, line: told.line, text: `line ${told.line}: ${told.limit}: ${told.text}` };
+    const which = told.of_second ? 1 : 0;
+    const { coordinates, table } = this.page.mechanisms[which].scene;
+    const isOwn = told.file === 0;
+    const time = told.seconds ?? (isOwn ? this.program.timeOf(told.line, told.pose, which, coordinates + table) : undefined);
+    const place = isOwn ? `line ${told.line}` : `${this.program.report.files[told.file].split("/").pop()}, line ${told.line}`;
+    return { time, line: told.line, isOwn, text: `${place}: ${told.limit}: ${told.text}` };
   }
 
   bar() {
@@ -38,7 +42,7 @@ export class Player {
     this.told = element("output", {});
     const speed = choice("speed", SPEEDS, (name) => (this.rate = parseFloat(name)));
     speed.value = "1 ×";
-    const marks = element("div", { class: "marks" }, ...this.marks.map((mark) => {
+    const marks = element("div", { class: "marks" }, ...this.marks.filter(({ time }) => time !== undefined).map((mark) => {
       const flag = element("button", { class: "mark", title: mark.text, onclick: () => this.goTo(mark) }, "▼");
       flag.style.left = `${(100 * mark.time) / end}%`;
       return flag;
@@ -48,12 +52,15 @@ export class Player {
 
   middle() {
     const { program } = this;
-    const broken = new Set(this.marks.map(({ line }) => line));
+    const broken = new Set(this.marks.filter(({ isOwn }) => isOwn).map(({ line }) => line));
     this.rows = new Rows(program.text, LINE, (text, i) =>
       element("div", {
         class: `${i + 1 === this.line ? "now" : ""} ${broken.has(i + 1) ? "broken" : ""}`,
         onclick: () => this.goToLine(i + 1),
       }, element("b", {}, String(i + 1)), text));
+    const found = element("div", { class: "found" }, ...this.findings());
+    const text = element("div", { class: "program" }, found, this.rows.root);
+    if (program.isEmpty) return element("div", { class: "middle" }, text);
     this.groups = groups(program, this.page.mechanisms[0]);
     this.plot = element("div", { class: "plot" });
     this.curves = new Curves(this.plot, (time) => {
@@ -62,13 +69,13 @@ export class Player {
     });
     const names = [...this.groups.keys()];
     const list = choice("curves", names, (name) => this.curves.show(this.groups.get(name)));
-    const found = element("div", { class: "found" }, ...this.findings());
-    return element("div", { class: "middle" }, element("div", { class: "program" }, found, this.rows.root), element("div", { class: "curves" }, list, this.plot));
+    return element("div", { class: "middle" }, text, element("div", { class: "curves" }, list, this.plot));
   }
 
   findings() {
     const { time } = this.program.report;
-    const notJudged = time.not_judged && element("p", { class: "warning" }, `time not judged: ${JSON.stringify(time.not_judged)}`);
+    const cause = time.not_judged;
+    const notJudged = cause && element("p", { class: "warning" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`);
     const marks = this.marks.map((mark) => element("button", { class: "finding", onclick: () => this.goTo(mark) }, mark.text));
     const warnings = this.program.report.warnings.map(({ line, text }) => element("p", { class: "warning" }, line ? `line ${line}: ${text}` : text));
     return [notJudged, ...marks, ...warnings].filter((part) => part);
@@ -76,6 +83,7 @@ export class Player {
 
   /** Once the page is laid out. */
   start() {
+    if (this.program.isEmpty) return;
     this.curves.show([...this.groups.values()][0]);
     new ResizeObserver(() => this.curves.resize()).observe(this.plot);
     this.drawPath();
@@ -124,6 +132,7 @@ export class Player {
   }
 
   toggle() {
+    if (this.program.isEmpty) return;
     if (this.isPlaying) this.pause();
     else {
       if (this.time >= this.program.end) this.go(0);
@@ -148,10 +157,11 @@ export class Player {
     if (this.time >= this.program.end) this.pause();
   }
 
-  goTo({ time, line }) {
+  /** A mark whose moment the run did not come to leads to its line alone. */
+  goTo({ time, line, isOwn = true }) {
     this.pause();
-    this.go(time);
-    this.setLine(line);
+    if (time !== undefined) this.go(time);
+    if (isOwn) this.setLine(line);
   }
 
   goToLine(line) {
@@ -173,7 +183,8 @@ export class Player {
   setLine(line) {
     this.line = line;
     const { length_unit: unit } = this.page.mechanisms[0].scene;
-    this.told.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
     this.rows.go(Math.max(line - 1, 0));
+    if (this.program.isEmpty) return;
+    this.told.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
   }
 }

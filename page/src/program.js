@@ -5,6 +5,9 @@ import { columns } from "./unpack.js";
 /** Numbers of a mechanism in a point: x y z a b c, tool x y z. */
 const VALUES = 9;
 
+/** Moments at which a line is looked at for a place in it. */
+const MOST_LOOKS = 4000;
+
 /** The last place whose value is at most this one. */
 export function before(values, value) {
   let [low, high] = [0, values.length - 1];
@@ -61,18 +64,21 @@ export class Program {
     return to > from ? Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / (to - from) : 0;
   }
 
-  /** When a line begins; with a pose, when it comes nearest to it. */
-  timeOf(line, pose) {
-    const starts = this.lineNumbers.indexOf(line);
-    if (starts < 0) return undefined;
-    const from = this.lineTimes[starts];
-    if (!pose) return from;
-    const to = this.lineTimes[starts + 1] ?? this.end;
-    let best = { time: from, distance: Infinity };
-    for (let n = 0; n <= 200; n++) {
-      const time = from + (n / 200) * (to - from);
-      const distance = Math.hypot(...this.at(time).pose.map((value, k) => value - pose[k]));
-      if (distance < best.distance) best = { time, distance };
+  /** When a line begins first; with a pose of mechanism `which`, when the line comes nearest to it in these letters. */
+  timeOf(line, pose, which = 0, letters = "XYZABC") {
+    const starts = Array.from(this.lineNumbers.keys()).filter((i) => this.lineNumbers[i] === line);
+    if (starts.length === 0) return undefined;
+    if (!pose) return this.lineTimes[starts[0]];
+    const looks = Math.max(Math.round(MOST_LOOKS / starts.length), 2);
+    let best = { distance: Infinity };
+    for (const start of starts) {
+      const [from, to] = [this.lineTimes[start], this.lineTimes[start + 1] ?? this.end];
+      for (let n = 0; n <= looks; n++) {
+        const time = from + (n / looks) * (to - from);
+        const own = this.at(time, which).pose;
+        const distance = Math.hypot(...own.map((value, k) => (letters.includes("XYZABC"[k]) ? value - pose[k] : 0)));
+        if (distance < best.distance) best = { time, distance };
+      }
     }
     return best.time;
   }

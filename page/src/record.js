@@ -24,7 +24,7 @@ export class Recorder {
     const sheet = document.createElement("canvas");
     Object.assign(sheet, { width, height });
     const frames = Array.from({ length: count }, (_, n) => {
-      if (page.player) page.player.go((page.program.end * (first + n)) / Math.max(all - 1, 1));
+      if (page.player && !page.program.isEmpty) page.player.go((page.program.end * (first + n)) / Math.max(all - 1, 1));
       page.stage.redraw();
       page.stage.draw();
       return this.frame(sheet).toDataURL("image/png");
@@ -44,9 +44,9 @@ export class Recorder {
     pen.fillStyle = "#16202a";
     pen.fillText(page.data.title, size, 1.8 * size);
     pen.font = `${0.85 * size}px sans-serif`;
-    if (page.player) {
+    if (page.player && !page.program.isEmpty) {
       const { time, line, program } = page.player;
-      pen.fillText(`${shown(time, 2)} s · line ${line}: ${program.text[line - 1]?.trim() ?? ""}`, size, sheet.height - size);
+      pen.fillText(`${shown(time, 2)} s · line ${line}: ${program.text[line - 1]?.trim() ?? ""}`, size, sheet.height - size, sheet.width - 2 * size);
     }
     return sheet;
   }

@@ -54,6 +54,7 @@ export class Stage {
     this.camera = new THREE.PerspectiveCamera(35, 1, size / 500, size * 60);
     this.camera.up.copy(this.frame[1]);
     this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.listenToKeyEvents(canvas);
     this.addLights();
     this.work = new THREE.Group();
     this.path = new THREE.Group();
@@ -173,8 +174,9 @@ export class Stage {
     this.redraw();
   }
 
-  /** Lets a point be dragged; `moved` gets its place and its turn. */
-  handle(letters, moved) {
+  /** Lets a point be dragged along and about `letters()`; `taken` is told when it is grasped, `moved` gets its place and
+   * turn. */
+  handle(letters, taken, moved) {
     const proxy = new THREE.Object3D();
     proxy.rotation.order = "ZYX";
     this.scene.add(proxy);
@@ -185,12 +187,15 @@ export class Stage {
     const mode = (name) => {
       handle.setMode(name === "turn" ? "rotate" : "translate");
       const own = name === "turn" ? "ABC" : "XYZ";
-      [handle.showX, handle.showY, handle.showZ] = [...own].map((letter) => letters.includes(letter));
+      [handle.showX, handle.showY, handle.showZ] = [...own].map((letter) => letters().includes(letter));
       handle.enabled = name !== "none";
       handle.getHelper().visible = name !== "none";
       this.redraw();
     };
-    handle.addEventListener("dragging-changed", ({ value }) => (this.controls.enabled = !value));
+    handle.addEventListener("dragging-changed", ({ value }) => {
+      this.controls.enabled = !value;
+      if (value) taken(proxy.position.toArray());
+    });
     handle.addEventListener("change", () => this.redraw());
     handle.addEventListener("objectChange", () => moved(proxy.position.toArray(), degrees(proxy.rotation)));
     mode("none");

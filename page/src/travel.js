@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // How far a mechanism gets from a pose along each of its coordinates.
 import { Refusal, key } from "./kinematics.js";
+import { PART } from "./mechanism.js";
 
 /** Steps of the way to the end of an axis, and halvings of the step in which a limit breaks. */
 const STEPS = 100;
 const HALVINGS = 20;
 
-/** Why a pose cannot be, or nothing. */
-export function refusal(kinematics, limits, pose, tool) {
+/** What a pose breaks beside the range of its own axis. */
+function broken(kinematics, limits, pose, tool, k) {
   try {
-    const broken = kinematics.at(pose, tool).margins.find(({ share }) => share < 0);
-    return broken && limits[key(broken)]?.part;
+    const found = kinematics.at(pose, tool).margins.find(({ share, kind, first }) => share < 0 && !(kind === PART.axis && first === k));
+    return found ? `${limits[key(found)].part}: ${limits[key(found)].limit}` : "";
   } catch (error) {
-    if (error instanceof Refusal) return error.message;
+    if (error instanceof Refusal) return error.message.split(";")[0];
     throw error;
   }
 }
@@ -22,24 +23,25 @@ export function travel(kinematics, { scene, limits }, pose, tool) {
   return scene.axes.flatMap((axis) => [-1, 1].map((sign) => {
     const k = "XYZABC".indexOf(axis.letter);
     const most = Math.max(sign > 0 ? axis.max - pose[k] : pose[k] - axis.min, 0);
-    const at = (way) => pose.map((value, i) => (i === k ? value + sign * way : value));
-    const why = (way) => refusal(kinematics, limits, at(way), tool);
-    let kept = 0;
-    let end = "axis limit";
+    const place = [...pose];
+    const isKept = (way) => {
+      place[k] = pose[k] + sign * way;
+      return kinematics.least(place, tool, (kind, first) => kind === PART.axis && first === k) >= 0;
+    };
+    let [kept, end] = [0, axis[sign > 0 ? "hasMax" : "hasMin"] ? "axis range" : "no limit so far"];
     for (let n = 0; n <= STEPS; n++) {
-      const way = (most * n) / STEPS;
-      const reason = why(way);
-      if (reason === undefined) {
+      let way = (most * n) / STEPS;
+      if (isKept(way)) {
         kept = way;
         continue;
       }
-      end = reason;
-      let broken = way;
-      for (let i = 0; i < HALVINGS; i++) {
-        const middle = (kept + broken) / 2;
-        if (why(middle) === undefined) kept = middle;
-        else broken = middle;
+      for (let i = 0; i < HALVINGS && way > kept; i++) {
+        const middle = (kept + way) / 2;
+        if (isKept(middle)) kept = middle;
+        else way = middle;
       }
+      place[k] = pose[k] + sign * way;
+      end = broken(kinematics, limits, place, tool, k);
       break;
     }
     return { letter: axis.letter, sign, left: kept, unit: k < 3 ? scene.length_unit : "°", end };

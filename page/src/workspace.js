@@ -16,12 +16,8 @@ const OUTSIDE = -0.05;
 
 /** Least share of room at a pose; negative where a limit is broken or nothing is reached. */
 function room(kinematics, pose, tool) {
-  try {
-    const { margins } = kinematics.at(pose, tool);
-    return margins.filter(({ kind }) => kind !== PART.axis).reduce((least, { share }) => Math.min(least, share), 1);
-  } catch {
-    return OUTSIDE;
-  }
+  const least = kinematics.least(pose, tool, (kind) => kind === PART.axis);
+  return Number.isNaN(least) ? OUTSIDE : Math.max(Math.min(least, 1), -1);
 }
 
 /** Axis limits with a share of their range about them; nothing where a letter does not move. */

@@ -185,7 +185,9 @@ def switched(machine, to_type_1, to_type_0):
     assert moved < 1e-9, f"a joint moved by {moved} in the switch"
     assert_close(machine.pose(), pose, 1e-8, "pose before and after the switch")
     machine.poll()
-    assert not machine.messages, f"messages: {machine.messages}"
+    # LinuxCNC's sample shows a text of its own when it starts, sooner or later.
+    told = [text for _, text in machine.messages if "ini: set offsets" not in text]
+    assert not told, f"messages: {told}"
     return {"moved": moved, "pose": pose}
 
 

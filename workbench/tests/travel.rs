@@ -29,6 +29,18 @@ fn free(machine: &str) -> MachineConfig {
 }
 
 #[test]
+fn a_long_way_is_followed_to_its_end() {
+    let mut config = config("triaglide");
+    config.programmed[0].max = 1e5;
+    config.joints.iter_mut().for_each(|joint| joint.max = 9000.0);
+    let found = travel(&config, &Stand::home(&config)).unwrap();
+    let plus = &found[0].plus;
+    // From the middle of the guides, as far as the carriages in front go.
+    assert!(plus.left.is_some_and(|left| left > 5000.0 && left < 9000.0), "{plus:?}");
+    assert!(plus.stop.as_ref().is_some_and(|stop| stop.contains("carriage")), "{plus:?}");
+}
+
+#[test]
 fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_not() {
     let mut rng = Pcg64::seed_from_u64(22);
     let mut stopped = 0;

@@ -146,6 +146,11 @@ fn moved(mechanism: &MachineConfig) -> impl Iterator<Item = Letter> {
     Letter::ALL.into_iter().filter(move |letter| !layout.is_held(*letter))
 }
 
+/// Letters that have a way, in LinuxCNC's order.
+pub fn letters(config: &MachineConfig) -> String {
+    ways(config).iter().map(|way| POSE_LETTERS[way.place]).collect()
+}
+
 fn ways(config: &MachineConfig) -> Vec<Way> {
     let mut ways: Vec<Way> = vec![];
     for mechanism in config.mechanisms() {
@@ -190,8 +195,19 @@ fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
 fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
     let sign = [-1.0, 1.0][end];
     let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
-    let most = if way.is_angle { TURN } else { FAR * config.machine.size() };
-    let part = free.min(most) / f64::from(PARTS);
+    // A turn repeats everything but the letter's own range; of a length all is followed that has an end.
+    let far = FAR * config.machine.size();
+    let followed = match way.is_angle {
+        true => free.min(TURN),
+        false => {
+            if free.is_finite() {
+                free
+            } else {
+                far
+            }
+        }
+    };
+    let part = followed / f64::from(PARTS);
     let mut at = stand.clone();
     for n in 0..PARTS {
         let mut next = at.clone();

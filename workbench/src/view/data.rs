@@ -25,8 +25,6 @@ const MOST_BYTES: u64 = 20_000_000;
 pub struct Data {
     version: u32,
     title: String,
-    /// Names of limits, as the page's kinematics number them.
-    limits: Vec<&'static str>,
     mechanisms: Vec<Mechanism>,
     /// Whether the machine is shown as it runs.
     is_live: bool,
@@ -45,7 +43,7 @@ struct Mechanism {
     numbers: String,
     /// Names and units of limits, by [`key`].
     limits: BTreeMap<String, Named>,
-    /// Its spindle offset as a tool vector.
+    /// Its tool vector without a tool.
     tool: [f64; 3],
     /// Shapes of parts.
     shapes: Vec<Shape>,
@@ -137,13 +135,17 @@ impl Data {
         Self {
             version: VERSION,
             title: stem.to_string_lossy().into_owned(),
-            limits: Limit::ALL.iter().map(|limit| limit.name()).collect(),
             mechanisms,
             problems,
             is_live,
             program: None,
             error: None,
         }
+    }
+
+    /// Whether it shows a program in motion.
+    pub fn moves(&self) -> bool {
+        self.program.as_ref().is_some_and(|program| program.points.rows > 1)
     }
 
     /// What is drawn without its shape, and why.
@@ -210,7 +212,7 @@ impl Mechanism {
             scene: Scene::new(config),
             numbers: BASE64_STANDARD.encode(bytes),
             limits: named(config),
-            tool: config.spindle.into(),
+            tool: config.chain.machine_tool(&config.spindle).into(),
             shapes: vec![],
         }
     }

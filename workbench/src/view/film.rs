@@ -145,7 +145,14 @@ impl Camera {
         let mut sink = ffmpeg.stdin.take().expect("its standard input is a pipe");
         let mut written = Ok(());
         for first in (0..all).step_by(AT_A_TIME) {
-            let frames = self.frames(first..all.min(first + AT_A_TIME), all)?;
+            let frames = match self.frames(first..all.min(first + AT_A_TIME), all) {
+                Ok(frames) => frames,
+                Err(error) => {
+                    drop(sink);
+                    ffmpeg.wait()?;
+                    return Err(error);
+                }
+            };
             written = frames.iter().try_for_each(|frame| sink.write_all(frame));
             if written.is_err() {
                 break;

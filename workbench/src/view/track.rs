@@ -3,13 +3,16 @@
 //!
 //! A point is kept where the straight line from the last one kept would leave a cycle between them by more
 //! than a tolerance. When there are too many points the tolerance is doubled, and the points that are there
-//! are thinned by it: so that a day takes as much memory as a minute.
+//! are thinned by it: so that a day takes as much memory as a minute. Times of lines are kept up to a number.
 
 use crate::control::row::Row;
 use crate::read::machine::MachineConfig;
 
 /// Most points: a browser draws as many in every frame.
 pub const MOST_POINTS: usize = 20_000;
+
+/// Most stretches of lines whose beginning is kept; behind them the last line stays.
+const MOST_LINES: usize = 1_000_000;
 
 /// First tolerance of a length, as a share of the machine's size, and of an angle in degrees: less than a
 /// picture shows.
@@ -65,10 +68,15 @@ impl Track {
         if config.second.is_some() {
             values.extend(row.second.pose.iter().chain(&row.second.tool));
         }
-        if self.lines.last().is_none_or(|(_, line)| *line != row.line) {
+        let is_new = self.lines.last().is_none_or(|(_, line)| *line != row.line);
+        if is_new && self.lines.len() < MOST_LINES {
             self.lines.push((at, row.line));
         }
         self.end = at;
+        // Nothing is drawn of a pose that the carrying axes have no place for.
+        if values.iter().any(|value| !value.is_finite()) {
+            return;
+        }
         self.thinner.take(Point { at, values });
         if self.thinner.points.len() > MOST_POINTS {
             self.coarsen();

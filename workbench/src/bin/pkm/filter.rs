@@ -25,7 +25,8 @@ const INI: &str = "INI_FILE_NAME";
 /// not load it. How far the check is goes to the bar of the user interface. Where LinuxCNC
 /// cannot be run in virtual time the path alone is judged.
 ///
-/// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
+/// Exit status: 0 where nothing that was judged breaks, 1 where something does, 2 where the program or the
+/// machine cannot be read.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {

@@ -5,7 +5,7 @@ use super::failure::{Failure, refused};
 use super::joints::Tool;
 use super::{MachineFile, Verdict, told};
 use kinematics::{POSE_LETTERS, Vector3};
-use pkm::program::travel::{Side, Stand, Travel, travel};
+use pkm::program::travel::{Side, Stand, Travel, letters, travel};
 use pkm::read::machine::MachineConfig;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
@@ -90,11 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 /// Place and value of a word such as `X20`.
 fn word_of(config: &MachineConfig, word: &str) -> Result<(usize, f64), Failure> {
-    let home = Stand::home(config);
-    let letters: String = match travel(config, &home) {
-        Ok(found) => found.iter().map(|travel| travel.letter).collect(),
-        Err(fault) => return Err(fault.into()),
-    };
+    let letters = letters(config);
     let letter = word.chars().next().map(|letter| letter.to_ascii_uppercase());
     let place = POSE_LETTERS.iter().position(|known| Some(*known) == letter);
     let value =

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm view`.
 
-use super::failure::{Failure, tell_error};
+use super::failure::{Failure, refused, tell_error};
 use super::preflight::{self, Judging};
 use super::{Bar, MachineFile, Verdict};
 use pkm::files::{Folder, Locate, Whole, write_whole};
@@ -93,6 +93,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(file) = html(arguments, &config) {
         write_whole(&file, &page)?;
     }
+    if arguments.video.is_some() && !data.moves() {
+        return Err(refused("no video: the program does not run, as told above"));
+    }
     if arguments.video.is_some() || arguments.picture.is_some() {
         draw(arguments, &page)?;
     }
@@ -103,7 +106,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 fn html(arguments: &Arguments, config: &MachineConfig) -> Option<PathBuf> {
     let is_drawn = arguments.video.is_some() || arguments.picture.is_some();
     let stem = config.file.file_stem().unwrap_or_default();
-    let own = (!is_drawn).then(|| Path::new(stem).with_extension("html"));
+    let own = (!is_drawn).then(|| PathBuf::from(format!("{}.html", stem.to_string_lossy())));
     arguments.html.clone().or(own)
 }
 
@@ -127,8 +130,8 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
         let bar = Bar::new("drawing the video");
         let all = (arguments.video_seconds * film::RATE as f64).round() as usize;
         let made = folder.path().join("video.mp4");
-        let mut whole = Whole::new(file)?;
         camera.film(all, &made, |share| bar.set(share))?;
+        let mut whole = Whole::new(file)?;
         std::io::copy(&mut std::fs::File::open(&made).at(&made)?, &mut whole).at(file)?;
         whole.finish()?;
     }
@@ -156,7 +159,7 @@ fn of_program(
         }
     };
     if let Time::NotJudged(cause) = &answer.found.time {
-        tell_error(&format!("the machine is not shown in motion: {cause}"));
+        tell_error(&format!("time is not judged: {cause}"));
     }
     let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
     let report = serde_json::to_value(&answer)?;
