@@ -19,7 +19,7 @@ import sys
 import time
 
 sys.path.append(os.path.dirname(os.path.realpath(__file__)))
-from pkmkins_causes import CAUSES  # noqa: E402
+from pkmkins_refusal import count_legs, sentence  # noqa: E402
 
 PERIOD = 0.04
 
@@ -128,13 +128,8 @@ class Values:
         return None if None in values else values
 
     def fault(self):
-        code = self.pin("pkmkins.fault")
-        if not code:
-            return None
-        leg = self.pin("pkmkins.fault-leg")
-        where = f"leg or joint {leg}: " if leg is not None and leg >= 0 else ""
-        what, way = CAUSES.get(code, ("the kinematics refuse", "see the list of causes"))
-        return f"{where}{what}; {way} (code {code})"
+        code, leg = self.pin("pkmkins.fault"), self.pin("pkmkins.fault-leg")
+        return sentence(code, -1 if leg is None else leg, count_legs(self.value)) if code else None
 
     def now(self):
         machine, code = self.machine, self.pin("pkmkins.geometry-hash")

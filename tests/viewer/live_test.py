@@ -142,6 +142,7 @@ def test_pins_that_are_missing_are_null(_):
     machine = pkmkins_pins.Machine(INI)
     assert list(machine.joints) == list(range(6)) and machine.extra == {}
     pins = {f"pkmkins.{letter}": 1.5 for letter in "xyzab"} | {f"joint.{n}.pos-fb": float(n) for n in range(6)}
+    pins |= {f"pkmkins.base.{n}.x": 0.0 for n in range(6)}
     pins |= {"pkmkins.geometry-hash": -2, "pkmkins.fault": -33, "pkmkins.fault-leg": 4,
              "pkmkins.tool-offset-eff-x": float("nan")}
 
@@ -154,7 +155,8 @@ def test_pins_that_are_missing_are_null(_):
     # C is missing, and so is the rest of the tool.
     assert state["pose"] is None and state["tool"] is None
     assert state["joints"] == [0, 1, 2, 3, 4, 5] and state["geometry_hash"] == 2**32 - 2
-    assert "leg or joint 4: the joint values cannot be reached" in state["fault"] and "(code -33)" in state["fault"]
+    assert state["fault"].startswith("leg 4: the joint values cannot be reached"), state["fault"]
+    assert state["fault"].endswith("[code -33]"), state["fault"]
     json.dumps(state, allow_nan=False)
 
 

@@ -19,7 +19,8 @@ import tempfile
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "viewer"))
 from pkmkins_mesh import MeshError, read as read_mesh
-from pkmkins_panel import count_legs, words
+from pkmkins_panel import words
+from pkmkins_refusal import count_legs
 from pkmkins_scene import Scene, SceneError, cross, norm, subtract
 
 # Some roundings of lengths of 1e3.

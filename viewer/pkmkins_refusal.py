@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Why the kinematics refused something, in words, from what pins say."""
+
+import os
+import sys
+
+sys.path.append(os.path.dirname(os.path.realpath(__file__)))
+from pkmkins_causes import CAUSES  # noqa: E402
+
+
+def count_legs(value):
+    """Legs of the module: joints behind them are called joints; `value` reads a pin."""
+    count = 0
+    try:
+        while True:
+            value(f"pkmkins.base.{count}.x")
+            count += 1
+    except (RuntimeError, TypeError, ValueError):
+        return count
+
+
+def sentence(code, number, legs):
+    """As the module tells it to the operator, without the value, which no pin holds."""
+    text, remedy = CAUSES.get(code, ("a cause that this version does not know", "see docs/causes.md"))
+    part = "" if number < 0 else f"leg {number}: " if number < legs else f"joint {number}: "
+    return f"{part}{text}; {remedy} [code {code}]"
