@@ -62,8 +62,10 @@ impl Panel {
         sheet.kinematics(config);
         sheet.refusals();
         sheet.close("pyvcp");
+        // A comment of XML has no two hyphens together.
+        let spaced = name.replace("--", "- -");
         let widgets = format!(
-            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- Made by pkm panel from {name}.ini. -->\n{}",
+            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- Made by pkm panel from {spaced}.ini. -->\n{}",
             sheet.widgets
         );
         Self { widgets, wiring: sheet.wiring(config, name) }

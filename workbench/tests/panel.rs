@@ -77,6 +77,16 @@ fn both_files_are_written_beside_the_machine_or_into_a_folder_and_nothing_where_
     assert!(bench.0.path().join("a/b/linear-delta-panel.tcl").exists());
     let before = bench.files();
     assert!(bench.answer("panel linear-delta.ini --output-dir file/a", "").ends_with("exit 2\n"));
+    let odd = Bench::new().with("my[delta].ini", &fs::read_to_string(ini("linear-delta")).unwrap());
+    let files = odd.files();
+    let answer = odd.answer("panel my[delta].ini", "");
+    assert!(
+        answer.contains("my[delta].ini: the name holds '['") && answer.ends_with("exit 2\n"),
+        "{answer}"
+    );
+    assert_eq!(odd.files(), files);
+    let hyphens = Panel::new(&config("hexapod"), "hexa--pod");
+    assert!(!hyphens.widgets.contains("hexa--pod"));
     assert!(bench.answer("panel none.ini", "").ends_with("exit 2\n"));
     assert_eq!(bench.files(), before);
     assert_eq!(bench.answer("panel linear-delta.ini", ""), lines);

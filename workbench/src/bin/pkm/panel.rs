@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm panel`.
 
-use super::failure::Failure;
+use super::failure::{Failure, refused};
 use super::{Verdict, told};
 use pkm::files::{Locate, write_whole};
 use pkm::panel::Panel;
@@ -30,6 +30,13 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = MachineConfig::read(&arguments.machine)?;
     let name = config.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    if let Some(odd) = name.chars().find(|c| !(c.is_alphanumeric() || "-_.+".contains(*c))) {
+        return Err(refused(format!(
+            "{}: the name holds {odd:?}, on which LinuxCNC parts the names of HAL files: rename the file with \
+             letters, digits, - and _",
+            config.file.display()
+        )));
+    }
     let beside = config.file.parent().unwrap_or(Path::new(""));
     let folder = arguments.output_dir.as_deref().unwrap_or(beside);
     let Panel { widgets, wiring } = Panel::new(&config, &name);
