@@ -70,3 +70,33 @@ fn without_a_machine_or_with_a_program_that_does_not_parse_nothing_comes_out() {
     let output = filtered(Some(&machine), &place.path().join("none.ngc"));
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
 }
+
+#[test]
+fn a_program_whose_time_is_not_judged_is_held_back_unless_its_path_is_enough() {
+    let place = tempfile::tempdir().unwrap();
+    let machine = place.path().join("linear-delta.ini");
+    let [ini, tools] =
+        ["ini", "tbl"].map(|end| folder("linear-delta").join(format!("linear-delta.{end}")));
+    let text = std::fs::read_to_string(ini).unwrap();
+    // Of another LinuxCNC.
+    std::fs::write(&machine, text.replace("[TRAJ]\n", "[TRAJ]\nPLANNER_TYPE = 1\n")).unwrap();
+    std::fs::copy(tools, place.path().join("linear-delta.tbl")).unwrap();
+    let program = place.path().join("fits.ngc");
+    std::fs::write(&program, "G21 G90\nG1 F600 X1\nM2\n").unwrap();
+    let filter = |options: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+        command.arg("filter").args(options).arg(&program).env("INI_FILE_NAME", &machine);
+        command.output().unwrap()
+    };
+    let held = filter(&[]);
+    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
+    let text = told(&held);
+    assert!(
+        text.contains("fits, its speeds are not judged: ") && text.contains("PLANNER_TYPE"),
+        "{text}"
+    );
+    assert!(text.contains("--path-is-enough"), "{text}");
+    let let_through = filter(&["--path-is-enough"]);
+    assert_eq!(let_through.status.code(), Some(0), "{}", told(&let_through));
+    assert_eq!(let_through.stdout, std::fs::read(&program).unwrap());
+}

@@ -2,7 +2,7 @@
 //! `pkm filter`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::preflight::misfits;
+use super::preflight::{Judgement, judgement};
 use super::{MachineFile, Verdict};
 use pkm::files::Locate;
 use std::io::Write;
@@ -22,11 +22,11 @@ const INI: &str = "INI_FILE_NAME";
 ///
 /// A program that fits comes out as it is. Of any other one the user interface shows every
 /// limit that it leaves with its first line and the reason, as `pkm preflight` does, and does
-/// not load it. How far the check is goes to the bar of the user interface. Where LinuxCNC
-/// cannot be run in virtual time the path alone is judged.
+/// not load it. How far the check is goes to the bar of the user interface. A program is held
+/// back as well where LinuxCNC could not run it in virtual time, so that speeds and messages are
+/// not judged, with the reason; --path-is-enough lets it through where its path fits.
 ///
-/// Exit status: 0 where nothing that was judged breaks, 1 where something does, 2 where the program or the
-/// machine cannot be read.
+/// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -36,6 +36,9 @@ pub struct Arguments {
     /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
     machine: Option<PathBuf>,
+    /// Lets a program through whose path fits where speeds and messages could not be judged
+    #[arg(long)]
+    path_is_enough: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -47,16 +50,32 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     let program = &arguments.program;
     let text = std::fs::read(program).at(program)?;
-    let found = misfits(&MachineFile { machine, mechanism: None }, program)?;
-    if found.is_empty() {
+    let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
+    let (verdict, reasons) = match judgement {
+        Judgement::Fits => (Verdict::Fits, vec![]),
+        Judgement::NotJudged(_) if arguments.path_is_enough => (Verdict::Fits, vec![]),
+        Judgement::NotJudged(cause) => (
+            Verdict::Unjudged,
+            vec![
+                format!(
+                    "the path of {} fits, its speeds are not judged: {cause}",
+                    program.display()
+                ),
+                "`pkm filter --path-is-enough` in [FILTER] lets such programs through".into(),
+            ],
+        ),
+        Judgement::Misfit(reasons) => {
+            let head = format!("{} does not fit the machine\n", program.display());
+            (Verdict::Misfit, [vec![head], reasons].concat())
+        }
+    };
+    for reason in &reasons {
+        tell_error(reason);
+    }
+    if verdict == Verdict::Fits {
         let mut out = std::io::stdout().lock();
         out.write_all(&text)?;
         out.flush()?;
-        return Ok(Verdict::Fits);
     }
-    tell_error(&format!("{} does not fit the machine\n", program.display()));
-    for told in &found {
-        tell_error(told);
-    }
-    Ok(Verdict::Misfit)
+    Ok(verdict)
 }

@@ -148,15 +148,28 @@ impl Answer {
     }
 }
 
-/// What of a program does not fit a machine, in a sentence each: its path, and what LinuxCNC makes of it
-/// where it can be run.
-pub fn misfits(machine: &MachineFile, program: &Path) -> Result<Vec<String>, Failure> {
+/// What a user interface asks of a program.
+pub enum Judgement {
+    /// Everything was judged, and nothing breaks.
+    Fits,
+    /// The path fits; why nothing is known of what depends on time.
+    NotJudged(String),
+    /// What does not fit, in a sentence each.
+    Misfit(Vec<String>),
+}
+
+/// Whether a program fits a machine: its path, and what LinuxCNC makes of it.
+pub fn judgement(machine: &MachineFile, program: &Path) -> Result<Judgement, Failure> {
     let config = machine.read_all()?;
     let answer = judged(&config, &Judging::of_filter(), program, &mut |_| {})?;
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
     let told = |told| in_a_sentence(&config, told, &answer.files, &blocks);
-    Ok(answer.found.breaks.iter().map(told).collect())
+    Ok(match (answer.fits, answer.found.time) {
+        (None, Time::NotJudged(cause)) => Judgement::NotJudged(cause),
+        (Some(true), _) => Judgement::Fits,
+        _ => Judgement::Misfit(answer.found.breaks.iter().map(told).collect()),
+    })
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
