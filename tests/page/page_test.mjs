@@ -7,6 +7,7 @@
 // Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
 import { spawnSync } from "node:child_process";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { createServer } from "node:http";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { dirname, join, resolve } from "node:path";
@@ -287,6 +288,95 @@ async function shapes(browser) {
   await close();
 }
 
+/** Of a program that LinuxCNC does not run there is no motion: machine, lines and findings are shown, and why. */
+async function unjudged(browser) {
+  writeFileSync(file("other.ini"), readFileSync(ini("hexapod"), "utf8").replace("[TRAJ]\n", "[TRAJ]\nPLANNER_TYPE = 1\n"));
+  writeFileSync(file("hexapod.tbl"), readFileSync(join(HOME, "configs/hexapod/hexapod.tbl")));
+  writeFileSync(file("unjudged.ngc"), "G21 G90\nG1 X10 F1000\nG1 X200\nM2\n");
+  const made = pkm(["view", file("other.ini"), file("unjudged.ngc"), "--html", file("unjudged.html")]);
+  check(made.status === 1 && made.stderr.includes("PLANNER_TYPE"), `status ${made.status}: ${made.stderr}`);
+  const { page, close } = await opened(browser, file("unjudged.html"));
+  check((await page.locator(".warning").first().textContent()).includes("PLANNER_TYPE"), "why is not told");
+  check((await page.locator("input[aria-label=time]").count()) === 0, "there is a slider without a time");
+  const mark = page.locator(".finding").first();
+  check((await mark.textContent()).includes("line 3"), "the finding is not shown");
+  await mark.click();
+  check((await page.locator(".space .now b").textContent()) === "3", "the mark does not lead to its line");
+  await isDrawn(page, "unjudged");
+  check(complaints(page).length === 0, complaints(page).join("; "));
+  await close();
+}
+
+/** An axis without limits can be set, and its travel is told as without an end. */
+async function unlimited(browser) {
+  const text = Object.values(ownMachines())[0].replace(/(\[AXIS_X\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/, "$1");
+  writeFileSync(file("unlimited.ini"), text);
+  const made = pkm(["view", file("unlimited.ini"), "--html", file("unlimited.html")]);
+  check(made.status === 0, made.stderr);
+  const { page, close } = await opened(browser, file("unlimited.html"));
+  await page.evaluate(() => window.pkm.take([30, 0, -300, 0, 0, 0]));
+  const { refusal, joints } = await page.evaluate(() => window.pkm.state());
+  check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `refused: ${refusal}`);
+  await isDrawn(page, "unlimited");
+  check(complaints(page).length === 0, complaints(page).join("; "));
+  await close();
+}
+
+/** A stream of events as pkm-live sends them, beside the page that it serves. */
+async function streaming(html) {
+  const streams = new Set();
+  const server = createServer((request, answer) => {
+    if (request.url !== "/events") {
+      answer.writeHead(request.url === "/" ? 200 : 404, { "Content-Type": "text/html; charset=utf-8" }).end(request.url === "/" ? readFileSync(html) : "");
+      return;
+    }
+    answer.writeHead(200, { "Content-Type": "text/event-stream" }).write("retry: 100\n\n");
+    streams.add(answer);
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return {
+    address: `http://127.0.0.1:${server.address().port}/`,
+    send: (state) => streams.forEach((stream) => stream.write(`data: ${JSON.stringify(state)}\n\n`)),
+    cut: () => { streams.forEach((stream) => stream.destroy()); streams.clear(); },
+    isWatched: () => streams.size > 0,
+    close: () => server.close(),
+  };
+}
+
+/** The page of pkm-live says what the stream says; that the stream is LinuxCNC's is seen in tests/live. */
+async function live(browser) {
+  const made = pkm(["view", ini("hexapod"), "--live", "--html", file("live.html")]);
+  check(made.status === 0, made.stderr);
+  const stream = await streaming(file("live.html"));
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
+  const page = await context.newPage();
+  await page.goto(stream.address);
+  await page.waitForFunction(() => window.pkm);
+  const { geometry_hash: hash, home } = await page.evaluate(() => window.pkm.mechanisms()[0].scene);
+  const running = { state: "running", pose: home.pose, joints: null, extra: {}, tool: null, geometry_hash: hash, line: 7, fault: null };
+  const says = async (state, words) => {
+    stream.send(state);
+    await page.waitForFunction((words) => document.querySelector(".state").textContent.includes(words), words, { timeout: 5000 });
+  };
+  while (!stream.isWatched()) await page.waitForTimeout(50);
+  const pose = [10, -20, home.pose[2] + 5, 2, -1, 3];
+  await says({ ...running, pose }, "running, line 7");
+  const shown = await page.evaluate(() => window.pkm.state());
+  check(shown.pose.every((value, k) => value === pose[k]), `the pose shown is ${shown.pose}`);
+  compare("hexapod", 0, shown.tool, [shown], SAME);
+  await says({ ...running, fault: "leg 2: too far; go back [code -34]" }, "leg 2: too far");
+  await says({ ...running, geometry_hash: hash ^ 1 }, "another geometry: 0x");
+  await says({ ...running, pose: null }, "pins are missing");
+  await says({ state: "not running", pose: null }, "LinuxCNC is not running");
+  stream.cut();
+  await page.waitForFunction(() => document.querySelector(".state").textContent.includes("no connection"), undefined, { timeout: 10000 });
+  while (!stream.isWatched()) await page.waitForTimeout(50);
+  await says(running, "running, line 7");
+  await isDrawn(page, "live");
+  await context.close();
+  stream.close();
+}
+
 async function long(browser) {
   const lines = Array.from({ length: 5000 }, (_, i) => `G1 X${(40 * Math.cos(i / 30)).toFixed(4)} Y${(40 * Math.sin(i / 30)).toFixed(4)} Z${(200 + i / 200).toFixed(4)}`);
   writeFileSync(file("long.ngc"), `G21 G90 G64 P0.01\nG1 F3000\n${lines.join("\n")}\nM2\n`);
@@ -315,6 +405,9 @@ const TESTS = [
   ["a program that cannot be read is told beside the machine", unread],
   ["a machine of one's own appears without a line of code", own],
   ["a shape that cannot be read is told, and the machine is drawn", shapes],
+  ["a program that LinuxCNC cannot run is shown without a time", unjudged],
+  ["an axis without limits can be set", unlimited],
+  ["the live page says what pkm-live sends, and finds it again", live],
   ["the page of 5,000 lines is below 2 MB", long],
   ["a video has the frames that were asked for", video],
 ];
