@@ -154,6 +154,7 @@ test-long: install
 	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 	$(HOST_BUILD) --bin pkm --bin judge
 	tests/live/live_test.py --long --judge target/host/judge
+	tests/live/instructions.py
 	tests/live/truth.py --live all
 	tests/virtual/guarded.py --programs 10000
 	tests/live/soak.py --minutes 10

@@ -15,7 +15,7 @@ import guard
 from machine import AXES, Failure, Machine, Progress, halcmd
 from recorder import Recorder, program_columns
 from truth_run import truth  # noqa: F401
-from watched import watched, watched_again  # noqa: F401
+from watched import stands, watched, watched_again  # noqa: F401
 
 SERVO_PERIOD_NS = 1_000_000
 

@@ -7,8 +7,10 @@ import subprocess
 import threading
 import time
 from bisect import bisect
+from pathlib import Path
 
 import hal
+import linuxcnc
 
 from browsers import Browser, deaf, is_dropped
 from machine import AXES, Progress, halcmd
@@ -20,6 +22,8 @@ RATE = 20
 FORWARD = 1e-9
 # A state that arrives is at most so old: an update, and what a busy computer adds.
 OLD_SECONDS = 0.3
+# Every instruction of some servo cycles, one by one.
+COUNTING_SECONDS = 60
 
 
 class Sampler(threading.Thread):
@@ -120,3 +124,34 @@ def watched_again(machine, out, port):
     state = browser.wait(lambda state: state["pose"] is not None, 20, "a pose")
     assert state["pose"] == [hal.get_value(pin) for pin in POSE], state
     browser.stop()
+
+
+def stands(machine, _out, path, place, port, count):
+    """The machine stands in the middle of its program, alone and watched, until its instructions are counted."""
+    place = Path(place)
+    machine.start()
+    machine.set_mode(linuxcnc.MODE_AUTO)
+    machine.command.program_open(path)
+    machine.command.auto(linuxcnc.AUTO_RUN, 0)
+    machine.pause(3)
+    machine.command.auto(linuxcnc.AUTO_PAUSE)
+    machine.wait(lambda: machine.get("motion.current-vel") == 0, 5, "standstill")
+    machine.pause(1)
+    until_counted(place, "alone")
+    browsers = [Browser(port) for _ in range(count)]
+    for browser in browsers:
+        browser.wait(lambda state: state["pose"] is not None, 20, "a pose")
+    until_counted(place, "watched")
+    seen = [len(browser.events) for browser in browsers]
+    for browser in browsers:
+        browser.stop()
+    machine.command.abort()
+    return {"events": seen}
+
+
+def until_counted(place, what):
+    (place / what).touch()
+    limit = time.monotonic() + COUNTING_SECONDS
+    while not (place / f"{what}-counted").exists():
+        assert time.monotonic() < limit, f"{what}: not counted"
+        time.sleep(0.05)

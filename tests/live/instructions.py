@@ -1,0 +1,174 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Instructions of LinuxCNC's servo cycle, alone and while ten browsers watch the machine through pkm-live.
+
+    tests/live/instructions.py
+
+Steps through the servo thread of a machine that stands in the middle of its program, one instruction after
+another, for some cycles. Needs root: LinuxCNC's real-time process belongs to root. A 64-bit x86 processor alone is
+known.
+"""
+
+import ctypes
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from session import Session  # noqa: E402
+from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
+
+MODULE = Path("/usr/lib/linuxcnc/modules/pkmkins.so")
+BROWSERS = 10
+# The module writes what only people read in turns of four cycles.
+CYCLES = 8
+# Whether a drive's last digit has moved, and how long the last cycle took, are branches: two counts of the machine
+# alone differ by 0.1 %.
+SLACK = 0.005
+# Below that it was another thread: the kinematics alone are more.
+LEAST = 10_000
+SECONDS = 100
+
+# Linux: numbers of requests and of a system call, where registers are, and how threads are waited for.
+SEIZE, INTERRUPT, STEP, REGISTERS, DETACH = 0x4206, 0x4207, 9, 12, 17
+CLOCK_NANOSLEEP = "230"
+INSTRUCTION_POINTER = 16
+ALL_THREADS = 0x40000000
+
+
+class Thread:
+    """A thread that is stepped through."""
+
+    def __init__(self, number):
+        self.number = number
+        self.libc = ctypes.CDLL(None, use_errno=True)
+        self.libc.ptrace.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
+        self.registers = (ctypes.c_ulonglong * 27)()
+
+    def __enter__(self):
+        self.ask(SEIZE)
+        self.ask(INTERRUPT)
+        os.waitpid(self.number, ALL_THREADS)
+        return self
+
+    def __exit__(self, *_):
+        self.ask(DETACH)
+
+    def ask(self, request, data=None):
+        if self.libc.ptrace(request, self.number, None, data) < 0:
+            number = ctypes.get_errno()
+            raise OSError(number, f"ptrace {request}: {os.strerror(number)}")
+
+    def step(self):
+        """Carries out an instruction; returns the place of the next one."""
+        self.ask(STEP)
+        os.waitpid(self.number, ALL_THREADS)
+        self.ask(REGISTERS, ctypes.addressof(self.registers))
+        return self.registers[INSTRUCTION_POINTER]
+
+    def cycles(self, count, place):
+        """Instructions of some cycles, from one arrival at `place` to the next. A cycle that comes too late, as all do
+        here, begins without a pause."""
+        numbers = []
+        for _ in range(count + 1):
+            steps = 1
+            while self.step() != place:
+                steps += 1
+            numbers.append(steps)
+        return numbers[1:]
+
+
+def servo_thread(home):
+    """The thread of the real-time process that has worked most; the process has this home folder."""
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        folder = Path("/proc") / process
+        try:
+            if (folder / "comm").read_text() == "rtapi_app\n" and f"HOME={home}\0".encode() in (
+                    folder / "environ").read_bytes():
+                return asleep(max((folder / "task").iterdir(), key=worked))
+        except OSError:
+            continue
+    raise AssertionError("LinuxCNC's servo thread is not there")
+
+
+def worked(thread):
+    """Ticks of its processor time."""
+    return sum(map(int, (thread / "stat").read_text().rpartition(")")[2].split()[11:13]))
+
+
+def asleep(thread):
+    """Its number, once it waits for the next cycle."""
+    while (thread / "syscall").read_text().split()[0] != CLOCK_NANOSLEEP:
+        time.sleep(0.0002)
+    return int(thread.name)
+
+
+def forward_of(thread):
+    """Where a thread finds kinematicsForward, which LinuxCNC calls once a cycle."""
+    maps = Path(f"/proc/{thread}/maps").read_text().splitlines()
+    first = next(line for line in maps if line.endswith(f"/{MODULE.name}"))
+    symbols = subprocess.run(["nm", "-D", MODULE], check=True, capture_output=True, text=True).stdout.split("\n")
+    symbol = next(line for line in symbols if line.endswith(" kinematicsForward"))
+    return int(first.split("-")[0], 16) + int(symbol.split()[0], 16)
+
+
+def count(place):
+    """Both counts, asked of the machine that runs elsewhere by files in `place`."""
+    found = {}
+    for what in ("alone", "watched"):
+        wait_for(place / what)
+        thread = servo_thread((place / "home").read_text())
+        with Thread(thread) as servo:
+            found[what] = servo.cycles(CYCLES, forward_of(thread))
+        (place / f"{what}-counted").touch()
+    return found
+
+
+def wait_for(file):
+    end = time.monotonic() + SECONDS
+    while not file.exists():
+        assert time.monotonic() < end, f"{file.name}: nothing after {SECONDS} s"
+        time.sleep(0.05)
+
+
+def run(place):
+    """The machine, as a normal user."""
+    from live_test import HEXAPOD, Served
+    out = REPOSITORY / "out"
+    with Session(HEXAPOD) as session, Served(session, out) as served:
+        (place / "home").write_text(str(session.folder))
+        path = session.copy / "programs/five-axis-surface.ngc"
+        result = session.run("stands", out, SECONDS, path=str(path), place=str(place), port=served.port, count=BROWSERS)
+    assert result["ok"], result
+
+
+def main():
+    if is_unprivileged():
+        with only_one():
+            run(Path(sys.argv[1]))
+        return 0
+    if os.getuid() != 0 or platform.machine() != "x86_64":
+        print("SKIP instructions of the servo cycle: not counted without root, or on another processor")
+        return 0
+    with tempfile.TemporaryDirectory(prefix="pkmkins-count-", dir="/var/tmp") as place:
+        os.chmod(place, 0o777)
+        lane = threading.Thread(target=rerun_unprivileged, args=("tests/live/instructions.py", [place], SECONDS), daemon=True)
+        lane.start()
+        found = count(Path(place))
+        lane.join()
+    middle = {what: statistics.mean(numbers) for what, numbers in found.items()}
+    text = ", ".join(f"{what} {middle[what]:.0f} ({min(numbers)} to {max(numbers)})" for what, numbers in found.items())
+    assert middle["alone"] > LEAST, f"not the servo thread: {text}"
+    assert abs(middle["watched"] - middle["alone"]) <= SLACK * middle["alone"], text
+    print(f"PASS instructions of a servo cycle, {CYCLES} each: {text}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
