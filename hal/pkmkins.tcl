@@ -59,6 +59,8 @@ namespace eval pkmkins {
         MAX_LIMIT {{} needed max-limit.N any {} {}}
         MAX_VELOCITY {{} needed max-velocity.N {above 0 Inf} {more than 0} {}}
         MAX_ACCELERATION {{} needed max-acceleration.N {above 0 Inf} {more than 0} {}}
+        CORRECTION_LIMIT {{} optional correction-limit.N {above 0 Inf} {more than 0} {}}
+        CORRECTION_RATE {{} optional correction-rate.N {above 0 Inf} {more than 0} {}}
     }
     variable box_keys {
         LOW {{x y z a b c} needed box.K.low any {} {}}
@@ -459,7 +461,34 @@ proc pkmkins::joint_pins {n kind leg} {
         complain JOINT_$n MIN_LIMIT "= \"[dict get $pins min-limit.$n]\": expected less than MAX_LIMIT = [dict get $pins max-limit.$n]"
     }
     if {$kind eq "crank"} { check_turn $n $leg }
+    check_correction $n $pins
     return $pins
+}
+
+# What corrections may take of a joint's range, and their rate: both or none.
+proc pkmkins::check_correction {n pins} {
+    foreach key {LIMIT RATE} pin {correction-limit correction-rate} { set has($key) [dict exists $pins $pin.$n] }
+    if {$has(RATE) && !$has(LIMIT)} {
+        complain JOINT_$n CORRECTION_RATE ": expected CORRECTION_LIMIT as well, or neither of the two"
+    } elseif {$has(LIMIT) && !$has(RATE)} {
+        complain JOINT_$n CORRECTION_RATE "is missing: expected a rate beside CORRECTION_LIMIT"
+    } elseif {$has(LIMIT)} {
+        set half [expr {([value [dict get $pins max-limit.$n]] - [value [dict get $pins min-limit.$n]]) / 2.0}]
+        set text [dict get $pins correction-limit.$n]
+        if {[value $text] >= $half} {
+            complain JOINT_$n CORRECTION_LIMIT "= \"$text\": expected less than $half, half of the joint's range"
+        }
+        check_correction_rate $n $pins
+    }
+}
+
+proc pkmkins::check_correction_rate {n pins} {
+    if {![dict exists $pins max-velocity.$n]} { return }
+    set most [dict get $pins max-velocity.$n]
+    set text [dict get $pins correction-rate.$n]
+    if {[value $text] >= [value $most]} {
+        complain JOINT_$n CORRECTION_RATE "= \"$text\": expected less than MAX_VELOCITY = $most"
+    }
 }
 
 # The module has no pins for the limits of extra axes, whose joints LinuxCNC watches. Faster as an axis
@@ -468,6 +497,9 @@ proc pkmkins::check_extra_axes {first} {
     set n $first
     foreach letter [extra_letters] {
         joint_pins $n "" ""
+        if {[llength [values JOINT_$n CORRECTION_LIMIT]]} {
+            complain JOINT_$n CORRECTION_LIMIT ": expected no such key: joints of extra axes are not corrected"
+        }
         foreach key {MAX_VELOCITY MAX_ACCELERATION} {
             set joint [lindex [values JOINT_$n $key] 0]
             set axis [lindex [values AXIS_$letter $key] 0]

@@ -31,6 +31,8 @@ enum pkmkins_cause {
   PKMKINS_TOOL_OUT_OF_REACH = -18,
   // a tool or spindle offset is beyond a million times the machine's size.
   PKMKINS_TOOL_TOO_LONG = -86,
+  // the correction asked of the joint (shown) is beyond its limit, or no number; the one in effect stays.
+  PKMKINS_CORRECTION_BEYOND = -87,
   // the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative).
   PKMKINS_OUT_OF_REACH = -19,
   // the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring.

@@ -13,6 +13,7 @@ CAUSES = {
     -17: ("the result would not be finite", "look at the pose and the geometry"),
     -18: ("at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose", "level the platform or retract, then change the tool length"),
     -86: ("a tool or spindle offset is beyond a million times the machine's size", "check the tool table and the nets to the tool-offset pins"),
+    -87: ("the correction asked of the joint (shown) is beyond its limit, or no number; the one in effect stays", "look at what writes pkmkins.joint-correction, or raise CORRECTION_LIMIT"),
     -19: ("the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)", "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS"),
     -28: ("the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring", "keep the tool axis away from this base joint, or check BASE and EFFECTOR"),
     -27: ("the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead", "turn back, or lead the program through another pose"),

@@ -11,6 +11,7 @@ mod check;
 mod commands;
 mod configs;
 mod control;
+mod correction;
 mod course;
 mod curve;
 mod cut;

@@ -255,6 +255,10 @@ table! {
             ..key("Largest speed.") };
         MAX_ACCELERATION = Key { need: Needed, pin: "max-acceleration.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second squared",
             ..key("Largest acceleration.") };
+        CORRECTION_LIMIT = Key { pin: "correction-limit.N", range: Above(0.0, f64::INFINITY), unit: "joint units",
+            ..key("Largest correction that joint-correction.N may ask for while the machine runs, either way; the range of the joint is smaller by it at both ends. Without the key there is none.") };
+        CORRECTION_RATE = Key { pin: "correction-rate.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second",
+            ..key("How fast the correction changes at most. Needed with CORRECTION_LIMIT.") };
     }
 
     /// `[BOX_K]`: box K for the start without a seed, beside the rows of its matrix.

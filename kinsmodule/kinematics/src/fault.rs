@@ -214,6 +214,8 @@ causes! {
         "level the platform or retract, then change the tool length";
     ToolTooLong = -86, "a tool or spindle offset is beyond a million times the machine's size",
         "check the tool table and the nets to the tool-offset pins";
+    CorrectionBeyond = -87, "the correction asked of the joint (shown) is beyond its limit, or no number; the one in effect stays",
+        "look at what writes pkmkins.joint-correction, or raise CORRECTION_LIMIT";
     OutOfReach = -19, "the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)",
         "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
     AxisAtAnchor = -28, "the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring",

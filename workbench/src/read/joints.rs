@@ -102,6 +102,8 @@ pub struct Joint {
     pub max_acceleration: f64,
     /// Value at the end of homing; LinuxCNC takes 0 where it is missing.
     pub home: f64,
+    /// Largest correction while the machine runs, either way, and its rate, in joint units (a second).
+    pub correction: [f64; 2],
 }
 
 /// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
@@ -201,8 +203,44 @@ fn limited(
     let max_velocity = value(&of_joint::MAX_VELOCITY, errors);
     let max_acceleration = value(&of_joint::MAX_ACCELERATION, errors);
     let home = errors.of(ini.number_or(section, "HOME", 0.0));
+    let (min, max) = (min?, max?);
     let (max_velocity, max_acceleration) = (max_velocity?, max_acceleration?);
-    Some(Joint { kind, name, min: min?, max: max?, max_velocity, max_acceleration, home: home? })
+    let correction = errors.of(correction(ini, section, kind, [max - min, max_velocity]));
+    let (home, correction) = (home?, correction?);
+    Some(Joint { kind, name, min, max, max_velocity, max_acceleration, home, correction })
+}
+
+/// Limit and rate of the correction of a joint with this range and this largest speed.
+fn correction(
+    ini: &Ini,
+    section: &str,
+    kind: JointKind,
+    [range, speed]: [f64; 2],
+) -> Result<[f64; 2], IniError> {
+    let [limit, rate] = [&of_joint::CORRECTION_LIMIT, &of_joint::CORRECTION_RATE];
+    let refuse = |name: &str, expected: &str| {
+        Err(ini.refuse(ini.require(section, name, expected)?, expected))
+    };
+    let Some(most) = ini.value(section, limit)? else {
+        return match ini.value(section, rate)? {
+            Some(_) => {
+                refuse(rate.name, "expected CORRECTION_LIMIT as well, or neither of the two")
+            }
+            None => Ok([0.0; 2]),
+        };
+    };
+    if kind == JointKind::Extra {
+        return refuse(limit.name, "expected no such key: joints of extra axes are not corrected");
+    }
+    if !(2.0 * most < range) {
+        let expected = format!("expected less than {}, half of the joint's range", range / 2.0);
+        return refuse(limit.name, &expected);
+    }
+    match ini.value(section, rate)? {
+        Some(own) if own < speed => Ok([most, own]),
+        Some(_) => refuse(rate.name, &format!("expected less than MAX_VELOCITY = {speed}")),
+        None => refuse(rate.name, "expected a rate beside CORRECTION_LIMIT"),
+    }
 }
 
 /// Refuses the lower end of a range that is none.

@@ -156,7 +156,9 @@ impl Module {
         let machine = &self.frozen()?.machine;
         let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
         *pose = Pose::from_degrees(chain.to_machine(world, &tool)?);
-        machine.inverse_into(pose, &chain.machine_tool(&tool), joints)
+        machine.inverse_into(pose, &chain.machine_tool(&tool), joints)?;
+        self.correction.add(joints);
+        Ok(())
     }
 
     /// As [`Module::forward`], of a machine with extra axes or a work on its platform: over the seed in

@@ -68,6 +68,8 @@ impl Module {
         self.recorded(result)
     }
 
+    // A frame of its own: a call that freezes a geometry needs none of it.
+    #[inline(never)]
     fn solve(
         &mut self,
         joints: &Joints,
@@ -75,6 +77,7 @@ impl Module {
         address: usize,
         solution: &mut Solution,
     ) -> Result<(), Fault> {
+        let joints = &self.correction.taken_from(joints);
         self.retool_for_forward()?;
         let tool = self.tool.of_machine();
         let seed = match self.searched(joints, &tool) {
@@ -118,6 +121,7 @@ impl Module {
         commanded: &Pose,
     ) -> Result<(), Fault> {
         let Some(Frozen { machine, .. }) = &self.frozen else { return Ok(()) };
+        let joints = &self.correction.taken_from(joints);
         let (tool, solver) = (&self.tool.of_machine(), &self.pins.solver());
         let comparison = Comparison { machine, tool, solver, joints, found, commanded };
         self.crossing.update(&comparison);

@@ -73,7 +73,8 @@ impl Module {
             return Ok(None);
         };
         let (machine, solver) = (&self.frozen()?.machine, self.pins.solver());
-        Ok(Some(machine.forward(joints, &last, &self.tool.of_machine(), &solver)?.pose))
+        let joints = self.correction.taken_from(joints);
+        Ok(Some(machine.forward(&joints, &last, &self.tool.of_machine(), &solver)?.pose))
     }
 
     fn kind_of(&self, number: i32) -> Result<Kind, Fault> {

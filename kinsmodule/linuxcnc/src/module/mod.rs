@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The state between calls, and what LinuxCNC asks of the machine's kinematics.
 
+mod correction;
 mod extra;
 mod forward;
 mod freezing;
@@ -19,6 +20,7 @@ use crate::hal::nanoseconds;
 use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
+use correction::Correction;
 use extra::Carrying;
 use freezing::Frozen;
 use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
@@ -55,6 +57,7 @@ pub struct Module {
     /// refusal over to inverse.
     refused: bool,
     tool: Tool,
+    correction: Correction,
     calls: Calls,
     seeds: Seeds,
     /// The start without a seed.
@@ -84,6 +87,7 @@ impl Module {
             pose_is_unknown: false,
             refused: false,
             tool: Tool::new(),
+            correction: Correction::NONE,
             calls: Calls::default(),
             seeds: Seeds::new(),
             start: Start::new(),
@@ -165,13 +169,16 @@ impl Module {
         let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
         let request = self.pins.tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
-            return frozen.machine.inverse_into(pose, &tool, joints);
+            frozen.machine.inverse_into(pose, &tool, joints)?;
+            self.correction.add(joints);
+            return Ok(());
         }
         let tool = self.tool_instead_of(frozen, request)?;
         let found = frozen.machine.inverse(&{ *pose }, &tool)?;
         for (joint, value) in joints.iter_mut().zip(found) {
             *joint = value;
         }
+        self.correction.add(joints);
         Ok(())
     }
 
@@ -180,7 +187,8 @@ impl Module {
         let machine = &self.frozen()?.machine;
         let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
         let tool = self.carrying.chain.machine_tool(&self.tool_in_effect()?);
-        Ok(machine.forward(joints, &seed, &tool, &self.pins.solver())?.pose)
+        let joints = self.correction.taken_from(joints);
+        Ok(machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose)
     }
 
     /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.

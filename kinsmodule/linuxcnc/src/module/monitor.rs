@@ -16,6 +16,7 @@ impl Module {
         self.watch_reset();
         let commanded = self.calls.end_cycle();
         self.advance_tool(commanded, seconds);
+        self.advance_correction(seconds);
         self.watch_geometry();
         if let Some(fault) = self.guarded(commanded, seconds) {
             self.record(&fault);

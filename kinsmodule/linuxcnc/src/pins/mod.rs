@@ -5,6 +5,7 @@
 //! file for genhexkins works after replacing the name.
 
 mod chain;
+mod correction;
 mod guard;
 mod leg;
 mod maker;
@@ -17,6 +18,7 @@ use crate::hal::{Component, Direction, HalError, Pin};
 use crate::module::Kind as Kinematics;
 use crate::tool::JointLimits;
 use chain::ChainPins;
+pub use correction::CorrectionPins;
 use kinematics::leg::Kind;
 use kinematics::{
     ChainGeometry, Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS, Machine,
@@ -33,6 +35,7 @@ struct JointPins {
     max_limit: Pin<f64>,
     max_velocity: Pin<f64>,
     max_acceleration: Pin<f64>,
+    correction: CorrectionPins,
 }
 
 /// All pins of a mechanism, in HAL memory.
@@ -107,15 +110,19 @@ impl JointPins {
         ] {
             make.one(pin, In, make.of_joint(name, n), value)?;
         }
-        Ok(())
+        self.correction.create(make, n)
     }
 
     fn limits(&self) -> JointLimits {
-        JointLimits {
+        let limits = JointLimits {
             least: self.min_limit.get(),
             most: self.max_limit.get(),
             velocity: self.max_velocity.get(),
             acceleration: self.max_acceleration.get(),
+        };
+        match self.correction.is_allowed() {
+            false => limits,
+            true => self.correction.room_in(limits),
         }
     }
 }
@@ -278,7 +285,7 @@ impl Pins {
         )
     }
 
-    /// Limits of the joints, live; those beyond the last joint are none.
+    /// Limits of the joints, live, with room for their corrections; those beyond the last joint are none.
     pub fn limits(&self, load: &Load) -> [JointLimits; MAX_JOINTS] {
         let mut limits = [JointLimits::ABSENT; MAX_JOINTS];
         let joints = self.joints.iter().take(load.layout.joints());
@@ -286,6 +293,11 @@ impl Pins {
             *to = joint.limits();
         }
         limits
+    }
+
+    /// Corrections of the first `count` joints.
+    pub fn corrections(&self, count: usize) -> impl Iterator<Item = &CorrectionPins> {
+        self.joints.iter().take(count).map(|joint| &joint.correction)
     }
 
     /// Solver settings, live.
@@ -298,13 +310,19 @@ impl Pins {
         }
     }
 
-    /// Smallest and largest values and largest speeds of the first `count` joints.
+    /// Smallest and largest values and largest speeds of the first `count` joints, with room for
+    /// their corrections.
     pub fn joint_limits(&self, count: usize) -> [Joints; 3] {
         let mut limits = [[0.0; MAX_JOINTS]; 3];
         for (i, joint) in self.joints.iter().enumerate().take(count) {
             let pins = [&joint.min_limit, &joint.max_limit, &joint.max_velocity];
             for (limit, pin) in limits.iter_mut().filter_map(|l| l.get_mut(i)).zip(pins) {
                 *limit = pin.get();
+            }
+            if joint.correction.is_allowed() {
+                let JointLimits { least, most, velocity, .. } = joint.limits();
+                let rows = limits.iter_mut().filter_map(|l| l.get_mut(i));
+                rows.zip([least, most, velocity]).for_each(|(limit, value)| *limit = value);
             }
         }
         limits

@@ -5,6 +5,7 @@ mod c_header;
 mod chain;
 mod connected;
 mod contradiction;
+mod correction;
 mod exact_arrays;
 mod extra_axes;
 mod failure;

@@ -101,6 +101,14 @@ struct OfKind {
     effector: &'static [&'static str],
 }
 
+/// What is added to a joint while the machine runs: nothing until somebody allows it.
+const CORRECTION: &[(&str, PinDir)] = &[
+    ("joint-correction", In),
+    ("correction-limit", In),
+    ("correction-rate", In),
+    ("joint-correction-eff", Out),
+];
+
 /// Limits of a joint; beyond any joint until somebody sets them.
 const LIMITS: &[(&str, f64)] = &[
     ("min-limit", -1e99),
@@ -141,6 +149,9 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
     for n in 0..joints {
         for (limit, _) in LIMITS {
             add(format!("pkmkins.{limit}.{n}"), Float, In);
+        }
+        for (name, dir) in CORRECTION {
+            add(format!("pkmkins.{name}.{n}"), Float, *dir);
         }
         for name in WATCHED_JOINT {
             add(format!("pkmkins.{name}.{n}"), Float, Out);

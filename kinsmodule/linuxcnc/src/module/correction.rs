@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Corrections of the joints while the machine runs: what heat and weight add to the legs' lengths.
+//!
+//! LinuxCNC's joint values are those of the kinematics with the correction in effect added. It follows
+//! what the pins ask for at a limited rate, within a limit that the ranges of the joints leave room for:
+//! every proof is about the joint values of the kinematics, and holds as it stands.
+
+use super::{Kind, Module};
+use crate::pins::CorrectionPins;
+use kinematics::{Cause, Fault, Joints, MAX_JOINTS};
+
+/// What is added to the joint values now.
+pub(super) struct Correction {
+    in_effect: Joints,
+    /// Whether any of it is not 0.
+    is_on: bool,
+}
+
+impl Correction {
+    pub(super) const NONE: Self = Self { in_effect: [0.0; MAX_JOINTS], is_on: false };
+
+    /// Adds it to joint values of the kinematics.
+    #[inline(always)]
+    pub(super) fn add(&self, joints: &mut [f64]) {
+        if self.is_on {
+            self.added_to(joints);
+        }
+    }
+
+    // Most machines never come here.
+    #[inline(never)]
+    fn added_to(&self, joints: &mut [f64]) {
+        joints.iter_mut().zip(&self.in_effect).for_each(|(joint, own)| *joint += own);
+    }
+
+    /// LinuxCNC's joint values without it.
+    #[inline(always)]
+    pub(super) fn taken_from(&self, joints: &Joints) -> Joints {
+        let mut own = *joints;
+        if self.is_on {
+            own.iter_mut().zip(&self.in_effect).for_each(|(joint, added)| *joint -= added);
+        }
+        own
+    }
+}
+
+impl Module {
+    /// One cycle: brings the correction in effect nearer to the one asked for. One that is beyond its
+    /// limit, or no number, changes nothing.
+    #[inline(always)]
+    pub(super) fn advance_correction(&mut self, seconds: f64) {
+        let mut pins = self.pins.corrections(self.load.layout.joints());
+        if self.correction.is_on || pins.any(CorrectionPins::is_allowed) {
+            self.correction_advanced(seconds);
+        }
+    }
+
+    // A frame of its own: a cycle that freezes a geometry needs none of it.
+    #[inline(never)]
+    fn correction_advanced(&mut self, seconds: f64) {
+        if self.kind != Kind::Machine {
+            return;
+        }
+        let Correction { in_effect, is_on } = &mut self.correction;
+        let mut refused = None;
+        *is_on = false;
+        let pins = self.pins.corrections(self.load.layout.joints());
+        for (i, (pins, own)) in pins.zip(in_effect).enumerate() {
+            let (asked, limit) = (pins.asked.get(), pins.bound());
+            let is_within = asked.abs() <= limit;
+            if !is_within && limit > 0.0 {
+                refused = refused.or(Some((i, asked)));
+            }
+            // A limit that has become smaller holds for what is in effect, too.
+            let wanted = if is_within { asked } else { own.max(-limit).min(limit) };
+            let step = pins.step(seconds);
+            *own += (wanted - *own).max(-step).min(step);
+            *is_on |= *own != 0.0;
+            pins.shown.set(*own);
+        }
+        if let Some((i, asked)) = refused {
+            let cause = Cause::CorrectionBeyond;
+            self.record(&Fault::of_joint(cause, self.layout(), i, asked));
+        }
+    }
+}
