@@ -75,7 +75,7 @@ pub enum Range {
     Whole(u32, u32),
     /// 1 or -1.
     Sign,
-    /// A word instead of a number: its place in the list, counted from 1, goes to the pin.
+    /// A word instead of a number: its place in the list, counted from 1, goes to the pin, where there is one.
     Word(&'static [&'static str]),
     /// Instead of numbers the file with a shape, its unit, and where its zero is.
     Model,
@@ -160,7 +160,9 @@ table! {
         CENTRE = Key { parts: XYZ, pin: "centre", unit: LENGTH,
             ..key("Point of the platform at which held X, Y, Z are held.") };
         SPINDLE_OFFSET = Key { pin: "spindle-offset", unit: LENGTH,
-            ..key("Part of the tool length that no tool table holds.") };
+            ..key("Part of the tool length that no tool table holds; its sign as in SIGN OF TOOL LENGTHS.") };
+        TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
+            ..key("Which way tools point along the platform's Z from its reference point, to check lengths with (SIGN OF TOOL LENGTHS).") };
         CONVERGENCE_CRITERION = Key { pin: "convergence-criterion", range: Above(0.0, f64::INFINITY), unit: LENGTH,
             ..key("Largest error of a leg's length that forward accepts.") };
         LIMIT_ITERATIONS = Key { pin: "limit-iterations", range: Whole(1, MAX_ITERATIONS), absent: Some(MAX_ITERATIONS),
@@ -197,6 +199,8 @@ table! {
             ..key("Point of its platform at which held X, Y, Z of it are held.") };
         SPINDLE_OFFSET = Key { pin: "second.spindle-offset", unit: LENGTH,
             ..key("Part of its tool length that no tool table holds.") };
+        TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
+            ..key("Which way its tools point along its platform's Z, to check lengths with (SIGN OF TOOL LENGTHS).") };
     }
 
     /// `[LEG_N]`: leg N.
@@ -286,6 +290,9 @@ pub const fn kind_name(kind: Kind) -> &'static str {
 
 /// Words of what an axis carries.
 const CARRIED: &[&str] = &[Carries::ALL[0].name(), Carries::ALL[1].name(), Carries::ALL[2].name()];
+
+/// Words of which way tools point: down, where lengths are positive, and up, where they are negative.
+const DIRECTIONS: &[&str] = &["down", "up"];
 
 /// The keys of the axis with this letter: only those that turn have a point.
 pub fn of_axis(letter: char) -> impl Iterator<Item = &'static Key> {

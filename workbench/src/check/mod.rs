@@ -3,6 +3,7 @@
 
 pub mod between;
 pub mod cautions;
+mod direction;
 mod homing;
 pub mod mobility;
 pub mod report;

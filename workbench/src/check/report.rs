@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether a machine's INI file describes a machine that fits together.
 
+use crate::check::direction;
 use crate::check::homing::{self, Trouble};
 use crate::check::mobility::Structure;
 use crate::check::wiring::{self, at_key};
@@ -104,8 +105,21 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     for error in if config.place.is_second { vec![] } else { wiring::check(ini)? } {
         report.finding(Severity::Warning, error);
     }
-    workspace(&mut report, ini, config, progress);
+    let tools = tool_table(&mut report, ini, config);
+    for (severity, error) in direction::check(config, &tools) {
+        report.finding(severity, error);
+    }
+    workspace(&mut report, ini, config, tools, progress);
     Ok(report)
+}
+
+/// The tools of the table; none, and what is wrong with it, where it cannot be read.
+fn tool_table(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Vec<Tool> {
+    tools::read(config).unwrap_or_else(|text| {
+        let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
+        report.finding(Severity::Warning, at_key(ini, "EMCIO", "TOOL_TABLE", &text));
+        vec![]
+    })
 }
 
 fn refused(config: &MachineConfig, fault: Fault) -> MachineError {
@@ -228,7 +242,13 @@ fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
 }
 
 /// Conditioning, joint ranges and the box inside the workspace.
-fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: impl FnMut(f64)) {
+fn workspace(
+    report: &mut Report,
+    ini: &Ini,
+    config: &MachineConfig,
+    table: Vec<Tool>,
+    progress: impl FnMut(f64),
+) {
     let within = axis_box::range(config);
     nearest_at_home(report, config);
     let reach = match Reach::new(config) {
@@ -256,7 +276,7 @@ fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: i
         Ok(found) => {
             report.is_whole = found == within;
             let found = found.rounded();
-            tools(report, ini, config, &within, &found);
+            with_tools(report, config, table, &within, &found);
             report.suggestion = Some(found);
         }
         Err(stop) => home_outside(report, ini, config, stop),
@@ -265,20 +285,13 @@ fn workspace(report: &mut Report, ini: &Ini, config: &MachineConfig, progress: i
 
 /// What the tools of the table leave of the axis limits, and whether the suggested ones hold with
 /// them, where tools change what the machine can take: where it tilts.
-fn tools(
+fn with_tools(
     report: &mut Report,
-    ini: &Ini,
     config: &MachineConfig,
+    table: Vec<Tool>,
     within: &AxisBox,
     suggested: &AxisBox,
 ) {
-    let table = match tools::read(config) {
-        Ok(table) => table,
-        Err(text) => {
-            let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
-            return report.finding(Severity::Warning, at_key(ini, "EMCIO", "TOOL_TABLE", &text));
-        }
-    };
     if !Letter::ALL.iter().any(|l| l.is_angle() && !config.machine.layout().is_held(*l)) {
         return;
     }

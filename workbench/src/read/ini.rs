@@ -42,7 +42,7 @@ pub struct Problem {
     pub file: PathBuf,
     /// Line, counted from 1; `None` where something is missing.
     pub line: Option<usize>,
-    /// Section without brackets; empty where no section is concerned.
+    /// Section without brackets; empty where no section is concerned, as in a tool table.
     pub section: String,
     /// Key; empty where no key is concerned.
     pub key: String,
@@ -58,7 +58,8 @@ impl Problem {
     /// What is wrong, without the place.
     pub fn message(&self) -> String {
         if self.section.is_empty() {
-            return self.expected.clone();
+            let found = self.found.as_ref().map(|found| format!("{found}: ")).unwrap_or_default();
+            return found + &self.expected;
         }
         let found = match &self.found {
             Some(found) if self.key.is_empty() => found.clone(),
@@ -478,6 +479,17 @@ impl Ini {
         let Range::Word(words) = key.range else { return Err(self.refuse(entry, &expected)) };
         let place = words.iter().position(|word| *word == entry.value);
         place.map(|place| place + 1).ok_or_else(|| self.refuse(entry, &expected))
+    }
+
+    /// The same of a key that need not be given.
+    ///
+    /// # Errors
+    /// As [`Ini::require_word`].
+    pub(crate) fn word(&self, section: &str, key: &Key) -> Result<Option<usize>, IniError> {
+        match self.only(section, key.name)? {
+            None => Ok(None),
+            Some(_) => self.require_word(section, key).map(Some),
+        }
     }
 
     /// The one number of a key of the table, `None` as in [`Ini::values`].

@@ -6,6 +6,7 @@
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
+use crate::read::direction::ToolDirection;
 use crate::read::error::{Errors, MachineError};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind};
@@ -87,6 +88,8 @@ pub struct MachineConfig {
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
+    /// Which way tools point, `[PKM]TOOL_DIRECTION`.
+    pub tool_direction: Option<ToolDirection>,
     /// Settings of forward kinematics.
     pub solver: Solver,
     /// Half angle of the cone that the leg may leave its home direction by, degrees, per leg.
@@ -211,6 +214,7 @@ impl MachineConfig {
             offsets: read.offsets,
             start: read.home,
             spindle,
+            tool_direction: read.tool_direction,
             solver: read.solver,
             base_cone: read.cones.iter().map(|[base, _]| *base).collect(),
             platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),

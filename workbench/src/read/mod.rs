@@ -4,6 +4,7 @@
 pub mod boxes;
 mod chain;
 pub mod diagnostic;
+pub mod direction;
 pub mod error;
 pub mod ini;
 pub mod joints;
