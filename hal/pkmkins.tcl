@@ -66,7 +66,7 @@ namespace eval pkmkins {
         LOW {{x y z a b c} needed box.K.low any {} {}}
         HIGH {{x y z a b c} needed box.K.high any {} {}}
         STEPS {{} needed box.K.steps {whole 0 4294967295} {a whole number without sign} {}}
-        GEOMETRY {{} needed box.K.geometry {whole 0 4294967295} {a whole number without sign} {}}
+        GEOMETRY {{} needed box.K.geometry hash {0x and up to 8 hexadecimal digits, or a whole number without sign} {}}
         WEIGHT {{x y z a b c} needed {} any {} {}}
         CONTRACTION {{} needed {} any {} {}}
     }
@@ -359,10 +359,22 @@ proc pkmkins::checked_word {section key list expected} {
     return {}
 }
 
+# A hash as a decimal number, for the pin; {} where it is none. `pkm` writes it hexadecimal.
+proc pkmkins::checked_hash {section key expected} {
+    if {![is_once $section $key "expected $expected"]} { return {} }
+    set text [lindex [values $section $key] 0]
+    set is_hash [regexp {^(0x[0-9a-fA-F]{1,8}|[0-9]{1,10})$} $text]
+    if {$is_hash} { scan $text [expr {[string match 0x* $text] ? "0x%llx" : "%lld"}] value }
+    if {$is_hash && $value <= 4294967295} { return $value }
+    complain $section $key "= \"$text\": expected $expected"
+    return {}
+}
+
 # The numbers of a key, checked as its entry in the table says; {} where there are none.
 proc pkmkins::checked {section key form} {
     lassign $form parts need pin range expected
     if {[lindex $range 0] eq "word"} { return [checked_word $section $key [lrange $range 1 end] $expected] }
+    if {$range eq "hash"} { return [checked_hash $section $key $expected] }
     set count [expr {[llength $parts] ? [llength $parts] : 1}]
     set words [numbers $section $key $count $count]
     foreach word $words {
