@@ -30,6 +30,7 @@ namespace eval pkmkins {
         SCREW_LEAD {{} optional screw-lead any {} {}}
         CENTRE {{x y z} optional centre any {} {}}
         SPINDLE_OFFSET {{} optional spindle-offset any {} {}}
+        TOOL_DIRECTION {{} optional {} {word down up} {down or up} {}}
         CONVERGENCE_CRITERION {{} optional convergence-criterion {above 0 Inf} {more than 0} {}}
         LIMIT_ITERATIONS {{} optional limit-iterations {whole 1 288} {a whole number from 1 to 288} 288}
         RESIDUAL_LIMIT {{} optional residual-limit {above 0 Inf} {more than 0} {}}
@@ -48,6 +49,7 @@ namespace eval pkmkins {
     variable second_keys {
         CENTRE {{x y z} optional second.centre any {} {}}
         SPINDLE_OFFSET {{} optional second.spindle-offset any {} {}}
+        TOOL_DIRECTION {{} optional {} {word down up} {down or up} {}}
     }
     variable chain_keys {
         CARRIES {{} needed chain.L.carries {word WORK TOOL LEGS} {WORK or TOOL or LEGS} {}}
@@ -66,7 +68,7 @@ namespace eval pkmkins {
         LOW {{x y z a b c} needed box.K.low any {} {}}
         HIGH {{x y z a b c} needed box.K.high any {} {}}
         STEPS {{} needed box.K.steps {whole 0 4294967295} {a whole number without sign} {}}
-        GEOMETRY {{} needed box.K.geometry {whole 0 4294967295} {a whole number without sign} {}}
+        GEOMETRY {{} needed box.K.geometry hash {0x and up to 8 hexadecimal digits, or a whole number without sign} {}}
         WEIGHT {{x y z a b c} needed {} any {} {}}
         CONTRACTION {{} needed {} any {} {}}
     }
@@ -359,10 +361,22 @@ proc pkmkins::checked_word {section key list expected} {
     return {}
 }
 
+# A hash as a decimal number, for the pin; {} where it is none. `pkm` writes it hexadecimal.
+proc pkmkins::checked_hash {section key expected} {
+    if {![is_once $section $key "expected $expected"]} { return {} }
+    set text [lindex [values $section $key] 0]
+    set is_hash [regexp {^(0x[0-9a-fA-F]{1,8}|[0-9]{1,10})$} $text]
+    if {$is_hash} { scan $text [expr {[string match 0x* $text] ? "0x%llx" : "%lld"}] value }
+    if {$is_hash && $value <= 4294967295} { return $value }
+    complain $section $key "= \"$text\": expected $expected"
+    return {}
+}
+
 # The numbers of a key, checked as its entry in the table says; {} where there are none.
 proc pkmkins::checked {section key form} {
     lassign $form parts need pin range expected
     if {[lindex $range 0] eq "word"} { return [checked_word $section $key [lrange $range 1 end] $expected] }
+    if {$range eq "hash"} { return [checked_hash $section $key $expected] }
     set count [expr {[llength $parts] ? [llength $parts] : 1}]
     set words [numbers $section $key $count $count]
     foreach word $words {
@@ -413,7 +427,9 @@ proc pkmkins::machine_pins {kinds} {
     variable machine_keys
     check_keys PKM [dict keys $machine_keys]
     require_lead $kinds
-    return [section_pins PKM $machine_keys ""]
+    set pins [section_pins PKM $machine_keys ""]
+    check_direction PKM
+    return $pins
 }
 
 proc pkmkins::leg_pins {n kind} {
@@ -423,6 +439,18 @@ proc pkmkins::leg_pins {n kind} {
     set keys [dict get $leg_keys $kind]
     check_keys $section [dict keys $keys]
     return [section_pins $section $keys $n]
+}
+
+# A spindle that points the other way than the file says tools do has its length with the wrong sign: the
+# machine would drive the tip away from where the program wants it by twice that length.
+proc pkmkins::check_direction {section} {
+    set direction [lindex [values $section TOOL_DIRECTION] 0]
+    set text [lindex [values $section SPINDLE_OFFSET] 0]
+    if {$direction ni {up down} || ![is_number $text]} { return }
+    set length [value $text]
+    if {$length == 0 || ($length < 0) == ($direction eq "up")} { return }
+    lassign [expr {$direction eq "up" ? {above negative down} : {below positive up}}] side sign other
+    complain $section SPINDLE_OFFSET "= \"$text\": expected [expr {-$length}], as \[$section\]TOOL_DIRECTION = $direction has the tip $side the platform's reference point, where lengths are $sign; where the spindle points $other, TOOL_DIRECTION = $other"
 }
 
 # A section that only a second mechanism needs.
@@ -438,7 +466,9 @@ proc pkmkins::second_pins {} {
         return {}
     }
     check_keys SECOND [dict keys $second_keys]
-    return [section_pins SECOND $second_keys ""]
+    set pins [section_pins SECOND $second_keys ""]
+    check_direction SECOND
+    return $pins
 }
 
 # A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 /// Centre lines of legs that are nearer than this share of the machine's size meet: no leg is
 /// thinner.
-const MEETING: f64 = 1e-3;
+pub(crate) const MEETING: f64 = 1e-3;
 
 /// The limits that a machine's file sets.
 pub(crate) fn of(config: &MachineConfig) -> Limits {

@@ -4,6 +4,7 @@
 //! A viewer needs no kinematics: lower ends of legs follow from joint values, upper ends from the
 //! pose, by two formulas that stand there.
 
+use crate::read::direction::ToolDirection;
 use crate::read::machine::MachineConfig;
 use crate::read::models::Model;
 use kinematics::{LegGeometry, LegKind, Letter, POSE_LETTERS, Vector3};
@@ -43,6 +44,8 @@ pub struct Scene {
     pub centre: [f64; 3],
     /// Of the tool vector without a tool, along Z.
     pub spindle_offset: f64,
+    /// Which way tools point along Z, `up` or `down`, where the file says it.
+    pub tool_direction: Option<&'static str>,
     /// A pose and the joint values that belong to it.
     pub home: Home,
     /// The legs.
@@ -213,6 +216,7 @@ impl Scene {
             extra: config.extra_axes.letters().collect(),
             centre: config.geometry.centre,
             spindle_offset: config.spindle.z,
+            tool_direction: config.tool_direction.map(ToolDirection::name),
             home: Home {
                 pose: config.home,
                 joints: config.joints.iter().map(|joint| joint.home).collect(),

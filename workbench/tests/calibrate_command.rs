@@ -324,7 +324,7 @@ fn what_is_wrong_with_points_of_probeopen_is_told_with_its_line() {
         (changed("# machine hexapod.ini\n", ""), ":1: expected a line \"# machine hexapod.ini\""),
         (changed("machine hexapod", "machine lathe"), ":2: points of lathe.ini: expected those of"),
         (changed("# geometry 1844604530\n", ""), ":1: expected a line \"# geometry HASH\""),
-        (changed("y 1844604530", "y 1844604531"), ":3: measured with geometry 1844604531"),
+        (changed("y 1844604530", "y 1844604531"), ":3: measured with geometry 0x6df26e73"),
         (changed("y 1844604530", "y lost"), ":3: \"lost\": expected a line \"# geometry HASH\""),
         (changed("# tool 0 0 60\n", ""), ":1: expected a line \"# tool X Y Z\""),
         (changed("tool 0 0 60", "tool 0 60"), ":4: \"0 60\": expected a line \"# tool X Y Z\""),

@@ -2,7 +2,8 @@
 //! What `pkm check` finds in a machine's file.
 
 use crate::shipped::ini;
-use pkm::check::report::{Report, check};
+use pkm::check::findings::Report;
+use pkm::check::report::check;
 use pkm::read::diagnostic::Severity;
 use pkm::read::ini::Ini;
 use pkm::read::machine::MachineConfig;
@@ -25,7 +26,10 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
         format!("{before}{heading}{}{after}", joints[i])
     });
     std::fs::write(&file, homed).unwrap();
-    std::fs::copy(ini("hexapod").with_extension("tbl"), folder.path().join("hexapod.tbl")).unwrap();
+    for name in ["hexapod.tbl", "hexapod-panel.tcl"] {
+        let shipped = ini("hexapod").with_file_name(name);
+        std::fs::copy(shipped, folder.path().join(name)).unwrap();
+    }
     check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap()
 }
 

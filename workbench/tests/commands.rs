@@ -18,7 +18,7 @@ impl Bench {
     pub fn new() -> Self {
         let bench = Self(tempfile::tempdir().unwrap());
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/linear-delta");
-        for file in ["linear-delta.ini", "linear-delta.tbl"] {
+        for file in ["linear-delta.ini", "linear-delta.tbl", "linear-delta-panel.tcl"] {
             fs::copy(folder.join(file), bench.0.path().join(file)).unwrap();
         }
         bench
@@ -80,15 +80,20 @@ linear-delta.ini
   joints         3 carriages
   mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2
-  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
+  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  tool tips      T1 at the platform joints
+                 TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
+  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-  conditioning   0.5930 at home (0: a singular pose)
+  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
-  axis limits    the machine can take 100.0 % of the poses in them
+  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
                  the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 Proved: without a tool the machine can take every pose within its axis limits:
@@ -189,11 +194,13 @@ error: [LEG_0]GUIDES = 0 0 1
   --> linear-delta.ini:81:1
    |
 81 | GUIDES = 0 0 1
-   | ^^^^^^ unknown key; known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
+   | ^^^^^^ unknown key (did you mean GUIDE?); known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
 
 error: [LEG_0]GUIDE is missing
---> linear-delta.ini
- = help: expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
+  --> linear-delta.ini:81:1
+   |
+81 | GUIDES = 0 0 1
+   | ^^^^^^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own; is it this line, GUIDES?
 exit 2
 
 "#]]
@@ -338,7 +345,7 @@ error: [LEG_0]ROAD = 5
  --> kins.inc:3:1
   |
 3 | ROAD = 5
-  | ^^^^ unknown key; known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
+  | ^^^^ unknown key (did you mean ROD?); known keys are BASE PLATFORM GUIDE ROD SIDE OFFSET BASE_CONE PLATFORM_CONE
 exit 2
 
 "#]]
@@ -374,21 +381,32 @@ linear-delta.ini
   joints         3 carriages
   mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2
-  home           joints within 2.5e1 of the kinematics at [TRAJ]HOME
+  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
+  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  tool tips      T1 at the platform joints
+                 TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
+  home           the joints' HOME are off by at most 25.363 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
 
 error: [JOINT_0]HOME = 300
    --> linear-delta.ini:117:8
     |
 117 | HOME = 300
-    |        ^^^ the kinematics put carriage 0 to 325.3634158062803 at [TRAJ]HOME
+    |        ^^^ off by 25.363 mm: the kinematics put carriage 0 to 325.3634158062803 at [TRAJ]HOME; write that, as pkm check --fix does, or correct [TRAJ]HOME or [LEG_0] where the machine was measured with this value
 
 error: [TRAJ]HOME = 0 0 90
   --> linear-delta.ini:70:8
    |
 70 | HOME = 0 0 90
    |        ^^^^^^ [TRAJ]HOME needs 325.3634158062803 of carriage 0: widen its limits 0 to 310, or move HOME
+
+warning: [JOINT_0]HOME_OFFSET = 370
+   --> linear-delta.ini:124:15
+    |
+124 | HOME_OFFSET = 370
+    |               ^^^ the switch is 60.000 mm outside of MIN_LIMIT to MAX_LIMIT: expected the joint's value at the switch; it is right only where the switch stands beyond the travel that programs have
 
 The machine does not fit together.
 exit 1
@@ -410,20 +428,31 @@ linear-delta.ini
   joints         3 carriages
   mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2
-  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
+  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  tool tips      T1 at the platform joints
+                 TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
+  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-  conditioning   0.5930 at home (0: a singular pose)
+  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
-  axis limits    the machine can take 100.0 % of the poses in them
+  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
                  the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
- = help: Home All leaves this joint out, and without it there is no world mode
+ = help: Home All leaves this joint out, and without it there is no world mode: give it the number of the others
+
+error: [HAL]HALFILE = own.hal
+  --> linear-delta.ini:57:11
+   |
+57 | HALFILE = own.hal
+   |           ^^^^^^^ there is no such file, and LinuxCNC's start ends here: expected own.hal or /usr/share/linuxcnc/hallib/own.hal
 
 warning: [TRAJ]NO_FORCE_HOMING = 1
   --> linear-delta.ini:69:19
@@ -449,8 +478,8 @@ MAX_LIMIT = 80
 MIN_LIMIT = 0
 MAX_LIMIT = 100
 
-The machine fits together; look at the warnings.
-exit 0
+The machine does not fit together.
+exit 1
 
 "#]]
     );
@@ -468,15 +497,20 @@ linear-delta.ini
   joints         3 carriages
   mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2
-  home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
+  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  tool tips      T1 at the platform joints
+                 TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
+  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-  conditioning   0.5930 at home (0: a singular pose)
+  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
                  0.5926 the worst found within the axis limits, at [..]
-  axis limits    the machine can take 100.0 % of the poses in them
+  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
                  the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 error: [JOINT_0]HOME_SEQUENCE = 0
@@ -756,15 +790,18 @@ exit 0
         str![[r#"
 Checks that a machine's INI file fits together
 
-Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints and
-mobility, geometry hash, HOME of joints and axes against the kinematics, homing order against the
-limits of the pose, whether HAL files wire the module's guard, joint ranges, how near the legs come
-to each other and how well they hold the platform at home and at worst. At the end stand [AXIS_*]
-limits in which, without a tool, every pose is proved to keep all limits: reach, joint ranges, cones
-and pyramids, tilt, the distance of the legs and the conditioning; of a machine that tilts also
-whether that is proved with every tool of the tool table, and what a smaller tilt gains in X, Y and
-Z. They stay within the axis limits that the file gives already; where it gives none, the machine
-sets the end.
+Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it
+understood: joints and mobility, geometry hash, unit and size, the order of the legs around the
+base, leads and hands of the screws, where every tool tip is, which limit is nearest at home. It
+checks HOME of joints and axes against the kinematics, homing order against the limits of the pose,
+whether HAL files are there, in order, and wire the module's guard, names that are near to those
+that are read, joint ranges, how near the legs come to each other and how well they hold the
+platform at home and at worst. Every row says what to do with it. At the end stand [AXIS_*] limits
+in which, without a tool, every pose is proved to keep all limits: reach, joint ranges, cones and
+pyramids, tilt, the distance of the legs and the conditioning; of a machine that tilts also whether
+that is proved with every tool of the tool table, and what a smaller tilt gains in X, Y and Z. They
+stay within the axis limits that the file gives already; where it gives none, the machine sets the
+end.
 
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.
@@ -783,6 +820,15 @@ Options:
           Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
           Z A B C; without it check, boxes, run, preflight and travel look at both, and all others
           at the first
+
+      --fix
+          Propose on standard output, as a unified diff, what would put the file right: HOME of
+          joints and axes with all digits, axis limits that are missing or of which most is out of
+          reach, the order of homing, and boxes that belong to another geometry, which are proved
+          again
+
+      --write
+          Write what --fix proposes into the file
 
   -h, --help
           Print help (see a summary with '-h')

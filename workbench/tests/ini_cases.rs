@@ -29,9 +29,10 @@ struct Case {
     names: Vec<String>,
 }
 
+/// What is done to a section or a key of a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Edit {
+pub struct Edit {
     section: String,
     key: Option<String>,
     #[serde(default)]
@@ -57,7 +58,8 @@ fn bounds(lines: &[String], section: &str) -> Option<(usize, usize)> {
     Some((start, length.map_or(lines.len(), |length| start + 1 + length)))
 }
 
-fn apply(lines: &mut Vec<String>, edit: &Edit) {
+/// Does it.
+pub fn apply(lines: &mut Vec<String>, edit: &Edit) {
     let (start, end) = bounds(lines, &edit.section).unwrap_or_else(|| {
         lines.push(format!("[{}]", edit.section));
         (lines.len() - 1, lines.len())

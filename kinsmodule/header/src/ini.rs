@@ -61,6 +61,7 @@ fn range(range: Range) -> String {
         Range::From(least, most) => format!("{{from {} {}}}", bound(least), bound(most)),
         Range::Whole(least, most) => format!("{{whole {least} {most}}}"),
         Range::Sign => "sign".into(),
+        Range::Hash => "hash".into(),
         Range::Model => "model".into(),
         Range::Word(words) => format!("{{word {}}}", words.join(" ")),
     }

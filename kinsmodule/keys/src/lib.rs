@@ -5,7 +5,7 @@
 //! hal/pkmkins.tcl and the section of docs/pkmkins.9 from it, and the workbench reads with it.
 
 use Need::{Cardan, Needed, Optional, With};
-use Range::{Above, Any, From, Model, Sign, Whole, Word};
+use Range::{Above, Any, From, Hash, Model, Sign, Whole, Word};
 use kinematics::leg::Kind;
 use kinematics::{Carries, MAX_ITERATIONS};
 
@@ -75,8 +75,10 @@ pub enum Range {
     Whole(u32, u32),
     /// 1 or -1.
     Sign,
-    /// A word instead of a number: its place in the list, counted from 1, goes to the pin.
+    /// A word instead of a number: its place in the list, counted from 1, goes to the pin, where there is one.
     Word(&'static [&'static str]),
+    /// A hash of 32 bits, as 0x and hexadecimal digits or decimal.
+    Hash,
     /// Instead of numbers the file with a shape, its unit, and where its zero is.
     Model,
 }
@@ -86,6 +88,7 @@ impl Range {
     pub fn holds(self, word: &str, value: f64) -> bool {
         match self {
             Any | Model => true,
+            Hash => hash(word).is_some(),
             Above(least, most) => value > least && value <= most,
             From(least, most) => value >= least && value <= most,
             Whole(least, most) => {
@@ -115,6 +118,7 @@ impl Key {
             Whole(0, u32::MAX) => "a whole number without sign".into(),
             Whole(least, most) => format!("a whole number from {least} to {most}"),
             Sign => "1 or -1".into(),
+            Hash => "0x and up to 8 hexadecimal digits, or a whole number without sign".into(),
             Word(words) => words.join(" or "),
             Model => "FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch".into(),
         }
@@ -160,7 +164,9 @@ table! {
         CENTRE = Key { parts: XYZ, pin: "centre", unit: LENGTH,
             ..key("Point of the platform at which held X, Y, Z are held.") };
         SPINDLE_OFFSET = Key { pin: "spindle-offset", unit: LENGTH,
-            ..key("Part of the tool length that no tool table holds.") };
+            ..key("Part of the tool length that no tool table holds; its sign as in SIGN OF TOOL LENGTHS.") };
+        TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
+            ..key("Which way tools point along the platform's Z from its reference point, to check lengths with (SIGN OF TOOL LENGTHS).") };
         CONVERGENCE_CRITERION = Key { pin: "convergence-criterion", range: Above(0.0, f64::INFINITY), unit: LENGTH,
             ..key("Largest error of a leg's length that forward accepts.") };
         LIMIT_ITERATIONS = Key { pin: "limit-iterations", range: Whole(1, MAX_ITERATIONS), absent: Some(MAX_ITERATIONS),
@@ -197,6 +203,8 @@ table! {
             ..key("Point of its platform at which held X, Y, Z of it are held.") };
         SPINDLE_OFFSET = Key { pin: "second.spindle-offset", unit: LENGTH,
             ..key("Part of its tool length that no tool table holds.") };
+        TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
+            ..key("Which way its tools point along its platform's Z, to check lengths with (SIGN OF TOOL LENGTHS).") };
     }
 
     /// `[LEG_N]`: leg N.
@@ -269,13 +277,24 @@ table! {
             ..key("Upper ends of the box.") };
         STEPS = Key { need: Needed, pin: "box.K.steps", range: Whole(0, u32::MAX),
             ..key("Steps of the search after which the box has answered.") };
-        GEOMETRY = Key { need: Needed, pin: "box.K.geometry", range: Whole(0, u32::MAX),
+        GEOMETRY = Key { need: Needed, pin: "box.K.geometry", range: Hash,
             ..key("Hash of the geometry that it was proved for.") };
         WEIGHT = Key { parts: XYZABC, need: Needed,
             ..key("Weights of the coordinates in the proof; for pkm boxes alone.") };
         CONTRACTION = Key { need: Needed,
             ..key("Contraction of the search that was proved; for pkm boxes alone.") };
     }
+}
+
+/// A hash as people and programs write it: hexadecimal, as everything here does, or decimal.
+pub fn hash(text: &str) -> Option<u32> {
+    let (digits, radix) = match text.strip_prefix("0x") {
+        Some(digits) => (digits, 16),
+        None => (text, 10),
+    };
+    // Without this a sign would be taken.
+    let is_digits = digits.len() <= 10 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    u32::from_str_radix(digits, radix).ok().filter(|_| is_digits)
 }
 
 /// Name of a kind of leg, as the load parameter `legs=` has it.
@@ -290,6 +309,9 @@ pub const fn kind_name(kind: Kind) -> &'static str {
 
 /// Words of what an axis carries.
 const CARRIED: &[&str] = &[Carries::ALL[0].name(), Carries::ALL[1].name(), Carries::ALL[2].name()];
+
+/// Words of which way tools point: down, where lengths are positive, and up, where they are negative.
+const DIRECTIONS: &[&str] = &["down", "up"];
 
 /// The keys of the axis with this letter: only those that turn have a point.
 pub fn of_axis(letter: char) -> impl Iterator<Item = &'static Key> {
@@ -337,6 +359,16 @@ mod tests {
             let With(other) = key.need else { continue };
             let other = leg::ALL.iter().find(|k| k.name == other).expect("a key of a leg");
             assert!(key.kinds.iter().all(|kind| other.kinds.contains(kind)), "{}", key.name);
+        }
+    }
+
+    #[test]
+    fn a_hash_is_read_in_both_ways() {
+        for text in ["0x6df26e72", "0x6DF26E72", "1844604530"] {
+            assert_eq!(hash(text), Some(0x6df2_6e72), "{text}");
+        }
+        for text in ["", "0x", "+1", "-1", "6df26e72", "0x1ffffffff", "4294967296", "1.0"] {
+            assert_eq!(hash(text), None, "{text}");
         }
     }
 

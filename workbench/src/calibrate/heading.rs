@@ -65,20 +65,16 @@ pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
 pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
     let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
     let (line, word) = value(text, "geometry", expected)?;
-    // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.
-    let hash = match word.strip_prefix("0x") {
-        Some(digits) => u32::from_str_radix(digits, 16),
-        None => word.parse(),
-    };
     let own = config.hash;
     let bad = |text| Err(BadLog { line, text });
-    match hash {
-        Ok(hash) if hash == own => Ok(()),
-        Ok(hash) => bad(format!(
-            "measured with geometry {hash}, {} is {own}: calibrate the file that LinuxCNC ran with",
+    // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.
+    match keys::hash(word) {
+        Some(hash) if hash == own => Ok(()),
+        Some(hash) => bad(format!(
+            "measured with geometry {hash:#010x}, {} is {own:#010x}: calibrate the file that LinuxCNC ran with",
             config.file.display()
         )),
-        Err(_) => bad(format!("\"{word}\": expected {expected}")),
+        None => bad(format!("\"{word}\": expected {expected}")),
     }
 }
 

@@ -6,12 +6,12 @@ use crate::files::{AtFile, Locate};
 use crate::proof::boxes::found;
 use crate::proof::one_to_one::Doubt;
 use crate::read::boxes;
+use crate::read::edit::{self, Edit, Elsewhere, enter};
 use crate::read::error::MachineError;
 use crate::read::ini::Ini;
 use crate::read::machine::MachineConfig;
 use keys::leg;
 use kinematics::{Fault, Geometry, LegKind, PerLeg};
-use similar::TextDiff;
 use std::path::Path;
 
 /// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.
@@ -32,18 +32,6 @@ pub enum RewriteError {
     /// No boxes are proved for the new machine.
     #[error(transparent)]
     Doubt(#[from] Doubt),
-}
-
-/// A section that is not in the file.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("[{0}] is not in the file itself: calibrate where its values stand")]
-pub struct Elsewhere(String);
-
-/// What a value of the file becomes.
-struct Edit {
-    section: String,
-    key: &'static str,
-    value: String,
 }
 
 /// The text of a machine's file with these changes of a model. `[BOX_K]` sections, which were
@@ -103,11 +91,7 @@ pub fn with_boxes(file: &Path, text: &str) -> Result<String, RewriteError> {
 
 /// Both texts as a difference that people read.
 pub fn difference(old: &str, new: &str, names: (&str, &str)) -> String {
-    TextDiff::from_lines(old, new)
-        .unified_diff()
-        .context_radius(1)
-        .header(names.0, names.1)
-        .to_string()
+    edit::difference(old, new, names, 1)
 }
 
 fn decimal(value: f64) -> String {
@@ -167,33 +151,6 @@ fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec
         .collect())
 }
 
-/// Lines of a section behind its heading, to the next heading.
-fn section(lines: &[String], name: &str) -> Option<std::ops::Range<usize>> {
-    let heading = format!("[{name}]");
-    let first = lines.iter().position(|line| line.trim() == heading)? + 1;
-    let next = lines[first..].iter().position(|line| line.trim_start().starts_with('['));
-    Some(first..next.map_or(lines.len(), |next| first + next))
-}
-
-fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), Elsewhere> {
-    let Edit { section: name, key, value } = edit;
-    let range = section(lines, name).ok_or_else(|| Elsewhere(name.clone()))?;
-    let is_own = |line: &String| line.split_once('=').is_some_and(|(word, _)| word.trim() == *key);
-    match lines[range.clone()].iter().position(is_own) {
-        Some(at) => {
-            let line = &mut lines[range.start + at];
-            let (before, after) = line.split_once('=').unwrap_or((line.as_str(), ""));
-            let blank: String = after.chars().take_while(|c| c.is_whitespace()).collect();
-            *line = format!("{before}={blank}{value}");
-        }
-        None => {
-            let own = lines[range.clone()].iter().rposition(|line| line.contains('='));
-            lines.insert(range.start + own.map_or(0, |at| at + 1), format!("{key} = {value}"));
-        }
-    }
-    Ok(())
-}
-
 /// The lines without `[BOX_K]` and `boxes=`; comments stay.
 fn without_boxes(text: &str) -> Vec<String> {
     let mut is_box = false;
@@ -221,25 +178,6 @@ fn without_count(line: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn values_change_and_all_else_stays() {
-        let text = "# a comment\n[LEG_0]\nBASE=1 2 3\n  PLATFORM =  4 5 6\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9\n";
-        let mut lines: Vec<String> = text.lines().map(Into::into).collect();
-        let edit = |key, value: &str| Edit { section: "LEG_0".into(), key, value: value.into() };
-        enter(&mut lines, &edit("BASE", "1.5 2 3")).unwrap();
-        enter(&mut lines, &edit("PLATFORM", "0 0 0")).unwrap();
-        enter(&mut lines, &edit("OFFSET", "0.25")).unwrap();
-        let new = "# a comment\n[LEG_0]\nBASE=1.5 2 3\n  PLATFORM =  0 0 0\nOFFSET = 0.25\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9";
-        assert_eq!(lines.join("\n"), new);
-        let other = Edit { section: "LEG_7".into(), key: "BASE", value: String::new() };
-        assert!(
-            enter(&mut lines, &other)
-                .unwrap_err()
-                .to_string()
-                .contains("[LEG_7] is not in the file")
-        );
-    }
 
     #[test]
     fn boxes_of_the_old_geometry_go() {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How near two mechanisms of a machine come to each other, at home and within their axis limits.
 
-use crate::check::report::Finding;
+use crate::check::findings::Finding;
+use crate::check::suggestion::shown_pose;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::proof::axis_box;
@@ -58,7 +59,7 @@ pub fn check(config: &MachineConfig) -> Result<Option<Between>, MachineError> {
         found.finding(Severity::Error, at_key(&config.ini, "TRAJ", "HOME", &text));
     }
     if let Some((gap, poses)) = nearest(configs) {
-        let [one, other] = [0, 1].map(|i| crate::check::report::shown_pose(configs[i], &poses[i]));
+        let [one, other] = [0, 1].map(|i| shown_pose(configs[i], &poses[i]));
         let (apart, place) = (told(&gap), format!("{one} and {other}"));
         found.facts.push((
             String::new(),

@@ -16,6 +16,9 @@ const STEPS: u32 = 50;
 /// HOME_SEQUENCE of a joint that has none, as LinuxCNC reads it.
 const NO_SEQUENCE: f64 = 999.0;
 
+/// HOME_SEQUENCE of joints that home together and move back together.
+pub(crate) const TOGETHER: i64 = -1;
+
 /// Homing of one joint.
 struct Homing {
     sequence: Option<i64>,
@@ -28,6 +31,8 @@ struct Homing {
 pub enum Trouble {
     /// This joint, as LinuxCNC counts it, is left out when all are homed.
     LeftOut(usize),
+    /// The switch of this joint, as LinuxCNC counts it, is that far outside of its limits: with the unit.
+    Switch(usize, f64, &'static str),
     /// On the way of a sequence a limit is not kept: sequence, and the limit.
     Limit(i64, Margin),
     /// On the way of a sequence there is no pose: sequence, text of the fault.
@@ -50,6 +55,8 @@ pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, I
         .filter(|(_, joint)| joint.sequence.is_none())
         .map(|(i, _)| Trouble::LeftOut(*i))
         .collect();
+    let places = numbers.iter().copied().enumerate();
+    troubles.extend(places.zip(&joints).filter_map(|(place, joint)| outside(config, place, joint)));
     let mut sequences: Vec<i64> = joints.iter().filter_map(|joint| joint.sequence).collect();
     // A negative number only makes the last move of a sequence one of all its joints together.
     sequences.sort_by_key(|sequence| sequence.abs());
@@ -58,6 +65,31 @@ pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, I
         troubles.extend(follow(config, &joints, sequence));
     }
     Ok(troubles)
+}
+
+/// A switch beyond the limits of its joint: of a machine's own joints, then those of its extra axes, the one at
+/// place `n`, which LinuxCNC counts as `i`.
+fn outside(config: &MachineConfig, (n, i): (usize, usize), joint: &Homing) -> Option<Trouble> {
+    let switch = joint.switch.filter(|_| joint.sequence.is_some())?;
+    let (own, unit) = match config.joints.get(n) {
+        Some(own) => (own, config.unit(own.kind)),
+        None => {
+            let axis = config.extra.get(n - config.joints.len())?;
+            (&axis.joint, axis.unit(config.length_unit()))
+        }
+    };
+    let beyond = (own.min - switch).max(switch - own.max);
+    (beyond > 0.0).then_some(Trouble::Switch(i, beyond, unit))
+}
+
+/// Whether the way of all joints together, from HOME to their switches, keeps what the order of the file
+/// does not.
+pub(crate) fn is_kept_together(ini: &Ini, config: &MachineConfig) -> Result<bool, IniError> {
+    let first = config.place.first_joint;
+    let mut joints: Vec<Homing> =
+        (first..first + config.joints.len()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
+    joints.iter_mut().for_each(|joint| joint.sequence = Some(TOGETHER));
+    Ok(follow(config, &joints, TOGETHER).is_none())
 }
 
 fn homing(ini: &Ini, i: usize) -> Result<Homing, IniError> {

@@ -2,8 +2,23 @@
 //! What a user should know of a machine before it moves.
 
 pub mod between;
+pub mod boxes;
 pub mod cautions;
+mod direction;
+pub mod findings;
+pub mod fixes;
+mod homes;
 mod homing;
 pub mod mobility;
+mod nearest;
+mod odd;
+mod order;
 pub mod report;
+mod screws;
+mod seen;
+mod size;
+pub mod suggestion;
+mod tips;
+mod typos;
 mod wiring;
+mod workspace;

@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the files around a machine leave out that keeps it from harm: homing, the module's
-//! monitor, and the way of its feed scale into motion.
+//! What the files around a machine leave out that keeps it from harm: homing, HAL files that are there and in
+//! order, the module's monitor, and the way of its feed scale into motion.
 
 use crate::check::cautions::words;
+use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Where LinuxCNC looks for `LIB:` files, as Debian's package has it.
 const HALLIB: &str = "/usr/share/linuxcnc/hallib";
+
+/// Keys that name a file which LinuxCNC carries out.
+const FILES: [&str; 3] = ["HALFILE", "POSTGUI_HALFILE", "SHUTDOWN"];
+
+/// The motion controller, in the file that loads it.
+const CONTROLLER: &str = "motmod";
 
 /// The file that wires everything.
 const OWN: &str = "pkmkins.tcl";
@@ -17,7 +24,60 @@ const OWN: &str = "pkmkins.tcl";
 ///
 /// # Errors
 /// A value that is no number.
-pub(crate) fn check(ini: &Ini) -> Result<Vec<IniError>, IniError> {
+pub(crate) fn check(ini: &Ini) -> Result<Vec<(Severity, IniError)>, IniError> {
+    let mut found: Vec<_> =
+        absent(ini).chain(too_early(ini)).map(|error| (Severity::Error, error)).collect();
+    found.extend(cautions(ini)?.into_iter().map(|error| (Severity::Warning, error)));
+    Ok(found)
+}
+
+/// HAL files that LinuxCNC does not find: its start ends there.
+fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let entries = FILES.iter().flat_map(|key| ini.all("HAL", key));
+    entries.filter_map(|entry| {
+        let tried = places(ini, entry)?;
+        let is_there = tried.iter().any(|file| file.is_file());
+        // Without LinuxCNC on this computer its library is not here.
+        let is_judged = !entry.value.starts_with("LIB:") || Path::new(HALLIB).is_dir();
+        (!is_there && is_judged && !is_own(entry)).then(|| {
+            let tried: Vec<String> = tried.iter().map(|file| file.display().to_string()).collect();
+            let text = format!(
+                "there is no such file, and LinuxCNC's start ends here: expected {}",
+                tried.join(" or ")
+            );
+            ini.refuse(entry, &text)
+        })
+    })
+}
+
+/// pkmkins.tcl before the file that loads module and motion controller: the pins that it sets are not there yet.
+fn too_early(ini: &Ini) -> Option<IniError> {
+    if ini.first("HAL", "TWOPASS").is_some() {
+        return None;
+    }
+    let files = ini.all("HAL", "HALFILE");
+    let own = files.iter().position(|entry| is_own(entry))?;
+    let loads = |entry: &&&Entry| {
+        text(ini, entry)
+            .is_some_and(|text| text.contains(CONTROLLER) || text.contains("KINEMATICS"))
+    };
+    let loading = files.iter().skip(own + 1).find(loads);
+    if files[..own].iter().any(|entry| loads(&entry)) || (loading.is_none() && own > 0) {
+        return None;
+    }
+    let after = loading
+        .map_or("the file that loads the drives, the kinematics and motmod".into(), |entry| {
+            format!("{}, which loads them", entry.value)
+        });
+    let text = format!(
+        "it stands before the module and the motion controller are loaded, and sets pins that are not there yet: \
+         move it behind {after}"
+    );
+    Some(ini.refuse(files[own], &text))
+}
+
+/// What may not be meant so.
+fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     let mut found = vec![];
     if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
         let text =
@@ -75,18 +135,25 @@ fn is_own(entry: &Entry) -> bool {
     entry.value.split_whitespace().next().is_some_and(|name| name.ends_with(OWN))
 }
 
+/// Where LinuxCNC looks for a file, in turn; `None` without a name.
+fn places(ini: &Ini, entry: &Entry) -> Option<Vec<PathBuf>> {
+    let name = entry.value.split_whitespace().next()?;
+    let folder = ini.file().parent().unwrap_or(Path::new(""));
+    let home = std::env::var_os("HOME").map(PathBuf::from);
+    Some(match (name.strip_prefix("LIB:"), name.strip_prefix("~/"), home) {
+        (Some(name), ..) => vec![Path::new(HALLIB).join(name)],
+        (_, Some(name), Some(home)) => vec![home.join(name)],
+        _ if Path::new(name).is_absolute() => vec![name.into()],
+        _ => vec![folder.join(name), Path::new(HALLIB).join(name)],
+    })
+}
+
 /// A HAL file without its comments, and without those of Debian's that are not installed.
 fn text(ini: &Ini, entry: &Entry) -> Option<String> {
-    let name = entry.value.split_whitespace().next()?;
     if is_own(entry) {
         return None;
     }
-    let folder = ini.file().parent().unwrap_or(Path::new(""));
-    let file: PathBuf = match name.strip_prefix("LIB:") {
-        Some(name) => Path::new(HALLIB).join(name),
-        None => folder.join(name),
-    };
-    let bytes = fs::read(file).ok()?;
+    let bytes = places(ini, entry)?.iter().find_map(|file| fs::read(file).ok())?;
     let text = String::from_utf8_lossy(&bytes);
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     Some(lines.collect::<Vec<_>>().join("\n"))
@@ -112,27 +179,42 @@ mod tests {
             ini += &format!("HALFILE = {name}\n");
         }
         let ini = Ini::parse(&folder.path().join("m.ini"), &(ini + more)).unwrap();
-        check(&ini).unwrap().iter().map(|error| error.0.message()).collect()
+        check(&ini).unwrap().iter().map(|(_, error)| error.0.message()).collect()
+    }
+
+    #[test]
+    fn files_that_are_not_there_and_files_too_early_are_told() {
+        let load = "loadrt [KINS]KINEMATICS\nloadrt motmod servo_period_nsec=1000000\n";
+        let all =
+            told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = panel.hal\n");
+        assert!(all.len() == 1 && all[0].contains("panel.hal: there is no such file"), "{all:?}");
+        let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
+        assert!(all.len() == 1 && all[0].contains("move it behind drives.hal"), "{all:?}");
+        assert_eq!(told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n"), [""; 0]);
+        // What another file sources is not read.
+        assert_eq!(told(&[("own.tcl", "source drives.tcl"), ("pkmkins.tcl", "")], ""), [""; 0]);
     }
 
     #[test]
     fn hal_files_are_read_for_the_monitor_and_its_feed_scale() {
         let monitor = "addf pkmkins.monitor servo-thread\n";
         let feed = "net slow pkmkins.feed-scale => motion.adaptive-feed\n";
-        assert_eq!(told(&[("pkmkins.tcl", "")], ""), [""; 0]);
+        let load = "loadrt motmod\n";
+        assert_eq!(told(&[("drives.hal", load), ("pkmkins.tcl", "")], ""), [""; 0]);
         assert_eq!(told(&[("own.hal", &format!("{monitor}{feed}"))], ""), [""; 0]);
         let all = told(&[("own.hal", &format!("# {monitor}{feed}"))], "");
         assert!(all.len() == 1 && all[0].contains("LIB:pkmkins.tcl"), "{all:?}");
         let all = told(&[("own.hal", &format!("{monitor}#{feed}"))], "");
         assert!(all.len() == 1 && all[0].contains("cannot slow"), "{all:?}");
         let other = "net plasma plasmac.feed motion.adaptive-feed\n";
-        let all = told(&[("own.hal", other), ("pkmkins.tcl", "")], "");
+        let all =
+            told(&[("own.hal", other), ("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")], "");
         assert!(all.len() == 1 && all[0].contains("= own.hal: this file takes"), "{all:?}");
     }
 
     #[test]
     fn m52_in_the_startup_code_is_told() {
-        let hal = [("pkmkins.tcl", "")];
+        let hal = [("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")];
         let all = told(&hal, "[RS274NGC]\nRS274NGC_STARTUP_CODE = G21 G64 P0.1 m52 p1\n");
         assert!(all.len() == 1 && all[0].contains("every program"), "{all:?}");
     }

@@ -2,6 +2,7 @@
 //! `[BOX_K]` sections: boxes of the workspace for the start without a seed, with what
 //! their proof needs.
 
+use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
 use crate::read::place::Place;
 use keys::{ROW, workspace_box};
@@ -64,6 +65,13 @@ pub(crate) fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
     Ok(())
 }
 
+/// The refusal of a box, at its section.
+pub(super) fn refused(ini: &Ini, place: &Place, fault: Fault) -> MachineError {
+    let name = place.box_section(fault.value as usize);
+    let section = ini.refuse_section(&name, &fault.to_string());
+    MachineError::Geometry(ini.file().into(), fault, Some(section))
+}
+
 fn row(letter: Letter) -> String {
     format!("{ROW}{}", letter.name())
 }
@@ -92,8 +100,7 @@ fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
     };
     let weight = ini.require_values(name, &workspace_box::WEIGHT)?;
     let claim = Claim { region, weight, contraction };
-    // Every whole number up to u32's last is a number of its own.
-    Ok(BoxSection { claim, geometry: ini.require_value(name, &workspace_box::GEOMETRY)? as u32 })
+    Ok(BoxSection { claim, geometry: ini.require_hash(name, &workspace_box::GEOMETRY)? })
 }
 
 /// The text of the section of this name, as an INI file holds it.
@@ -112,6 +119,6 @@ pub fn text(name: &str, section: &BoxSection, load_letters: &[Letter], legs: usi
     line(workspace_box::STEPS.name, claim.region.steps.to_string());
     line(workspace_box::WEIGHT.name, list(&claim.weight));
     line(workspace_box::CONTRACTION.name, claim.contraction.to_string());
-    line(workspace_box::GEOMETRY.name, geometry.to_string());
+    line(workspace_box::GEOMETRY.name, format!("{geometry:#010x}"));
     text
 }

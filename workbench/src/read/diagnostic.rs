@@ -21,7 +21,8 @@ pub fn rendered(severity: Severity, problem: &Problem) -> String {
     };
     let file = problem.file.display().to_string();
     let title = match (&problem.found, problem.section.is_empty()) {
-        (_, true) => "this file is not read".to_string(),
+        (Some(found), true) => found.clone(),
+        (None, true) => "this file is not read".to_string(),
         (None, _) => format!("[{}]{} is missing", problem.section, problem.key),
         (Some(found), _) if found.is_empty() => format!("[{}]{}", problem.section, problem.key),
         (Some(found), _) => format!("[{}]{} = {found}", problem.section, problem.key),

@@ -29,7 +29,8 @@ impl MachineError {
                 let section = chain_section(letter.into());
                 Some(ini.refuse_section(&section, &fault.to_string()))
             }
-            _ => None,
+            // The legs together.
+            _ => ini.first("KINS", "KINEMATICS").map(|entry| ini.refuse(entry, &fault.to_string())),
         };
         Self::Geometry(ini.file().into(), fault, section)
     }

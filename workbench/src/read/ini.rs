@@ -15,6 +15,7 @@
 //! things: such a line is refused, or its value where the machine depends on it.
 //! tests/inivar.rs compares this reader with `inivar`.
 
+use crate::read::near;
 use keys::{Key, Need, Range};
 use std::fmt;
 use std::fs;
@@ -42,7 +43,7 @@ pub struct Problem {
     pub file: PathBuf,
     /// Line, counted from 1; `None` where something is missing.
     pub line: Option<usize>,
-    /// Section without brackets; empty where no section is concerned.
+    /// Section without brackets; empty where no section is concerned, as in a tool table.
     pub section: String,
     /// Key; empty where no key is concerned.
     pub key: String,
@@ -58,7 +59,8 @@ impl Problem {
     /// What is wrong, without the place.
     pub fn message(&self) -> String {
         if self.section.is_empty() {
-            return self.expected.clone();
+            let found = self.found.as_ref().map(|found| format!("{found}: ")).unwrap_or_default();
+            return found + &self.expected;
         }
         let found = match &self.found {
             Some(found) if self.key.is_empty() => found.clone(),
@@ -357,6 +359,11 @@ impl Ini {
         self.headings.iter().map(|(name, _)| name.as_str())
     }
 
+    /// Every entry, in the order of the file.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = &Entry> {
+        self.entries.iter()
+    }
+
     /// First entry of this key that LinuxCNC's programs see.
     pub(crate) fn first(&self, section: &str, key: &str) -> Option<&Entry> {
         self.all(section, key).into_iter().find(|entry| !entry.hidden)
@@ -377,7 +384,26 @@ impl Ini {
         key: &str,
         expected: &str,
     ) -> Result<&Entry, IniError> {
-        self.only(section, key)?.ok_or_else(|| self.error(section, key, None, expected))
+        self.only(section, key)?.ok_or_else(|| self.missing(section, key, expected))
+    }
+
+    /// The error of a key that is missing, at the one that may have been meant as it.
+    fn missing(&self, section: &str, key: &str, expected: &str) -> IniError {
+        let own = self.entries.iter().filter(|entry| entry.section == section);
+        let meant = own
+            .filter(|entry| near::word(&entry.key, [key]).is_some())
+            .find(|entry| near::key(section, &entry.key).is_none_or(|meant| meant == key));
+        match meant {
+            Some(entry) if !is_known(section, &entry.key) => {
+                let text = format!("{expected}; is it this line, {}?", entry.key);
+                self.error(section, key, None, &text).at(&entry.line, &entry.key)
+            }
+            _ if self.headings.iter().all(|(name, _)| name != section) => {
+                let IniError(problem) = self.missing_section(section, expected);
+                IniError(Box::new(Problem { key: key.into(), ..*problem }))
+            }
+            _ => self.error(section, key, None, expected),
+        }
     }
 
     /// The entry of a key that may be missing, but not repeated: readers differ in which
@@ -415,8 +441,10 @@ impl Ini {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
             if !keys.contains(&entry.key.as_str()) {
-                let error = self.refuse(entry, &format!("unknown key; {known}"));
-                return Err(error.at(&entry.line, &entry.key));
+                let meant = near::word(&entry.key, keys.iter().copied());
+                let meant =
+                    meant.map(|meant| format!(" (did you mean {meant}?)")).unwrap_or_default();
+                return Err(self.refuse_key(entry, &format!("unknown key{meant}; {known}")));
             }
             self.only(section, &entry.key)?;
         }
@@ -478,6 +506,27 @@ impl Ini {
         let Range::Word(words) = key.range else { return Err(self.refuse(entry, &expected)) };
         let place = words.iter().position(|word| *word == entry.value);
         place.map(|place| place + 1).ok_or_else(|| self.refuse(entry, &expected))
+    }
+
+    /// The same of a key that need not be given.
+    ///
+    /// # Errors
+    /// As [`Ini::require_word`].
+    pub(crate) fn word(&self, section: &str, key: &Key) -> Result<Option<usize>, IniError> {
+        match self.only(section, key.name)? {
+            None => Ok(None),
+            Some(_) => self.require_word(section, key).map(Some),
+        }
+    }
+
+    /// A hash, in either way that it is written.
+    ///
+    /// # Errors
+    /// It is missing, given twice or no hash.
+    pub(crate) fn require_hash(&self, section: &str, key: &Key) -> Result<u32, IniError> {
+        let expected = format!("expected {}", key.expected());
+        let entry = self.require(section, key.name, &expected)?;
+        keys::hash(&entry.value).ok_or_else(|| self.refuse(entry, &expected))
     }
 
     /// The one number of a key of the table, `None` as in [`Ini::values`].
@@ -569,11 +618,28 @@ impl Ini {
         }
     }
 
+    /// The same, with the key as the part that is meant.
+    pub(crate) fn refuse_key(&self, entry: &Entry, expected: &str) -> IniError {
+        self.refuse(entry, expected).at(&entry.line, &entry.key)
+    }
+
     /// The error that refuses a section (the last of this name), or says that it is missing.
     pub(crate) fn refuse_section(&self, section: &str, expected: &str) -> IniError {
         match self.headings.iter().rfind(|(name, _)| name == section) {
             Some((_, line)) => {
                 self.error(section, "", Some(""), expected).at(line, line.text.trim())
+            }
+            None => self.missing_section(section, expected),
+        }
+    }
+
+    /// The error of a section that is missing, at the heading that may have been meant as it.
+    fn missing_section(&self, section: &str, expected: &str) -> IniError {
+        let is_meant = |name: &str| near::section(name).is_some_and(|meant| meant == section);
+        match self.headings.iter().find(|(name, _)| is_meant(name)) {
+            Some((name, line)) => {
+                let text = format!("{expected}; is it this section, [{name}]?");
+                self.error(section, "", None, &text).at(line, line.text.trim())
             }
             None => self.error(section, "", None, expected),
         }
@@ -624,6 +690,12 @@ fn without_escapes(text: &str) -> String {
         kept.extend(if c == '\\' { characters.next() } else { Some(c) });
     }
     kept
+}
+
+/// Whether a key is one that a section has, so that it was not meant as another one.
+fn is_known(section: &str, key: &str) -> bool {
+    let own = [keys::machine::ALL, keys::leg::ALL, keys::chain::ALL, keys::workspace_box::ALL];
+    own.into_iter().flatten().any(|known| known.name == key) || near::is_of_linuxcnc(section, key)
 }
 
 /// Whether only HAL files read the section: they join sections of one name.

@@ -6,6 +6,7 @@
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
+use crate::read::direction::ToolDirection;
 use crate::read::error::{Errors, MachineError};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind};
@@ -87,6 +88,8 @@ pub struct MachineConfig {
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
+    /// Which way tools point, `[PKM]TOOL_DIRECTION`.
+    pub tool_direction: Option<ToolDirection>,
     /// Settings of forward kinematics.
     pub solver: Solver,
     /// Half angle of the cone that the leg may leave its home direction by, degrees, per leg.
@@ -133,6 +136,8 @@ pub struct MachineConfig {
     pub models: Vec<Model>,
     /// `[BOX_K]`: boxes for the start without a seed.
     pub boxes: Vec<BoxSection>,
+    /// Why there are none although the file names some, see [`MachineConfig::read_without_boxes`].
+    pub refused_boxes: Option<MachineError>,
 }
 
 impl MachineConfig {
@@ -144,11 +149,30 @@ impl MachineConfig {
         Self::from_ini(&Ini::read(file)?)
     }
 
+    /// The same, also of a file whose boxes are refused, as those of another geometry are: for who looks at
+    /// everything, or writes them again.
+    ///
+    /// # Errors
+    /// As [`MachineConfig::read`], but for the boxes.
+    pub fn read_without_boxes(file: &Path) -> Result<Self, MachineError> {
+        Self::from_ini_without_boxes(&Ini::read(file)?)
+    }
+
     /// A machine from an INI file already read.
     ///
     /// # Errors
     /// One of the values, or the geometry is refused.
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
+        let config = Self::from_ini_without_boxes(ini)?;
+        let refused = config.mechanisms().find_map(|mechanism| mechanism.refused_boxes.clone());
+        refused.map_or(Ok(config), Err)
+    }
+
+    /// As [`MachineConfig::read_without_boxes`], from an INI file already read.
+    ///
+    /// # Errors
+    /// One of the values, or the geometry is refused.
+    pub fn from_ini_without_boxes(ini: &Ini) -> Result<Self, MachineError> {
         let load = load(ini)?;
         let second = Place::second(&load).zip(load.of_second());
         let legs = load.layout.legs() + second.as_ref().map_or(0, |(_, own)| own.layout.legs());
@@ -186,8 +210,15 @@ impl MachineConfig {
         let chain = Chain::freeze(&read.chain, &load.extra, &load.layout, machine.size());
         let chain = chain.map_err(refused)?;
         let hash = read.chain.hash(&load.extra, geometry.hash());
-        let boxes = boxes::read(ini, load, &place)?;
-        boxes::check(&boxes, hash).map_err(refused)?;
+        let boxes = boxes::read(ini, load, &place).map_err(MachineError::from);
+        let boxes = boxes.and_then(|boxes| {
+            let checked = boxes::check(&boxes, hash);
+            checked.map(|()| boxes).map_err(|fault| boxes::refused(ini, &place, fault))
+        });
+        let (boxes, refused_boxes) = match boxes {
+            Ok(boxes) => (boxes, None),
+            Err(error) => (vec![], Some(error)),
+        };
         let spindle = Vector3::new(0.0, 0.0, read.spindle);
         let axes = chain::machine_axes(&chain, &read.axes, &read.extra, &load.layout, &spindle);
         let [
@@ -211,6 +242,7 @@ impl MachineConfig {
             offsets: read.offsets,
             start: read.home,
             spindle,
+            tool_direction: read.tool_direction,
             solver: read.solver,
             base_cone: read.cones.iter().map(|[base, _]| *base).collect(),
             platform_cone: read.cones.iter().map(|[_, platform]| *platform).collect(),
@@ -233,6 +265,7 @@ impl MachineConfig {
             models: read.models,
             program: program(ini),
             boxes,
+            refused_boxes,
             ini: Arc::new(ini.clone()),
         })
     }

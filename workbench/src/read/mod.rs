@@ -4,12 +4,15 @@
 pub mod boxes;
 mod chain;
 pub mod diagnostic;
+pub mod direction;
+pub mod edit;
 pub mod error;
 pub mod ini;
 pub mod joints;
 pub(crate) mod legs;
 pub mod machine;
 pub mod models;
+pub(crate) mod near;
 pub mod place;
 pub mod tools;
 mod values;

@@ -74,7 +74,7 @@ impl Place {
         format!("{}{k}", self.box_prefix())
     }
 
-    pub(super) fn box_prefix(&self) -> &'static str {
+    pub(crate) fn box_prefix(&self) -> &'static str {
         if self.is_second { "SECOND_BOX_" } else { "BOX_" }
     }
 

@@ -2,6 +2,7 @@
 //! The tool table, `[EMCIO]TOOL_TABLE`: which offsets a program may put in force.
 
 use crate::files::{AtFile, Locate};
+use crate::read::ini::{Excerpt, IniError, Problem};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Vector3};
 use std::fs;
@@ -17,6 +18,10 @@ pub struct Tool {
     pub offset: Vector3<f64>,
     /// Letters of the table that hold it: of a second mechanism U V W.
     letters: [char; 3],
+    /// Its line of the table, counted from 1.
+    line: usize,
+    /// That line.
+    text: String,
 }
 
 impl Tool {
@@ -26,6 +31,26 @@ impl Tool {
         let words: Vec<String> =
             words.filter(|(_, x)| **x != 0.0).map(|(letter, x)| format!(" {letter}{x}")).collect();
         format!("T{}{}", self.number, words.concat())
+    }
+
+    /// What is wrong with its length along the platform's Z, in the table of this machine.
+    pub(crate) fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
+        let letter = self.letters[2];
+        let is_length = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
+        let words = self.text.split(';').next().unwrap_or_default();
+        let part = words.split_whitespace().find(is_length).map_or(0..words.len(), |word| {
+            let start = words.find(word).unwrap_or(0);
+            start..start + word.len()
+        });
+        IniError(Box::new(Problem {
+            file: config.program.tool_table.clone().unwrap_or_default(),
+            line: Some(self.line),
+            section: String::new(),
+            key: String::new(),
+            found: Some(self.name()),
+            expected: expected.into(),
+            excerpt: Some(Excerpt { text: self.text.clone(), part }),
+        }))
     }
 }
 
@@ -72,7 +97,8 @@ pub(crate) fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
         if !words.trim().is_empty() {
             let bad = |error| TableError::Line { file: file.clone(), line: n + 1, error };
             let letters = [Letter::X, Letter::Y, Letter::Z].map(|l| config.place.letter(l));
-            tools.push(tool(words, letters).map_err(bad)?);
+            let tool = tool(words, letters).map_err(bad)?;
+            tools.push(Tool { line: n + 1, text: line.into(), ..tool });
         }
     }
     Ok(tools)
@@ -80,7 +106,8 @@ pub(crate) fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
 
 /// Letters, each with its number behind it.
 fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
-    let mut found = Tool { number: 0, offset: Vector3::zeros(), letters };
+    let offset = Vector3::zeros();
+    let mut found = Tool { number: 0, offset, letters, line: 0, text: String::new() };
     let mut has_number = false;
     for word in words.split_whitespace() {
         let refused = || BadTool::Word(word.into());
@@ -107,7 +134,7 @@ mod tests {
         let letters = ['X', 'Y', 'Z'];
         let line = "P3 Z+40.5 t2 D5 x-1.25 I12 W7";
         let found = tool(line, letters).unwrap();
-        assert_eq!(found, Tool { number: 2, offset: Vector3::new(-1.25, 0.0, 40.5), letters });
+        assert_eq!((found.number, found.offset), (2, Vector3::new(-1.25, 0.0, 40.5)));
         assert_eq!(found.name(), "T2 X-1.25 Z40.5");
         assert_eq!(tool(line, ['U', 'V', 'W']).unwrap().name(), "T2 W7");
     }

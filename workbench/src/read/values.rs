@@ -2,6 +2,7 @@
 //! The values of a mechanism as its INI file gives them, before the machine is made of them.
 
 use crate::read::chain;
+use crate::read::direction::{self, ToolDirection};
 use crate::read::error::Errors;
 use crate::read::ini::{Ini, IniError};
 use crate::read::joints::{Axis, ExtraAxis, Joint, axis, extra, joint, positive};
@@ -30,6 +31,7 @@ pub(super) struct Values {
     pub(super) home: [f64; 6],
     pub(super) centre: [f64; 3],
     pub(super) spindle: f64,
+    pub(super) tool_direction: Option<ToolDirection>,
     pub(super) legs: Vec<LegGeometry>,
     pub(super) offsets: PerLeg,
     pub(super) cones: Vec<[Option<f64>; 2]>,
@@ -70,6 +72,8 @@ impl Values {
         let centre = errors.of(ini.values(section, key));
         let (section, key) = own(&of_machine::SPINDLE_OFFSET, &of_second::SPINDLE_OFFSET);
         let spindle = errors.of(ini.value(section, key));
+        let (section, key) = own(&of_machine::TOOL_DIRECTION, &of_second::TOOL_DIRECTION);
+        let tool_direction = errors.of(direction::read(ini, section, key, spindle.flatten()));
         let leg_section = |n| place.leg_section(n);
         let leg =
             |n, errors: &mut Errors| leg_geometry(ini, &leg_section(n), load.kinds()[n], errors);
@@ -124,6 +128,7 @@ impl Values {
             home: if place.is_second { [u, v, w, 0.0, 0.0, 0.0] } else { [x, y, z, a, b, c] },
             centre: centre?.unwrap_or_default(),
             spindle: spindle?.unwrap_or(0.0),
+            tool_direction: tool_direction?,
             legs: of_legs?,
             offsets: padded,
             cones: cones?,

@@ -2,26 +2,43 @@
 //! `pkm boxes`.
 
 use super::failure::{Failure, tell_error};
-use super::{Bar, MachineFile, Verdict};
+use super::{Bar, MachineFile, Verdict, told};
+use pkm::check::boxes::refused;
+use pkm::check::fixes::rewritten;
+use pkm::files::write_whole;
 use pkm::proof::boxes as proof;
 use pkm::proof::one_to_one::Doubt;
-use pkm::read::boxes;
+use pkm::read::boxes::{self, BoxSection};
 use pkm::read::machine::MachineConfig;
-use std::io::Write;
 
 /// Finds and proves boxes of poses for the start without a seed
 ///
 /// With boxes= in [KINS]KINEMATICS every [BOX_K] section of the file is proved again: that on its
 /// poses no two have the same joint values. Without, boxes that fill the axis limits are sought
 /// and proved; standard output gets their sections, to be put into the file, and the number for
-/// boxes=. That takes seconds to minutes.
+/// boxes=. That takes seconds to minutes. It is also done where the sections of the file are refused,
+/// as those that were proved for another geometry are.
 ///
-/// Exit status: 0 where all boxes are proved, 1 where one is not or none is found, 2 where the
-/// file describes no machine.
+/// Exit status: 0 where all boxes are proved, 1 where one is not or none is found, or where the file has
+/// others than those that were found and --write is not given, 2 where the file describes no machine.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
+    /// Write the sections that are found, and their number, into the file, in the place of those that it
+    /// has; comments stay
+    #[arg(long)]
+    write: bool,
+}
+
+/// What is said of the boxes of a mechanism.
+struct Answer {
+    /// For standard output.
+    text: String,
+    /// Those that the file should have.
+    sections: Vec<BoxSection>,
+    /// Whether the file has them.
+    is_there: bool,
 }
 
 /// Why there is no proof.
@@ -36,33 +53,51 @@ enum Unproved {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
+    let config = arguments.machine.read_all_without_boxes()?;
     let mut verdict = Verdict::Fits;
+    let mut text = config.ini.text().to_string();
     for mechanism in config.mechanisms() {
-        verdict = verdict.max(of_mechanism(mechanism)?);
+        for refused in refused(mechanism, "looking for others") {
+            tell_error(&refused);
+        }
+        let answer = match of_mechanism(mechanism) {
+            Ok(answer) => answer,
+            Err(error) => {
+                tell_error(&format!("{}: {error}", config.file.display()));
+                verdict = Verdict::Misfit;
+                continue;
+            }
+        };
+        Failure::unless_unread(told(&answer.text))?;
+        if answer.is_there {
+            continue;
+        }
+        match arguments.write {
+            true => {
+                text = rewritten(&text, mechanism, &answer.sections)
+                    .map_err(|error| Failure::at(config.file.display(), error))?;
+            }
+            // Without boxes in the file there is nothing wrong with it.
+            false if mechanism.refused_boxes.is_none() => {}
+            false => {
+                let file = config.file.display();
+                tell_error(&format!("{file}: pkm boxes --write puts these sections into it"));
+                verdict = Verdict::Misfit;
+            }
+        }
+    }
+    if text != config.ini.text() {
+        write_whole(&config.file, &text)?;
     }
     Ok(verdict)
 }
 
-fn of_mechanism(config: &MachineConfig) -> Result<Verdict, Failure> {
-    let bar = Bar::spinner("looking for a proof");
-    let result = if config.boxes.is_empty() { found(config) } else { proved(config) };
-    drop(bar);
-    match result {
-        Ok(text) => {
-            let mut out = std::io::stdout().lock();
-            write!(out, "{text}")?;
-            out.flush()?;
-            Ok(Verdict::Fits)
-        }
-        Err(error) => {
-            tell_error(&format!("{}: {error}", config.file.display()));
-            Ok(Verdict::Misfit)
-        }
-    }
+fn of_mechanism(config: &MachineConfig) -> Result<Answer, Unproved> {
+    let _bar = Bar::spinner("looking for a proof");
+    if config.boxes.is_empty() { found(config) } else { proved(config) }
 }
 
-fn found(config: &MachineConfig) -> Result<String, Unproved> {
+fn found(config: &MachineConfig) -> Result<Answer, Unproved> {
     let found = proof::found(config)?;
     let letters = config.machine.layout().coordinates().as_slice();
     let parameter = config.place.boxes_parameter();
@@ -71,10 +106,11 @@ fn found(config: &MachineConfig) -> Result<String, Unproved> {
         text += &format!("\n# proved with {cells} cells\n");
         text += &boxes::text(&config.place.box_section(k), section, letters, config.legs());
     }
-    Ok(text)
+    let sections = found.into_iter().map(|(section, _)| section).collect();
+    Ok(Answer { text, sections, is_there: false })
 }
 
-fn proved(config: &MachineConfig) -> Result<String, Unproved> {
+fn proved(config: &MachineConfig) -> Result<Answer, Unproved> {
     let mut text = String::new();
     for (k, section) in config.boxes.iter().enumerate() {
         let name = config.place.box_section(k);
@@ -83,5 +119,5 @@ fn proved(config: &MachineConfig) -> Result<String, Unproved> {
         let c = section.claim.contraction;
         text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");
     }
-    Ok(text)
+    Ok(Answer { text, sections: vec![], is_there: true })
 }

@@ -1,19 +1,28 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm check`.
 
-use super::failure::Failure;
-use super::{Bar, MachineFile, Verdict};
+use super::failure::{Failure, refused, tell_error};
+use super::{Bar, MachineFile, Verdict, told};
 use pkm::check::between::{self, Between};
-use pkm::check::report::{Report, axis_lines, check, tilt_table};
+use pkm::check::findings::Report;
+use pkm::check::fixes::{fixed, machine};
+use pkm::check::report::check;
+use pkm::check::suggestion::{axis_lines, tilt_table};
+use pkm::files::write_whole;
 use pkm::read::diagnostic::rendered;
+use pkm::read::edit::difference;
+use pkm::read::machine::MachineConfig;
 use std::io::Write;
 
 /// Checks that a machine's INI file fits together
 ///
-/// Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints
-/// and mobility, geometry hash, HOME of joints and axes against the kinematics, homing order
-/// against the limits of the pose, whether HAL files wire the module's guard, joint ranges, how near
-/// the legs come to each other and how well they hold the platform at home and at worst. At the end
+/// Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it understood:
+/// joints and mobility, geometry hash, unit and size, the order of the legs around the base, leads and
+/// hands of the screws, where every tool tip is, which limit is nearest at home. It checks HOME of
+/// joints and axes against the kinematics, homing order against the limits of the pose, whether HAL
+/// files are there, in order, and wire the module's guard, names that are near to those that are read,
+/// joint ranges, how near the legs come to each other and how well they hold the platform at home and
+/// at worst. Every row says what to do with it. At the end
 /// stand [AXIS_*] limits in which, without a tool, every pose is proved to keep all limits: reach,
 /// joint ranges, cones and pyramids, tilt, the distance of the legs and the conditioning; of a machine
 /// that tilts also whether that is proved with every tool of the tool table, and what a smaller tilt
@@ -29,10 +38,24 @@ use std::io::Write;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
+    /// Propose on standard output, as a unified diff, what would put the file right: HOME of joints and
+    /// axes with all digits, axis limits that are missing or of which most is out of reach, the
+    /// order of homing, and boxes that belong to another geometry, which are proved again
+    #[arg(long)]
+    fix: bool,
+    /// Write what --fix proposes into the file
+    #[arg(long, requires = "fix")]
+    write: bool,
 }
 
+/// Lines around each change of a proposal, as `diff -u` has them.
+const AROUND: usize = 3;
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
+    let config = arguments.machine.read_all_without_boxes()?;
+    if arguments.fix {
+        return propose(arguments, &config);
+    }
     let mut fits = true;
     for mechanism in config.mechanisms() {
         let bar = Bar::new("looking for boxes of poses");
@@ -50,6 +73,46 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(between) = between::check(&config)? {
         fits &= between.fits();
         Failure::unless_unread(write_between(&between).map_err(Failure::from))?;
+    }
+    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+}
+
+/// The difference that puts the file right; what is left then decides whether it fits.
+fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
+    if arguments.machine.mechanism.is_some() {
+        return Err(refused("--fix looks at the whole file: leave --mechanism out"));
+    }
+    let bar = Bar::spinner("homes");
+    let fixed = fixed(config, |what| bar.say(what.into()))
+        .map_err(|error| Failure::at(config.file.display(), error))?;
+    let new = machine(&config.file, &fixed.text)?;
+    let mut findings = vec![];
+    let mut fits = fixed.left.is_empty();
+    bar.say("checking what is proposed".into());
+    for mechanism in new.mechanisms() {
+        let report = check(mechanism, |_| ())?;
+        fits &= report.fits();
+        findings.extend(report.findings);
+    }
+    if let Some(between) = between::check(&new)? {
+        fits &= between.fits();
+        findings.extend(between.findings);
+    }
+    drop(bar);
+    for text in &fixed.left {
+        tell_error(&format!("{}: {text}", config.file.display()));
+    }
+    let old = config.ini.text();
+    if fixed.text == old {
+        tell_error(&format!("{}: nothing that pkm check can put right", config.file.display()));
+    } else if arguments.write {
+        write_whole(&config.file, &fixed.text)?;
+    }
+    let name = config.file.display().to_string();
+    Failure::unless_unread(told(&difference(old, &fixed.text, (&name, &name), AROUND)))?;
+    // What a user has to see to himself.
+    for finding in &findings {
+        let _ = writeln!(anstream::stderr(), "\n{}", rendered(finding.severity, &finding.problem));
     }
     Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
 }

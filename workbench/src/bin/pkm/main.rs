@@ -150,7 +150,11 @@ struct MachineFile {
 impl MachineFile {
     /// One mechanism: the one that is meant.
     fn read(&self) -> Result<MachineConfig, Failure> {
-        let mut config = MachineConfig::read(&self.machine)?;
+        self.meant(MachineConfig::read(&self.machine)?)
+    }
+
+    /// Of what the file describes, the one that is meant.
+    fn meant(&self, mut config: MachineConfig) -> Result<MachineConfig, Failure> {
         let second = config.second.take();
         let file = self.machine.display();
         match (self.mechanism, second) {
@@ -173,6 +177,15 @@ impl MachineFile {
         match self.mechanism {
             None => Ok(MachineConfig::read(&self.machine)?),
             Some(_) => self.read(),
+        }
+    }
+
+    /// The same, whatever the boxes in the file.
+    fn read_all_without_boxes(&self) -> Result<MachineConfig, Failure> {
+        let config = MachineConfig::read_without_boxes(&self.machine)?;
+        match self.mechanism {
+            None => Ok(config),
+            Some(_) => self.meant(config),
         }
     }
 

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Tools of the table against the way that tools point, `TOOL_DIRECTION`.
+
+use crate::read::diagnostic::Severity;
+use crate::read::direction::ToolDirection;
+use crate::read::ini::IniError;
+use crate::read::machine::MachineConfig;
+use crate::read::tools::Tool;
+
+/// Every tool whose length contradicts the direction that the file gives. Where the spindle's part makes up
+/// for it, the length can be the difference to a longer tool that lengths were measured with.
+pub(super) fn check(config: &MachineConfig, tools: &[Tool]) -> Vec<(Severity, IniError)> {
+    let Some(direction) = config.tool_direction else { return vec![] };
+    let is_wrong = |tool: &&Tool| points_otherwise(direction, tool.offset.z);
+    let finding = |tool: &Tool| {
+        let severity = match points_otherwise(direction, tool.offset.z + config.spindle.z) {
+            true => Severity::Error,
+            false => Severity::Warning,
+        };
+        (severity, tool.refuse_length(config, &text(config, tool, direction, severity)))
+    };
+    tools.iter().filter(is_wrong).map(finding).collect()
+}
+
+fn points_otherwise(direction: ToolDirection, length: f64) -> bool {
+    ToolDirection::of_length(length).is_some_and(|found| found != direction)
+}
+
+fn text(
+    config: &MachineConfig,
+    tool: &Tool,
+    direction: ToolDirection,
+    severity: Severity,
+) -> String {
+    let (length, sign, section) = (-tool.offset.z, direction.sign(), section(config));
+    let rule = format!(
+        "[{section}]TOOL_DIRECTION = {} has the tip {} the platform's reference point, where lengths are {sign}",
+        direction.name(),
+        direction.side()
+    );
+    match severity {
+        Severity::Error => format!(
+            "expected {length}: {rule}; where this tool points {}, TOOL_DIRECTION = {}",
+            direction.other().name(),
+            direction.other().name()
+        ),
+        Severity::Warning => format!(
+            "{rule}: expected {length}, unless the length is what this tool lacks to the one that \
+             SPINDLE_OFFSET = {} was measured with",
+            config.spindle.z
+        ),
+    }
+}
+
+fn section(config: &MachineConfig) -> &'static str {
+    if config.place.is_second { "SECOND" } else { "PKM" }
+}

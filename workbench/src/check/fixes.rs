@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What a check knows how to put right, as a new text of the file: HOMEs, axis limits, the order of homing and
+//! boxes. Comments and order stay, and nothing is written here.
+
+use crate::check::findings::Report;
+use crate::check::homing::{self, TOGETHER, Trouble};
+use crate::check::report;
+use crate::check::workspace::MOST;
+use crate::proof::axis_box::AxisBox;
+use crate::proof::boxes as proof;
+use crate::read::boxes;
+use crate::read::edit::{Edit, Elsewhere, entered, with_sections};
+use crate::read::error::MachineError;
+use crate::read::ini::{Ini, IniError};
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Letter};
+use std::path::Path;
+
+/// Difference of HOME and the kinematics, as a share of the machine's size (of 1 degree for arms), that digits
+/// leave which a file in plain numbers cannot hold: far below any encoder.
+const DIGITS: f64 = 1e-12;
+
+/// Why there is no new text.
+#[derive(Debug, thiserror::Error)]
+pub enum FixError {
+    /// A section stands in an included file.
+    #[error(transparent)]
+    Elsewhere(#[from] Elsewhere),
+    /// The file is no machine, or not any more.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The machine does not reach its home.
+    #[error(transparent)]
+    Home(#[from] Fault),
+}
+
+impl From<IniError> for FixError {
+    fn from(error: IniError) -> Self {
+        Self::Machine(error.into())
+    }
+}
+
+/// A new text of a machine's file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fixed {
+    /// The text.
+    pub text: String,
+    /// What could not be put right, and why.
+    pub left: Vec<String>,
+}
+
+/// Puts right what can be. Boxes are proved again, which takes seconds to minutes; `progress` is told what is
+/// being done.
+///
+/// # Errors
+/// See [`FixError`].
+pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
+    let file = &config.file;
+    progress("homes");
+    let mut text = entered(config.ini.text(), &homes(config)?)?;
+    // What follows depends on them.
+    let homed = machine(file, &text)?;
+    progress("homing");
+    text = entered(&text, &homings(&homed)?)?;
+    progress("looking for boxes of poses");
+    text = axes(&homed, text)?;
+    progress("looking for a proof of the boxes");
+    boxed(file, text)
+}
+
+/// The machine of a text, whatever its boxes.
+///
+/// # Errors
+/// It is none.
+pub fn machine(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
+    MachineConfig::from_ini_without_boxes(&Ini::parse(file, text)?)
+}
+
+/// HOME of the joints, with all digits that the kinematics give, and of axes that have one.
+fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
+    let mut edits = vec![];
+    for mechanism in config.mechanisms() {
+        let wanted = mechanism.machine.inverse(&mechanism.home_pose(), &mechanism.spindle)?;
+        let least = DIGITS * mechanism.machine.size().max(1.0);
+        for (i, (joint, wanted)) in mechanism.joints.iter().zip(wanted).enumerate() {
+            let section = mechanism.place.joint_section(i);
+            let is_given = config.ini.first(&section, "HOME").is_some();
+            if (joint.home - wanted).abs() > least || !is_given {
+                edits.push(Edit { section, key: "HOME", value: format!("{}", wanted + 0.0) });
+            }
+        }
+        for letter in moved(mechanism) {
+            let section = mechanism.place.axis_section(letter);
+            let home = mechanism.start[letter.index()];
+            if config.ini.number_or(&section, "HOME", home)? != home {
+                edits.push(Edit { section, key: "HOME", value: home.to_string() });
+            }
+        }
+    }
+    Ok(edits)
+}
+
+fn moved(config: &MachineConfig) -> impl Iterator<Item = Letter> {
+    Letter::ALL.into_iter().filter(|letter| !config.machine.layout().is_held(*letter))
+}
+
+/// Homing of all joints of legs together, where that keeps what the order of the file does not.
+fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
+    let mut edits = vec![];
+    for mechanism in config.mechanisms() {
+        let troubles = homing::check(&config.ini, mechanism)?;
+        let is_order = |trouble: &Trouble| !matches!(trouble, Trouble::Switch(..));
+        if !troubles.iter().any(is_order) || !homing::is_kept_together(&config.ini, mechanism)? {
+            continue;
+        }
+        edits.extend((0..mechanism.joints.len()).map(|i| Edit {
+            section: mechanism.place.joint_section(i),
+            key: "HOME_SEQUENCE",
+            value: TOGETHER.to_string(),
+        }));
+    }
+    Ok(edits)
+}
+
+/// Axis limits that are proved, in the place of those of which most is out of reach, or which are missing.
+fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
+    for mechanism in config.mechanisms() {
+        let report = report::check(mechanism, |_| ())?;
+        let Some(limits) = suggested(mechanism, &report) else { continue };
+        let of = |letter: Letter, ends: [f64; 6]| ends[letter.index()];
+        for letter in moved(mechanism) {
+            let section = mechanism.place.axis_section(letter);
+            if !mechanism.ini.sections().any(|name| name == section) {
+                let kind = if letter.is_angle() { "ANGULAR" } else { "LINEAR" };
+                text = format!("{}\n\n[{section}]\nTYPE = {kind}\n", text.trim_end());
+            }
+            let edit =
+                |key, value: f64| Edit { section: section.clone(), key, value: value.to_string() };
+            let edits = [
+                edit("MIN_LIMIT", of(letter, limits.low)),
+                edit("MAX_LIMIT", of(letter, limits.high)),
+            ];
+            text = entered(&text, &edits)?;
+        }
+    }
+    Ok(text)
+}
+
+/// The proved limits, where those of the file are of little use. Where axes carry something, those that are
+/// proved are not those that programs say.
+fn suggested(config: &MachineConfig, report: &Report) -> Option<AxisBox> {
+    let axis = |letter: Letter| &config.programmed[letter.index()];
+    let is_open = moved(config).any(|l| axis(l).min.is_infinite() || axis(l).max.is_infinite());
+    let is_useless = report.taken.is_some_and(|taken| taken < MOST);
+    // Limits that stop a coordinate put nothing right.
+    let moves =
+        |limits: &AxisBox| moved(config).all(|l| limits.low[l.index()] < limits.high[l.index()]);
+    report.suggestion.filter(moves).filter(|_| config.chain.is_empty() && (is_open || is_useless))
+}
+
+/// Boxes that the geometry has left behind, proved for what the text says now.
+fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
+    let config = machine(file, &text)?;
+    let mut fixed = Fixed { text, left: vec![] };
+    for mechanism in config.mechanisms().filter(|mechanism| mechanism.refused_boxes.is_some()) {
+        match proof::found(mechanism) {
+            Ok(found) => {
+                let sections: Vec<_> = found.into_iter().map(|(section, _)| section).collect();
+                fixed.text = rewritten(&fixed.text, mechanism, &sections)?;
+            }
+            Err(doubt) => fixed.left.push(format!("no boxes are proved: {doubt}")),
+        }
+    }
+    Ok(fixed)
+}
+
+/// A text with these boxes of a mechanism in the place of its old ones.
+///
+/// # Errors
+/// They stand in an included file.
+pub fn rewritten(
+    text: &str,
+    config: &MachineConfig,
+    found: &[boxes::BoxSection],
+) -> Result<String, Elsewhere> {
+    let letters = config.machine.layout().coordinates().as_slice();
+    let section = |(k, section): (usize, &boxes::BoxSection)| {
+        boxes::text(&config.place.box_section(k), section, letters, config.legs())
+    };
+    let sections: Vec<String> = found.iter().enumerate().map(section).collect();
+    let names = (config.place.box_prefix(), config.place.boxes_parameter());
+    with_sections(text, names, &sections)
+}

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! HOME of joints and axes against the kinematics and the limits, and the order of homing.
+
+use crate::check::findings::Report;
+use crate::check::homing::{self, Trouble};
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::read::diagnostic::Severity;
+use crate::read::error::MachineError;
+use crate::read::ini::{Ini, IniError};
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
+use kinematics::Letter;
+
+/// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
+/// machine's size (of a radian for arms): some micrometres, so that four digits after the point
+/// in millimetres are enough.
+const HOME_TOLERANCE: f64 = 1e-5;
+
+/// What is far below any encoder, in words.
+const NEXT_TO_NOTHING: f64 = 5e-4;
+
+/// Everything about homes and homing.
+///
+/// # Errors
+/// The machine cannot be at its home, or a value is no number.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {
+    let ini = &*config.ini;
+    homes(report, ini, config)?;
+    for trouble in homing::check(ini, config)? {
+        report.finding(severity(&trouble), homing_problem(ini, config, &trouble));
+    }
+    Ok(())
+}
+
+fn tolerance(config: &MachineConfig, kind: JointKind) -> f64 {
+    match kind {
+        JointKind::Arm => HOME_TOLERANCE.to_degrees(),
+        _ => HOME_TOLERANCE * config.machine.size(),
+    }
+}
+
+/// A difference in words: with three digits after the point, or that it is less.
+fn off(value: f64, unit: &str) -> String {
+    match value < NEXT_TO_NOTHING {
+        true => format!("less than 0.001 {unit}"),
+        false => format!("{value:.3} {unit}"),
+    }
+}
+
+/// HOME of joints and axes against the kinematics and the limits.
+fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), MachineError> {
+    let joints = config
+        .machine
+        .inverse(&config.home_pose(), &config.spindle)
+        .map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;
+    let mut farthest = (0.0, config.length_unit());
+    for (i, (joint, wanted)) in config.joints.iter().zip(joints).enumerate() {
+        let section = config.place.joint_section(i);
+        let away = (joint.home - wanted).abs();
+        let unit = config.unit(joint.kind);
+        if !(away <= farthest.0) {
+            farthest = (away, unit);
+        }
+        if !(away <= tolerance(config, joint.kind)) {
+            let leg = if i < config.legs() { config.place.leg_section(i) } else { "PKM".into() };
+            let text = format!(
+                "off by {}: the kinematics put {} to {wanted} at [TRAJ]HOME; write that, as pkm check --fix \
+                 does, or correct [TRAJ]HOME or [{leg}] where the machine was measured with this value",
+                off(away, unit),
+                joint.name
+            );
+            report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
+        }
+        if !(joint.min..=joint.max).contains(&wanted) {
+            let text = format!(
+                "[TRAJ]HOME needs {wanted} of {}: widen its limits {} to {}, or move HOME",
+                joint.name, joint.min, joint.max
+            );
+            report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+        }
+    }
+    for (letter, (axis, home)) in Letter::ALL.iter().zip(config.axes.iter().zip(config.home)) {
+        if !(axis.min..=axis.max).contains(&home) {
+            let name = config.place.letter(*letter);
+            let text = format!(
+                "{name} = {home} is outside of [AXIS_{name}], {} to {}",
+                axis.min, axis.max
+            );
+            report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+        }
+    }
+    extra_homes(report, ini, config);
+    axis_homes(report, ini, config);
+    let (farthest, unit) = farthest;
+    let text = format!(
+        "the joints' HOME are off by {} from what the kinematics make of [TRAJ]HOME; pkm check --fix \
+         writes all their digits",
+        match farthest < NEXT_TO_NOTHING {
+            true => off(farthest, unit),
+            false => format!("at most {}", off(farthest, unit)),
+        }
+    );
+    report.fact("home", text);
+    Ok(())
+}
+
+/// `[AXIS_L]HOME`, which only old versions of LinuxCNC read.
+fn axis_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+    for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
+        let (section, home) = (config.place.axis_section(letter), config.start[letter.index()]);
+        let Ok(given) = ini.number_or(&section, "HOME", home) else { continue };
+        if given != home {
+            let text = format!(
+                "[TRAJ]HOME has {} at {home}, and LinuxCNC 2.9 does not read this one: expected the same, or \
+                 no such line",
+                config.place.letter(letter)
+            );
+            report.finding(Severity::Warning, at_key(ini, &section, "HOME", &text));
+        }
+    }
+}
+
+/// HOME of extra axes against the limits of joint and axis.
+fn extra_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+    for (n, extra) in config.extra.iter().enumerate() {
+        let (joint, axis) = (&extra.joint, &extra.axis);
+        let (least, most) = (joint.min.max(axis.min), joint.max.min(axis.max));
+        if !(least..=most).contains(&joint.home) {
+            let text = format!(
+                "{} is outside of its limits as joint and as [AXIS_{}], {least} to {most}",
+                joint.name, extra.letter
+            );
+            let section = format!("JOINT_{}", config.guarded_joints() + n);
+            report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
+        }
+    }
+}
+
+fn severity(trouble: &Trouble) -> Severity {
+    match trouble {
+        Trouble::LeftOut(_) | Trouble::Switch(..) => Severity::Warning,
+        Trouble::Limit(..) | Trouble::NoPose(..) => Severity::Error,
+    }
+}
+
+fn homing_problem(ini: &Ini, config: &MachineConfig, trouble: &Trouble) -> IniError {
+    match trouble {
+        Trouble::LeftOut(i) => {
+            let text = "Home All leaves this joint out, and without it there is no world mode: give it the \
+                        number of the others";
+            ini.error(&format!("JOINT_{i}"), "HOME_SEQUENCE", None, text)
+        }
+        Trouble::Switch(i, beyond, unit) => {
+            let text = format!(
+                "the switch is {} outside of MIN_LIMIT to MAX_LIMIT: expected the joint's value at the switch; \
+                 it is right only where the switch stands beyond the travel that programs have",
+                off(*beyond, unit)
+            );
+            at_key(ini, &format!("JOINT_{i}"), "HOME_OFFSET", &text)
+        }
+        Trouble::Limit(sequence, margin) => {
+            let text = format!(
+                "between HOME and the switches at HOME_OFFSET {}; home more legs together, or move \
+                 the switches",
+                limits::sentence(config, margin)
+            );
+            at_sequence(ini, *sequence, &text)
+        }
+        Trouble::NoPose(sequence, fault) => {
+            let text = format!(
+                "no pose between HOME and the switches at HOME_OFFSET: {fault}; home more legs \
+                 together, or move the switches"
+            );
+            at_sequence(ini, *sequence, &text)
+        }
+    }
+}
+
+fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {
+    let is_it = |section: &&str| {
+        let number = ini.number_or(section, "HOME_SEQUENCE", f64::NAN);
+        number.is_ok_and(|number| number.abs() == sequence.abs() as f64)
+    };
+    let section = ini.sections().filter(|name| name.starts_with("JOINT_")).find(is_it);
+    at_key(ini, section.unwrap_or("JOINT_0"), "HOME_SEQUENCE", text)
+}

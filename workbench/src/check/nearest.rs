@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Which legs, and which limit, are nearest.
+
+use crate::check::findings::Report;
+use crate::check::seen::Seen;
+use crate::check::suggestion::shown_pose;
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::Ini;
+use crate::read::machine::MachineConfig;
+use kinematics::{Margin, Nearest};
+
+/// Share of a limit that has to be left at home: less is mostly a slip, and no jog has room.
+const LEAST: f64 = 0.005;
+
+/// What is nearest at home: of the limits, and of the legs.
+pub(super) fn at_home(report: &mut Report, config: &MachineConfig) {
+    limit_at_home(report, config);
+    legs_at_home(report, config);
+}
+
+/// The limit of which the smallest share is left at home.
+fn limit_at_home(report: &mut Report, config: &MachineConfig) {
+    let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return };
+    let mut nearest: Option<Margin> = None;
+    limits::each(&at, &limits::of(config), |margin| {
+        if nearest.is_none_or(|least| margin.share() < least.share()) {
+            nearest = Some(margin);
+        }
+    });
+    let Some(margin) = nearest.filter(|margin| margin.share().is_finite()) else { return };
+    let text = format!(
+        "{} at home: {} {}, {} allowed, {:.1} % to spare; move [TRAJ]HOME away from it where that is too little",
+        limits::part(config, margin.limit, margin.part),
+        limits::shown(margin.value),
+        limits::unit(config, margin.limit, margin.part),
+        limits::allowed(config, &margin),
+        100.0 * margin.share()
+    );
+    report.fact("nearest limit", text.replace(" ,", ","));
+    // Beyond it is told with the place that the limit stands at.
+    if (0.0..LEAST).contains(&margin.share()) {
+        let text =
+            format!("the machine stands there at the end of a limit: {}", text.replace(" ,", ","));
+        report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", "HOME", &text));
+    }
+}
+
+fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
+    let (distance, unit) = (limits::shown(*distance), config.length_unit());
+    let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
+    format!("the centre lines of legs {i} and {j} are {distance} {unit} apart")
+}
+
+/// The nearest legs at home, and those whose distance is not judged.
+fn legs_at_home(report: &mut Report, config: &MachineConfig) {
+    let at = config.machine.at(&config.home_pose(), &config.spindle);
+    let nearest = at.ok().and_then(|at| at.nearest());
+    if let Some(nearest) = nearest {
+        report.fact("nearest legs", format!("{} at home", shown_nearest(config, &nearest)));
+    }
+    let meeting: Vec<String> = config
+        .pairs()
+        .into_iter()
+        .filter(|pair| !config.machine.watch().is_watched(*pair))
+        .map(|pair| pair.map(|leg| config.place.first_leg + leg))
+        .map(|[i, j]| format!("{i} and {j}"))
+        .collect();
+    if !meeting.is_empty() {
+        let name = if nearest.is_some() { "" } else { "nearest legs" };
+        let text = format!("not judged, as they share an anchor: {}", meeting.join(", "));
+        report.fact(name, text);
+    }
+}
+
+/// The nearest legs within the axis limits, and what nothing keeps them from.
+pub(super) fn seen(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+    let Some((nearest, pose)) = &seen.nearest else { return };
+    let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));
+    report.fact("", format!("{apart}, the least seen in the axis limits, at {place}"));
+    if config.clearance.is_some() {
+        return;
+    }
+    let (severity, text) = match nearest.distance < limits::beyond_axes(config).clearance {
+        true => (
+            Severity::Error,
+            format!(
+                "{apart} at {place}: they meet within the axis limits, and nothing stops them: give \
+                 the distance that they have to keep, narrow the axis limits, or see whether anchors are swapped"
+            ),
+        ),
+        false => (
+            Severity::Warning,
+            "the thickness of the legs is not judged: give the distance that their centre lines \
+             have to keep, their diameter and some room"
+                .into(),
+        ),
+    };
+    report.finding(severity, at_key(ini, "PKM", "ROD_CLEARANCE", &text));
+}

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A leg unlike all others: a sign or a digit of one anchor is seen here, even where every HOME was made from it.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::read::diagnostic::Severity;
+use crate::read::machine::MachineConfig;
+use kinematics::At;
+
+/// Legs that have to be alike before another one is unlike them: of three legs, two beside each other and one
+/// across are a layout of their own.
+const ALIKE: usize = 3;
+
+/// Largest difference of legs that are alike, and smallest of one that is not, as shares of the machine's size:
+/// the first is more than calibration changes, the second less than a wrong sign does.
+const SAME: f64 = 2e-3;
+const OTHER: f64 = 1e-2;
+
+/// A quantity of which every leg has one.
+struct Quantity {
+    name: &'static str,
+    unit: &'static str,
+    /// Keys of the leg that may hold the slip, the likeliest first.
+    keys: [&'static str; 2],
+    /// What `SAME` and `OTHER` are shares of.
+    scale: f64,
+    values: Vec<f64>,
+}
+
+/// Tells the first leg that is unlike all others, by the first quantity that shows it.
+pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+    let found = quantities(config, at).into_iter().find_map(|quantity| {
+        let leg = odd(&quantity.values, quantity.scale)?;
+        Some((quantity, leg))
+    });
+    let Some((Quantity { name, unit, keys, values, .. }, leg)) = found else { return };
+    let other = values[if leg == 0 { 1 } else { 0 }];
+    let text = format!(
+        "leg {} is unlike the {} others: {name} is {} {unit}, and theirs {}. See whether a sign or a digit of it is \
+         wrong, or two anchors are exchanged; leave it where the machine is built like that",
+        config.place.first_leg + leg,
+        values.len() - 1,
+        limits::shown(values[leg]),
+        limits::shown(other)
+    );
+    let section = config.place.leg_section(leg);
+    let is_given = |key: &&str| config.ini.first(&section, key).is_some();
+    let key = keys.into_iter().find(is_given).unwrap_or(keys[0]);
+    report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
+}
+
+fn quantities(config: &MachineConfig, at: &At) -> Vec<Quantity> {
+    let (legs, size) = (config.geometry.legs(), config.machine.size());
+    let unit = config.length_unit();
+    let length = |name, keys, values| Quantity { name, unit, keys, scale: size, values };
+    let platform = legs.iter().map(|leg| leg.platform[2]).collect();
+    let base = legs.iter().map(|leg| leg.base[2]).collect();
+    let mut all = vec![
+        length("the height of its platform joint", ["PLATFORM", "EFFECTOR"], platform),
+        length("the height of its base anchor", ["BASE", "GUIDE"], base),
+    ];
+    let kind = config.joints[0].kind;
+    if config.joints[..legs.len()].iter().all(|joint| joint.kind == kind) {
+        let scale = if config.unit(kind) == unit { size } else { 1.0_f64.to_degrees() };
+        let values = at.joints()[..legs.len()].to_vec();
+        let name = "its joint's value at home";
+        all.push(Quantity {
+            name,
+            unit: config.unit(kind),
+            keys: ["BASE", "PLATFORM"],
+            scale,
+            values,
+        });
+    }
+    all
+}
+
+/// The one leg that differs from all others, which do not differ from each other.
+fn odd(values: &[f64], scale: f64) -> Option<usize> {
+    (0..values.len()).find(|leg| {
+        let others =
+            || values.iter().enumerate().filter(|(i, _)| i != leg).map(|(_, value)| *value);
+        let (low, high) = others()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+        let away = (low - values[*leg]).max(values[*leg] - high);
+        others().count() >= ALIKE && high - low <= SAME * scale && away > OTHER * scale
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_of_many_is_odd_and_pairs_are_not() {
+        assert_eq!(odd(&[9.0, 9.0, 9.5, 9.0], 10.0), Some(2));
+        assert_eq!(odd(&[9.5, 9.0, 9.001, 9.0], 10.0), Some(0));
+        assert_eq!(odd(&[9.0, 9.0, 9.05, 9.0], 10.0), None);
+        assert_eq!(odd(&[9.0, 5.0, 9.0, 5.0], 10.0), None);
+        assert_eq!(odd(&[5.0, 5.0, 9.0], 10.0), None);
+    }
+}

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! In which order the legs stand around the base and around the platform: anchors of another leg are seen
+//! here.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::machine::MachineConfig;
+use kinematics::{At, LegGeometry, LegKind, Vector3};
+
+/// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and
+/// the narrowest a ring of joints may be beside its width: guides in a line have no order around anything.
+const NARROW: f64 = 0.2;
+
+/// Rise of a guide, as a share of its length, below which it runs across: 30 degrees.
+const LEVEL: f64 = 0.5;
+
+/// Directions that count as one, degrees: two joints beside each other.
+const SAME_DEG: f64 = 1e-6;
+
+/// Tells the order of the legs seen from above.
+pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+    let segments = &at.segments()[..config.legs()];
+    let bases: Vec<_> = segments.iter().map(|leg| leg.base).collect();
+    let platform: Vec<_> = segments.iter().map(|leg| leg.platform).collect();
+    let Some(around) = around(&bases).filter(|_| !has_level_guides(config)) else {
+        let text = "not judged: the base joints stand around nothing, seen from above; see that [LEG_0] is the \
+                    leg that joint 0 drives, and so on";
+        return report.fact("order of legs", text);
+    };
+    let order = sorted(&around);
+    let names: Vec<String> =
+        order.iter().map(|leg| (config.place.first_leg + leg).to_string()).collect();
+    let text = format!(
+        "{}, counter-clockwise seen from above, leg {} at {:.1} degrees from X: joint and drive have to be numbered \
+         like that",
+        names.join(" "),
+        names[0],
+        around[order[0]]
+    );
+    report.fact("order of legs", text);
+    let Some(of_platform) = self::around(&platform) else { return };
+    if let Some([i, j]) = turned(&around, &of_platform) {
+        let section = config.place.leg_section(j);
+        let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
+        let text = format!(
+            "legs {i} and {j} follow each other around the base, and the other way around the platform: see whether \
+             PLATFORM of two legs is swapped; leave it where the legs cross by design"
+        );
+        let key =
+            if config.ini.first(&section, "PLATFORM").is_some() { "PLATFORM" } else { "BASE" };
+        report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
+    }
+}
+
+/// Whether carriages run across, where they stand beside and behind each other, and around nothing.
+fn has_level_guides(config: &MachineConfig) -> bool {
+    let is_level = |leg: &LegGeometry| match leg.kind {
+        LegKind::Slider(slider) => {
+            slider.guide[2].abs() < LEVEL * Vector3::from(slider.guide).norm()
+        }
+        _ => false,
+    };
+    config.geometry.legs().iter().any(is_level)
+}
+
+/// Directions from the middle of points that stand around it, seen from above, degrees from 0 to 360.
+fn around(points: &[Vector3<f64>]) -> Option<Vec<f64>> {
+    let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let arms: Vec<_> = points.iter().map(|point| (point - middle).xy()).collect();
+    let farthest = arms.iter().map(|arm| arm.norm()).fold(0.0, f64::max);
+    let is_around = points.len() > 2
+        && farthest > 0.0
+        && arms.iter().all(|arm| arm.norm() > NARROW * farthest)
+        && widest_gap(&arms) < 180.0;
+    is_around.then(|| arms.iter().map(|arm| direction(arm.x, arm.y)).collect())
+}
+
+fn direction(x: f64, y: f64) -> f64 {
+    y.atan2(x).to_degrees().rem_euclid(360.0)
+}
+
+fn widest_gap(arms: &[nalgebra::Vector2<f64>]) -> f64 {
+    let mut all: Vec<f64> = arms.iter().map(|arm| direction(arm.x, arm.y)).collect();
+    all.sort_by(f64::total_cmp);
+    let last = all[0] + 360.0 - all[all.len() - 1];
+    all.windows(2).map(|pair| pair[1] - pair[0]).fold(last, f64::max)
+}
+
+/// The legs in the order of their directions, from leg 0 on.
+fn sorted(around: &[f64]) -> Vec<usize> {
+    let from_first = |leg: usize| (around[leg] - around[0]).rem_euclid(360.0);
+    let mut order: Vec<usize> = (0..around.len()).collect();
+    order.sort_by(|a, b| from_first(*a).total_cmp(&from_first(*b)));
+    order
+}
+
+/// Two legs that are neighbours around the base, and stand in the other order around the platform.
+fn turned(base: &[f64], platform: &[f64]) -> Option<[usize; 2]> {
+    let order = sorted(base);
+    let steps = (0..order.len()).map(|k| {
+        let pair = [order[k], order[(k + 1) % order.len()]];
+        let step =
+            |around: &[f64]| (around[pair[1]] - around[pair[0]] + 180.0).rem_euclid(360.0) - 180.0;
+        (pair, step(base), step(platform))
+    });
+    steps
+        .filter(|(_, base, platform)| base.abs() > SAME_DEG && platform.abs() > SAME_DEG)
+        .find(|(_, base, platform)| base.signum() != platform.signum())
+        .map(|(pair, ..)| pair)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_swap_is_found_and_pairs_in_one_place_are_none() {
+        let base = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0];
+        assert_eq!(turned(&base, &[30.0, 30.0, 150.0, 150.0, 270.0, 270.0]), None);
+        assert_eq!(turned(&base, &[350.0, 50.0, 110.0, 170.0, 230.0, 290.0]), None);
+        assert_eq!(turned(&base, &[50.0, 350.0, 110.0, 170.0, 230.0, 290.0]), Some([0, 1]));
+    }
+
+    #[test]
+    fn points_in_a_line_are_around_nothing() {
+        let at = |x: f64, y: f64| Vector3::new(x, y, 0.0);
+        assert_eq!(around(&[at(0.0, 0.0), at(1.0, 0.0), at(2.0, 0.0)]), None);
+        let square = around(&[at(1.0, 1.0), at(-1.0, 1.0), at(-1.0, -1.0), at(1.0, -1.0)]);
+        assert_eq!(square.unwrap(), [45.0, 135.0, 225.0, 315.0]);
+    }
+}

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Leads and hands of the screws.
+//!
+//! The sign of a lead says the hand only together with the axes of the strut's two cardan joints: right-hand
+//! screws are positive where these are entered in opposite senses, as seen along the strut at the reference pose.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::machine::MachineConfig;
+use kinematics::leg::StrutGeometry;
+use kinematics::{At, LegKind, Vector3};
+
+/// Cosine of the angle between the two axes, as seen along the strut, below which senses are neither equal nor
+/// opposite: the axes are those of one joint turned by 60 degrees or more.
+const UNCLEAR: f64 = 0.5;
+
+/// A strut with a screw.
+struct Screw {
+    leg: usize,
+    lead: f64,
+    /// Whether its axes are entered in opposite senses; `None` where that cannot be said.
+    is_opposite: Option<bool>,
+}
+
+impl Screw {
+    fn is_right(&self) -> Option<bool> {
+        self.is_opposite.map(|opposite| opposite == (self.lead > 0.0))
+    }
+}
+
+/// Tells leads and hands, and where the hands differ.
+pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+    let is_strut = |leg: &kinematics::LegGeometry| matches!(leg.kind, LegKind::Strut(_));
+    if !config.geometry.legs().iter().any(is_strut) {
+        return;
+    }
+    let screws = screws(config, at);
+    if screws.is_empty() {
+        let text = "none turns with the pose: no strut has a lead (SCREW_LEAD, LEAD), as with guided or locked rods";
+        return report.fact("screws", text);
+    }
+    for (hand, is_right) in
+        [("right-hand", Some(true)), ("left-hand", Some(false)), ("of unclear hand", None)]
+    {
+        let own: Vec<&Screw> = screws.iter().filter(|screw| screw.is_right() == is_right).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let list: Vec<String> = own
+            .iter()
+            .map(|screw| format!("{} ({})", name(config, screw), screw.lead.abs()))
+            .collect();
+        let text = format!(
+            "{hand}, with the lead in {} a turn: strut {}; another sign of the lead, or of one of the two axes, where \
+             that is not so",
+            config.length_unit(),
+            list.join(", ")
+        );
+        report.fact("screws", text);
+    }
+    differing(report, config, &screws);
+}
+
+fn name(config: &MachineConfig, screw: &Screw) -> usize {
+    config.place.first_leg + screw.leg
+}
+
+fn screws(config: &MachineConfig, at: &At) -> Vec<Screw> {
+    let strut = |(leg, geometry): (usize, &kinematics::LegGeometry)| match geometry.kind {
+        LegKind::Strut(strut) if strut.lead != 0.0 => {
+            let along = at.segments()[leg].span().normalize();
+            Some(Screw { leg, lead: strut.lead, is_opposite: is_opposite(&strut, &along) })
+        }
+        _ => None,
+    };
+    config.geometry.legs().iter().enumerate().filter_map(strut).collect()
+}
+
+/// The parts of the axes square to the strut; home is level, so that the platform's axes are those of base.
+fn is_opposite(strut: &StrutGeometry, along: &Vector3<f64>) -> Option<bool> {
+    let square = |axis: [f64; 3]| {
+        let axis = Vector3::from(axis);
+        (axis - along * along.dot(&axis)).try_normalize(0.0)
+    };
+    let cosine = square(strut.base_axis)?.dot(&square(strut.platform_axis)?);
+    (cosine.abs() > UNCLEAR).then_some(cosine < 0.0)
+}
+
+/// Screws of one machine are mostly of one hand.
+fn differing(report: &mut Report, config: &MachineConfig, screws: &[Screw]) {
+    let of = |hand| screws.iter().filter(|screw| screw.is_right() == Some(hand)).count();
+    let (right, left) = (of(true), of(false));
+    if right == 0 || left == 0 {
+        return;
+    }
+    let rarer = right < left;
+    let (own, other) = if rarer { ("right", "left") } else { ("left", "right") };
+    for screw in screws.iter().filter(|screw| screw.is_right() == Some(rarer)) {
+        let senses = if screw.is_opposite == Some(true) { "opposite" } else { "equal" };
+        let text = format!(
+            "strut {} counts as {own}-hand and {} others as {other}-hand: its lead is {}, and BASE_N and PLATFORM_N are \
+             entered in {senses} senses, as seen along the strut. Turn one of the two round, or give it a LEAD of \
+             the other sign; leave it where this screw is {own}-hand",
+            name(config, screw),
+            right.max(left),
+            screw.lead,
+        );
+        let section = config.place.leg_section(screw.leg);
+        let key = match config.ini.first(&section, "LEAD") {
+            Some(_) => "LEAD",
+            None => "PLATFORM_N",
+        };
+        report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
+    }
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Unit and size of a machine: a file in millimetres that says inch, or the other way round, is seen here.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::joints::JointKind;
+use crate::read::machine::MachineConfig;
+use kinematics::{At, Vector3};
+
+/// How far the joints of base or platform stand apart, in metres, beyond which the unit is doubted. A wrong unit makes a machine
+/// 25.4 times as large or small: one of 0.4 to 1 m, as most are, then is beyond 10 m or below 40 mm. Those that
+/// are built end well within: from pocket deltas of 0.1 m to gantries of 5 m.
+const USUAL_M: [f64; 2] = [0.04, 10.0];
+
+/// Speed of a drive, in metres a second, beyond which the unit is doubted: the fastest deltas stay below, and a
+/// speed a minute, which is 60 times as large, is beyond it from 10 m/min on.
+const FASTEST_M: f64 = 10.0;
+
+/// Metres of a millimetre.
+const METRES: f64 = 1e-3;
+
+/// Tells unit and size, and where they are none that machines have.
+pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+    let extent = extent(config, at);
+    let metres = extent * (METRES / config.units_per_mm);
+    let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(metres));
+    let largest = widest(config, at) * METRES / config.units_per_mm;
+    let text = format!(
+        "lengths in {unit}; the joints of all legs at home stand in {x:.3} x {y:.3} x {z:.3} m: another \
+         LINEAR_UNITS where that is not this machine"
+    );
+    report.fact("size", text);
+    let [least, most] = USUAL_M;
+    if !(least..=most).contains(&largest) {
+        let other = if unit == "mm" { "inch" } else { "mm" };
+        let text = format!(
+            "a machine {largest:.3} m wide: expected {least} to {most} m; where its lengths are in {other}, \
+             LINEAR_UNITS = {other}"
+        );
+        report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", "LINEAR_UNITS", &text));
+    }
+    speeds(report, config);
+}
+
+/// Width, depth and height of what holds the joints of all legs, machine units.
+fn extent(config: &MachineConfig, at: &At) -> Vector3<f64> {
+    let segments = &at.segments()[..config.legs()];
+    let bases = config.geometry.legs().iter().map(|leg| Vector3::from(leg.base));
+    around(segments.iter().flat_map(|leg| [leg.base, leg.platform]).chain(bases))
+}
+
+/// How far the joints of base or platform stand apart, which no pose changes much.
+fn widest(config: &MachineConfig, at: &At) -> f64 {
+    let segments = &at.segments()[..config.legs()];
+    let base = around(segments.iter().map(|leg| leg.base)).max();
+    base.max(around(segments.iter().map(|leg| leg.platform)).max())
+}
+
+fn around(points: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    let none = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
+    let [low, high] = points.fold(none, |[low, high], point| [low.inf(&point), high.sup(&point)]);
+    high - low
+}
+
+/// Drives that are faster than any, of which the first is told.
+fn speeds(report: &mut Report, config: &MachineConfig) {
+    let is_length = |kind| kind != JointKind::Arm;
+    let speed = |value: f64| value * METRES / config.units_per_mm;
+    let mut joints = config.joints.iter().enumerate().filter(|(_, joint)| is_length(joint.kind));
+    if let Some((i, joint)) = joints.find(|(_, joint)| speed(joint.max_velocity) > FASTEST_M) {
+        let text = format!(
+            "{} would run at {:.1} m/s: expected {} a second, not a minute, and at most {FASTEST_M} m/s",
+            joint.name,
+            speed(joint.max_velocity),
+            config.length_unit()
+        );
+        let section = config.place.joint_section(i);
+        report.finding(Severity::Warning, at_key(&config.ini, &section, "MAX_VELOCITY", &text));
+    }
+}

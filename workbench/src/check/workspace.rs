@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the machine can take of its axis limits: conditioning, joint ranges, and the box that is proved.
+
+use crate::check::findings::Report;
+use crate::check::nearest;
+use crate::check::seen::{self, DRAWN, Seen};
+use crate::check::suggestion::shown_pose;
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::proof::axis_box::{self, AxisBox};
+use crate::proof::reach::{Reach, Stop};
+use crate::read::diagnostic::Severity;
+use crate::read::ini::Ini;
+use crate::read::machine::MachineConfig;
+use crate::read::tools::Tool;
+use kinematics::{Letter, Limit, Margin};
+
+/// Tilts of the table, as shares of the largest one within the axis limits.
+const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// Share of the tilt limit that is tried to prove.
+const TILT_SHARE: f64 = 0.98;
+
+/// Share of the poses in the axis limits below which most of them are out of reach.
+pub(super) const MOST: f64 = 0.5;
+
+/// Conditioning, joint ranges and the box inside the workspace.
+pub(super) fn check(
+    report: &mut Report,
+    ini: &Ini,
+    config: &MachineConfig,
+    table: Vec<Tool>,
+    progress: impl FnMut(f64),
+) {
+    let within = axis_box::range(config);
+    nearest::at_home(report, config);
+    unlimited(report, ini, config);
+    let reach = match Reach::new(config) {
+        Ok(reach) => reach,
+        Err(fault) => return home_outside(report, ini, config, Stop::Fault(fault)),
+    };
+    match reach.check(&config.home) {
+        Ok(()) => {
+            let value = reach.conditioning(&config.home);
+            report.fact(
+                "conditioning",
+                format!(
+                    "{value:.4} at home (0: a singular pose); pkmkins stops the machine at {}, slows it from \
+                     twice that",
+                    config.conditioning_limit
+                ),
+            );
+        }
+        // Told already, with the value.
+        Err(Stop::Limit(Margin { limit: Limit::JointRange, .. })) => return,
+        Err(stop) => return home_outside(report, ini, config, stop),
+    }
+    let seen = Seen::of(config, &reach, &within);
+    joint_ranges(report, config, &seen);
+    worst_conditioning(report, ini, config, &seen);
+    axis_limits(report, ini, config, &seen);
+    nearest::seen(report, ini, config, &seen);
+    report.tilts = tilts(config, &within);
+    let tilted = report.tilts.last().and_then(|(_, found)| *found);
+    match axis_box::find(config, &within, tilted.as_ref(), progress) {
+        Ok(found) => {
+            report.is_whole = found == within;
+            let found = found.rounded();
+            with_tools(report, config, table, &within, &found);
+            report.suggestion = Some(found);
+        }
+        Err(stop) => home_outside(report, ini, config, stop),
+    }
+}
+
+/// How much of the axis limits is of use.
+fn axis_limits(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+    let share = seen.taken as f64 / DRAWN as f64;
+    report.taken = Some(share);
+    let percent = 100.0 * share;
+    let text = format!(
+        "the machine can take {percent:.1} % of the poses in them; pkm preflight says whether a program stays \
+         in those"
+    );
+    report.fact("axis limits", text);
+    if share >= MOST {
+        return;
+    }
+    let most = seen.refused.iter().max_by_key(|(_, count)| **count);
+    let of = most.map_or(String::new(), |(limit, _)| format!(", mostly by the {}", limit.name()));
+    let text = format!(
+        "the machine can take only {percent:.1} % of the poses in the axis limits: most are refused{of}. See whether \
+         a sign or a unit of that is wrong; else take the limits at the end, which are proved, as pkm check \
+         --fix does"
+    );
+    report.finding(Severity::Warning, first_axis(ini, config, &text));
+}
+
+fn first_axis(ini: &Ini, config: &MachineConfig, text: &str) -> crate::read::ini::IniError {
+    let letter = Letter::ALL.into_iter().find(|l| !config.machine.layout().is_held(*l));
+    let section = config.place.axis_section(letter.unwrap_or(Letter::X));
+    at_key(ini, &section, "MIN_LIMIT", text)
+}
+
+/// Coordinates without an end, which LinuxCNC lets run to where something else stops the machine.
+fn unlimited(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+    for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
+        let axis = &config.programmed[letter.index()];
+        for (end, key) in [(axis.min, "MIN_LIMIT"), (axis.max, "MAX_LIMIT")] {
+            if end.is_infinite() {
+                let section = config.place.axis_section(letter);
+                let text = "expected a number: without it LinuxCNC refuses no pose of this axis before it \
+                            moves; take that of the limits at the end, as pkm check --fix does";
+                report.finding(Severity::Warning, at_key(ini, &section, key, text));
+            }
+        }
+    }
+}
+
+/// What the tools of the table leave of the axis limits, and whether the suggested ones hold with
+/// them, where tools change what the machine can take: where it tilts.
+fn with_tools(
+    report: &mut Report,
+    config: &MachineConfig,
+    table: Vec<Tool>,
+    within: &AxisBox,
+    suggested: &AxisBox,
+) {
+    if !Letter::ALL.iter().any(|l| l.is_angle() && !config.machine.layout().is_held(*l)) {
+        return;
+    }
+    for tool in table {
+        let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
+        let share = 100.0 * seen::taken(config, &reach, within);
+        let is_proved = axis_box::holds_with(config, &tool.offset, suggested);
+        let proof = if is_proved { "proved" } else { "not proved" };
+        let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
+        report.fact(&tool.name(), text);
+        if is_proved {
+            report.proved_tools.push(tool);
+        }
+    }
+}
+
+/// What a smaller tilt gains in X Y Z, from the largest that the limits allow to none.
+fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
+    let ends = within.low[3..5].iter().chain(&within.high[3..5]);
+    let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max).min(tilt_of_both(config, within));
+    if most == 0.0 {
+        return vec![];
+    }
+    let mut steeper = None;
+    let mut found: Vec<_> = TILTS
+        .into_iter()
+        .rev()
+        .map(|share| {
+            let tilt = share * most;
+            steeper = axis_box::at_tilt(config, within, tilt, steeper.as_ref());
+            (tilt, steeper)
+        })
+        .collect();
+    found.reverse();
+    found
+}
+
+/// Largest angle that A and B may have together, a little below the end, where a proof has no room.
+fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
+    let Some(limit) = config.tilt_limit else { return f64::INFINITY };
+    let both = (3..5).all(|k| within.high[k] > within.low[k]);
+    // The tool axis tilts by acos(cos A cos B).
+    let most = if both { limit.to_radians().cos().sqrt().acos().to_degrees() } else { limit };
+    (most * TILT_SHARE * 10.0).floor() / 10.0
+}
+
+fn worst_conditioning(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+    let Some((value, pose)) = seen.worst else { return };
+    let place = shown_pose(config, &pose);
+    report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
+    if value < config.conditioning_limit {
+        let text = format!(
+            "the legs hardly hold the platform at {place}, conditioning {value:.4}, and pkmkins stops \
+             the machine at {}: keep programs away, or take the limits below",
+            config.conditioning_limit
+        );
+        report.finding(Severity::Warning, at_key(ini, "KINS", "KINEMATICS", &text));
+    }
+}
+
+fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: Stop) {
+    let way = match stop {
+        Stop::Limit(Margin { limit: Limit::Clearance, .. }) => {
+            "see whether these legs have each other's anchors, or move [TRAJ]HOME"
+        }
+        Stop::Limit(Margin { limit: Limit::Conditioning, .. }) => {
+            "move [TRAJ]HOME away from where the legs lose hold, or see whether anchors or guides are entered twice"
+        }
+        _ => "move [TRAJ]HOME, or widen the limit",
+    };
+    let text = format!("the machine cannot stand there: {}; {way}", shown_stop(config, stop));
+    report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
+}
+
+/// A stop in words.
+fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
+    match stop {
+        Stop::Fault(fault) => fault.to_string(),
+        Stop::Limit(margin) => limits::sentence(config, &margin),
+    }
+}
+
+/// What the poses within the axis limits ask of every joint.
+fn joint_ranges(report: &mut Report, config: &MachineConfig, seen: &Seen) {
+    for (joint, (low, high)) in config.joints.iter().zip(&seen.joints) {
+        let unit = config.unit(joint.kind);
+        let text = format!(
+            "{low:.3} to {high:.3} {unit} seen in the axis limits; MIN_LIMIT {}, MAX_LIMIT {}",
+            joint.min, joint.max
+        );
+        report.fact(&joint.name, text);
+    }
+}

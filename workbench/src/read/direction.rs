@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Which way tools point, `TOOL_DIRECTION`: a key that changes nothing, and that lengths are checked with.
+
+use crate::read::ini::{Ini, IniError};
+use keys::{Key, machine as of_machine};
+
+/// Which way tools point along the platform's Z from its reference point, at A = B = C = 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ToolDirection {
+    /// The tip is below the reference point, and lengths are positive.
+    Down,
+    /// The tip is above it, and lengths are negative.
+    Up,
+}
+
+impl ToolDirection {
+    /// Its word in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Down => "down",
+            Self::Up => "up",
+        }
+    }
+
+    /// The other one.
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Down => Self::Up,
+            Self::Up => Self::Down,
+        }
+    }
+
+    /// The one that a length has; `None` of 0.
+    pub fn of_length(length: f64) -> Option<Self> {
+        match length {
+            0.0 => None,
+            length => Some(if length > 0.0 { Self::Down } else { Self::Up }),
+        }
+    }
+
+    /// Where the tip is seen from the reference point.
+    pub(crate) const fn side(self) -> &'static str {
+        match self {
+            Self::Down => "below",
+            Self::Up => "above",
+        }
+    }
+
+    /// Sign of lengths.
+    pub(crate) const fn sign(self) -> &'static str {
+        match self {
+            Self::Down => "positive",
+            Self::Up => "negative",
+        }
+    }
+}
+
+/// The direction that a section gives, which the part of the tool length in it has to follow.
+///
+/// # Errors
+/// Another word, or an offset that points the other way.
+pub(super) fn read(
+    ini: &Ini,
+    section: &str,
+    key: &Key,
+    offset: Option<f64>,
+) -> Result<Option<ToolDirection>, IniError> {
+    let given = ini.word(section, key)?.map(|place| match key.range {
+        keys::Range::Word(words) if words[place - 1] == ToolDirection::Up.name() => {
+            ToolDirection::Up
+        }
+        _ => ToolDirection::Down,
+    });
+    let found = offset.and_then(ToolDirection::of_length);
+    let (Some(given), Some(found)) = (given, found) else { return Ok(given) };
+    if given == found {
+        return Ok(Some(given));
+    }
+    let (name, offset) = (of_machine::SPINDLE_OFFSET.name, offset.unwrap_or(0.0));
+    let text = format!(
+        "expected {}, as [{section}]{} = {} has the tip {} the platform's reference point, where lengths \
+         are {}; where the spindle points {}, TOOL_DIRECTION = {}",
+        -offset,
+        key.name,
+        given.name(),
+        given.side(),
+        given.sign(),
+        found.name(),
+        found.name(),
+    );
+    Err(ini.refuse(ini.require(section, name, &text)?, &text))
+}

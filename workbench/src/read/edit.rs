@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The text of an INI file with other values: every other line, comments and layout stay.
+
+use similar::TextDiff;
+use std::ops::Range;
+
+/// A section that is not in the file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("[{0}] is not in the file itself: change it where its lines stand")]
+pub struct Elsewhere(pub String);
+
+/// What a value of the file becomes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edit {
+    /// Section without brackets.
+    pub section: String,
+    /// Key.
+    pub key: &'static str,
+    /// Text behind `=`.
+    pub value: String,
+}
+
+/// Both texts as a difference that people and `patch` read, with so many lines around each change.
+pub fn difference(old: &str, new: &str, names: (&str, &str), around: usize) -> String {
+    TextDiff::from_lines(old, new)
+        .unified_diff()
+        .context_radius(around)
+        .header(names.0, names.1)
+        .to_string()
+}
+
+/// The text with these values.
+///
+/// # Errors
+/// A section stands in an included file.
+pub fn entered(text: &str, edits: &[Edit]) -> Result<String, Elsewhere> {
+    let mut lines: Vec<String> = text.split('\n').map(Into::into).collect();
+    for edit in edits {
+        enter(&mut lines, edit)?;
+    }
+    Ok(lines.join("\n"))
+}
+
+/// Lines of a section behind its heading, to the next heading.
+fn section(lines: &[String], name: &str) -> Option<Range<usize>> {
+    let heading = format!("[{name}]");
+    let first = lines.iter().position(|line| line.trim() == heading)? + 1;
+    let next = lines[first..].iter().position(|line| line.trim_start().starts_with('['));
+    Some(first..next.map_or(lines.len(), |next| first + next))
+}
+
+/// Puts a value behind its key, or the key behind the last one of its section.
+///
+/// # Errors
+/// The section is not there.
+pub fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), Elsewhere> {
+    let Edit { section: name, key, value } = edit;
+    let range = section(lines, name).ok_or_else(|| Elsewhere(name.clone()))?;
+    let is_own = |line: &String| line.split_once('=').is_some_and(|(word, _)| word.trim() == *key);
+    match lines[range.clone()].iter().position(is_own) {
+        Some(at) => {
+            let line = &mut lines[range.start + at];
+            let (before, after) = line.split_once('=').unwrap_or((line.as_str(), ""));
+            let blank: String = after.chars().take_while(|c| c.is_whitespace()).collect();
+            *line = format!("{before}={blank}{value}");
+        }
+        None => {
+            let own = lines[range.clone()].iter().rposition(|line| line.contains('='));
+            lines.insert(range.start + own.map_or(0, |at| at + 1), format!("{key} = {value}"));
+        }
+    }
+    Ok(())
+}
+
+/// The text with these sections in the place of all whose name begins with `prefix`, and their number in
+/// `[KINS]KINEMATICS` as `parameter`; comments stay.
+///
+/// # Errors
+/// `[KINS]KINEMATICS` or such a section stands in an included file.
+pub fn with_sections(
+    text: &str,
+    (prefix, parameter): (&str, &str),
+    sections: &[String],
+) -> Result<String, Elsewhere> {
+    let heading = format!("[{prefix}");
+    let mut is_own = false;
+    let mut place = None;
+    let mut lines: Vec<String> = vec![];
+    for line in text.split('\n') {
+        let start = line.trim_start();
+        if start.starts_with('[') {
+            is_own = start.starts_with(&heading);
+            if is_own {
+                place = place.or(Some(lines.len()));
+            }
+        }
+        if !is_own || start.is_empty() || start.starts_with(['#', ';']) {
+            lines.push(line.into());
+        }
+    }
+    count(&mut lines, parameter, sections.len())?;
+    let new = sections.join("\n");
+    match place {
+        Some(place) => lines.insert(place, new.trim_end().into()),
+        None => {
+            while lines.last().is_some_and(|line| line.trim().is_empty()) {
+                lines.pop();
+            }
+            lines.push(format!("\n{new}"));
+        }
+    }
+    Ok(lines.join("\n"))
+}
+
+/// Writes a number into `[KINS]KINEMATICS`.
+fn count(lines: &mut [String], parameter: &str, count: usize) -> Result<(), Elsewhere> {
+    let kins = || Elsewhere("KINS".into());
+    let range = section(lines, "KINS").ok_or_else(kins)?;
+    let line = lines[range].iter_mut().find(|line| line.trim_start().starts_with("KINEMATICS"));
+    let line = line.ok_or_else(kins)?;
+    let (word, prefix) = (format!("{parameter}={count}"), format!("{parameter}="));
+    let mut words: Vec<&str> = line.split(' ').collect();
+    match words.iter_mut().find(|own| own.starts_with(&prefix)) {
+        Some(own) => *own = &word,
+        None => words.push(&word),
+    }
+    *line = words.join(" ");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_change_and_all_else_stays() {
+        let text = "# a comment\n[LEG_0]\nBASE=1 2 3\n  PLATFORM =  4 5 6\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9\n";
+        let edit = |key, value: &str| Edit { section: "LEG_0".into(), key, value: value.into() };
+        let edits = [edit("BASE", "1.5 2 3"), edit("PLATFORM", "0 0 0"), edit("OFFSET", "0.25")];
+        let new = "# a comment\n[LEG_0]\nBASE=1.5 2 3\n  PLATFORM =  0 0 0\nOFFSET = 0.25\n# of the joint\n\n[LEG_1]\nBASE = 7 8 9\n";
+        assert_eq!(entered(text, &edits).unwrap(), new);
+        let other = Edit { section: "LEG_7".into(), key: "BASE", value: String::new() };
+        assert!(
+            entered(text, &[other]).unwrap_err().to_string().contains("[LEG_7] is not in the file")
+        );
+    }
+
+    #[test]
+    fn sections_take_the_place_of_the_old_ones() {
+        let text = "[KINS]\nKINEMATICS = pkmkins boxes=2 legs=strut:6\n\n# Start\n[BOX_0]\nLOW = 1\n# mine\n\n[BOX_1]\nLOW = 2\n\n[JOINT_0]\nHOME = 1\n";
+        let new = with_sections(text, ("BOX_", "boxes"), &["[BOX_0]\nLOW = 3\n".into()]).unwrap();
+        assert_eq!(
+            new,
+            "[KINS]\nKINEMATICS = pkmkins boxes=1 legs=strut:6\n\n# Start\n[BOX_0]\nLOW = 3\n# mine\n\n\n[JOINT_0]\nHOME = 1\n"
+        );
+        let none = with_sections(
+            "[KINS]\nKINEMATICS = pkmkins\n",
+            ("BOX_", "boxes"),
+            &["[BOX_0]\nLOW = 3\n".into()],
+        );
+        assert_eq!(none.unwrap(), "[KINS]\nKINEMATICS = pkmkins boxes=1\n\n[BOX_0]\nLOW = 3\n");
+    }
+}

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Slips that integrators make: none may end in "fits together" without a word.
+
+use crate::ini_cases::{Edit, apply};
+use crate::shipped::folder;
+use rayon::prelude::*;
+use serde::Deserialize;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Cases {
+    case: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Case {
+    name: String,
+    base: String,
+    #[serde(default)]
+    edit: Vec<Edit>,
+    table: Option<Vec<String>>,
+    /// Whether every HOME is made of the wrong machine.
+    #[serde(default)]
+    homed: bool,
+    /// Whether the base keeps its boxes.
+    #[serde(default)]
+    boxes: bool,
+    expect: Expect,
+    #[serde(default)]
+    names: Vec<String>,
+    /// Where the answer has to point, without the number of the line.
+    place: Option<String>,
+    /// Why no check can know.
+    why: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Expect {
+    Told,
+    Shown,
+    Silent,
+}
+
+/// What the command answers, on both ways out, and its exit status.
+fn answer(folder: &Path, file: &str, more: &[&str]) -> (String, i32) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+    command.arg("check").arg(file).args(more).current_dir(folder);
+    let output = command.env("NO_COLOR", "1").output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (text(&output.stdout) + &text(&output.stderr), output.status.code().unwrap())
+}
+
+/// The base without its boxes.
+fn without_boxes(lines: &mut Vec<String>) {
+    let mut is_box = false;
+    lines.retain(|line| {
+        if line.starts_with('[') {
+            is_box = line.starts_with("[BOX_");
+        }
+        !is_box
+    });
+    lines.iter_mut().for_each(|line| *line = line.replace(" boxes=1", ""));
+}
+
+/// The folder of the base with the slip in it.
+fn slipped(case: &Case) -> tempfile::TempDir {
+    let slipped = tempfile::tempdir().unwrap();
+    for entry in fs::read_dir(folder(&case.base)).unwrap() {
+        let entry = entry.unwrap().path();
+        if entry.is_file() {
+            fs::copy(&entry, slipped.path().join(entry.file_name().unwrap())).unwrap();
+        }
+    }
+    let file = slipped.path().join(format!("{}.ini", case.base));
+    let text = fs::read_to_string(&file).unwrap();
+    let mut lines: Vec<String> = text.lines().map(Into::into).collect();
+    if !case.boxes {
+        without_boxes(&mut lines);
+    }
+    case.edit.iter().for_each(|edit| apply(&mut lines, edit));
+    fs::write(&file, lines.join("\n") + "\n").unwrap();
+    if let Some(table) = &case.table {
+        fs::write(file.with_extension("tbl"), table.join("\n") + "\n").unwrap();
+    }
+    slipped
+}
+
+/// What is wrong with what is said of a slip, if anything.
+fn judge(case: &Case) -> Option<String> {
+    let folder = slipped(case);
+    let file = format!("{}.ini", case.base);
+    if case.homed {
+        answer(folder.path(), &file, &["--fix", "--write"]);
+    }
+    let (text, code) = answer(folder.path(), &file, &[]);
+    let wrong = |what: &str| Some(format!("{}: {what}\n{text}", case.name));
+    let is_told = code != 0 || text.contains("look at the warnings");
+    if is_told != (case.expect == Expect::Told) {
+        return wrong(&format!("expected {:?}, exit status {code}", case.expect));
+    }
+    if let Some(missing) = case.names.iter().find(|name| !text.contains(*name)) {
+        return wrong(&format!("{missing:?} is not said"));
+    }
+    if case.expect != Expect::Told {
+        return case.why.is_none().then(|| format!("{}: no reason", case.name));
+    }
+    let place = case.place.clone().unwrap_or_else(|| file.clone());
+    let points = text.lines().any(|line| {
+        let behind = line.split_once("--> ").and_then(|(_, at)| at.split_once(&place));
+        behind.is_some_and(|(_, at)| {
+            case.place.is_none() || at.starts_with(|c: char| c.is_ascii_digit() || c == ':')
+        })
+    });
+    if points { None } else { wrong(&format!("nothing points at {place}")) }
+}
+
+#[test]
+fn no_slip_ends_in_fits_without_a_word() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/slips/slips.toml");
+    let cases: Cases = toml::from_str(&fs::read_to_string(file).unwrap()).unwrap();
+    let told = cases.case.iter().filter(|case| case.expect == Expect::Told).count();
+    assert!(told >= 40, "{told}");
+    let failures: Vec<String> = cases.case.par_iter().filter_map(judge).collect();
+    assert!(
+        failures.is_empty(),
+        "{} of {}:\n{}",
+        failures.len(),
+        cases.case.len(),
+        failures.join("\n\n")
+    );
+}
