@@ -410,6 +410,19 @@ def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
 PKM = REPOSITORY / "given/pkm"
 
 
+@test
+def machine_made_by_pkm_new_runs_its_first_program(out):
+    folder = out / "tool-up"
+    words = ("hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850"
+             " --lead 5 --hands RLRLRL --tool up --nose 40 --diameter 30 --feed 20000 --accel 4000 --turn 80")
+    done = subprocess.run([PKM, "new", *words.split(), "--out", folder], stdin=subprocess.DEVNULL,
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    result = check(run_live.run(folder, "first.ngc", out, 60))
+    assert result["moves"] > 0, "LinuxCNC's interpreter makes no motion of the program"
+    return f"{result['moves']} moves, {result['seconds']} s"
+
+
 def virtual_trace(trace):
     """The bytes of a virtual run of the hexapod's main program."""
     command = [PKM, "run", HEXAPOD / "hexapod.ini", HEXAPOD / "programs/five-axis-surface.ngc", "--trace", trace]

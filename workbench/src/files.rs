@@ -53,6 +53,32 @@ impl Folder {
         Ok(Self(folder))
     }
 
+    /// Makes it beside a place that it takes when it is whole.
+    ///
+    /// # Errors
+    /// It cannot be made there.
+    pub fn beside(place: &Path) -> Result<Self, AtFile<io::Error>> {
+        let parent = place.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let mut folders = FOLDERS.lock().expect("nobody panics with it");
+        let folder = tempfile::Builder::new()
+            .prefix(".pkm-")
+            .permissions(Permissions::from_mode(0o755))
+            .tempdir_in(parent.unwrap_or(Path::new(".")))
+            .at(place)?;
+        folders.push(folder.path().into());
+        Ok(Self(folder))
+    }
+
+    /// Gives it its place, where nothing may be.
+    ///
+    /// # Errors
+    /// Something is there, or it cannot be renamed.
+    pub fn become_whole(self, place: &Path) -> Result<(), AtFile<io::Error>> {
+        // Only an empty folder is replaced by a rename, and this one is nobody else's.
+        fs::create_dir(place).at(place)?;
+        fs::rename(self.path(), place).inspect_err(|_| drop(fs::remove_dir(place))).at(place)
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         self.0.path()
@@ -167,6 +193,22 @@ mod tests {
             assert_eq!(fs::read_to_string(&file).unwrap(), text);
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_takes_a_free_place_whole_and_no_other() {
+        let parent = tempfile::tempdir().unwrap();
+        let place = parent.path().join("machine");
+        let made = Folder::beside(&place).unwrap();
+        write_whole(&made.path().join("a"), "text").unwrap();
+        assert!(!place.exists());
+        made.become_whole(&place).unwrap();
+        assert!(place.join("a").exists());
+        // An empty folder is somebody's too.
+        let taken = parent.path().join("taken");
+        fs::create_dir(&taken).unwrap();
+        assert!(Folder::beside(&taken).unwrap().become_whole(&taken).is_err());
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 2);
     }
 
     #[test]

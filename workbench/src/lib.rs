@@ -11,6 +11,7 @@ pub mod draw;
 pub mod dynamics;
 pub mod files;
 pub mod limits;
+pub mod new;
 pub mod panel;
 pub mod program;
 pub mod proof;

@@ -749,6 +749,7 @@ bad input, or a file that cannot be written.
 Usage: pkm <COMMAND>
 
 Commands:
+  new          Makes a complete configuration of a machine from what a builder knows of it
   check        Checks that a machine's INI file fits together
   preflight    Checks before cutting that a program fits a machine
   filter       Lets a program through into a user interface of LinuxCNC where it fits the machine

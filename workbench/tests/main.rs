@@ -29,6 +29,7 @@ mod installed;
 mod interpreter;
 mod lathe_loops;
 mod mobility;
+mod new;
 mod ngcgui;
 mod offsets;
 mod page;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 18] = [
+const ROOMS: [(&str, &[&str]); 19] = [
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -15,6 +15,7 @@ const ROOMS: [(&str, &[&str]); 18] = [
     ("panel", &["read"]),
     ("proof", &["limits", "read"]),
     ("check", &["limits", "proof", "read", "rows"]),
+    ("new", &["check", "files", "limits", "panel", "proof", "read"]),
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),

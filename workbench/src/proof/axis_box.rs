@@ -26,6 +26,12 @@ const WHOLE_CELLS: usize = 50_000;
 const MOST_CELLS: usize = 10_000;
 const ALL_CELLS: usize = 20_000;
 
+/// Most cells of all proofs of a box that has to be covered by one.
+const PROOFS_CELLS: usize = 200_000;
+
+/// Shares of the angles that are tried.
+const ANGLES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
+
 /// Poses drawn before a proof is begun: one that cannot be taken spares it.
 const DRAWN: usize = 200;
 
@@ -50,7 +56,13 @@ pub struct AxisBox {
 
 impl AxisBox {
     fn shrunk(&self, to: &[f64; 6], share: f64) -> Self {
-        let part = |end: &[f64; 6]| std::array::from_fn(|k| to[k] + share * (end[k] - to[k]));
+        self.with_shares(to, [share; 2])
+    }
+
+    /// With these shares of its lengths and of its angles.
+    fn with_shares(&self, to: &[f64; 6], shares: [f64; 2]) -> Self {
+        let share = |k: usize| shares[usize::from(Letter::ALL[k].is_angle())];
+        let part = |end: &[f64; 6]| std::array::from_fn(|k| to[k] + share(k) * (end[k] - to[k]));
         Self { low: part(&self.low), high: part(&self.high) }
     }
 }
@@ -109,6 +121,43 @@ pub(crate) fn find(
         }
     }
     progress(1.0);
+    Ok(found)
+}
+
+/// A box that one proof covers, so that a check of it as axis limits repeats that proof: with all of the
+/// angles if that leaves a share of the lengths that is `enough`, otherwise with less of them; then faces are
+/// pushed as far as the whole is still proved.
+/// `progress` is told the share of the work that is done.
+///
+/// # Errors
+/// Home itself is outside.
+pub(crate) fn in_one_proof(
+    config: &MachineConfig,
+    within: &AxisBox,
+    enough: f64,
+    mut progress: impl FnMut(f64),
+) -> Result<AxisBox, Stop> {
+    let mut search = Search::new(config, &Vector3::zeros(), within)?;
+    search.left = PROOFS_CELLS;
+    if search.is_whole(within) {
+        return Ok(*within);
+    }
+    let mut found = AxisBox { low: config.home, high: config.home };
+    for angles in ANGLES {
+        let lengths = search.lengths(config, angles);
+        if lengths > 0.0 {
+            found = within.with_shares(&config.home, [lengths, angles]);
+        }
+        progress(1.0 - search.left as f64 / PROOFS_CELLS as f64);
+        if lengths > 0.0 && lengths >= enough {
+            break;
+        }
+    }
+    for share in SHARES {
+        while search.push_whole(&mut found, share) {
+            progress(1.0 - search.left as f64 / PROOFS_CELLS as f64);
+        }
+    }
     Ok(found)
 }
 
@@ -206,6 +255,45 @@ impl<'a> Search<'a> {
             }
         }
         any
+    }
+
+    /// The largest share of the lengths that is proved with this share of the angles; 0: none.
+    fn lengths(&mut self, config: &MachineConfig, angles: f64) -> f64 {
+        let within = self.within;
+        let mut found = 0.0;
+        for n in 1..=SHRINKS {
+            let share = found + 0.5_f64.powi(n);
+            if self.is_whole(&within.with_shares(&config.home, [share, angles])) {
+                found = share;
+            }
+        }
+        found
+    }
+
+    /// Pushes every face once where the whole box stays proved; whether any has moved.
+    fn push_whole(&mut self, found: &mut AxisBox, share: f64) -> bool {
+        let mut any = false;
+        for k in 0..6 {
+            let step = share * (self.within.high[k] - self.within.low[k]);
+            for is_high in [false, true] {
+                let mut pushed = *found;
+                if is_high {
+                    pushed.high[k] = (found.high[k] + step).min(self.within.high[k]);
+                } else {
+                    pushed.low[k] = (found.low[k] - step).max(self.within.low[k]);
+                }
+                if pushed != *found && self.is_whole(&pushed) {
+                    *found = pushed;
+                    any = true;
+                }
+            }
+        }
+        any
+    }
+
+    /// Whether a box is proved as axis limits are.
+    fn is_whole(&mut self, part: &AxisBox) -> bool {
+        self.is_proved(part, WHOLE_CELLS.min(self.left))
     }
 
     /// Whether a proof will do with so many cells, as far as an estimate by Knuth's method (1975) can

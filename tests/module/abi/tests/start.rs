@@ -21,7 +21,15 @@ fn numbers(section: &str, key: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(file).expect("readable");
     let mut lines = text.lines().skip_while(|line| *line != format!("[{section}]"));
     let line = lines.find_map(|line| line.strip_prefix(&format!("{key} = "))).expect(key);
-    line.split(' ').map(|word| word.parse().expect("a number")).collect()
+    line.split(' ').map(number).collect()
+}
+
+/// A number of an INI file; the hash of a geometry stands in hexadecimal.
+fn number(word: &str) -> f64 {
+    match word.strip_prefix("0x") {
+        Some(digits) => f64::from(u32::from_str_radix(digits, 16).expect("a hash")),
+        None => word.parse().expect("a number"),
+    }
 }
 
 /// A tripod with this many boxes, geometry on its pins.

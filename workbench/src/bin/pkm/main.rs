@@ -14,6 +14,7 @@ mod failure;
 mod filter;
 mod joints;
 mod man;
+mod new;
 mod panel;
 mod path;
 mod pose;
@@ -95,6 +96,7 @@ macro_rules! commands {
 }
 
 commands! {
+    New => new,
     Check => check,
     Preflight => preflight,
     Filter => filter,

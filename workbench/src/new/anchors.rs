@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Legs from what is measured on a drawing: the keys of their sections.
+
+use crate::new::values::Values;
+use keys::{Key, leg as key};
+
+/// Digits after the point of an anchor: an atom's width in millimetres.
+const DIGITS: f64 = 1e9;
+
+/// Keys and numbers of a leg's section.
+#[derive(Clone, Debug, Default)]
+pub struct Leg(pub Vec<(&'static Key, Vec<f64>)>);
+
+impl Leg {
+    fn with(mut self, key: &'static Key, numbers: &[f64]) -> Self {
+        self.0.push((key, numbers.to_vec()));
+        self
+    }
+
+    fn base(at: [f64; 3]) -> Self {
+        Self::default().with(&key::BASE, &at)
+    }
+
+    /// A rod from a carriage.
+    fn slider(base: [f64; 3], guide: [f64; 3], platform: [f64; 3], rod: f64, side: f64) -> Self {
+        let leg = Self::base(base).with(&key::GUIDE, &guide).with(&key::PLATFORM, &platform);
+        leg.with(&key::ROD, &[rod]).with(&key::SIDE, &[side])
+    }
+
+    /// The numbers of a key; zeros where the leg has none.
+    pub fn numbers<const N: usize>(&self, key: &Key) -> [f64; N] {
+        let found = self.0.iter().find(|(own, _)| own.name == key.name);
+        found.and_then(|(_, numbers)| numbers.as_slice().try_into().ok()).unwrap_or([0.0; N])
+    }
+}
+
+/// A point on a circle, by its angle in degrees.
+fn on_circle(radius: f64, degrees: f64) -> [f64; 2] {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    // No -0, and 0 where it is meant.
+    [cos, sin].map(|share| (radius * share * DIGITS).round() / DIGITS + 0.0)
+}
+
+/// Point `i` of three pairs on a circle, each `half` degrees from the middle of its pair; the middle of the
+/// first is at `turn` degrees.
+fn of_pairs(i: usize, radius: f64, half: f64, turn: f64) -> [f64; 2] {
+    let side = if i.is_multiple_of(2) { -half } else { half };
+    on_circle(radius, turn + 120.0 * (i / 2) as f64 + side)
+}
+
+/// Base and platform points of six legs that cross over from pair to pair.
+fn pairs(values: &Values, i: usize, turn: f64) -> [[f64; 2]; 2] {
+    let of = |name: &str| values.number(name);
+    [
+        of_pairs(i, of("base-radius"), of("base-half-angle"), turn),
+        of_pairs(i, of("platform-radius"), 60.0 - of("platform-half-angle"), turn),
+    ]
+}
+
+fn at([x, y]: [f64; 2], z: f64) -> [f64; 3] {
+    [x, y, z]
+}
+
+/// Z of the platform joints in the platform's frame, whose origin is the nose.
+fn nose(values: &Values) -> f64 {
+    let nose = values.number("nose");
+    if values.word("tool") == "up" { 0.0 - nose } else { nose }
+}
+
+/// None: they come from a table.
+pub fn none(_: &Values) -> Vec<Leg> {
+    vec![]
+}
+
+/// Six struts.
+pub fn hexapod(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let [base, platform] = pairs(values, i, 0.0);
+        Leg::base(at(base, values.number("height")))
+            .with(&key::PLATFORM, &at(platform, nose(values)))
+    };
+    (0..6).map(leg).collect()
+}
+
+/// Angle of leg `i` of three, one of them at 90 degrees.
+fn of_three(i: usize) -> f64 {
+    90.0 + 120.0 * i as f64
+}
+
+/// Three struts that meet.
+pub fn tripod(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let base = on_circle(values.number("base-radius"), of_three(i));
+        Leg::base(at(base, values.number("height"))).with(&key::PLATFORM, &[0.0, 0.0, nose(values)])
+    };
+    (0..3).map(leg).collect()
+}
+
+/// Five struts from a wall to rings.
+pub fn pentapod(values: &Values) -> Vec<Leg> {
+    let of = |name: &str| values.number(name);
+    let (half, wall) = (0.5 * of("wall-width"), of("wall-distance"));
+    let [lower, lowest, upper] = ["lower", "lowest", "upper"].map(of);
+    let bases = [
+        [-half, wall, lower],
+        [half, wall, lower],
+        [0.0, wall, lowest],
+        [half, wall, upper],
+        [-half, wall, upper],
+    ];
+    let heights = values.list::<5>("ring-heights").unwrap_or_default();
+    let leg = |(base, height)| Leg::base(base).with(&key::EFFECTOR, &[of("ring-radius"), height]);
+    bases.into_iter().zip(heights).map(leg).collect()
+}
+
+/// Three rods from carriages on upright rails.
+pub fn linear_delta(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let of = |name: &str| on_circle(values.number(name), of_three(i));
+        Leg::slider(
+            at(of("base-radius"), values.number("height")),
+            [0.0, 0.0, 1.0],
+            at(of("platform-radius"), nose(values)),
+            values.number("rod"),
+            1.0,
+        )
+    };
+    (0..3).map(leg).collect()
+}
+
+/// Three rods from turning arms.
+pub fn rotary_delta(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let angle = of_three(i) - 180.0;
+        let of = |name: &str| on_circle(values.number(name), angle);
+        let leg = Leg::base(at(of("base-radius"), values.number("height")));
+        leg.with(&key::PLATFORM, &at(of("platform-radius"), nose(values)))
+            .with(&key::AXIS, &at(on_circle(1.0, angle + 90.0), 0.0))
+            .with(&key::ARM, &at(of("arm"), 0.0))
+            .with(&key::ROD, &[values.number("rod")])
+            .with(&key::SIDE, &[-1.0])
+    };
+    (0..3).map(leg).collect()
+}
+
+/// A rod from a carriage on rail -1, 0 or 1 of parallel level ones; its X is that of home where the carriage is in
+/// the middle of its travel.
+fn on_rail(values: &Values, rail: f64, platform: [f64; 3], side: f64) -> Leg {
+    let [low, high] = values.list::<2>("carriage").unwrap_or_default();
+    let base = [-0.5 * (low + high), rail * values.number("rail-spacing"), values.number("height")];
+    Leg::slider(base, [1.0, 0.0, 0.0], platform, values.number("rod"), side)
+}
+
+/// Three rods from carriages on level rails.
+pub fn triaglide(values: &Values) -> Vec<Leg> {
+    let (x, y) = (0.5 * values.number("platform-length"), 0.5 * values.number("platform-width"));
+    [(-1.0, -x, -y, -1.0), (0.0, x, 0.0, 1.0), (1.0, -x, y, -1.0)]
+        .map(|(rail, x, y, side)| on_rail(values, rail, [x, y, nose(values)], side))
+        .to_vec()
+}
+
+/// Six of them.
+pub fn hexaglide(values: &Values) -> Vec<Leg> {
+    let half = |name: &str| 0.5 * values.number(name);
+    let (y, z) = (half("platform-width"), nose(values));
+    let outer = (half("platform-length"), z);
+    let middle = (half("middle-length"), z + values.number("middle-rise"));
+    let rails = [(-1.0, outer, -y), (0.0, middle, values.number("middle-offset")), (1.0, outer, y)];
+    let legs =
+        |(rail, (x, z), y)| [-1.0, 1.0].map(|side| on_rail(values, rail, [side * x, y, z], side));
+    rails.map(legs).concat()
+}
+
+/// Six rods from carriages on upright rails.
+pub fn linapod(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let [base, platform] = pairs(values, i, 90.0);
+        Leg::slider(
+            at(base, values.number("height")),
+            [0.0, 0.0, 1.0],
+            at(platform, nose(values)),
+            values.number("rod"),
+            1.0,
+        )
+    };
+    (0..6).map(leg).collect()
+}
+
+/// Four rods from carriages on guides that lean inwards.
+pub fn pyramid(values: &Values) -> Vec<Leg> {
+    let of = |name: &str| values.number(name);
+    let inwards = of("top-radius") - of("foot-radius");
+    let leg = |i| {
+        let on = |radius: f64| on_circle(radius, 90.0 * i as f64);
+        Leg::slider(
+            at(on(of("foot-radius")), of("height")),
+            at(on(inwards), of("guide-rise")),
+            at(on(of("platform-radius")), nose(values)),
+            of("rod"),
+            1.0,
+        )
+    };
+    (0..4).map(leg).collect()
+}
+
+/// Rods of one side of a lathe, 1 or -1, that spread along the rail.
+fn spread(values: &Values, side: f64) -> [Leg; 2] {
+    let half = |name: &str| 0.5 * values.number(name);
+    let base = [side * half("rail-distance"), 0.0, 0.0];
+    [-1.0, 1.0].map(|end| {
+        let platform = [side * half("platform-width"), 0.0, end * half("platform-length")];
+        Leg::slider(base, [0.0, 0.0, 1.0], platform, values.number("rod"), end)
+    })
+}
+
+/// Four rods from carriages on two rails.
+pub fn four_rod_lathe(values: &Values) -> Vec<Leg> {
+    [1.0, -1.0].map(|side| spread(values, side)).concat()
+}
+
+/// Six from carriages on four rails.
+pub fn six_rod_lathe(values: &Values) -> Vec<Leg> {
+    let half = |name: &str| 0.5 * values.number(name);
+    let of_side = |side: f64| {
+        let [first, second] = spread(values, side);
+        let base = [side * half("third-rail-distance"), 0.0, 0.0];
+        let platform = [side * half("third-width"), -values.number("third-depth"), 0.0];
+        let third = Leg::slider(base, [0.0, 0.0, 1.0], platform, values.number("rod"), 1.0);
+        [first, second, third]
+    };
+    [1.0, -1.0].map(of_side).concat()
+}

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where the platform stands at home: in the middle of its drives' travel, as the kinematics say.
+
+use crate::new::ini::Plan;
+use crate::new::kinds::Way;
+use crate::new::values::Refusal;
+use crate::read::error::MachineError;
+use crate::read::ini::Ini;
+use crate::read::machine::MachineConfig;
+use keys::leg as key;
+use kinematics::{Pose, Vector3, leg};
+use std::path::Path;
+
+/// Places looked at along the reach of a leg, at least.
+const PLACES: f64 = 50.0;
+
+/// A place and how good it is.
+struct Found {
+    home: [f64; 3],
+    config: MachineConfig,
+    /// Smallest share of a drive's way from the end of its travel to the middle; below 0 beyond the end.
+    share: f64,
+    /// Of which leg, and its value.
+    worst: (usize, f64),
+    score: f64,
+}
+
+/// The best place, and the machine there.
+///
+/// # Errors
+/// There is none that the drives can take, or the values make no machine.
+pub fn found(plan: &Plan) -> Result<([f64; 3], MachineConfig), Refusal> {
+    let places = match plan.values.list::<3>("home") {
+        Some(home) => vec![home],
+        None => places(plan),
+    };
+    let mut best: Option<Found> = None;
+    let mut refused = None;
+    for home in &places {
+        match judged(plan, *home) {
+            Ok(found) if best.as_ref().is_none_or(|best| found.score > best.score) => {
+                best = Some(found);
+            }
+            Ok(_) => {}
+            Err(MachineError::Ini(errors)) => {
+                let lines: Vec<String> = errors.iter().map(|error| error.0.message()).collect();
+                return Err(Refusal::Input(lines.join("\n")));
+            }
+            Err(error @ MachineError::Geometry(..)) => refused = Some((*home, fault(&error))),
+        }
+    }
+    match best {
+        Some(found) if found.share > 0.0 => Ok((found.home, found.config)),
+        Some(found) => Err(Refusal::Misfit(beyond(plan, &found))),
+        None => Err(Refusal::Misfit(out_of_reach(&places, refused))),
+    }
+}
+
+fn fault(error: &MachineError) -> String {
+    match error {
+        MachineError::Geometry(_, fault, _) => fault.to_string(),
+        MachineError::Ini(_) => String::new(),
+    }
+}
+
+/// The machine with its home at a place, read from its text as any other.
+fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
+    let plan = Plan { home, ..plan.clone() };
+    let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
+    let config = MachineConfig::from_ini(&ini)?;
+    let refused = |fault| MachineError::of_geometry(&ini, &config.place, fault);
+    let at =
+        config.machine.at(&Pose::from_degrees(config.home), &config.spindle).map_err(refused)?;
+    let share = |n: usize, value: f64| {
+        let (min, max) = (config.joints[n].min, config.joints[n].max);
+        2.0 * (value - min).min(max - value) / (max - min)
+    };
+    let shares = at.joints().iter().copied().enumerate().take(plan.legs.len());
+    let worst = shares.min_by(|a, b| share(a.0, a.1).total_cmp(&share(b.0, b.1)));
+    let worst = worst.unwrap_or_default();
+    let share = share(worst.0, worst.1);
+    // Struts go with the height; carriages may be in the middle of their rails at any.
+    let firmness = match plan.kind.leg {
+        leg::Kind::Slider | leg::Kind::Crank if share > 0.0 => at.smallest_singular_value(),
+        _ => 1.0,
+    };
+    Ok(Found { home, share, worst, score: share * firmness, config })
+}
+
+/// Places along the line through the middle of the legs, on round numbers.
+fn places(plan: &Plan) -> Vec<[f64; 3]> {
+    let k = plan.kind.axis;
+    let (middle, reach) = (middle(plan), reach(plan));
+    let grid = 10_f64.powf((reach / PLACES).log10().floor());
+    let ways: &[f64] = match plan.kind.way {
+        Way::Less => &[-1.0],
+        Way::More => &[1.0],
+        Way::WithTool if plan.values.word("tool") == "up" => &[1.0],
+        Way::WithTool => &[-1.0],
+        Way::AboutOrigin => &[-1.0, 1.0],
+    };
+    let round = |value: f64| {
+        // A grid below 1 has no exact multiples, its inverse has.
+        let steps = (value / grid).round();
+        if grid < 1.0 { steps / (1.0 / grid).round() } else { steps * grid }
+    };
+    let count = (reach / grid) as usize;
+    let on_line = |n: usize, way: f64| {
+        let mut place = middle;
+        place[k] += way * n as f64 * grid;
+        place.map(|x| round(x) + 0.0)
+    };
+    ways.iter().flat_map(|way| (0..=count).map(move |n| on_line(n, *way))).collect()
+}
+
+/// The middle of the base joints with their drives in the middle of their travel; along the line, from where
+/// the platform joints are level with them.
+fn middle(plan: &Plan) -> [f64; 3] {
+    let k = plan.kind.axis;
+    if plan.kind.way == Way::AboutOrigin {
+        return [0.0; 3];
+    }
+    let [low, high] = plan.range();
+    let count = plan.legs.len() as f64;
+    let mut middle = Vector3::zeros();
+    for leg in &plan.legs {
+        let mut base = Vector3::from(leg.numbers::<3>(&key::BASE));
+        if let Some(guide) = Vector3::from(leg.numbers::<3>(&key::GUIDE)).try_normalize(0.0) {
+            base += guide * 0.5 * (low + high);
+        }
+        base[k] -= leg.numbers::<3>(&key::PLATFORM)[k];
+        middle += base / count;
+    }
+    middle.into()
+}
+
+/// How far the platform can be from there.
+fn reach(plan: &Plan) -> f64 {
+    let of_leg = |leg: &crate::new::anchors::Leg| {
+        let [rod] = leg.numbers::<1>(&key::ROD);
+        rod + Vector3::from(leg.numbers::<3>(&key::ARM)).norm()
+    };
+    match plan.kind.leg {
+        leg::Kind::Slider | leg::Kind::Crank => plan.legs.iter().map(of_leg).fold(0.0, f64::max),
+        _ => plan.range()[1].abs(),
+    }
+}
+
+/// Says which leg is how far beyond its range, and what may help.
+fn beyond(plan: &Plan, found: &Found) -> String {
+    let joint = &found.config.joints[found.worst.0];
+    let unit = found.config.unit(joint.kind);
+    let [x, y, z] = found.home;
+    let value = found.worst.1;
+    let is_given = plan.values.list::<3>("home").is_some();
+    let way_out = match plan.kind.leg {
+        leg::Kind::Slider => "give other rods or rails, or another place with --home",
+        leg::Kind::Crank => "give other arms or rods, other angles, or another place with --home",
+        _ if is_given && value > joint.max => "put home nearer to the base, or give longer struts",
+        _ if is_given => "put home farther from the base, or give shorter struts",
+        _ if value > joint.max => {
+            "give longer struts, or radii of base and platform that differ less"
+        }
+        _ => "give shorter struts, or radii of base and platform that differ more",
+    };
+    let where_from =
+        if is_given { "at the home given" } else { "at the best place found for home" };
+    let what = match joint.kind.quantity() {
+        "length" => format!("would be {value:.1} {unit} long"),
+        "angle" => format!("would stand at {value:.1} {unit}"),
+        _ => format!("would be at {value:.1} {unit}"),
+    };
+    format!(
+        "{where_from}, X{x} Y{y} Z{z}, {} {what}; {} to {} is possible: {way_out}",
+        joint.name, joint.min, joint.max
+    )
+}
+
+fn out_of_reach(places: &[[f64; 3]], refused: Option<([f64; 3], String)>) -> String {
+    let Some(([x, y, z], text)) = refused else { return "there is no place for home".into() };
+    match places.len() {
+        1 => format!("the machine cannot stand at the home given, X{x} Y{y} Z{z}: {text}"),
+        count => format!(
+            "the machine can stand at none of {count} places along the line through the middle of its legs; \
+             at the last one, X{x} Y{y} Z{z}: {text}. Look at the dimensions, or give another place with --home"
+        ),
+    }
+}

@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The INI file of a machine that is being made, with comments for who goes on with it.
+
+use crate::new::anchors::Leg;
+use crate::new::kinds::{Homing, Kind};
+use crate::new::values::Values;
+use crate::proof::axis_box::AxisBox;
+use keys::{kind_name, leg as of_leg, machine as of_machine};
+use kinematics::Letter;
+use kinematics::leg;
+use std::fmt::Write;
+
+/// What centre lines of legs keep, in diameters.
+const CLEARANCE: f64 = 1.2;
+
+/// A servo cycle, nanoseconds.
+const PERIOD: u32 = 1_000_000;
+
+/// Servo cycles that a drive may lag behind at its largest speed, as in the shipped machines.
+const LAG: f64 = 4.0;
+
+/// Share of a following error that counts at standstill.
+const STANDSTILL: f64 = 0.25;
+
+/// Smallest following error, mm, or degrees of an arm.
+const LEAST_ERROR: [f64; 2] = [1.0, 0.5];
+
+/// A machine that is being made. What is not known yet is left out of its file, or stands at 0 or 1.
+#[derive(Clone, Debug)]
+pub struct Plan<'a> {
+    /// Its name, that of its files.
+    pub name: &'a str,
+    /// Its kind.
+    pub kind: &'static Kind,
+    /// What was given.
+    pub values: &'a Values,
+    /// Its legs.
+    pub legs: Vec<Leg>,
+    /// Letters that the legs move.
+    pub coordinates: String,
+    /// Place of the tool at home, machine units.
+    pub home: [f64; 3],
+    /// Axes BASE_N of the cardan joints, where the struts are geared.
+    pub cardans: Vec<[f64; 3]>,
+    /// Values of the joints at home.
+    pub joints: Vec<f64>,
+    /// Limits of the axes.
+    pub limits: Option<AxisBox>,
+    /// Largest speed and acceleration of every joint.
+    pub speeds: Vec<[f64; 2]>,
+    /// Sections of boxes, and how many.
+    pub boxes: (String, usize),
+}
+
+/// Numbers with blanks between.
+fn list(numbers: &[f64]) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+impl Plan<'_> {
+    /// Smallest and largest value of the legs' joints.
+    pub fn range(&self) -> [f64; 2] {
+        let name = match self.kind.leg {
+            leg::Kind::Slider => "carriage",
+            leg::Kind::Crank => "angle",
+            _ => "strut",
+        };
+        self.values.list(name).unwrap_or_default()
+    }
+
+    /// Letters that anything moves, in LinuxCNC's order.
+    pub fn letters(&self) -> Vec<Letter> {
+        let is_moved = |letter: &Letter| {
+            [self.coordinates.as_str(), self.kind.table].concat().contains(letter.name())
+        };
+        Letter::ALL.into_iter().filter(is_moved).collect()
+    }
+
+    /// Whether the letters hold an angle.
+    pub fn tilts(&self) -> bool {
+        self.letters().iter().any(|letter| letter.is_angle())
+    }
+
+    /// Number of all joints.
+    pub fn all_joints(&self) -> usize {
+        self.legs.len() + self.kind.table.len()
+    }
+
+    /// Largest speed and acceleration along X Y Z and of angles, a second.
+    pub fn motion(&self) -> [[f64; 2]; 2] {
+        let turn = self.values.number("turn");
+        [[self.values.number("feed") / 60.0, self.values.number("accel")], [turn, 10.0 * turn]]
+    }
+
+    /// The file.
+    pub fn text(&self) -> String {
+        let parts = [
+            self.head(),
+            self.interface(),
+            self.machine(),
+            self.geometry(),
+            self.boxes.0.clone(),
+            (0..self.all_joints()).map(|n| self.joint(n)).collect(),
+            self.letters().into_iter().map(|letter| self.axis(letter)).collect(),
+        ];
+        parts.concat()
+    }
+
+    fn head(&self) -> String {
+        let Self { name, kind, .. } = self;
+        let unit = self.values.unit();
+        let text = format!(
+            "{name}, {} ({}); lengths in {unit}. Made by pkm new. {} HOME of every joint is what the \
+             kinematics give at [TRAJ]HOME. The axis limits are proved: without a tool the machine can \
+             take every pose between them. After a change of dimensions ask pkm check.",
+            kind.text, kind.name, kind.frame
+        );
+        comment(&text)
+    }
+
+    /// What LinuxCNC needs beside the machine itself.
+    fn interface(&self) -> String {
+        let Self { name, .. } = self;
+        let [[feed, _], [turn, _]] = self.motion();
+        let angular = match self.tilts() {
+            true => format!(
+                "DEFAULT_ANGULAR_VELOCITY = {}\nMAX_ANGULAR_VELOCITY = {turn}\n",
+                0.5 * turn
+            ),
+            false => String::new(),
+        };
+        let (code, blend) =
+            if self.values.unit() == "mm" { ("G21", 0.01) } else { ("G20", 0.0005) };
+        format!(
+            "
+[EMC]
+VERSION = 1.1
+MACHINE = {name}
+DEBUG = 0
+
+# The user interface. The path drawn is that of X Y Z, the control point, whatever the tilt.
+[DISPLAY]
+DISPLAY = axis
+PYVCP = {name}-panel.xml
+CYCLE_TIME = 0.1
+POSITION_OFFSET = RELATIVE
+POSITION_FEEDBACK = ACTUAL
+MAX_FEED_OVERRIDE = 1.0
+PROGRAM_PREFIX = programs
+OPEN_FILE = programs/first.ngc
+GEOMETRY = XYZ
+DEFAULT_LINEAR_VELOCITY = {}
+MAX_LINEAR_VELOCITY = {feed}
+{angular}
+[RS274NGC]
+PARAMETER_FILE = {name}.var
+RS274NGC_STARTUP_CODE = {code} G17 G40 G49 G54 G64 P{blend} G80 G90 G94
+
+[EMCMOT]
+EMCMOT = motmod
+COMM_TIMEOUT = 1.0
+SERVO_PERIOD = {PERIOD}
+
+[TASK]
+TASK = milltask
+CYCLE_TIME = 0.002
+
+[EMCIO]
+EMCIO = io
+CYCLE_TIME = 0.050
+TOOL_TABLE = {name}.tbl
+
+# The first file loads the kinematics, the motion controller and simulated drives: on real hardware
+# a file of yours that loads hardware and drives takes this place. The second one gives the geometry
+# below to the kinematics and is needed always.
+[HAL]
+HALFILE = LIB:pkmkins_sim.tcl
+HALFILE = LIB:pkmkins.tcl
+POSTGUI_HALFILE = {name}-panel.tcl
+
+# A model of the machine in 3D beside the user interface.
+[APPLICATIONS]
+APP = pkmkins-vismach {name}.ini
+",
+            0.2 * feed
+        )
+    }
+
+    /// What moves, and how fast.
+    fn machine(&self) -> String {
+        let letters: String = self.letters().iter().map(|letter| letter.name()).collect();
+        let kind = kind_name(self.kind.leg);
+        let table = match self.kind.table {
+            "" => String::new(),
+            table => format!(" table={table}"),
+        };
+        let boxes = match self.boxes.1 {
+            0 => String::new(),
+            count => format!(" boxes={count}"),
+        };
+        let [[feed, accel], [turn, turn_accel]] = self.motion();
+        let angular = match self.tilts() {
+            true => format!(
+                "DEFAULT_ANGULAR_VELOCITY = {}\nMAX_ANGULAR_VELOCITY = {turn}\n\
+                 DEFAULT_ANGULAR_ACCELERATION = {turn_accel}\nMAX_ANGULAR_ACCELERATION = {turn_accel}\n",
+                0.5 * turn
+            ),
+            false => String::new(),
+        };
+        let [x, y, z] = self.home;
+        format!(
+            "
+# The kind of the legs and the letters that they move.
+[KINS]
+KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{boxes}
+JOINTS = {}
+
+# HOME is the pose in which the joints stand at their HOME. Speeds and accelerations of the tool;
+# those of the joints below follow from them.
+[TRAJ]
+COORDINATES = {letters}
+HOME = {x} {y} {z} 0 0 0
+LINEAR_UNITS = {}
+ANGULAR_UNITS = degree
+DEFAULT_LINEAR_VELOCITY = {}
+MAX_LINEAR_VELOCITY = {feed}
+DEFAULT_LINEAR_ACCELERATION = {accel}
+MAX_LINEAR_ACCELERATION = {accel}
+{angular}",
+            self.legs.len(),
+            self.coordinates,
+            self.all_joints(),
+            self.values.unit(),
+            0.2 * feed,
+        )
+    }
+
+    fn geometry(&self) -> String {
+        let mut text = String::from("\n# What the whole machine has.\n[PKM]\n");
+        if self.kind.leg == leg::Kind::Strut {
+            // Geared struts need what is known after home is.
+            let lead = if self.cardans.is_empty() { 0.0 } else { self.lead(0) };
+            text += &line(of_machine::SCREW_LEAD.name, &[lead]);
+        }
+        if let Some(direction) = self.direction() {
+            text += &format!(
+                "# Which way tools point. Lengths in the tool table, and a SPINDLE_OFFSET here, are {}.\n{} = {direction}\n",
+                if direction == "up" { "negative" } else { "positive" },
+                of_machine::TOOL_DIRECTION.name
+            );
+        }
+        if !self.kind.table.is_empty() {
+            let centre = [0.0, 0.0, self.values.number("nose")];
+            text += "# What guides hold, they hold at this point of the platform.\n";
+            text += &line(of_machine::CENTRE.name, &centre);
+        }
+        text += &match self.values.number("diameter") {
+            0.0 => "# The thickness of the legs was not given, so that it is not judged. ROD_CLEARANCE is what their centre\n# lines have to keep: their diameter and some room.\n".into(),
+            diameter => format!(
+                "# Legs are {diameter} thick; their centre lines keep a fifth more.\n{}",
+                line(of_machine::ROD_CLEARANCE.name, &[digits(CLEARANCE * diameter)])
+            ),
+        };
+        text += "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is how far its joint at the base may swing\n# from its direction at home, degrees.\n";
+        if !self.cardans.is_empty() {
+            text += "# LEAD is that of a left-hand screw. BASE_N and PLATFORM_N are the axes of the cardan joints that are fixed\n# in base and platform: here level and across the strut at home. Put in those of your joints.\n";
+        }
+        text + &(0..self.legs.len()).map(|n| self.leg(n)).collect::<Vec<_>>().join("\n")
+    }
+
+    /// Which way tools point, where they are along Z.
+    pub fn direction(&self) -> Option<&str> {
+        match self.values.word("tool") {
+            _ if self.kind.axis != 2 => None,
+            "" => Some("down"),
+            given => Some(given),
+        }
+    }
+
+    /// Lead of a strut, with the sign of its hand.
+    fn lead(&self, n: usize) -> f64 {
+        let lead = self.values.number("lead");
+        let hands = self.values.word("hands").as_bytes();
+        let hand = hands.get(n).or(hands.last());
+        if hand == Some(&b'L') { -lead } else { lead }
+    }
+
+    fn leg(&self, n: usize) -> String {
+        let mut text = format!("[LEG_{n}]\n");
+        for (key, numbers) in &self.legs[n].0 {
+            text += &line(key.name, numbers);
+        }
+        if let Some(axis) = self.cardans.get(n) {
+            let lead = self.lead(n);
+            if lead != self.lead(0) {
+                text += &line(of_leg::LEAD.name, &[lead]);
+            }
+            text += &line(of_leg::BASE_N.name, axis);
+            text += &line(of_leg::PLATFORM_N.name, &axis.map(|x| 0.0 - x));
+        }
+        text + &line(of_leg::BASE_CONE.name, &[self.values.number("joint-angle")])
+    }
+
+    fn joint(&self, n: usize) -> String {
+        let is_leg = n < self.legs.len();
+        let is_arm = is_leg && self.kind.leg == leg::Kind::Crank;
+        let [min, max] = match is_leg {
+            true => self.range(),
+            false => self.values.list("table").unwrap_or_default(),
+        };
+        let home = self.joints.get(n).copied().unwrap_or_default();
+        let [speed, acceleration] = self.speeds.get(n).copied().unwrap_or([1.0; 2]);
+        let least = if is_arm { LEAST_ERROR[1] } else { self.values.from_mm(LEAST_ERROR[0]) };
+        let error = digits((LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
+        let kind = if is_arm { "ANGULAR" } else { "LINEAR" };
+        format!(
+            "\n{}[JOINT_{n}]\nTYPE = {kind}\nHOME = {home}\nMIN_LIMIT = {min}\nMAX_LIMIT = {max}\n\
+             MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\nFERROR = {error}\nMIN_FERROR = {}\n{}",
+            if n == 0 { self.about_joints() } else { String::new() },
+            digits(STANDSTILL * error),
+            self.homing(n, home)
+        )
+    }
+
+    fn about_joints(&self) -> String {
+        let homing = match self.kind.homing {
+            Homing::Absolute => {
+                "They have absolute encoders: homing takes over what these show. With switches homing has to keep the platform within its limits: pkm check looks at that."
+            }
+            Homing::AtEnd | Homing::BeyondHome => {
+                "Their encoders do not know where they are: all move at the same time (one HOME_SEQUENCE) until each meets its switch at HOME_OFFSET, and return to HOME together (the negative number). Put the switches where HOME_OFFSET says, or say where they are. SIM_START is where a simulated drive stands at power-up."
+            }
+        };
+        comment(&format!(
+            "The drives: HOME from the kinematics, the range as given; speeds and accelerations that the \
+             tool needs at most anywhere within the axis limits, which your drives have to reach. {homing}"
+        ))
+    }
+
+    fn homing(&self, n: usize, home: f64) -> String {
+        let mm = |mm: f64| self.values.from_mm(mm);
+        let switch = match self.kind.homing {
+            Homing::AtEnd => self.range()[1] - mm(5.0),
+            Homing::BeyondHome => home + mm(20.0),
+            Homing::Absolute => {
+                return "HOME_ABSOLUTE_ENCODER = 2\nHOME_OFFSET = 0\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n".into();
+            }
+        };
+        // Drives are not quite together at power-up.
+        let start = switch - mm(30.0 + 3.0 * (n % 3) as f64);
+        format!(
+            "HOME_OFFSET = {switch}\nHOME_SEARCH_VEL = {}\nHOME_LATCH_VEL = {}\nHOME_FINAL_VEL = {}\n\
+             HOME_SEQUENCE = -1\nSIM_START = {start}\n",
+            mm(20.0),
+            mm(-2.0),
+            mm(20.0)
+        )
+    }
+
+    fn axis(&self, letter: Letter) -> String {
+        let [linear, angular] = self.motion();
+        let [speed, acceleration] = if letter.is_angle() { angular } else { linear };
+        let kind = if letter.is_angle() { "ANGULAR" } else { "LINEAR" };
+        let k = letter.index();
+        let limits = match &self.limits {
+            Some(AxisBox { low, high }) => {
+                format!("MIN_LIMIT = {}\nMAX_LIMIT = {}\n", low[k], high[k])
+            }
+            None => String::new(),
+        };
+        format!(
+            "\n[AXIS_{}]\nTYPE = {kind}\n{limits}MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\n",
+            letter.name()
+        )
+    }
+}
+
+fn line(key: &str, numbers: &[f64]) -> String {
+    format!("{key} = {}\n", list(numbers))
+}
+
+/// A number without the digits that rounding leaves behind.
+fn digits(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6
+}
+
+/// Words as lines of a comment.
+fn comment(text: &str) -> String {
+    let mut lines = String::new();
+    let mut line = String::from("#");
+    for word in text.split_ascii_whitespace() {
+        if line.len() + word.len() > 98 {
+            let _ = writeln!(lines, "{line}");
+            line = "#".into();
+        }
+        line.push(' ');
+        line += word;
+    }
+    lines + &line + "\n"
+}

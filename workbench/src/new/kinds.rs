@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The machines that can be made, and which values make each of them.
+
+use crate::new::anchors::{self, Leg};
+use crate::new::parameters::*;
+use crate::new::values::Values;
+use kinematics::leg;
+
+/// Which way along the line through the middle of the legs the platform is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Smaller coordinates.
+    Less,
+    /// Larger coordinates.
+    More,
+    /// Less with the tool down, more with the tool up.
+    WithTool,
+    /// Either, about the origin.
+    AboutOrigin,
+}
+
+/// How drives find their position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Homing {
+    /// Their encoders know it.
+    Absolute,
+    /// A switch near the upper end of the travel.
+    AtEnd,
+    /// A switch a little beyond home.
+    BeyondHome,
+}
+
+/// A kind of machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is, one line.
+    pub text: &'static str,
+    /// Where its frame is and what its pose means.
+    pub frame: &'static str,
+    /// Kind of its legs.
+    pub leg: leg::Kind,
+    /// How many; 0: as many as the table of anchors has.
+    pub legs: usize,
+    /// Letters that the legs move; empty: as given.
+    pub coordinates: &'static str,
+    /// Letters that the table moves.
+    pub table: &'static str,
+    /// Its own values.
+    pub own: &'static [Parameter],
+    /// Its legs from these.
+    pub anchors: fn(&Values) -> Vec<Leg>,
+    /// The axis X Y Z along which home is looked for, 0 to 2.
+    pub axis: usize,
+    /// Which way.
+    pub way: Way,
+    /// How its drives find their position.
+    pub homing: Homing,
+    /// Whether boxes for the start without a seed are proved unasked.
+    pub boxes: &'static str,
+}
+
+const PYRAMID: &[Parameter] = &[
+    FOOT_RADIUS,
+    TOP_RADIUS,
+    GUIDE_RISE,
+    Parameter { default: "120", ..PLATFORM_RADIUS },
+    Parameter { default: "550", ..ROD },
+    Parameter { default: "0 1118", ..CARRIAGE },
+    TABLE,
+    Parameter { default: "200", ..HEIGHT },
+    Parameter { default: "150", ..NOSE },
+];
+
+const IN_THE_MIDDLE: &str = "World origin: the middle of the base seen from above, Z up. Pose: the spindle's nose, which is the tip of a tool without a length.";
+const PYRAMID_FRAME: &str = "World origin: the middle between the feet of the guides, Z up. Pose: the spindle's nose; what the table moves is relative to the work. A column or slide has to hold what the legs do not move: the platform's point CENTRE at 0.";
+const RAILS_FRAME: &str = "World origin: in the middle of the carriages' travel and of the rails, Z up, rails along X. Pose: the spindle's nose. A joint value is the place of a carriage on its rail.";
+const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there.";
+
+/// All kinds.
+pub const KINDS: &[Kind] = &[
+    Kind {
+        name: "hexapod",
+        text: "six telescopic struts, X Y Z A B C",
+        frame: IN_THE_MIDDLE,
+        leg: leg::Kind::Strut,
+        legs: 6,
+        coordinates: "XYZABC",
+        table: "",
+        own: &[
+            BASE_RADIUS,
+            BASE_HALF_ANGLE,
+            PLATFORM_RADIUS,
+            PLATFORM_HALF_ANGLE,
+            STRUT,
+            LEAD,
+            HANDS,
+            TOOL,
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::hexapod,
+        axis: 2,
+        way: Way::WithTool,
+        homing: Homing::Absolute,
+        boxes: "no",
+    },
+    Kind {
+        name: "tripod",
+        text: "three telescopic struts that meet in a point, X Y Z",
+        frame: IN_THE_MIDDLE,
+        leg: leg::Kind::Strut,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[BASE_RADIUS, STRUT, TOOL_UP, HEIGHT, NOSE],
+        anchors: anchors::tripod,
+        axis: 2,
+        way: Way::WithTool,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "struts",
+        text: "telescopic struts between any anchors, from a table",
+        frame: "World origin and frame: those of the table of anchors. Pose: the origin of its platform columns.",
+        leg: leg::Kind::Strut,
+        legs: 0,
+        coordinates: "",
+        table: "",
+        own: &[STRUT, COORDINATES, LEAD, HANDS, TOOL],
+        anchors: anchors::none,
+        axis: 2,
+        way: Way::WithTool,
+        homing: Homing::Absolute,
+        boxes: "no",
+    },
+    Kind {
+        name: "pentapod",
+        text: "five struts from a wall to rings about the spindle, X Y Z A B",
+        frame: "World origin: on the spindle axis at home as seen from above, Z along it. Pose: the spindle's nose; A and B tilt it. C is the spindle's own turn and held at 0.",
+        leg: leg::Kind::Ring,
+        legs: 5,
+        coordinates: "XYZAB",
+        table: "",
+        own: &[
+            anchor(
+                "wall-distance",
+                Measure::Length,
+                "500",
+                "From the spindle axis at home to the plane of the base joints",
+            ),
+            anchor(
+                "wall-width",
+                Measure::Length,
+                "836",
+                "From the left base joints to the right ones",
+            ),
+            anchor("lowest", Measure::Place, "-310", "Z of the base joint in the middle"),
+            anchor("lower", Measure::Place, "-140", "Z of the lower pair of base joints"),
+            anchor("upper", Measure::Place, "510", "Z of the upper pair of base joints"),
+            anchor(
+                "ring-radius",
+                Measure::Distance,
+                "80.3",
+                "From the spindle axis to the joint of a ring",
+            ),
+            anchor(
+                "ring-heights",
+                Measure::Places(5),
+                "87 114.5 140.5 232.5 258.5",
+                "Height of every ring over the spindle's nose: of the lower left strut, lower right, middle, upper right, upper left",
+            ),
+            Parameter { default: "450 820", ..STRUT },
+        ],
+        anchors: anchors::pentapod,
+        axis: 2,
+        way: Way::AboutOrigin,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "linear-delta",
+        text: "three carriages on upright rails, pairs of rods, X Y Z",
+        frame: "World origin: the middle between the rails, Z up. Pose: the nozzle's tip. A joint value is the height of a carriage's joints over the zero of its rail.",
+        leg: leg::Kind::Slider,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[
+            Parameter { default: "163", ..BASE_RADIUS },
+            Parameter { default: "33", ..PLATFORM_RADIUS },
+            Parameter { default: "270", ..ROD },
+            Parameter { default: "0 400", ..CARRIAGE },
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::linear_delta,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::AtEnd,
+        boxes: "yes",
+    },
+    Kind {
+        name: "rotary-delta",
+        text: "three arms on turning drives, pairs of rods, X Y Z",
+        frame: "World origin: the middle of the arms' axes, Z up. Pose: the middle of the effector joints, or the nose below them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive with its end down.",
+        leg: leg::Kind::Crank,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[
+            Parameter { default: "250", ..BASE_RADIUS },
+            Parameter { default: "125", ..PLATFORM_RADIUS },
+            anchor(
+                "arm",
+                Measure::Length,
+                "250",
+                "Length of an arm, from its axis to the rod's joints",
+            ),
+            Parameter { default: "450", ..ROD },
+            needed(
+                "angle",
+                Measure::Swing,
+                "-45 90",
+                "Smallest and largest angle of an arm: 0 level and outwards, positive with its end down",
+            ),
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::rotary_delta,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "triaglide",
+        text: "three carriages on parallel level rails, pairs of rods, X Y Z",
+        frame: RAILS_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[
+            RAIL_SPACING,
+            Parameter { default: "240", ..PLATFORM_WIDTH },
+            PLATFORM_LENGTH,
+            Parameter { default: "800", ..ROD },
+            Parameter { default: "50 2400", ..CARRIAGE },
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::triaglide,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::BeyondHome,
+        boxes: "yes",
+    },
+    Kind {
+        name: "hexaglide",
+        text: "six carriages on three parallel level rails, X Y Z A B C",
+        frame: RAILS_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 6,
+        coordinates: "XYZABC",
+        table: "",
+        own: &[
+            Parameter { default: "450", ..RAIL_SPACING },
+            Parameter { default: "320", ..PLATFORM_WIDTH },
+            Parameter { default: "200", ..PLATFORM_LENGTH },
+            anchor(
+                "middle-length",
+                Measure::Length,
+                "120",
+                "The same of the two platform joints whose rods go to the middle rail",
+            ),
+            anchor(
+                "middle-offset",
+                Measure::Place,
+                "-160",
+                "Y of these two joints from the middle of the platform",
+            ),
+            anchor(
+                "middle-rise",
+                Measure::Place,
+                "150",
+                "How much higher than the others these two joints are",
+            ),
+            Parameter { default: "900", ..ROD },
+            Parameter { default: "100 2700", ..CARRIAGE },
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::hexaglide,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "linapod",
+        text: "six carriages on upright rails at three columns, X Y Z A B C",
+        frame: "World origin: the middle between the columns, Z up. Pose: the spindle's nose. A joint value is the height of a carriage over the zero of its rail.",
+        leg: leg::Kind::Slider,
+        legs: 6,
+        coordinates: "XYZABC",
+        table: "",
+        own: &[
+            Parameter { default: "600", ..BASE_RADIUS },
+            Parameter { default: "10", ..BASE_HALF_ANGLE },
+            Parameter { default: "150", ..PLATFORM_RADIUS },
+            Parameter { default: "20", ..PLATFORM_HALF_ANGLE },
+            Parameter { default: "750", ..ROD },
+            Parameter { default: "400 1300", ..CARRIAGE },
+            HEIGHT,
+            NOSE,
+        ],
+        anchors: anchors::linapod,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "pyramid",
+        text: "four carriages on the edges of a pyramid over a cross table, Z A B and X Y of the table",
+        frame: PYRAMID_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 4,
+        coordinates: "ZAB",
+        table: "XY",
+        own: PYRAMID,
+        anchors: anchors::pyramid,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "pyramid-cross",
+        text: "four carriages on the edges of a pyramid over a table, X Z A and Y of the table",
+        frame: PYRAMID_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 4,
+        coordinates: "XZA",
+        table: "Y",
+        own: PYRAMID,
+        anchors: anchors::pyramid,
+        axis: 2,
+        way: Way::Less,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    Kind {
+        name: "four-rod-lathe",
+        text: "lathe: two rails, two carriages on each, four rods, X Y Z B",
+        frame: LATHE_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 4,
+        coordinates: "XYZB",
+        table: "",
+        own: &[
+            RAIL_DISTANCE,
+            PLATFORM_WIDTH,
+            PLATFORM_LENGTH,
+            ROD,
+            Parameter { default: "-100 2100", ..CARRIAGE },
+        ],
+        anchors: anchors::four_rod_lathe,
+        axis: 1,
+        way: Way::More,
+        homing: Homing::BeyondHome,
+        boxes: "yes",
+    },
+    Kind {
+        name: "six-rod-lathe",
+        text: "lathe: four rails, six carriages, six rods, X Y Z A B C",
+        frame: LATHE_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 6,
+        coordinates: "XYZABC",
+        table: "",
+        own: &[
+            RAIL_DISTANCE,
+            PLATFORM_WIDTH,
+            PLATFORM_LENGTH,
+            anchor(
+                "third-rail-distance",
+                Measure::Length,
+                "1200",
+                "From the left to the right rail of the third rods",
+            ),
+            anchor(
+                "third-width",
+                Measure::Length,
+                "200",
+                "From the left to the right platform joint of the third rods",
+            ),
+            anchor(
+                "third-depth",
+                Measure::Length,
+                "150",
+                "How much nearer to the rails these two joints are than the others",
+            ),
+            ROD,
+            Parameter { default: "-100 2100", ..CARRIAGE },
+        ],
+        anchors: anchors::six_rod_lathe,
+        axis: 1,
+        way: Way::More,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+];
+
+impl Kind {
+    /// Everything that is asked of this kind, in the order of questions.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let tilts = self.coordinates.is_empty() || self.coordinates.contains(['A', 'B', 'C']);
+        let mut all = vec![UNIT, ANCHORS];
+        if self.legs == 0 {
+            all[1].need = Need::Needed;
+        }
+        all.extend(self.own);
+        all.extend([JOINT_ANGLE, DIAMETER, HOME, FEED, ACCEL]);
+        if tilts {
+            all.extend([TURN, TILT]);
+        }
+        all.push(Parameter { default: self.boxes, ..BOXES });
+        all
+    }
+}

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Limits of the axes, proved, and what they ask of the drives.
+
+use crate::limits::sentence;
+use crate::new::ini::Plan;
+use crate::new::values::Refusal;
+use crate::proof::axis_box::{self, AxisBox};
+use crate::proof::reach::{Reach, Stop};
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Letter};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Steps of a ray from home to where it ends, and halvings of the last one.
+const STEPS: u32 = 64;
+const HALVINGS: u32 = 12;
+
+/// A ray ends at this many sizes of the machine.
+const FARTHEST: f64 = 2.0;
+
+/// Largest angle that is tried unasked, degrees, and the share of what X, Y and Z could have that it has
+/// to leave.
+const TILT: f64 = 15.0;
+const ENOUGH: f64 = 0.25;
+
+/// Smallest width of the limits: share of the machine's size, and degrees.
+const NARROWEST: [f64; 2] = [0.01, 1.0];
+
+/// Poses drawn for the speeds of drives.
+const DRAWN: usize = 400;
+
+/// Steps of differences: share of the machine's size, and degrees.
+const STEP: [f64; 2] = [1e-4, 0.01];
+
+/// Room over the speeds and accelerations that were found at these poses.
+const ROOM: f64 = 1.2;
+
+/// Accelerations of two motions that are blended add.
+const BLENDED: f64 = 2.0;
+
+/// A box about home in which the machine can take every pose, proved.
+///
+/// # Errors
+/// Home is out of limits, or there is no room about it.
+pub fn proved(
+    config: &MachineConfig,
+    plan: &Plan,
+    progress: impl FnMut(f64),
+) -> Result<AxisBox, Refusal> {
+    let misfit = |stop: Stop| {
+        let why = shown(config, stop);
+        let text = format!("at home {why}: give other dimensions, or another place with --home");
+        Refusal::Misfit(text)
+    };
+    let reach = Reach::new(config).map_err(|fault| misfit(Stop::Fault(fault)))?;
+    reach.check(&config.home).map_err(misfit)?;
+    let within = extents(config, &reach, plan)?;
+    let enough = if tilt(plan).is_some() { 0.0 } else { ENOUGH };
+    let found = axis_box::in_one_proof(config, &within, enough, progress).map_err(misfit)?;
+    let found = found.rounded();
+    match plan.letters().into_iter().find(|letter| is_narrow(config, &found, *letter)) {
+        None => Ok(found),
+        Some(letter) => Err(Refusal::Misfit(format!(
+            "about home no room is proved along {}: give {}other dimensions, or another place with --home",
+            letter.name(),
+            if plan.tilts() { "less --tilt, " } else { "" }
+        ))),
+    }
+}
+
+/// The tilt that is asked for, degrees.
+fn tilt(plan: &Plan) -> Option<f64> {
+    plan.values.list::<1>("tilt").map(|[tilt]| tilt)
+}
+
+fn is_narrow(config: &MachineConfig, part: &AxisBox, letter: Letter) -> bool {
+    let k = letter.index();
+    let least = if letter.is_angle() { NARROWEST[1] } else { NARROWEST[0] * config.machine.size() };
+    !(part.high[k] - part.low[k] >= least)
+}
+
+fn shown(config: &MachineConfig, stop: Stop) -> String {
+    match stop {
+        Stop::Fault(fault) => fault.to_string(),
+        Stop::Limit(margin) => sentence(config, &margin),
+    }
+}
+
+/// How far every coordinate alone can go from home; angles as far as wanted.
+fn extents(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Result<AxisBox, Refusal> {
+    let mut extents = AxisBox { low: config.home, high: config.home };
+    for letter in plan.letters() {
+        let k = letter.index();
+        let far = match letter.is_angle() {
+            true => tilt(plan).unwrap_or(TILT),
+            false => FARTHEST * config.machine.size(),
+        };
+        let [(low, before), (high, behind)] =
+            [-1.0, 1.0].map(|way| ray(config, reach, k, way * far));
+        (extents.low[k], extents.high[k]) = (low, high);
+        if let Some(stop) = before.or(behind).filter(|_| is_narrow(config, &extents, letter)) {
+            return Err(Refusal::Misfit(format!(
+                "the machine cannot leave home along {}: {}",
+                letter.name(),
+                shown(config, stop)
+            )));
+        }
+    }
+    Ok(extents)
+}
+
+/// The end of a ray along a coordinate, and what stops it there.
+fn ray(config: &MachineConfig, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
+    let stop = |share: f64| {
+        let mut pose = config.home;
+        pose[k] += share * far;
+        reach.check(&pose).err()
+    };
+    let share = |n: u32| f64::from(n) / f64::from(STEPS);
+    let Some(first) = (1..=STEPS).find(|n| stop(share(*n)).is_some()) else {
+        return (config.home[k] + far, None);
+    };
+    let (mut good, mut bad) = (share(first - 1), share(first));
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (good + bad);
+        if stop(middle).is_none() { good = middle } else { bad = middle }
+    }
+    (config.home[k] + good * far, stop(bad))
+}
+
+/// Largest speed and acceleration that every joint needs within the limits: where the tool goes at its
+/// largest speed along X Y Z while all angles change at theirs, and accelerates as hard.
+pub fn speeds(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]> {
+    let Ok(reach) = Reach::new(config) else { return vec![] };
+    let mut rng = Pcg64::seed_from_u64(3);
+    let mut most = vec![[0.0_f64; 2]; plan.all_joints()];
+    for n in 0..DRAWN {
+        // The corners first.
+        let shares = std::array::from_fn(|k| match n {
+            0..64 => (n >> k & 1) as f64,
+            _ => rng.random(),
+        });
+        let way = std::array::from_fn(|_| 2.0 * rng.random::<f64>() - 1.0);
+        let Some(found) = at_pose(&reach, config, plan, &limits.at(shares), way) else { continue };
+        for (most, found) in most.iter_mut().zip(found) {
+            *most = [most[0].max(found[0]), most[1].max(found[1])];
+        }
+    }
+    most.into_iter().map(|found| found.map(|value| rounded_up(ROOM * value))).collect()
+}
+
+/// The same at a pose; the second derivative along one way through it.
+fn at_pose(
+    reach: &Reach,
+    config: &MachineConfig,
+    plan: &Plan,
+    pose: &[f64; 6],
+    way: [f64; 6],
+) -> Option<Vec<[f64; 2]>> {
+    let [linear, angular] = plan.motion();
+    let joints = |step: &[f64; 6], factor: f64| -> Option<Joints> {
+        reach.joints(&std::array::from_fn(|k| pose[k] + factor * step[k])).ok()
+    };
+    let count = plan.all_joints();
+    let mut sums = vec![[0.0_f64; 2]; count];
+    for letter in plan.letters() {
+        let mut step = [0.0; 6];
+        let size = step_of(config, letter);
+        step[letter.index()] = size;
+        let (before, behind) = (joints(&step, -1.0)?, joints(&step, 1.0)?);
+        for (i, sum) in sums.iter_mut().enumerate() {
+            let rate = (behind[i] - before[i]).abs() / (2.0 * size);
+            if letter.is_angle() { sum[1] += rate } else { sum[0] += rate * rate }
+        }
+    }
+    let bend = bends(config, plan, way, joints)?;
+    let of_joint = |(sum, bend): ([f64; 2], f64)| {
+        let lengths = sum[0].sqrt();
+        let speed = lengths * linear[0] + sum[1] * angular[0];
+        // LinuxCNC lets X, Y and Z each accelerate as hard.
+        let acceleration = lengths * 3.0_f64.sqrt() * linear[1] + sum[1] * angular[1];
+        [speed, BLENDED * acceleration + bend]
+    };
+    Some(sums.into_iter().zip(bend).map(of_joint).collect())
+}
+
+/// Accelerations of the joints where the pose moves on along a way at the largest speeds.
+fn bends(
+    config: &MachineConfig,
+    plan: &Plan,
+    way: [f64; 6],
+    joints: impl Fn(&[f64; 6], f64) -> Option<Joints>,
+) -> Option<Vec<f64>> {
+    let [[feed, _], [turn, _]] = plan.motion();
+    let length = way[..3].iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    let mut rate = [0.0; 6];
+    for letter in plan.letters() {
+        let k = letter.index();
+        rate[k] = if letter.is_angle() { turn * way[k].signum() } else { feed * way[k] / length };
+    }
+    // A time in which the tool moves by a few steps.
+    let time = 10.0 * step_of(config, Letter::X) / feed;
+    let (before, here, behind) = (joints(&rate, -time)?, joints(&rate, 0.0)?, joints(&rate, time)?);
+    let bend = |i: usize| ((before[i] - 2.0 * here[i] + behind[i]) / (time * time)).abs();
+    Some((0..plan.all_joints()).map(bend).collect())
+}
+
+fn step_of(config: &MachineConfig, letter: Letter) -> f64 {
+    if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() }
+}
+
+/// Two digits, and no less.
+fn rounded_up(value: f64) -> f64 {
+    let grid = value.max(f64::MIN_POSITIVE).log10().floor() as i32 - 1;
+    match grid {
+        0.. => (value / 10_f64.powi(grid)).ceil() * 10_f64.powi(grid),
+        _ => (value * 10_f64.powi(-grid)).ceil() / 10_f64.powi(-grid),
+    }
+}

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Makes the folder of a machine, whole or not at all.
+
+use crate::check::findings::{Finding, Report};
+use crate::check::report::check;
+use crate::files::{AtFile, Folder, write_whole};
+use crate::new::ini::Plan;
+use crate::new::kinds::Kind;
+use crate::new::parameters::ANCHORS;
+use crate::new::values::{Refusal, Values};
+use crate::new::{home, limits, program, table};
+use crate::panel::Panel;
+use crate::proof::boxes;
+use crate::read::boxes::text as box_text;
+use crate::read::diagnostic::{Severity, rendered};
+use crate::read::machine::MachineConfig;
+use kinematics::{Letter, Vector3};
+use std::fmt::Display;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What is to be made.
+#[derive(Debug)]
+pub struct Order<'a> {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// What was given.
+    pub values: &'a Values,
+    /// Name of the machine and of its files.
+    pub name: &'a str,
+    /// Its folder, which is not there yet.
+    pub folder: &'a Path,
+}
+
+/// What was made.
+#[derive(Debug)]
+pub struct Made {
+    /// What `pkm check` says of it.
+    pub report: Report,
+    /// What has to be known of boxes for the start without a seed.
+    pub boxes: String,
+}
+
+impl From<AtFile<io::Error>> for Refusal {
+    fn from(error: AtFile<io::Error>) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+/// Makes it; `say` is told what goes on.
+///
+/// # Errors
+/// What was given is wrong, no such machine works, or the folder cannot be written. Nothing is left
+/// behind then.
+pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
+    refuse_name(order.name)?;
+    refuse_place(order.folder)?;
+    let mut plan = begun(order)?;
+    say("looking for home");
+    let (place, config) = home::found(&plan)?;
+    plan.home = place;
+    if plan.values.number("lead") != 0.0 {
+        plan.cardans = cardans(&config);
+    }
+    let folder = Folder::beside(order.folder)?;
+    let read = |plan: &Plan| written(folder.path(), plan);
+    write_whole(&folder.path().join(format!("{}.tbl", order.name)), program::tools())?;
+    let config = read(&plan)?;
+    plan.joints = joints(&config)?;
+    say("proving axis limits");
+    let found = limits::proved(&config, &plan, |_| ())?;
+    plan.speeds = limits::speeds(&config, &plan, &found);
+    plan.limits = Some(found);
+    let config = read(&plan)?;
+    let boxes = with_boxes(&mut plan, &config, &say);
+    let config = read(&plan)?;
+    say("checking what was made");
+    let report = checked(&config, order)?;
+    let at = |name: &str| folder.path().join(name);
+    let panel = Panel::new(&config, order.name);
+    std::fs::create_dir(at("programs"))
+        .map_err(|error| Refusal::Input(format!("{}: {error}", order.folder.display())))?;
+    for (name, text) in [
+        (format!("{}-panel.xml", order.name), panel.widgets),
+        (format!("{}-panel.tcl", order.name), panel.wiring),
+        ("programs/first.ngc".into(), program::first(&plan, &found)),
+        ("README.md".into(), program::readme(&plan)),
+    ] {
+        write_whole(&at(&name), &text)?;
+    }
+    folder.become_whole(order.folder)?;
+    Ok(Made { report, boxes })
+}
+
+/// Names go into HAL files, where blanks separate and signs mean something.
+fn refuse_name(name: &str) -> Result<(), Refusal> {
+    let is_good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    match !name.is_empty() && name.chars().all(is_good) && !name.starts_with('-') {
+        true => Ok(()),
+        false => Err(Refusal::Input(format!(
+            "{name:?} is no name for a machine: expected letters, digits, - and _"
+        ))),
+    }
+}
+
+fn refuse_place(folder: &Path) -> Result<(), Refusal> {
+    if folder.symlink_metadata().is_ok() {
+        return Err(Refusal::Input(format!(
+            "{} is there already, and nothing in it is changed: give another name, or --out FOLDER",
+            folder.display()
+        )));
+    }
+    match folder.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => Err(Refusal::Input(
+            format!("{} is no folder: make it, or give another --out", parent.display()),
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
+    let Order { kind, values, name, .. } = *order;
+    let legs = match values.word(ANCHORS.name) {
+        "" => (kind.anchors)(values),
+        file => table::read(Path::new(file), kind.leg)?,
+    };
+    let count = legs.len();
+    if kind.legs != 0 && count != kind.legs {
+        let text =
+            format!("a {} has {} legs, the table of anchors has {count}", kind.name, kind.legs);
+        return Err(Refusal::Input(text));
+    }
+    let hands = values.word("hands").len();
+    if hands > 1 && hands != count {
+        let text = format!(
+            "--hands {}: expected one letter, or one for each of {count} struts",
+            values.word("hands")
+        );
+        return Err(Refusal::Input(text));
+    }
+    let coordinates = coordinates(kind, values, count)?;
+    Ok(Plan {
+        name,
+        kind,
+        values,
+        legs,
+        coordinates,
+        home: [0.0; 3],
+        cardans: vec![],
+        joints: vec![],
+        limits: None,
+        speeds: vec![],
+        boxes: (String::new(), 0),
+    })
+}
+
+/// The letters that the legs move.
+fn coordinates(kind: &Kind, values: &Values, legs: usize) -> Result<String, Refusal> {
+    let letters = match (kind.coordinates, values.word("coordinates"), legs) {
+        ("", "", 3) => "XYZ",
+        ("", "", 5) => "XYZAB",
+        ("", "", 6) => "XYZABC",
+        ("", "", _) => "",
+        ("", given, _) => given,
+        (own, ..) => own,
+    };
+    if letters.is_empty() {
+        let text = format!(
+            "--coordinates: {legs} legs can move different letters, say which, such as XYZB"
+        );
+        return Err(Refusal::Input(text));
+    }
+    if letters.len() > legs {
+        let text = format!(
+            "{legs} legs cannot hold the {} letters {letters}: fewer letters, or more legs",
+            letters.len()
+        );
+        return Err(Refusal::Input(text));
+    }
+    Ok(letters.into())
+}
+
+/// Axes of the base joints: level, and across the struts at home.
+fn cardans(config: &MachineConfig) -> Vec<[f64; 3]> {
+    let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return vec![] };
+    let up = Vector3::z();
+    let axis = |segment: &kinematics::Segment| {
+        let along = segment.span();
+        // Of an upright strut any level axis is across it.
+        let across = up.cross(&along).try_normalize(1e-9 * along.norm());
+        across.unwrap_or(Vector3::x()).map(|x| x + 0.0).into()
+    };
+    at.segments()[..config.legs()].iter().map(axis).collect()
+}
+
+/// The machine's file, written and read back.
+fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
+    let file = folder.join(format!("{}.ini", plan.name));
+    write_whole(&file, &plan.text())?;
+    MachineConfig::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
+}
+
+fn joints(config: &MachineConfig) -> Result<Vec<f64>, Refusal> {
+    let joints = config.machine.inverse(&config.home_pose(), &config.spindle);
+    let joints = joints.map_err(|fault| Refusal::Misfit(format!("at home {fault}")))?;
+    Ok(joints[..config.joints.len()].to_vec())
+}
+
+/// Proves boxes where they are wanted; what there is to say of them.
+fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str)) -> String {
+    let without = |why: &dyn Display| {
+        let text = format!(
+            "# There are no [BOX_K] sections for the start without a seed: {why}.\n\
+             # pkm boxes {}.ini finds and proves some (docs/start-without-a-seed.md).\n",
+            plan.name
+        );
+        (format!("\n{text}"), 0)
+    };
+    if plan.values.word("boxes") != "yes" {
+        plan.boxes = without(&"they were not asked for, --boxes yes");
+        return "no boxes for the start without a seed: --boxes yes, or pkm boxes later".into();
+    }
+    say("proving boxes for the start without a seed");
+    match boxes::found(config) {
+        Ok(found) => {
+            let letters = config.machine.layout().coordinates().as_slice();
+            let section = |(k, (section, _)): (usize, &(_, usize))| {
+                box_text(&config.place.box_section(k), section, letters, config.legs())
+            };
+            let sections: Vec<String> = found.iter().enumerate().map(section).collect();
+            let about = "\n# Start without a seed: poses on which the kinematics are one-to-one. After a change of the\n# geometry let pkm boxes write new sections.\n";
+            plan.boxes = (format!("{about}{}", sections.join("\n")), found.len());
+            format!("{} box(es) for the start without a seed proved", found.len())
+        }
+        Err(doubt) => {
+            plan.boxes = without(&doubt);
+            format!("no boxes for the start without a seed: {doubt}")
+        }
+    }
+}
+
+/// What `pkm check` says of the file, with the place that it will have.
+fn checked(config: &MachineConfig, order: &Order) -> Result<Report, Refusal> {
+    let mut report = check(config, |_| ()).map_err(|error| Refusal::Misfit(error.to_string()))?;
+    let file: PathBuf = order.folder.join(format!("{}.ini", order.name));
+    for Finding { problem, .. } in &mut report.findings {
+        problem.file.clone_from(&file);
+    }
+    if report.fits() {
+        return Ok(report);
+    }
+    let errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let lines: Vec<String> =
+        errors.map(|finding| rendered(finding.severity, &finding.problem)).collect();
+    Err(Refusal::Misfit(format!("such a machine does not fit together:\n{}", lines.join("\n"))))
+}
+
+/// The limits of a machine that was made, letter by letter, for people.
+pub fn limit_lines(config: &MachineConfig) -> String {
+    let line = |letter: &Letter| {
+        let axis = &config.axes[letter.index()];
+        let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
+        format!("  {} {} to {} {unit}\n", letter.name(), axis.min, axis.max)
+    };
+    let is_moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
+    Letter::ALL.iter().filter(is_moved).map(line).collect()
+}

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A complete LinuxCNC configuration from what a builder knows of a machine.
+//!
+//! [`kinds`] is the table of machines, [`parameters`] that of what is asked of them; [`values`] holds what was
+//! given, and [`questions`] asks for it. [`anchors`] makes legs of radii, [`table`] reads them from a file. [`ini`]
+//! writes a machine's file, which is read back as any other: [`home`] and [`limits`] ask the kinematics of
+//! what was read. [`make`](mod@make) puts all of it into a folder.
+
+pub mod anchors;
+pub mod home;
+pub mod ini;
+pub mod kinds;
+pub mod limits;
+pub mod make;
+pub mod parameters;
+pub mod program;
+pub mod questions;
+pub mod table;
+pub mod values;

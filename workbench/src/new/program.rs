@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What stands beside the INI file: a first program, the tool table and a page of next steps.
+
+use crate::new::ini::Plan;
+use crate::proof::axis_box::AxisBox;
+use kinematics::Letter;
+use std::fmt::Write;
+
+/// Share of the largest speed that the first program moves at.
+const SHARE: f64 = 0.5;
+
+/// Shares of the limits that the program goes to along one letter, and with all of them.
+const ALONE: [f64; 2] = [0.1, 0.9];
+const TOGETHER: [f64; 2] = [0.3, 0.7];
+
+/// Words of a place, with few digits.
+fn words(plan: &Plan, letters: &[Letter], pose: [f64; 6]) -> String {
+    let of = |letter: &Letter| {
+        let digits = if letter.is_angle() || plan.values.unit() == "mm" { 2 } else { 4 };
+        let grid = 10_f64.powi(digits);
+        let value = (pose[letter.index()] * grid).round() / grid + 0.0;
+        format!("{}{value}", letter.name())
+    };
+    letters.iter().map(of).collect::<Vec<_>>().join(" ")
+}
+
+/// A program that moves the machine along each of its letters, and along all of them, within its limits.
+pub fn first(plan: &Plan, limits: &AxisBox) -> String {
+    let [[feed, _], [turn, _]] = plan.motion();
+    let letters = plan.letters();
+    let home: [f64; 6] = std::array::from_fn(|k| plan.home.get(k).copied().unwrap_or(0.0));
+    let code = if plan.values.unit() == "mm" { "G21" } else { "G20" };
+    let mut text = format!(
+        "; The first program of {}: every letter alone, then all of them, within the proved limits.\n\
+         {code} G17 G40 G49 G54 G80 G90 G94\n",
+        plan.name
+    );
+    text += "M52 P1 ; the guard may slow the feed\n";
+    let mut line = |block: &str| {
+        let _ = writeln!(text, "{block}");
+    };
+    line(&format!("G0 {}", words(plan, &letters, home)));
+    for letter in &letters {
+        let k = letter.index();
+        // A feed without X Y Z is in degrees a minute.
+        let speed = (60.0 * SHARE * if letter.is_angle() { turn } else { feed }).round().max(1.0);
+        for share in ALONE {
+            let mut pose = home;
+            pose[k] = limits.low[k] + share * (limits.high[k] - limits.low[k]);
+            line(&format!("G1 F{speed} {}", words(plan, &[*letter], pose)));
+        }
+        line(&format!("G1 {}", words(plan, &[*letter], home)));
+    }
+    let speed = (60.0 * SHARE * feed).round().max(1.0);
+    for n in 0..4_usize {
+        let share = |k: usize| TOGETHER[(n ^ k) >> (k % 2) & 1];
+        let pose = limits.at(std::array::from_fn(share));
+        line(&format!("G1 F{speed} {}", words(plan, &letters, pose)));
+    }
+    line(&format!("G0 {}", words(plan, &letters, home)));
+    line("M2");
+    text
+}
+
+/// One tool without a length.
+pub fn tools() -> &'static str {
+    "T1 P1 Z0 D0 ;no length yet: measure your tools\n"
+}
+
+/// What to do next.
+pub fn readme(plan: &Plan) -> String {
+    let name = plan.name;
+    let tools = match plan.direction() {
+        None => {
+            "Tools: X, Y and Z of the tool table are where the tip is from the middle of the platform joints."
+        }
+        Some("up") => {
+            "Tools: the tip is above the nose, so that Z of a line of the tool table is negative, -60 for a tool of length 60."
+        }
+        _ => {
+            "Tools: the tip is below the nose; Z of a line of the tool table is the tool's length, positive."
+        }
+    };
+    format!(
+        "# {name}: {}\n\nMade by `pkm new {}`. {} {tools}\n\n    \
+         pkm check {name}.ini                       does everything fit together?\n    \
+         pkm preflight {name}.ini programs/first.ngc   does a program fit?\n    \
+         linuxcnc {name}.ini                        runs it, with simulated drives\n    \
+         pkm view {name}.ini programs/first.ngc     a page of machine and program\n\n\
+         On real hardware put your HAL file in the place of `LIB:pkmkins_sim.tcl`; `LIB:pkmkins.tcl` stays after it.\n\
+         After changes of dimensions: `pkm check` says what HOME and the axis limits should be, `pkm boxes` proves\n\
+         `[BOX_K]` sections again, and after changes of limits `pkm panel` writes the panel again.\n",
+        plan.kind.text, plan.kind.name, plan.kind.frame,
+    )
+}

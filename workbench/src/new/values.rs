@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What was given of a machine: every value of its kind's table, checked, with defaults.
+
+use crate::new::parameters::{ANCHORS, Measure, Need, Parameter, UNIT};
+use crate::read::ini::decimal;
+use std::collections::BTreeMap;
+
+/// Millimetres of an inch.
+pub const MM_PER_INCH: f64 = 25.4;
+
+/// Why no machine is made.
+#[derive(Debug, thiserror::Error)]
+pub enum Refusal {
+    /// What was given is wrong in itself.
+    #[error("{0}")]
+    Input(String),
+    /// No such machine can work.
+    #[error("{0}")]
+    Misfit(String),
+}
+
+/// One value.
+#[derive(Clone, Debug, PartialEq)]
+enum Value {
+    Numbers(Vec<f64>),
+    Word(String),
+}
+
+/// Values by the names of their parameters, in machine units and degrees.
+#[derive(Clone, Debug)]
+pub struct Values(BTreeMap<&'static str, Value>);
+
+impl Values {
+    /// Of the words that were given for the parameters of a machine; the others have their defaults.
+    ///
+    /// # Errors
+    /// A value is none, or is missing.
+    pub fn new(
+        machine: &str,
+        parameters: &[Parameter],
+        given: &BTreeMap<&'static str, Vec<String>>,
+    ) -> Result<Self, Refusal> {
+        let mut values = Self(BTreeMap::new());
+        let per_mm = unit(given)?;
+        let by_table = given.contains_key(ANCHORS.name);
+        let mut missing = vec![];
+        for parameter in parameters {
+            let words = given.get(parameter.name);
+            if by_table && parameter.need == Need::Anchor {
+                if words.is_some() {
+                    let text = format!(
+                        "--{} is of no use beside --anchors, whose table says it",
+                        parameter.name
+                    );
+                    return Err(Refusal::Input(text));
+                }
+                continue;
+            }
+            match words {
+                Some(words) => values.set(parameter, words)?,
+                None if parameter.need != Need::Optional => missing.push(*parameter),
+                None => values.set_default(parameter, per_mm)?,
+            }
+        }
+        if !missing.is_empty() {
+            return Err(Refusal::Input(missing_text(machine, &missing)));
+        }
+        Ok(values)
+    }
+
+    fn set(&mut self, parameter: &Parameter, words: &[String]) -> Result<(), Refusal> {
+        let value = parsed(parameter, words)?;
+        self.0.insert(parameter.name, value);
+        Ok(())
+    }
+
+    fn set_default(&mut self, parameter: &Parameter, per_mm: f64) -> Result<(), Refusal> {
+        match default(parameter, per_mm) {
+            words if words.is_empty() => Ok(()),
+            words => self.set(parameter, &words),
+        }
+    }
+
+    fn numbers(&self, name: &str) -> Option<&[f64]> {
+        match self.0.get(name) {
+            Some(Value::Numbers(numbers)) => Some(numbers),
+            _ => None,
+        }
+    }
+
+    /// The numbers of a parameter, if it has any.
+    pub fn list<const N: usize>(&self, parameter: &str) -> Option<[f64; N]> {
+        self.numbers(parameter).and_then(|numbers| numbers.try_into().ok())
+    }
+
+    /// Its one number; 0 where there is none.
+    pub fn number(&self, name: &str) -> f64 {
+        self.numbers(name).map_or(0.0, |numbers| numbers[0])
+    }
+
+    /// Its word; empty where there is none.
+    pub fn word(&self, name: &str) -> &str {
+        match self.0.get(name) {
+            Some(Value::Word(word)) => word,
+            _ => "",
+        }
+    }
+
+    /// Name of the unit of length.
+    pub fn unit(&self) -> &str {
+        self.word(UNIT.name)
+    }
+
+    /// A length that is given in mm, in machine units, with few digits.
+    pub fn from_mm(&self, mm: f64) -> f64 {
+        if self.unit() == "mm" { mm } else { short(mm / MM_PER_INCH) }
+    }
+}
+
+/// Machine units of a millimetre, from the words given.
+fn unit(given: &BTreeMap<&'static str, Vec<String>>) -> Result<f64, Refusal> {
+    match given.get(UNIT.name) {
+        Some(words) => match parsed(&UNIT, words)? {
+            Value::Word(word) if word == "inch" => Ok(1.0 / MM_PER_INCH),
+            _ => Ok(1.0),
+        },
+        None => Ok(1.0),
+    }
+}
+
+fn missing_text(machine: &str, missing: &[Parameter]) -> String {
+    let line = |p: &Parameter| {
+        let example = match p.default {
+            "" => String::new(),
+            example => format!(", such as {example}"),
+        };
+        format!("\n  --{} {}: {}{example}", p.name, p.measure.values().join(" "), p.text)
+    };
+    let lines: String = missing.iter().map(line).collect();
+    format!(
+        "{machine} lacks values, lengths in mm as examples; without any option, on a terminal, all are asked for:{lines}"
+    )
+}
+
+/// The words of a parameter's default in this unit, none where it has no default.
+pub fn default(parameter: &Parameter, per_mm: f64) -> Vec<String> {
+    let in_unit = |word: &str| match decimal(word) {
+        Some(number) if parameter.measure.is_length() && per_mm != 1.0 => {
+            short(number * per_mm).to_string()
+        }
+        _ => word.into(),
+    };
+    parameter.default.split_ascii_whitespace().map(in_unit).collect()
+}
+
+/// Three digits of a number.
+fn short(number: f64) -> f64 {
+    if number == 0.0 {
+        return 0.0;
+    }
+    let digits = 2 - number.abs().log10().floor() as i32;
+    // Tens are divided by, as they have no exact inverse.
+    match digits {
+        0.. => (number * 10_f64.powi(digits)).round() / 10_f64.powi(digits),
+        _ => (number / 10_f64.powi(-digits)).round() * 10_f64.powi(-digits),
+    }
+}
+
+/// Checks the words of a parameter.
+///
+/// # Errors
+/// What was expected.
+pub fn check(parameter: &Parameter, words: &[String]) -> Result<(), Refusal> {
+    parsed(parameter, words).map(|_| ())
+}
+
+fn parsed(parameter: &Parameter, words: &[String]) -> Result<Value, Refusal> {
+    let refused = |expected: &str| {
+        let text = format!("--{} {}: expected {expected}", parameter.name, words.join(" "));
+        Refusal::Input(text)
+    };
+    match parameter.measure {
+        Measure::Choice(_) | Measure::Hands | Measure::Letters | Measure::File => {
+            let word = words.join(" ");
+            word_fits(parameter.measure, &word).map_err(|expected| refused(&expected))?;
+            Ok(Value::Word(word))
+        }
+        _ => {
+            let numbers: Option<Vec<f64>> = words.iter().map(|word| decimal(word)).collect();
+            let count = parameter.measure.values().len();
+            let numbers = numbers.filter(|numbers| numbers.len() == count);
+            let numbers = numbers.ok_or_else(|| {
+                refused(&match count {
+                    1 => "a decimal number".into(),
+                    _ => format!("{count} decimal numbers"),
+                })
+            })?;
+            numbers_fit(parameter.measure, &numbers).map_err(|expected| refused(&expected))?;
+            Ok(Value::Numbers(numbers))
+        }
+    }
+}
+
+fn word_fits(measure: Measure, word: &str) -> Result<(), String> {
+    let of = |letters: &str| !word.is_empty() && word.chars().all(|c| letters.contains(c));
+    match measure {
+        Measure::Choice(words) if !words.contains(&word) => Err(words.join(" or ")),
+        Measure::Hands if !of("RL") => {
+            Err("letters R and L, one for all screws or one for each".into())
+        }
+        Measure::Letters if !of("XYZABC") => Err("letters of XYZABC".into()),
+        _ => Ok(()),
+    }
+}
+
+fn numbers_fit(measure: Measure, numbers: &[f64]) -> Result<(), String> {
+    let fits = match measure {
+        Measure::Distance => numbers[0] >= 0.0,
+        Measure::Travel => numbers[0] < numbers[1],
+        Measure::Swing => numbers[0] < numbers[1] && numbers.iter().all(|a| a.abs() < 180.0),
+        Measure::Angle(most) => numbers[0] > 0.0 && numbers[0] <= f64::from(most),
+        Measure::Place | Measure::Places(_) => true,
+        _ => numbers[0] > 0.0,
+    };
+    if fits {
+        return Ok(());
+    }
+    Err(match measure {
+        Measure::Distance => "0 or more".into(),
+        Measure::Travel => "the smaller number first".into(),
+        Measure::Swing => {
+            "more than -180 and less than 180 degrees, the smaller number first".into()
+        }
+        Measure::Angle(most) => format!("more than 0 and at most {most} degrees"),
+        _ => "more than 0".into(),
+    })
+}
