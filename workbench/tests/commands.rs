@@ -82,6 +82,7 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  homing         keeps the limits of the legs from 200 of 200 poses seen
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
@@ -376,6 +377,7 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 2.5e1 of the kinematics at [TRAJ]HOME
+  homing         keeps the limits of the legs from 200 of 200 poses seen
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
 
 error: [JOINT_0]HOME = 300
@@ -412,6 +414,7 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  homing         not judged from elsewhere than HOME: not all joints are homed
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
@@ -470,6 +473,7 @@ linear-delta.ini
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
   geometry hash  0x6e4a5df2
   home           joints within 0.0e0 of the kinematics at [TRAJ]HOME
+  homing         keeps the limits of the legs from 127 of 200 poses seen
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose)
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
@@ -716,6 +720,8 @@ Usage: pkm <COMMAND>
 
 Commands:
   check        Checks that a machine's INI file fits together
+  homing       Homing followed from wherever the machine was switched off, and an order in which it
+               is safe
   preflight    Checks before cutting that a program fits a machine
   filter       Lets a program through into a user interface of LinuxCNC where it fits the machine
   joints       Joint values of poses (inverse kinematics)

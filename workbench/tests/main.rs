@@ -21,6 +21,7 @@ mod dynamics_motion;
 mod extra_axes;
 mod filter;
 mod golden;
+mod homing;
 mod ini_cases;
 mod inivar;
 mod installed;

@@ -4,6 +4,7 @@
 pub mod between;
 pub mod cautions;
 mod homing;
+pub mod homing_ways;
 pub mod mobility;
 pub mod report;
 mod wiring;

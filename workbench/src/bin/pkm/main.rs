@@ -12,6 +12,7 @@ mod cut;
 mod dynamics;
 mod failure;
 mod filter;
+mod homing;
 mod joints;
 mod man;
 mod panel;
@@ -96,6 +97,7 @@ macro_rules! commands {
 
 commands! {
     Check => check,
+    Homing => homing,
     Preflight => preflight,
     Filter => filter,
     Joints => joints,
