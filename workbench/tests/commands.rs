@@ -440,6 +440,12 @@ warning: [HAL]HALFILE = own.hal
 57 | HALFILE = own.hal
    |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
 
+warning: [HAL]HALFILE = own.hal
+  --> linear-delta.ini:57:11
+   |
+57 | HALFILE = own.hal
+   |           ^^^^^^^ from here on the drives are not judged: own.hal is neither beside the INI file nor in /usr/share/linuxcnc/hallib
+
 Proved: without a tool the machine can take every pose within its axis limits:
 
 [AXIS_X]

@@ -15,6 +15,7 @@ mod course;
 mod curve;
 mod cut;
 mod drawings;
+mod drives;
 mod dynamics;
 mod dynamics_command;
 mod dynamics_motion;

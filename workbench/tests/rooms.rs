@@ -14,7 +14,7 @@ const ROOMS: [(&str, &[&str]); 18] = [
     ("scene", &["read"]),
     ("panel", &["read"]),
     ("proof", &["limits", "read"]),
-    ("check", &["limits", "proof", "read", "rows"]),
+    ("check", &["files", "limits", "proof", "read", "rows"]),
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),

@@ -3,6 +3,7 @@
 
 pub mod between;
 pub mod cautions;
+mod drives;
 mod homing;
 pub mod homing_ways;
 pub mod mobility;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether a machine's INI file describes a machine that fits together.
 
+use crate::check::drives;
 use crate::check::homing::{self, Trouble};
 use crate::check::homing_ways::{Homing, Outcome, sequences};
 use crate::check::mobility::Structure;
@@ -105,6 +106,9 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     // Both mechanisms are on one module.
     for error in if config.place.is_second { vec![] } else { wiring::check(ini)? } {
         report.finding(Severity::Warning, error);
+    }
+    for (severity, error) in if config.place.is_second { vec![] } else { drives::check(ini)? } {
+        report.finding(severity, error);
     }
     workspace(&mut report, ini, config, progress);
     Ok(report)
