@@ -61,9 +61,9 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     return found, recorder
 
 
-def on_drives(machine: Machine, out, path, lines, seconds):
-    """Homes a machine on other drives than the simulated ones and runs a program: the largest following error
-    and the largest share of what LinuxCNC allows at that speed."""
+def on_drives(machine: Machine, out, path, lines, seconds, counts):
+    """Homes a machine and runs a program: the largest following error and the largest share of what LinuxCNC
+    allows at that speed. With `counts` every encoder stands that far from where it was switched on."""
     columns = [(f"{name}{n}", f"joint.{n}.{pin}", "float") for n in machine.layout.joints
                for name, pin in (("error", "f-error"), ("limit", "f-error-lim"))]
     recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
@@ -73,6 +73,9 @@ def on_drives(machine: Machine, out, path, lines, seconds):
     machine.pause(0.5)
     expect_quiet(machine)
     assert_close(machine.commanded_joints(), machine.layout.joint_home, AT_REST, "joints after homing and their HOME")
+    if counts is not None:
+        stood = [machine.get(f"encoder.{n}.rawcounts") for n in machine.layout.joints]
+        assert_close(stood, [counts] * len(stood), 5, "counts at HOME, from an index pulse")
     recorder.start()
     begin = time.monotonic()
     machine.run_program(path, Progress(out / "progress", lines), seconds)

@@ -770,13 +770,13 @@ Checks that a machine's INI file fits together
 
 Reads the file as LinuxCNC does, builds the machine as the module would, and tells: joints and
 mobility, geometry hash, HOME of joints and axes against the kinematics, homing order against the
-limits of the pose, whether HAL files wire the module's guard, joint ranges, how near the legs come
-to each other and how well they hold the platform at home and at worst. At the end stand [AXIS_*]
-limits in which, without a tool, every pose is proved to keep all limits: reach, joint ranges, cones
-and pyramids, tilt, the distance of the legs and the conditioning; of a machine that tilts also
-whether that is proved with every tool of the tool table, and what a smaller tilt gains in X, Y and
-Z. They stay within the axis limits that the file gives already; where it gives none, the machine
-sets the end.
+limits of the pose, homing from wherever the machine was switched off, whether HAL files wire drives
+and the module's guard, joint ranges, how near the legs come to each other and how well they hold
+the platform at home and at worst. At the end stand [AXIS_*] limits in which, without a tool, every
+pose is proved to keep all limits: reach, joint ranges, cones and pyramids, tilt, the distance of
+the legs and the conditioning; of a machine that tilts also whether that is proved with every tool
+of the tool table, and what a smaller tilt gains in X, Y and Z. They stay within the axis limits
+that the file gives already; where it gives none, the machine sets the end.
 
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.
