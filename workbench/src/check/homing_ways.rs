@@ -7,12 +7,13 @@
 //! switch by a little, backs off and comes again is left out. With a negative HOME_SEQUENCE the joints of
 //! a sequence wait at their switches for each other.
 
+use crate::check::wiring::at_key;
 use crate::limits;
 use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::ini::{Ini, IniError};
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Pose};
+use kinematics::{Joints, Letter, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::HashMap;
@@ -406,4 +407,52 @@ pub fn sequences(order: &[Group]) -> Vec<i64> {
         group.joints.iter().for_each(|i| numbers[*i] = -1 - number as i64);
     }
     numbers
+}
+
+/// A pose in the letters that the machine moves.
+pub fn shown(config: &MachineConfig, pose: &[f64; 6]) -> String {
+    let moved = Letter::ALL.iter().filter(|letter| !config.machine.layout().is_held(**letter));
+    let word =
+        |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
+    moved.map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// What a check says of it: a line, and what is wrong with the order where there is a better one.
+///
+/// # Errors
+/// A value that is no number.
+pub(crate) fn told(
+    ini: &Ini,
+    config: &MachineConfig,
+) -> Result<(String, Option<IniError>), IniError> {
+    let Some(homing) = Homing::new(config)? else {
+        return Ok(("not judged from elsewhere than HOME: axes carry something".into(), None));
+    };
+    // Which is reported already.
+    if homing.joints.iter().any(|joint| joint.sequence.is_none()) {
+        return Ok(("not judged from elsewhere than HOME: not all joints are homed".into(), None));
+    }
+    if !homing.moves() {
+        return Ok(("moves nothing: every joint knows its place".into(), None));
+    }
+    let Outcome { starts, broken, first } = homing.judge(&homing.order());
+    if starts == 0 {
+        return Ok(("not judged: no pose was found in the axis limits to begin from".into(), None));
+    }
+    let fact =
+        format!("keeps the limits of the legs from {} of {starts} poses seen", starts - broken);
+    let better = first.and_then(|first| Some((first, homing.safe_order()?)));
+    let error = better.map(|(first, order)| {
+        let numbers: Vec<String> = sequences(&order).iter().map(i64::to_string).collect();
+        let section = config.place.joint_section(0);
+        let text = format!(
+            "from {} {}: give the joints from {section} on {}, with which that was seen from none of \
+             {starts} poses",
+            shown(config, &first.start),
+            first.what,
+            numbers.join(" ")
+        );
+        at_key(ini, &section, "HOME_SEQUENCE", &text)
+    });
+    Ok((fact, error))
 }

@@ -3,7 +3,7 @@
 
 use crate::check::drives;
 use crate::check::homing::{self, Trouble};
-use crate::check::homing_ways::{Homing, Outcome, sequences};
+use crate::check::homing_ways;
 use crate::check::mobility::Structure;
 use crate::check::wiring::{self, at_key};
 use crate::limits;
@@ -102,7 +102,11 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     for trouble in homing::check(ini, config)? {
         report.finding(severity(&trouble), homing_problem(ini, config, &trouble));
     }
-    ways_home(&mut report, ini, config)?;
+    let (fact, error) = homing_ways::told(ini, config)?;
+    report.fact("homing", fact);
+    if let Some(error) = error {
+        report.finding(Severity::Warning, error);
+    }
     // Both mechanisms are on one module.
     for error in if config.place.is_second { vec![] } else { wiring::check(ini)? } {
         report.finding(Severity::Warning, error);
@@ -191,42 +195,6 @@ fn extra_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
             report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
         }
     }
-}
-
-/// Homing from wherever the machine was switched off, and the order in which it is safe.
-fn ways_home(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), MachineError> {
-    let Some(homing) = Homing::new(config)? else {
-        report.fact("homing", "not judged from elsewhere than HOME: axes carry something");
-        return Ok(());
-    };
-    // Which is reported already.
-    if homing.joints.iter().any(|joint| joint.sequence.is_none()) {
-        report.fact("homing", "not judged from elsewhere than HOME: not all joints are homed");
-        return Ok(());
-    }
-    if !homing.moves() {
-        report.fact("homing", "moves nothing: every joint knows its place");
-        return Ok(());
-    }
-    let Outcome { starts, broken, first } = homing.judge(&homing.order());
-    let text =
-        format!("keeps the limits of the legs from {} of {starts} poses seen", starts - broken);
-    report.fact("homing", text);
-    let Some(first) = first else { return Ok(()) };
-    let Some(order) = homing.safe_order() else { return Ok(()) };
-    let numbers: Vec<String> = sequences(&order).iter().map(i64::to_string).collect();
-    let text = format!(
-        "from {} {}: give the joints from {} on {}, with which that was seen from none of {starts} poses",
-        shown_pose(config, &first.start),
-        first.what,
-        config.place.joint_section(0),
-        numbers.join(" ")
-    );
-    report.finding(
-        Severity::Warning,
-        at_key(ini, &config.place.joint_section(0), "HOME_SEQUENCE", &text),
-    );
-    Ok(())
 }
 
 fn severity(trouble: &Trouble) -> Severity {

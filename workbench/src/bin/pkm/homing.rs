@@ -4,8 +4,7 @@
 use super::failure::{Failure, tell_error};
 use super::joints::{coordinates, joint_names};
 use super::{MachineFile, Verdict};
-use kinematics::Letter;
-use pkm::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences};
+use pkm::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use pkm::files::{csv, write_whole};
 use pkm::read::machine::MachineConfig;
 use pkm::view::data::Data;
@@ -59,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &table(&config, &track))?;
     }
     if let Some(file) = &arguments.html {
-        write_whole(file, &page(&shown(&config, &homing, &order, &track, &outcome)))?;
+        write_whole(file, &page(&on_page(&config, &homing, &order, &track, &outcome)))?;
     }
     let told = write(&config, &homing, &order, &outcome, proposal.as_deref());
     Failure::unless_unread(told.map_err(Failure::from))?;
@@ -103,7 +102,7 @@ fn write(
     writeln!(
         out,
         "From {}, in sequence {}: {}.",
-        pose(config, &first.start),
+        shown(config, &first.start),
         first.group + 1,
         first.what
     )?;
@@ -137,13 +136,6 @@ fn members(config: &MachineConfig, homing: &Homing, group: &Group) -> String {
     told.collect::<Vec<_>>().join(", ")
 }
 
-fn pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
-    let moved = Letter::ALL.iter().filter(|letter| !config.machine.layout().is_held(**letter));
-    let words =
-        moved.map(|letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]));
-    words.collect::<Vec<_>>().join(" ")
-}
-
 /// Cells of a moment without a pose stay empty.
 fn table(config: &MachineConfig, track: &[Moment]) -> String {
     let count = config.joints.len();
@@ -170,7 +162,7 @@ fn table(config: &MachineConfig, track: &[Moment]) -> String {
 }
 
 /// The way as the page has a program: a line for each sequence.
-fn shown(
+fn on_page(
     config: &MachineConfig,
     homing: &Homing,
     order: &[Group],
