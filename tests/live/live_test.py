@@ -9,10 +9,12 @@ and accelerations against the limits.
 """
 
 import argparse
+import gzip
 import json
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -403,6 +405,132 @@ def guard_on_the_same_program_runs_to_its_end_in_cycles_of_250_us(out):
 @test
 def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
     return scenario(HEXAPOD, "stopped_by_guard", out, 120, far="G1 F800 C25", code=-93)["reason"]
+
+
+# -------------------------------------------------------------------- drives
+
+BOARD = REPOSITORY / "tests/live/board"
+# Slow enough for a busy computer without a real-time kernel, whose base thread stood still for 36 ms: struts
+# run at some 4 mm/s.
+ON_DRIVES = ["G21 G17 G40 G49 G54 G64 P0.01 G80 G90 G94", "G1 F240 X5 Y-4 Z253 A1 B-1 C1",
+             "G1 X-5 Y3 Z248 A-1 B1 C-1", "G1 X0 Y0 Z250 A0 B0 C0", "M2"]
+# ns; behind the names of a card software makes the steps and counts the encoders.
+BASE_PERIOD = 100_000
+STEP_TIMES = {"STEPLEN": 5000, "STEPSPACE": 5000, "DIRSETUP": 5000, "DIRHOLD": 5000}
+
+
+def drive_edits(file, machine_keys, joint_keys):
+    """The hexapod on a drive file instead of the simulated drives."""
+    edits = [{"section": "HAL", "key": "HALFILE",
+              "lines": [f"HALFILE = board/board.tcl LIB:{file}", "HALFILE = LIB:pkmkins.tcl"]},
+             {"section": "EMCMOT", "key": "BASE_PERIOD", "lines": [f"BASE_PERIOD = {BASE_PERIOD}"]},
+             {"section": "IO", "append": ["ESTOP_PIN = NONE", "TOOL_CHANGE = NONE"]},
+             *({"section": section, "append": lines} for section, lines in machine_keys.items())]
+    for n in range(6):
+        edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
+                  for key, value in joint_keys(n).items()]
+    return edits
+
+
+def hexapod_home(n):
+    text = (HEXAPOD / "hexapod.ini").read_text()
+    return float(re.search(rf"(?s)\[JOINT_{n}\].*?\nHOME = (\S+)", text)[1])
+
+
+def at_home(n):
+    """Homing of a machine that is switched off at HOME and does not creep away from it."""
+    return {"HOME_ABSOLUTE_ENCODER": 0, "HOME_OFFSET": hexapod_home(n), "HOME_SEARCH_VEL": 0, "HOME_LATCH_VEL": 0}
+
+
+def by_switch_and_index(n):
+    """From power-up the switch closes after 6 mm and the index pulse behind it comes after 8, at HOME_OFFSET: HOME
+    is 4 mm from power-up, 200 counts."""
+    return {"HOME_ABSOLUTE_ENCODER": 0, "HOME_SEARCH_VEL": 10, "HOME_LATCH_VEL": 2, "HOME_FINAL_VEL": 20,
+            "HOME_USE_INDEX": "YES", "HOME_OFFSET": hexapod_home(n) + 4, "HOME_SEQUENCE": -1,
+            "HOME_SWITCH_PIN": f"switch-{n}.out"}
+
+
+def on_drives(session, out, counts=None):
+    path = session.copy / "programs/on-drives.ngc"
+    path.write_text("\n".join(ON_DRIVES) + "\n")
+    return check(session.run("on_drives", out, 60, path=str(path), lines=len(ON_DRIVES), seconds=60,
+                             counts=counts))
+
+
+@test
+def absolute_encoders_bring_every_joint_home(out):
+    """HOME_ABSOLUTE_ENCODER = 1, switched off 10 to 20 mm away from HOME."""
+    edits = [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for n in range(6) for key, value in
+             {"HOME_ABSOLUTE_ENCODER": 1, "HOME_FINAL_VEL": 50, "SIM_START": hexapod_home(n) + 10 + 2 * n}.items()]
+    with Session(HEXAPOD, edits=edits) as session:
+        result = on_drives(session, out)
+    return f"following error at most {result['largest_error']:.3f} mm"
+
+
+def drives(file, machine_keys, joint_keys, out, counts=None):
+    """The names that the file uses of a card are those of its manual."""
+    with Session(HEXAPOD, edits=drive_edits(file, machine_keys, joint_keys)) as session:
+        shutil.copytree(BOARD, session.copy / "board")
+        result = on_drives(session, out, counts)
+        names = (session.copy / "names").read_text().split()
+    with gzip.open(HOSTMOT2_MANUAL, "rt") as manual:
+        known = manual.read().replace("\\-", "-").replace("\\", "")
+    unknown = {name for name in names if name.split(".")[-1] not in known}
+    assert not unknown, f"hostmot2's manual has no {unknown}"
+    assert result["largest_share"] < 1, result
+    return (f"{result['seconds']} s, following error at most {result['largest_error']:.3f} mm, "
+            f"{100 * result['largest_share']:.0f} % of what is allowed")
+
+
+HOSTMOT2_MANUAL = Path("/usr/share/man/man9/hostmot2.9.gz")
+
+
+def card(parts):
+    return {"HOSTMOT2": ["DRIVER = hm2_test", "BOARD = test", f"CONFIG = {parts}"]}
+
+
+def of_steps(n):
+    return {"SCALE": 6, **STEP_TIMES, **at_home(n)}
+
+
+def of_servo(homing, n):
+    return {"ENCODER_SCALE": 50, "OUTPUT_SCALE": 600, "P": 30, "FF1": 1, "FF2": 0.004, "MAX_OUTPUT": 600,
+            **homing(n)}
+
+
+def of_port(n):
+    """Twelve outputs of a port, two for each joint."""
+    pins = [1, *range(2, 10), 14, 16, 17]
+    step, direction = (f"parport.0.pin-{pin:02}-out" for pin in pins[2 * n:2 * n + 2])
+    return {"STEP_PIN": step, "DIR_PIN": direction, **of_steps(n)}
+
+
+@test
+def spindle_and_hot_coolant_pump(out):
+    """On parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
+    machine_keys = {"PARPORT": ["PORTS = 0x378 out 0x278 out"],
+                    "IO": ["PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
+                    "SPINDLE_0": ["OUTPUT_PIN = pwmgen.0.value", "OUTPUT_SCALE = 24000", "RAMP_TIME = 0.5",
+                                  "FORWARD_PIN = parport.1.pin-03-out"]}
+    edits = drive_edits("pkmkins_parport.tcl", machine_keys, of_port)
+    edits[0]["lines"][1:1] = ["HALFILE = pwm.hal", "HALFILE = LIB:pkmkins_vfd_analog.tcl",
+                              "HALFILE = LIB:pkmkins_coolant.tcl"]
+    with Session(HEXAPOD, edits=edits) as session:
+        shutil.copytree(BOARD, session.copy / "board")
+        (session.copy / "pwm.hal").write_text("loadrt pwmgen output_type=0\naddf pwmgen.update servo-thread\n")
+        result = check(session.run("spindle_and_pump", out, 60, speed=1200, ramp=0.5, ok="parport.1.pin-10-in-fake",
+                                   pump="parport.1.pin-02-out-fake", forward="parport.1.pin-03-out-fake"))
+    return result["told"]
+
+
+for name, arguments in {
+    "mesa_steps": ("pkmkins_mesa_step.tcl", card("num_stepgens=6"), of_steps),
+    "mesa_servos": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"), partial(of_servo, at_home)),
+    "mesa_servos_homed_by_switch_and_index": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"),
+                                              partial(of_servo, by_switch_and_index)),
+    "steps_of_a_port": ("pkmkins_parport.tcl", {"PARPORT": ["PORTS = 0x378 out"]}, of_port),
+}.items():
+    add_test(f"drives_{name}", partial(drives, *arguments, **({"counts": 200} if "index" in name else {})))
 
 
 # -------------------------------------------------------------------- beside virtual time

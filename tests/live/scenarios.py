@@ -61,6 +61,64 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
     return found, recorder
 
 
+def on_drives(machine: Machine, out, path, lines, seconds, counts):
+    """Homes a machine and runs a program: the largest following error and the largest share of what LinuxCNC
+    allows at that speed. With `counts` every encoder stands that far from where it was switched on."""
+    columns = [(f"{name}{n}", f"joint.{n}.{pin}", "float") for n in machine.layout.joints
+               for name, pin in (("error", "f-error"), ("limit", "f-error-lim"))]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    machine.turn_on()
+    machine.home()
+    machine.world_mode()
+    machine.pause(0.5)
+    expect_quiet(machine)
+    assert_close(machine.commanded_joints(), machine.layout.joint_home, AT_REST, "joints after homing and their HOME")
+    if counts is not None:
+        stood = [machine.get(f"encoder.{n}.rawcounts") for n in machine.layout.joints]
+        assert_close(stood, [counts] * len(stood), 5, "counts at HOME, from an index pulse")
+    recorder.start()
+    begin = time.monotonic()
+    machine.run_program(path, Progress(out / "progress", lines), seconds)
+    duration = time.monotonic() - begin
+    recorder.stop()
+    expect_quiet(machine)
+    errors = [(abs(error), abs(error) / limit) for n in machine.layout.joints
+              for error, limit in zip(recorder.column(f"error{n}"), recorder.column(f"limit{n}"))]
+    return {"seconds": round(duration, 1), "largest_error": max(error for error, _ in errors),
+            "largest_share": max(share for _, share in errors)}
+
+
+def spindle_and_pump(machine: Machine, out, speed, ramp, ok, pump, forward):
+    """The spindle comes up before a move with feed begins; a hot pump stops, holds feed and stays off."""
+    def set_pin(pin, value):
+        halcmd("setp", pin, str(value))
+
+    set_pin(ok, 1)
+    machine.start()
+    begin = time.monotonic()
+    machine.mdi(f"M3 S{speed}")
+    machine.mdi("G1 F6000 X1")
+    waited = time.monotonic() - begin
+    assert waited >= ramp, f"the move began before the spindle was up: {waited:.2f} s"
+    assert machine.get("pwmgen.0.value") == speed and machine.get(forward)
+    machine.mdi("M8")
+    machine.wait(lambda: machine.get(pump), 2, "the pump to run")
+    set_pin(ok, 0)
+    machine.wait(lambda: not machine.get(pump), 2, "the hot pump to stop")
+    machine.wait(lambda: machine.messages, 2, "a message")
+    assert machine.get("motion.feed-hold"), "feed is not held"
+    set_pin(ok, 1)
+    machine.pause(0.3)
+    assert not machine.get(pump), "the pump has started by itself"
+    machine.mdi("M9")
+    machine.wait(lambda: not machine.get("motion.feed-hold"), 2, "feed to be free")
+    machine.mdi("M8")
+    machine.wait(lambda: machine.get(pump), 2, "the cold pump to run again")
+    machine.mdi("M9")
+    machine.mdi("M5")
+    return {"told": machine.messages[0][1]}
+
+
 # Degrees: rounding leaves 1e-14 of a level platform, and at this tilt a tool 100 long moves the joints
 # by 2e-6 of a millimetre.
 LEVEL = 1e-6

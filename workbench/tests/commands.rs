@@ -86,6 +86,7 @@ linear-delta.ini
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
   home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
@@ -387,6 +388,7 @@ linear-delta.ini
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
   home           the joints' HOME are off by at most 25.363 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
   nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
 
@@ -434,6 +436,7 @@ linear-delta.ini
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
   home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  homing         not judged from elsewhere than HOME: not all joints are homed
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
@@ -465,6 +468,12 @@ warning: [HAL]HALFILE = own.hal
    |
 57 | HALFILE = own.hal
    |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
+
+warning: [HAL]HALFILE = own.hal
+  --> linear-delta.ini:57:11
+   |
+57 | HALFILE = own.hal
+   |           ^^^^^^^ from here on the drives are not judged: own.hal is neither beside the INI file nor in /usr/share/linuxcnc/hallib
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -503,6 +512,7 @@ linear-delta.ini
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
   home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
+  homing         keeps the limits of the legs from 127 of 200 poses seen; pkm homing shows the way
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
@@ -751,6 +761,8 @@ Usage: pkm <COMMAND>
 Commands:
   new          Makes a complete configuration of a machine from what a builder knows of it
   check        Checks that a machine's INI file fits together
+  homing       Homing followed from wherever the machine was switched off, and an order in which it
+               is safe
   preflight    Checks before cutting that a program fits a machine
   filter       Lets a program through into a user interface of LinuxCNC where it fits the machine
   joints       Joint values of poses (inverse kinematics)
@@ -795,14 +807,14 @@ Reads the file as LinuxCNC does, builds the machine as the module would, and tel
 understood: joints and mobility, geometry hash, unit and size, the order of the legs around the
 base, leads and hands of the screws, where every tool tip is, which limit is nearest at home. It
 checks HOME of joints and axes against the kinematics, homing order against the limits of the pose,
-whether HAL files are there, in order, and wire the module's guard, names that are near to those
-that are read, joint ranges, how near the legs come to each other and how well they hold the
-platform at home and at worst. Every row says what to do with it. At the end stand [AXIS_*] limits
-in which, without a tool, every pose is proved to keep all limits: reach, joint ranges, cones and
-pyramids, tilt, the distance of the legs and the conditioning; of a machine that tilts also whether
-that is proved with every tool of the tool table, and what a smaller tilt gains in X, Y and Z. They
-stay within the axis limits that the file gives already; where it gives none, the machine sets the
-end.
+homing from wherever the machine was switched off, whether HAL files are there, in order, and wire
+drives and the module's guard, names that are near to those that are read, joint ranges, how near
+the legs come to each other and how well they hold the platform at home and at worst. Every row says
+what to do with it. At the end stand [AXIS_*] limits in which, without a tool, every pose is proved
+to keep all limits: reach, joint ranges, cones and pyramids, tilt, the distance of the legs and the
+conditioning; of a machine that tilts also whether that is proved with every tool of the tool table,
+and what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
+already; where it gives none, the machine sets the end.
 
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.

@@ -54,6 +54,15 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/share/linuxcnc/hallib/pkmkins.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_sim.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_panel.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_drives.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_mesa.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_mesa_step.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_mesa_servo.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_parport.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_ethercat.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_vfd_analog.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_vfd_modbus.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_coolant.tcl",
         "usr/share/linuxcnc/ncfiles/pkmkins_lib/my_own.ngc",
         "usr/bin/pkmkins-vismach",
         "usr/bin/pkmkins-panel",
@@ -63,6 +72,7 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/share/pkmkins/pkmkins_mesh.py",
         "usr/share/pkmkins/pkmkins_panel.py",
         "usr/share/pkmkins/pkmkins_causes.py",
+        "usr/share/pkmkins/pkmkins_refusal.py",
     ]
     .map(String::from)
     .into();

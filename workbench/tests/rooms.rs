@@ -14,7 +14,7 @@ const ROOMS: [(&str, &[&str]); 19] = [
     ("scene", &["read"]),
     ("panel", &["read"]),
     ("proof", &["limits", "read"]),
-    ("check", &["limits", "proof", "read", "rows"]),
+    ("check", &["files", "limits", "proof", "read", "rows"]),
     ("new", &["check", "files", "limits", "panel", "proof", "read"]),
     ("control", &["files", "read"]),
     ("program", &["control", "files", "limits", "proof", "read"]),

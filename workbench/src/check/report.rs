@@ -3,8 +3,10 @@
 
 use crate::check::boxes;
 use crate::check::direction;
+use crate::check::drives;
 use crate::check::findings::Report;
 use crate::check::homes;
+use crate::check::homing_ways;
 use crate::check::mobility::Structure;
 use crate::check::odd;
 use crate::check::order;
@@ -37,9 +39,17 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     let tools = tool_table(&mut report, config);
     understood(&mut report, config, &tools)?;
     homes::check(&mut report, config)?;
+    let (fact, error) = homing_ways::told(&config.ini, config)?;
+    report.fact("homing", fact);
+    if let Some(error) = error {
+        report.finding(Severity::Warning, error);
+    }
     // Both mechanisms are on one module and in one file.
     if !config.place.is_second {
         for (severity, error) in wiring::check(&config.ini)? {
+            report.finding(severity, error);
+        }
+        for (severity, error) in drives::check(&config.ini)? {
             report.finding(severity, error);
         }
         for error in typos::check(&config.ini) {

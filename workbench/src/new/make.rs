@@ -74,8 +74,6 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
     let config = read(&plan)?;
     let boxes = with_boxes(&mut plan, &config, &say);
     let config = read(&plan)?;
-    say("checking what was made");
-    let report = checked(&config, order)?;
     let at = |name: &str| folder.path().join(name);
     let panel = Panel::new(&config, order.name);
     std::fs::create_dir(at("programs"))
@@ -88,6 +86,9 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
     ] {
         write_whole(&at(&name), &text)?;
     }
+    // With all files in their places, which it looks for.
+    say("checking what was made");
+    let report = checked(&config, order)?;
     folder.become_whole(order.folder)?;
     Ok(Made { report, boxes })
 }

@@ -60,7 +60,7 @@ impl Place {
     }
 
     /// Section of its joint `n`, counted from 0.
-    pub(crate) fn joint_section(&self, n: usize) -> String {
+    pub fn joint_section(&self, n: usize) -> String {
         format!("JOINT_{}", self.first_joint + n)
     }
 

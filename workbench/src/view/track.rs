@@ -68,9 +68,14 @@ impl Track {
         if config.second.is_some() {
             values.extend(row.second.pose.iter().chain(&row.second.tool));
         }
-        let is_new = self.lines.last().is_none_or(|(_, line)| *line != row.line);
+        self.take(at, row.line, values);
+    }
+
+    /// Takes a moment: its time in seconds, the line, and [`VALUES`] of each mechanism.
+    pub fn take(&mut self, at: f64, line: u32, values: Vec<f64>) {
+        let is_new = self.lines.last().is_none_or(|(_, last)| *last != line);
         if is_new && self.lines.len() < MOST_LINES {
-            self.lines.push((at, row.line));
+            self.lines.push((at, line));
         }
         self.end = at;
         // Nothing is drawn of a pose that the carrying axes have no place for.

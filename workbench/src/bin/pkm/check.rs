@@ -19,8 +19,9 @@ use std::io::Write;
 /// Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it understood:
 /// joints and mobility, geometry hash, unit and size, the order of the legs around the base, leads and
 /// hands of the screws, where every tool tip is, which limit is nearest at home. It checks HOME of
-/// joints and axes against the kinematics, homing order against the limits of the pose, whether HAL
-/// files are there, in order, and wire the module's guard, names that are near to those that are read,
+/// joints and axes against the kinematics, homing order against the limits of the pose, homing from
+/// wherever the machine was switched off, whether HAL files are there, in order, and wire drives and
+/// the module's guard, names that are near to those that are read,
 /// joint ranges, how near the legs come to each other and how well they hold the platform at home and
 /// at worst. Every row says what to do with it. At the end
 /// stand [AXIS_*] limits in which, without a tool, every pose is proved to keep all limits: reach,

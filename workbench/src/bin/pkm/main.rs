@@ -12,6 +12,7 @@ mod cut;
 mod dynamics;
 mod failure;
 mod filter;
+mod homing;
 mod joints;
 mod man;
 mod new;
@@ -98,6 +99,7 @@ macro_rules! commands {
 commands! {
     New => new,
     Check => check,
+    Homing => homing,
     Preflight => preflight,
     Filter => filter,
     Joints => joints,

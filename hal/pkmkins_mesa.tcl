@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+# What Mesa cards (hostmot2) have in common, for pkmkins_mesa_step.tcl and pkmkins_mesa_servo.tcl, which
+# source it.
+
+source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
+
+namespace eval pkmkins_mesa {
+    # Cycles of the servo thread without a word after which the card stops everything by itself.
+    variable watchdog_cycles 5
+}
+
+proc pkmkins_mesa::check {} {
+    pkmkins_drives::need HOSTMOT2 DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10"
+    pkmkins_drives::need HOSTMOT2 BOARD "the name of the card in HAL, as 7i92"
+}
+
+# The card, as HAL names it.
+proc pkmkins_mesa::card {} { return hm2_[pkmkins_drives::ini HOSTMOT2 BOARD].0 }
+
+# What a joint has on the card: that of its number, or of the one that a key gives.
+proc pkmkins_mesa::instance {kind n key} {
+    return [card].$kind.[format %02d [pkmkins_drives::ini JOINT_$n $key $n]]
+}
+
+proc pkmkins_mesa::has_timer {} { return [expr {[pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] ne ""}] }
+
+proc pkmkins_mesa::load {} {
+    hal loadrt hostmot2
+    set config [pkmkins_drives::ini HOSTMOT2 CONFIG]
+    hal loadrt {*}[pkmkins_drives::ini HOSTMOT2 DRIVER] {*}[expr {$config eq "" ? {} : [list config=$config]}]
+}
+
+# What is read and what is written in a cycle, with `loops` between motion and the card.
+proc pkmkins_mesa::functions {loops} {
+    return [list [card].read [concat $loops [card].write]]
+}
+
+# Opens the chain: the card has stopped because LinuxCNC was late.
+proc pkmkins_mesa::faults {} { return [card].watchdog.has_bit }
+
+proc pkmkins_mesa::settings {} {
+    variable watchdog_cycles
+    lappend settings [card].watchdog.timeout_ns [expr {$watchdog_cycles * [pkmkins_drives::ini EMCMOT SERVO_PERIOD]}]
+    if {[has_timer]} { lappend settings [card].dpll.01.timer-us [pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] }
+    # gpio that are outputs.
+    foreach pin [pkmkins_drives::outputs] {
+        if {[regexp {^(.*\.gpio\.\d+)\.out$} $pin -> gpio]} { lappend settings $gpio.is_output 1 }
+    }
+    return $settings
+}

@@ -1,0 +1,639 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Whether the HAL files bring every joint its drive: command, feedback and enable, in an order of the
+//! servo thread that makes no command older than it has to be.
+//!
+//! HAL files of Tcl have loops, so that reading them as text cannot know what they do: `hal_files.tcl` carries
+//! them out in an interpreter that can touch nothing, and lists what they ask of HAL. What it cannot carry
+//! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
+//! here it is known of motion, of PID loops and of inputs by their names.
+
+use crate::files::Folder;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const SCRIPT: &str = include_str!("hal_files.tcl");
+
+const TCL: &str = "/usr/bin/tclsh";
+
+/// Where LinuxCNC looks for `LIB:` files, as Debian's package has it.
+const HALLIB: &str = "/usr/share/linuxcnc/hallib";
+
+/// Lines of a file that ends LinuxCNC's start that are shown.
+const SHOWN: usize = 4;
+
+/// Functions that read what drives show, and those that write what they are to do, by their ends.
+const READING: [&str; 4] = [".read", ".read-all", ".capture-position", ".read-request"];
+const WRITING: [&str; 4] = [".write", ".write-all", ".update-freq", ".do-pid-calcs"];
+
+/// Ends of names of pins that only take a value: none of them is a source.
+const TAKING: [&str; 6] =
+    [".feedback", ".command", ".position-cmd", ".velocity-cmd", ".enable", ".index-enable"];
+
+/// Cycles by which feedback is late at most where nothing is said of it.
+const DELAY: f64 = 1.0;
+
+/// A thing found.
+pub(crate) type Found = (Severity, IniError);
+
+/// Where a file asks for something.
+#[derive(Clone, Debug, Default)]
+struct Place {
+    file: PathBuf,
+    line: usize,
+}
+
+/// What the HAL files ask of HAL.
+#[derive(Default)]
+struct Wiring {
+    /// Signal of each pin that is on one, and where it was put there.
+    signals: BTreeMap<String, (String, Place)>,
+    /// Functions in the order of their threads.
+    functions: BTreeMap<String, Vec<(String, Place)>>,
+    /// Modules with their arguments.
+    modules: Vec<Vec<String>>,
+    /// What keeps a file from being carried out, and whether LinuxCNC does not start by it.
+    stopped: Option<(Severity, String, Place)>,
+}
+
+/// Everything that is wrong with the drives.
+///
+/// # Errors
+/// A value that is no number.
+pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
+    let mut found = following_errors(ini)?;
+    if ini.all("HAL", "HALFILE").is_empty() {
+        return Ok(found);
+    }
+    let wiring = match carried_out(ini) {
+        Ok(wiring) => wiring,
+        Err(reason) => {
+            let text = format!("the drives are not judged: {reason}");
+            found.push((Severity::Warning, at_last_file(ini, &text)));
+            return Ok(found);
+        }
+    };
+    if let Some((severity, text, place)) = &wiring.stopped {
+        found.push((*severity, at(ini, place, text)));
+        return Ok(found);
+    }
+    let judge = Judge { ini, wiring: &wiring, found };
+    judge.all()
+}
+
+/// Whether LinuxCNC lets the delay pass that a drive has at its largest speed. What it allows grows in
+/// proportion to the speed, so that this is the same at every speed.
+fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
+    let period = 1e-9 * ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
+    let mut found = vec![];
+    for section in joints(ini)?.map(|n| format!("JOINT_{n}")) {
+        let speed = ini.number_or(&section, "MAX_VELOCITY", 0.0)?;
+        let allowed = ini.number_or(&section, "FERROR", 1.0)?;
+        let cycles = ini.number_or(&section, "DELAY", DELAY)?;
+        let least = speed * period * cycles;
+        if allowed >= least {
+            continue;
+        }
+        let is_measured = ini.first(&section, "DELAY").is_some();
+        let severity = if is_measured { Severity::Error } else { Severity::Warning };
+        let text = format!(
+            "at MAX_VELOCITY {speed} feedback that is {cycles} servo cycles late is {least} behind, and \
+             LinuxCNC stops the machine: give more than that{}",
+            if is_measured { "" } else { ", or the measured cycles as DELAY" }
+        );
+        found.push((severity, crate::check::wiring::at_key(ini, &section, "FERROR", &text)));
+    }
+    Ok(found)
+}
+
+fn joints(ini: &Ini) -> Result<std::ops::Range<usize>, IniError> {
+    Ok(0..ini.number_or("KINS", "JOINTS", 0.0)? as usize)
+}
+
+/// Runs the script on all HAL files; the reason where that cannot be.
+fn carried_out(ini: &Ini) -> Result<Wiring, String> {
+    let folder = Folder::new().map_err(|error| error.to_string())?;
+    let [script, copy] = ["hal_files.tcl", "machine.ini"].map(|name| folder.path().join(name));
+    let write = |file: &Path, text: &str| {
+        std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))
+    };
+    write(&script, SCRIPT)?;
+    write(&copy, ini.expanded().unwrap_or(ini.text()))?;
+    let beside = ini.file().parent().filter(|folder| !folder.as_os_str().is_empty());
+    let entries = |key: &'static str, kind: &'static str| {
+        ini.all("HAL", key).into_iter().map(move |entry| format!("{kind} {}", entry.value))
+    };
+    let done = Command::new(TCL)
+        .arg(&script)
+        .arg(&copy)
+        .arg(beside.unwrap_or(Path::new(".")))
+        .arg(HALLIB)
+        .args(entries("HALFILE", "file").chain(entries("HALCMD", "command")))
+        .output()
+        .map_err(|error| format!("{TCL}: {error}; install tcl"))?;
+    if !done.status.success() {
+        return Err(String::from_utf8_lossy(&done.stderr).lines().next().unwrap_or("").into());
+    }
+    Ok(Wiring::of(&String::from_utf8_lossy(&done.stdout)))
+}
+
+impl Wiring {
+    fn of(text: &str) -> Self {
+        let mut wiring = Self::default();
+        for line in text.lines() {
+            let words: Vec<&str> = line.split('\t').collect();
+            let [file, line, what, arguments @ ..] = &words[..] else { continue };
+            let place = Place { file: file.into(), line: line.parse().unwrap_or(0) };
+            wiring.take(place, what, arguments);
+        }
+        wiring
+    }
+
+    fn take(&mut self, place: Place, what: &str, words: &[&str]) {
+        match (what, words) {
+            ("net", [signal, pins @ ..]) => {
+                for pin in pins {
+                    self.signals.insert((*pin).into(), ((*signal).into(), place.clone()));
+                }
+            }
+            ("unlinkp", [pin, ..]) => drop(self.signals.remove(*pin)),
+            ("addf", [function, thread, position @ ..]) => {
+                self.add(function, thread, position.first(), place);
+            }
+            ("own", _) => self.add("pkmkins.monitor", "servo-thread", None, place),
+            ("loadrt", _) => self.modules.push(words.iter().map(|word| (*word).into()).collect()),
+            ("ends", _) => {
+                let mut text = words.iter().take(SHOWN).copied().collect::<Vec<_>>().join("; ");
+                if words.len() > SHOWN {
+                    text += &format!("; and {} more", words.len() - SHOWN);
+                }
+                self.stopped =
+                    Some((Severity::Error, format!("LinuxCNC's start ends here: {text}"), place));
+            }
+            // What ended LinuxCNC's start is told already, and here is where.
+            ("failed", [reason, ..]) => match &mut self.stopped {
+                Some((_, _, at)) => *at = place,
+                None => {
+                    let text = format!("from here on the drives are not judged: {reason}");
+                    self.stopped = Some((Severity::Warning, text, place));
+                }
+            },
+            _ => {}
+        }
+    }
+
+    /// As HAL has it: 1 is the first place of a thread, -1 and none the last one.
+    fn add(&mut self, function: &str, thread: &str, position: Option<&&str>, place: Place) {
+        let functions = self.functions.entry(thread.into()).or_default();
+        let position = position.and_then(|text| text.parse::<i64>().ok()).unwrap_or(-1);
+        let last = functions.len();
+        let index = match position {
+            1.. => (position as usize - 1).min(last),
+            _ => (last + 1).saturating_sub(position.unsigned_abs() as usize).min(last),
+        };
+        functions.insert(index, (function.into(), place));
+    }
+
+    /// The other pins on the signal of a pin; none where it is on none.
+    fn beside(&self, pin: &str) -> Vec<&str> {
+        let Some((signal, _)) = self.signals.get(pin) else { return vec![] };
+        let pins = self.signals.iter().filter(|(_, (other, _))| other == signal);
+        pins.map(|(other, _)| other.as_str()).filter(|other| *other != pin).collect()
+    }
+
+    fn place_of(&self, pin: &str) -> Option<&Place> {
+        self.signals.get(pin).map(|(_, place)| place)
+    }
+
+    /// Thread and place in it of a function.
+    fn function(&self, name: &str) -> Option<(&str, usize)> {
+        self.functions.iter().find_map(|(thread, functions)| {
+            let index = functions.iter().position(|(function, _)| function == name)?;
+            Some((thread.as_str(), index))
+        })
+    }
+}
+
+/// The list that the drives are judged by.
+struct Judge<'a> {
+    ini: &'a Ini,
+    wiring: &'a Wiring,
+    found: Vec<Found>,
+}
+
+impl Judge<'_> {
+    fn all(mut self) -> Result<Vec<Found>, IniError> {
+        self.modules()?;
+        self.order();
+        for n in joints(self.ini)? {
+            self.command(n);
+            self.feedback(n);
+            self.enable(n);
+            self.homing(n)?;
+        }
+        self.functions_of_drives(joints(self.ini)?);
+        self.machine();
+        Ok(self.found)
+    }
+
+    fn tell(&mut self, severity: Severity, place: Option<&Place>, text: &str) {
+        let error = match place {
+            Some(place) => at(self.ini, place, text),
+            None => at_last_file(self.ini, text),
+        };
+        self.found.push((severity, error));
+    }
+
+    /// Kinematics and motion, with as many joints as the machine has.
+    fn modules(&mut self) -> Result<(), IniError> {
+        let named = |key: [&str; 2], default: &str| {
+            let value = self.ini.first(key[0], key[1]).map_or(default, |entry| &entry.value);
+            value.split_whitespace().next().unwrap_or(default).to_string()
+        };
+        let count = joints(self.ini)?.len();
+        let motion = named(["EMCMOT", "EMCMOT"], "motmod");
+        let modules = [named(["KINS", "KINEMATICS"], "pkmkins"), motion.clone()];
+        let is_loaded =
+            |name: &String| self.wiring.modules.iter().any(|words| words.first() == Some(name));
+        let missing: Vec<&String> = modules.iter().filter(|name| !is_loaded(name)).collect();
+        for name in missing {
+            let text = format!("no HAL file loads {name}: expected loadrt {name} in the first one");
+            self.tell(Severity::Error, None, &text);
+        }
+        let arguments = self.wiring.modules.iter().find(|words| words.first() == Some(&motion));
+        let given = arguments.and_then(|words| {
+            words.iter().find_map(|word| word.strip_prefix("num_joints=")?.parse::<usize>().ok())
+        });
+        if let Some(given) = given.filter(|given| *given != count) {
+            let text =
+                format!("{motion} is loaded with num_joints={given}, and [KINS]JOINTS is {count}");
+            self.tell(Severity::Error, None, &text);
+        }
+        Ok(())
+    }
+
+    /// Read, motion, kinematics' monitor, write.
+    fn order(&mut self) {
+        const HANDLER: &str = "motion-command-handler";
+        const CONTROLLER: &str = "motion-controller";
+        let wiring = self.wiring;
+        for name in [HANDLER, CONTROLLER] {
+            if wiring.function(name).is_none() {
+                let text = format!("no HAL file adds {name} to the servo thread: nothing moves");
+                self.tell(Severity::Error, None, &text);
+            }
+        }
+        let Some((thread, controller)) = wiring.function(CONTROLLER) else { return };
+        for (index, (name, place)) in wiring.functions[thread].iter().enumerate() {
+            let ends = |list: &[&str]| list.iter().any(|end| name.ends_with(end));
+            let text = if ends(&READING) && index > controller {
+                "is read after motion-controller, so that feedback is a cycle older than it has to be: \
+                 add it before motion-command-handler"
+            } else if ends(&WRITING) && index < controller {
+                "runs before motion-controller, so that every command is a cycle late: add it after it"
+            } else if name == HANDLER && index > controller {
+                "runs after motion-controller: add it before it"
+            } else if name == "pkmkins.monitor" && index < controller {
+                "runs before motion-controller, and watches the pose of the cycle before: add it after it"
+            } else {
+                continue;
+            };
+            self.tell(Severity::Warning, Some(place), &format!("{name} {text}"));
+        }
+    }
+
+    fn command(&mut self, n: usize) {
+        let wiring = self.wiring;
+        let pin = format!("joint.{n}.motor-pos-cmd");
+        let targets = wiring.beside(&pin);
+        if targets.iter().all(|target| target.starts_with("joint.")) {
+            let text =
+                format!("no command leaves joint {n}: expected a net from {pin} to its drive");
+            return self.tell(Severity::Error, wiring.place_of(&pin), &text);
+        }
+        let loops: Vec<&str> =
+            targets.iter().filter_map(|target| target.strip_suffix(".command")).collect();
+        for pid in loops {
+            self.pid(n, pid);
+        }
+    }
+
+    /// The loop of a joint, as `pid` has its pins.
+    fn pid(&mut self, n: usize, pid: &str) {
+        let wiring = self.wiring;
+        let place = wiring.place_of(&format!("{pid}.command"));
+        if !wiring.beside(&format!("{pid}.feedback")).iter().any(|pin| is_source(pin)) {
+            let text = format!(
+                "the loop {pid} of joint {n} has no feedback: expected its encoder on {pid}.feedback"
+            );
+            self.tell(Severity::Error, place, &text);
+        }
+        if wiring.beside(&format!("{pid}.output")).is_empty() {
+            let text = format!(
+                "the loop {pid} of joint {n} drives nothing: expected a net from {pid}.output"
+            );
+            self.tell(Severity::Error, place, &text);
+        }
+        if wiring.beside(&format!("{pid}.enable")).is_empty() {
+            let text = format!(
+                "the loop {pid} of joint {n} is never enabled: expected joint.{n}.amp-enable-out on {pid}.enable"
+            );
+            self.tell(Severity::Error, place, &text);
+        }
+    }
+
+    fn feedback(&mut self, n: usize) {
+        let wiring = self.wiring;
+        let pin = format!("joint.{n}.motor-pos-fb");
+        let sources = wiring.beside(&pin);
+        if sources.iter().any(|source| *source == format!("joint.{n}.motor-pos-cmd")) {
+            let text = format!(
+                "the feedback of joint {n} is its own command: no following error ever shows"
+            );
+            self.tell(Severity::Warning, wiring.place_of(&pin), &text);
+        } else if !sources.iter().any(|source| is_source(source)) {
+            let text = format!(
+                "no feedback on joint {n}: expected a net from its drive or encoder to {pin}"
+            );
+            self.tell(Severity::Error, wiring.place_of(&pin), &text);
+        }
+    }
+
+    fn enable(&mut self, n: usize) {
+        let pin = format!("joint.{n}.amp-enable-out");
+        if self.wiring.beside(&pin).is_empty() {
+            let text = format!(
+                "the drive of joint {n} is not enabled by {pin}: it does not know when the machine is off"
+            );
+            self.tell(Severity::Warning, None, &text);
+        }
+    }
+
+    /// What its way of homing waits for.
+    fn homing(&mut self, n: usize) -> Result<(), IniError> {
+        let section = format!("JOINT_{n}");
+        let searches = self.ini.number_or(&section, "HOME_SEARCH_VEL", 0.0)? != 0.0;
+        let index = self.ini.first(&section, "HOME_USE_INDEX").is_some_and(is_yes);
+        for (key, is_used, pin, what) in [
+            ("HOME_SEARCH_VEL", searches, "home-sw-in", "a switch"),
+            ("HOME_USE_INDEX", index, "index-enable", "an index pulse"),
+        ] {
+            let pin = format!("joint.{n}.{pin}");
+            if is_used && self.wiring.beside(&pin).is_empty() {
+                let text =
+                    format!("homing waits for {what}, and no HAL file has {pin} on a signal");
+                let error = crate::check::wiring::at_key(self.ini, &section, key, &text);
+                self.found.push((Severity::Error, error));
+            }
+        }
+        Ok(())
+    }
+
+    /// The functions of the components that commands go to and feedback comes from.
+    fn functions_of_drives(&mut self, joints: std::ops::Range<usize>) {
+        let wiring = self.wiring;
+        let mut needed: BTreeMap<String, &str> = BTreeMap::new();
+        let ends =
+            joints.flat_map(|n| ["cmd", "fb"].map(|end| format!("joint.{n}.motor-pos-{end}")));
+        for end in ends {
+            for pin in wiring.beside(&end) {
+                let more = pin.strip_suffix(".command").map(|pid| format!("{pid}.output"));
+                let behind = more.iter().flat_map(|output| wiring.beside(output));
+                for pin in std::iter::once(pin).chain(behind) {
+                    needed.extend(functions_of(pin).into_iter().map(|function| (function, pin)));
+                }
+            }
+        }
+        let has = |name: &String| wiring.function(name).is_some();
+        let missing: Vec<(String, &str)> =
+            needed.into_iter().filter(|(name, _)| !has(name)).collect();
+        for (function, pin) in missing {
+            let text = format!(
+                "{pin} is connected, and no HAL file adds {function} to a thread: nothing moves it"
+            );
+            self.tell(Severity::Error, wiring.place_of(pin), &text);
+        }
+    }
+
+    /// What belongs to no joint.
+    fn machine(&mut self) {
+        let wiring = self.wiring;
+        if wiring.beside("iocontrol.0.emc-enable-in").is_empty() {
+            let text = "iocontrol.0.emc-enable-in is on no signal: LinuxCNC never leaves the emergency stop";
+            self.tell(Severity::Error, None, text);
+        }
+        let speed: BTreeSet<&String> =
+            wiring.signals.keys().filter(|pin| pin.starts_with("spindle.0.speed-out")).collect();
+        if let Some(pin) = speed.first()
+            && wiring.beside("spindle.0.at-speed").is_empty()
+        {
+            let text = "spindle.0.at-speed is on no signal: a program cuts while the spindle still comes up";
+            self.tell(Severity::Warning, wiring.place_of(pin), text);
+        }
+    }
+}
+
+/// Whether a pin can be where a value comes from.
+fn is_source(pin: &str) -> bool {
+    let is_input = |pin: &str| TAKING.iter().any(|end| pin.ends_with(end)) || pin.ends_with(".in");
+    !pin.starts_with("joint.") && !is_input(pin)
+}
+
+fn is_yes(entry: &Entry) -> bool {
+    ["1", "YES", "TRUE", "ON"].contains(&entry.value.to_uppercase().as_str())
+}
+
+/// The functions without which a pin of a drive means nothing; none where its component is not known.
+fn functions_of(pin: &str) -> Vec<String> {
+    let words: Vec<&str> = pin.split('.').collect();
+    let named = |names: &[&str]| names.iter().map(|name| (*name).to_string()).collect();
+    match &words[..] {
+        [card, number, ..] if card.starts_with("hm2_") => {
+            ["read", "write"].map(|end| format!("{card}.{number}.{end}")).into()
+        }
+        ["stepgen", ..] => {
+            named(&["stepgen.capture-position", "stepgen.update-freq", "stepgen.make-pulses"])
+        }
+        ["encoder", ..] => named(&["encoder.capture-position", "encoder.update-counters"]),
+        ["pwmgen", ..] => named(&["pwmgen.update", "pwmgen.make-pulses"]),
+        ["cia402", number, ..] => {
+            let own = ["read-all", "write-all"].map(|end| format!("cia402.{number}.{end}"));
+            [own.to_vec(), named(&["lcec.read-all", "lcec.write-all"])].concat()
+        }
+        [.., "command"] => vec![format!("{}.do-pid-calcs", pin.trim_end_matches(".command"))],
+        _ => vec![],
+    }
+}
+
+/// At the last HAL file, where something is in none of them.
+fn at_last_file(ini: &Ini, text: &str) -> IniError {
+    match ini.all("HAL", "HALFILE").last() {
+        Some(entry) => ini.refuse(entry, text),
+        None => ini.error("HAL", "HALFILE", None, text),
+    }
+}
+
+/// At a line of a HAL file, or in the INI file where that is not known.
+fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
+    if place.line == 0 {
+        return at_last_file(ini, text);
+    }
+    let source = std::fs::read(&place.file).unwrap_or_default();
+    let source = String::from_utf8_lossy(&source);
+    let line = source.lines().nth(place.line - 1).unwrap_or_default().trim_end();
+    let start = line.len() - line.trim_start().len();
+    IniError(Box::new(Problem {
+        file: place.file.clone(),
+        line: Some(place.line),
+        section: "HAL".into(),
+        key: "HALFILE".into(),
+        found: Some(place.file.file_name().unwrap_or_default().to_string_lossy().into()),
+        expected: text.into(),
+        excerpt: Some(Excerpt { text: line.into(), part: start..line.len() }),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A joint on a step generator, wired as it should be.
+    const STEPS: &str = "loadrt pkmkins\n\
+        loadrt motmod num_joints=1 servo_period_nsec=[EMCMOT]SERVO_PERIOD\n\
+        loadrt stepgen step_type=0\n\
+        addf stepgen.make-pulses base-thread\n\
+        addf stepgen.capture-position servo-thread\n\
+        addf motion-command-handler servo-thread\n\
+        addf motion-controller servo-thread\n\
+        addf stepgen.update-freq servo-thread\n\
+        net cmd joint.0.motor-pos-cmd => stepgen.0.position-cmd\n\
+        net fb stepgen.0.position-fb => joint.0.motor-pos-fb\n\
+        net on joint.0.amp-enable-out => stepgen.0.enable\n\
+        net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in\n";
+
+    /// The same on a PID loop, as a loop of Tcl.
+    const SERVO: &str = "loadrt pkmkins\n\
+        loadrt motmod num_joints=$::KINS(JOINTS)\n\
+        loadrt pid names=p0\n\
+        foreach f {hm2_5i25.0.read motion-command-handler motion-controller p0.do-pid-calcs hm2_5i25.0.write} {\n\
+            addf $f servo-thread\n\
+        }\n\
+        for {set n 0} {$n < 1} {incr n} {\n\
+            net cmd$n joint.$n.motor-pos-cmd p$n.command\n\
+            net fb$n hm2_5i25.0.encoder.00.position p$n.feedback joint.$n.motor-pos-fb\n\
+            net out$n p$n.output hm2_5i25.0.pwmgen.00.value\n\
+            net on$n joint.$n.amp-enable-out p$n.enable\n\
+        }\n\
+        net estop iocontrol.0.user-enable-out iocontrol.0.emc-enable-in\n";
+
+    fn told(name: &str, hal: &str, more: &str) -> Vec<(Severity, String, Option<usize>)> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(name), hal).unwrap();
+        let text = format!(
+            "[KINS]\nJOINTS = 1\n[EMCMOT]\nSERVO_PERIOD = 1000000\n[HAL]\nHALFILE = {name}\nHALFILE = LIB:pkmkins.tcl\n{more}"
+        );
+        let ini = Ini::parse(&folder.path().join("m.ini"), &text).unwrap();
+        let found = check(&ini).unwrap().into_iter();
+        found.map(|(severity, error)| (severity, error.0.message(), error.0.line)).collect()
+    }
+
+    fn assert_one(
+        found: &[(Severity, String, Option<usize>)],
+        severity: Severity,
+        text: &str,
+        line: usize,
+    ) {
+        assert!(found.len() == 1, "{found:?}");
+        assert!(found[0].0 == severity && found[0].1.contains(text), "{found:?}");
+        assert_eq!(found[0].2, Some(line), "{found:?}");
+    }
+
+    #[test]
+    fn drives_that_are_wired_whole_are_told_nothing_of() {
+        assert_eq!(told("own.hal", STEPS, ""), []);
+        assert_eq!(told("own.tcl", SERVO, ""), []);
+    }
+
+    #[test]
+    fn feedback_command_and_enable_that_are_missing_are_told_with_their_line() {
+        let without = |text: &str, what: &str| text.replace(what, "");
+        let found = told("own.hal", &without(STEPS, " stepgen.0.position-fb"), "");
+        assert_one(&found, Severity::Error, "no feedback on joint 0", 10);
+        let found = told("own.hal", &without(STEPS, " => stepgen.0.position-cmd"), "");
+        assert_one(&found, Severity::Error, "no command leaves joint 0", 9);
+        let found = told("own.hal", &without(STEPS, " => stepgen.0.enable"), "");
+        assert_one(&found, Severity::Warning, "joint 0 is not enabled", 7);
+        let found = told("own.tcl", &without(SERVO, "hm2_5i25.0.encoder.00.position "), "");
+        assert!(found.len() == 2, "{found:?}");
+        assert!(
+            found[0].1.contains("p0 of joint 0 has no feedback") && found[0].2 == Some(8),
+            "{found:?}"
+        );
+        assert!(
+            found[1].1.contains("no feedback on joint 0") && found[1].2 == Some(9),
+            "{found:?}"
+        );
+        let found =
+            told("own.tcl", &without(SERVO, "net out$n p$n.output hm2_5i25.0.pwmgen.00.value"), "");
+        assert_one(&found, Severity::Error, "drives nothing", 8);
+    }
+
+    #[test]
+    fn functions_in_the_wrong_place_are_told() {
+        let late = STEPS.replace("addf stepgen.capture-position servo-thread\n", "\n")
+            + "addf stepgen.capture-position servo-thread\n";
+        assert_one(&told("own.hal", &late, ""), Severity::Warning, "a cycle older", 13);
+        let first = STEPS.replace(
+            "addf stepgen.update-freq servo-thread",
+            "addf stepgen.update-freq servo-thread 1",
+        );
+        assert_one(&told("own.hal", &first, ""), Severity::Warning, "a cycle late", 8);
+        let none = STEPS.replace("addf stepgen.update-freq servo-thread", "");
+        assert_one(
+            &told("own.hal", &none, ""),
+            Severity::Error,
+            "no HAL file adds stepgen.update-freq",
+            10,
+        );
+    }
+
+    #[test]
+    fn homing_without_its_switch_or_its_index_is_told() {
+        let more = "[JOINT_0]\nHOME_SEARCH_VEL = 5\nHOME_USE_INDEX = YES\n";
+        let found = told("own.hal", STEPS, more);
+        assert!(
+            found.len() == 2 && found.iter().all(|(severity, ..)| *severity == Severity::Error),
+            "{found:?}"
+        );
+        assert!(
+            found[0].1.contains("home-sw-in") && found[1].1.contains("index-enable"),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_following_error_below_the_delay_is_told() {
+        let joint =
+            |keys: &str| told("own.hal", STEPS, &format!("[JOINT_0]\nMAX_VELOCITY = 500\n{keys}"));
+        assert_eq!(joint("FERROR = 0.5\n"), []);
+        assert_one(&joint("FERROR = 0.4\n"), Severity::Warning, "0.5 behind", 10);
+        assert_one(&joint("FERROR = 1\nDELAY = 3\n"), Severity::Error, "1.5 behind", 10);
+        assert_eq!(joint("FERROR = 1.5\nDELAY = 3\n"), []);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_carried_out_is_not_judged_and_touches_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("touched");
+        let hal = format!("loadrt pkmkins\nset f [open {} w]\n", file.display());
+        assert_one(&told("own.tcl", &hal, ""), Severity::Warning, "not judged", 2);
+        let hal = format!("exec touch {}\n", file.display());
+        assert_one(&told("own.tcl", &hal, ""), Severity::Warning, "not judged", 1);
+        assert!(!file.exists());
+        assert_one(&told("own.tcl", "while 1 {}\n", ""), Severity::Warning, "time limit", 1);
+        let ends = told("own.tcl", "puts stderr {no card}\nexit 1\n", "");
+        assert_one(&ends, Severity::Error, "start ends here: no card", 2);
+    }
+}

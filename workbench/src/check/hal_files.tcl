@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+# What the HAL files of a machine do, as far as it can be known without the hardware:
+#
+#     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
+#
+# An ENTRY is "file VALUE" or "command VALUE", VALUE that of a key HALFILE or HALCMD. Every file is carried
+# out in an interpreter that can touch nothing: no file is written, no process started. What it does comes
+# as a line on standard output each, its words separated by tabs: the place (file, line), what (net, unlinkp,
+# setp, addf, loadrt, loadusr), its words; "own" where pkmkins.tcl would be read, "ends" with what a file has
+# printed before it ends LinuxCNC's start, and "failed" with a reason.
+
+namespace eval drives {
+    variable box
+    variable folder
+    variable hallib
+    # Signal of each pin that is on one, and what pins were set to.
+    variable signals [dict create]
+    variable values [dict create]
+    # What a file has printed, for the reason if it then ends LinuxCNC's start.
+    variable printed {}
+    # Of the file that is not of Tcl, where it is.
+    variable place {}
+    # Seconds that a file may take.
+    variable longest 5
+}
+
+# As LinuxCNC's haltcl does it: every section is a global array, every key a list of its values.
+proc drives::parse {ini} {
+    variable box
+    set file [open $ini]
+    while {[gets $file line] >= 0} {
+        set line [string trim $line]
+        if {[regexp {^\[(.*)\]$} $line -> section]} { continue }
+        if {![regexp {^([^#;]+?)\s*=\s*(.*)$} $line -> key value]} { continue }
+        $box eval [list lappend ::${section}($key) $value]
+        lappend ::ini($section,$key) $value
+    }
+    close $file
+}
+
+proc drives::say {args} { puts [join [lmap word $args { string map {"\t" " " "\n" " "} $word }] \t] }
+
+# The innermost place in a file that asks for this, of the frames of the interpreter.
+proc drives::place {frames} {
+    variable place
+    foreach frame $frames {
+        if {[dict exists $frame file] && [dict get $frame type] eq "source"} {
+            return [list [dict get $frame file] [dict get $frame line]]
+        }
+    }
+    return $place
+}
+
+proc drives::net {where signal args} {
+    variable signals
+    set pins [lsearch -all -inline -not -regexp $args {^<?=>?>?$}]
+    foreach pin $pins {
+        if {[dict exists $signals $pin] && [dict get $signals $pin] ne $signal} {
+            error "$pin is on signal [dict get $signals $pin] already, and cannot be on $signal"
+        }
+        dict set signals $pin $signal
+    }
+    say {*}$where net $signal {*}$pins
+}
+
+proc drives::pins_on {signal} {
+    variable signals
+    return [dict keys [dict filter $signals value $signal]]
+}
+
+# As halcmd prints a pin that is on a signal.
+proc drives::show {pin} {
+    variable signals
+    if {![dict exists $signals $pin]} { return "" }
+    return "  $pin ==> [dict get $signals $pin]"
+}
+
+proc drives::hal {frames verb args} {
+    variable signals
+    variable values
+    set where [place $frames]
+    switch -- $verb {
+        net { net $where {*}$args }
+        linkps { net $where [lindex $args end] [lindex $args 0] }
+        linksp { net $where [lindex $args 0] [lindex $args end] }
+        setp { dict set values {*}$args; say {*}$where setp {*}$args }
+        addf - loadrt - loadusr { say {*}$where $verb {*}$args }
+        unlinkp { dict unset signals [lindex $args 0]; say {*}$where unlinkp {*}$args }
+        delsig { foreach pin [pins_on [lindex $args 0]] { hal $frames unlinkp $pin } }
+        getp { return [expr {[dict exists $values [lindex $args 0]] ? [dict get $values [lindex $args 0]] : 0}] }
+        show { return [show [lindex $args 1]] }
+        list { return [dict keys $signals [lindex $args 1]] }
+        newsig - sets - start - waitusr - alias - lock - unlock {}
+        default { error "hal $verb $args: it is not known here what this does" }
+    }
+    return ""
+}
+
+# A file by the name that an INI file or another file gives it.
+proc drives::find {name} {
+    variable folder
+    variable hallib
+    if {[regexp {^LIB:(.*)$} $name -> name]} { return [file join $hallib $name] }
+    set file [file join $folder $name]
+    return [expr {[file exists $file] ? $file : [file join $hallib $name]}]
+}
+
+# [SECTION]KEY, [SECTION](KEY), $NAME and $(NAME) in a line of halcmd.
+proc drives::substituted {line} {
+    while {[regexp -indices {\[([A-Za-z0-9_]+)\](?:\(([A-Za-z0-9_]+)\)|([A-Za-z0-9_]+))} $line all section one two]} {
+        set name [string range $line {*}$section]
+        set key [string range $line {*}[expr {[lindex $one 0] >= 0 ? $one : $two}]]
+        if {![info exists ::ini($name,$key)]} { error "\[$name\]$key is not in the INI file" }
+        set line [string replace $line {*}$all [lindex $::ini($name,$key) 0]]
+    }
+    return $line
+}
+
+# A file of halcmd: a command a line, which a backslash at its end takes on.
+proc drives::run_hal {file} {
+    variable place
+    set channel [open $file]
+    set text [split [read $channel] \n]
+    close $channel
+    set before ""
+    set number 0
+    foreach line $text {
+        incr number
+        if {[regexp {^(.*)\\$} $line -> part]} { append before $part " "; continue }
+        set place [list $file $number]
+        run_line [substituted [regsub {(^|\s)#.*$} $before$line ""]]
+        set before ""
+    }
+    set place {}
+}
+
+proc drives::run_line {line} {
+    set words [lmap word [regexp -all -inline {"[^"]*"|\S+} $line] { string trim $word \" }]
+    if {![llength $words]} { return }
+    if {[lindex $words 1] eq "="} { set words [list setp [lindex $words 0] [lindex $words 2]] }
+    if {[lindex $words 0] eq "source"} { return [run_file [lindex $words 1]] }
+    hal {} {*}$words
+}
+
+proc drives::run_file {name args} {
+    variable box
+    set file [find $name]
+    if {[file tail $file] eq "pkmkins.tcl"} { say $file 1 own; return }
+    if {![file exists $file]} {
+        variable hallib
+        error "$name is neither beside the INI file nor in $hallib"
+    }
+    if {[file extension $file] ne ".tcl"} { return [run_hal $file] }
+    $box eval [list set ::argv $args]
+    $box eval [list set ::argc [llength $args]]
+    interp invokehidden $box source $file
+}
+
+proc drives::source_file {name} {
+    variable box
+    interp invokehidden $box source $name
+}
+
+proc drives::print {args} {
+    variable printed
+    set text [string trim [lindex $args end]]
+    if {$text ne ""} { lappend printed $text }
+}
+
+proc drives::leave {args} {
+    variable printed
+    say {} 0 ends {*}$printed
+    error "exit"
+}
+
+# Of `file` the parts that only compute with names, and whether one is there.
+proc drives::file_part {part args} {
+    if {$part ni {join dirname tail extension rootname normalize exists isfile isdirectory}} {
+        error "file $part: it is not carried out here"
+    }
+    return [file $part {*}$args]
+}
+
+proc drives::make_box {} {
+    variable box [interp create -safe]
+    variable longest
+    foreach {name target} {source source_file puts print exit leave file file_part} {
+        interp alias $box $name {} drives::$target
+    }
+    interp alias $box hal_from {} drives::hal
+    $box eval {
+        # LinuxCNC's own package, which is there already.
+        proc package args {}
+        proc hal args {
+            set frames {}
+            for {set k [expr {[info frame] - 1}]} {$k > 0} {incr k -1} { lappend frames [info frame $k] }
+            hal_from $frames {*}$args
+        }
+        foreach verb {loadrt loadusr net addf newsig sets linkps linksp} { proc $verb args "hal $verb {*}\$args" }
+        # As haltcl has it: with an expression.
+        proc setp {pin value} { hal setp $pin [uplevel [list expr $value]] }
+        proc getp pin { hal getp $pin }
+    }
+    interp limit $box time -seconds [expr {[clock seconds] + $longest}]
+}
+
+proc drives::run_entry {entry} {
+    variable place
+    lassign [split $entry " "] kind
+    set value [string range $entry [string length "$kind "] end]
+    if {$kind eq "file"} { return [run_file {*}[regexp -all -inline {\S+} $value]] }
+    set place {}
+    run_line [substituted $value]
+}
+
+# Where an error came up: the innermost line of a file that its stack names.
+proc drives::failed {message options} {
+    variable place
+    set where [expr {[llength $place] ? $place : {{} 0}}]
+    if {[regexp {\(file "([^"]+)" line (\d+)\)} [dict get $options -errorinfo] -> file line]} {
+        set where [list $file $line]
+    }
+    say {*}$where failed $message
+}
+
+proc drives::main {ini in lib args} {
+    variable box
+    variable folder $in
+    variable hallib $lib
+    make_box
+    parse $ini
+    foreach {name value} [list HALLIB_DIR $lib INI_FILE_NAME $ini HOME / CONFIG_DIR $in] {
+        $box eval [list set ::env($name) $value]
+    }
+    foreach entry $args {
+        if {[catch { run_entry $entry } message options]} {
+            failed $message $options
+            return
+        }
+    }
+}
+
+drives::main {*}$argv

@@ -1,0 +1,460 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Homing from wherever the machine was switched off: the way of every sequence in time, followed with
+//! forward kinematics, and an order in which the legs keep their limits on it.
+//!
+//! Places to start from are drawn from the axis limits, so that what is said of them is seen, not proved.
+//! A joint goes to its switch at HOME_SEARCH_VEL and from there to HOME at HOME_FINAL_VEL; that it passes the
+//! switch by a little, backs off and comes again is left out. With a negative HOME_SEQUENCE the joints of
+//! a sequence wait at their switches for each other.
+
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::proof::axis_box;
+use crate::proof::reach::Reach;
+use crate::read::ini::{Ini, IniError};
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Letter, Pose};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use std::collections::HashMap;
+
+/// Poses in which the machine may have been switched off.
+const STARTS: usize = 200;
+
+/// Draws after which no more poses are looked for.
+const DRAWS: usize = 20 * STARTS;
+
+/// Places looked at on the way of a sequence.
+const STEPS: u32 = 40;
+
+/// HOME_SEQUENCE of a joint that has none, as LinuxCNC reads it.
+const NO_SEQUENCE: f64 = 999.0;
+
+/// How a joint finds its place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// It goes to its switch, or to an index, at a speed.
+    Search {
+        /// Where it stands then, HOME_OFFSET.
+        switch: f64,
+        /// Joint units per second.
+        speed: f64,
+    },
+    /// It is taken to stand at HOME_OFFSET.
+    Known(f64),
+    /// Its encoder knows, and it goes to HOME or stays.
+    Absolute {
+        /// HOME_ABSOLUTE_ENCODER = 1.
+        moves: bool,
+    },
+}
+
+/// Homing of a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// How.
+    pub way: Way,
+    /// HOME_SEQUENCE; `None` where Home All leaves it out.
+    pub sequence: Option<i64>,
+    /// Speed of the way to HOME, joint units per second.
+    speed: f64,
+    home: f64,
+}
+
+/// Joints that home together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// Their numbers, as the mechanism counts them.
+    pub joints: Vec<usize>,
+    /// Whether they leave their switches together.
+    pub waits: bool,
+}
+
+/// Where homing leaves what the legs allow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Broken {
+    /// Pose in which it began.
+    pub start: [f64; 6],
+    /// Number of the group.
+    pub group: usize,
+    /// What, in words.
+    pub what: String,
+}
+
+/// What an order comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Places that were looked at.
+    pub starts: usize,
+    /// Of these, those from which a limit is not kept on the way.
+    pub broken: usize,
+    /// The first of them.
+    pub first: Option<Broken>,
+}
+
+/// A moment of homing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment {
+    /// Seconds since its beginning.
+    pub at: f64,
+    /// Number of the group that moves.
+    pub group: usize,
+    /// Joint values.
+    pub joints: Joints,
+    /// Pose, x y z a b c in machine units and degrees; `None` where the joints have none.
+    pub pose: Option<[f64; 6]>,
+    /// What is not kept there, in words.
+    pub broken: Option<String>,
+}
+
+/// Homing of a mechanism.
+#[derive(Clone, Debug)]
+pub struct Homing<'a> {
+    config: &'a MachineConfig,
+    /// Its joints.
+    pub joints: Vec<Joint>,
+    /// Poses to begin from, and the joints there.
+    starts: Vec<([f64; 6], Joints)>,
+}
+
+impl<'a> Homing<'a> {
+    /// As the INI file has it; `None` where axes carry something, which is not followed here.
+    ///
+    /// # Errors
+    /// A value that is no number.
+    pub fn new(config: &'a MachineConfig) -> Result<Option<Self>, IniError> {
+        if !config.chain.is_empty() {
+            return Ok(None);
+        }
+        let joints = (0..config.joints.len())
+            .map(|i| joint(&config.ini, config, i))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut homing = Self { config, joints, starts: vec![] };
+        homing.starts = homing.drawn();
+        Ok(Some(homing))
+    }
+
+    /// Poses within the axis limits that the machine can take, with the joints that are known to be
+    /// elsewhere there.
+    fn drawn(&self) -> Vec<([f64; 6], Joints)> {
+        let Ok(reach) = Reach::new(self.config) else { return vec![] };
+        let within = axis_box::range(self.config);
+        let mut rng = Pcg64::seed_from_u64(3);
+        let poses = (0..DRAWS).map(|_| within.at(std::array::from_fn(|_| rng.random())));
+        let taken = poses.filter(|pose| reach.check(pose).is_ok());
+        let started = taken.filter_map(|pose| {
+            let (machine, spindle) = (&self.config.machine, &self.config.spindle);
+            let mut joints = machine.inverse(&Pose::from_degrees(pose), spindle).ok()?;
+            for (value, joint) in joints.iter_mut().zip(&self.joints) {
+                if let Way::Known(at) = joint.way {
+                    *value = at;
+                }
+            }
+            self.moment(0.0, 0, joints, &mut Pose::from_degrees(pose))
+                .broken
+                .is_none()
+                .then_some((pose, joints))
+        });
+        started.take(STARTS).collect()
+    }
+
+    /// Whether homing moves anything.
+    pub fn moves(&self) -> bool {
+        self.joints.iter().any(|joint| match joint.way {
+            Way::Search { .. } | Way::Absolute { moves: true } => true,
+            Way::Known(at) => at != joint.home,
+            Way::Absolute { moves: false } => false,
+        })
+    }
+
+    /// The groups in the order of the INI file.
+    pub fn order(&self) -> Vec<Group> {
+        let mut numbers: Vec<i64> = self.joints.iter().filter_map(|joint| joint.sequence).collect();
+        numbers.sort_by_key(|number| number.abs());
+        numbers.dedup_by_key(|number| number.abs());
+        let of = |number: i64| {
+            let is_in =
+                |i: &usize| self.joints[*i].sequence.is_some_and(|s| s.abs() == number.abs());
+            let joints: Vec<usize> = (0..self.joints.len()).filter(is_in).collect();
+            let waits = joints.iter().any(|i| self.joints[*i].sequence < Some(0));
+            Group { joints, waits }
+        };
+        numbers.into_iter().map(of).collect()
+    }
+
+    /// What an order comes to from every start.
+    pub fn judge(&self, order: &[Group]) -> Outcome {
+        let mut outcome = Outcome { starts: self.starts.len(), broken: 0, first: None };
+        for (pose, joints) in &self.starts {
+            let way = self.follow(order, pose, *joints);
+            let Some(moment) = way.iter().find(|moment| moment.broken.is_some()) else { continue };
+            outcome.broken += 1;
+            let what = moment.broken.clone().unwrap_or_default();
+            outcome.first.get_or_insert(Broken { start: *pose, group: moment.group, what });
+        }
+        outcome
+    }
+
+    /// The way from the start that breaks something, or from the one that takes longest.
+    pub fn track(&self, order: &[Group]) -> Vec<Moment> {
+        let ways = self.starts.iter().map(|(pose, joints)| self.follow(order, pose, *joints));
+        let breaks = |way: &[Moment]| way.last().is_some_and(|moment| moment.broken.is_some());
+        let duration = |way: &[Moment]| way.last().map_or(0.0, |moment| moment.at);
+        let worse = |a: &Vec<Moment>, b: &Vec<Moment>| {
+            breaks(a).cmp(&breaks(b)).then(duration(a).total_cmp(&duration(b)))
+        };
+        ways.max_by(worse).unwrap_or_default()
+    }
+
+    /// An order in as few sequences as can be, whose joints wait for each other, that keeps all limits from
+    /// every start; `None` where there is none.
+    pub fn safe_order(&self) -> Option<Vec<Group>> {
+        if self.starts.is_empty() {
+            return None;
+        }
+        let all = (1_usize << self.joints.len()) - 1;
+        let mut before: HashMap<usize, usize> = HashMap::from([(0, 0)]);
+        let mut reached = vec![0_usize];
+        while !before.contains_key(&all) {
+            let mut next = vec![];
+            for homed in reached {
+                // The largest groups first.
+                let mut groups: Vec<usize> = (1..=all).filter(|group| group & homed == 0).collect();
+                groups.sort_by_key(|group| std::cmp::Reverse(group.count_ones()));
+                for group in groups {
+                    let state = homed | group;
+                    if !before.contains_key(&state) && self.keeps(homed, group) {
+                        before.insert(state, homed);
+                        next.push(state);
+                    }
+                }
+            }
+            if next.is_empty() {
+                return None;
+            }
+            reached = next;
+        }
+        let mut order = vec![];
+        let mut state = all;
+        while state != 0 {
+            order.push(Group { joints: self.members(state & !before[&state]), waits: true });
+            state = before[&state];
+        }
+        order.reverse();
+        Some(order)
+    }
+
+    fn members(&self, set: usize) -> Vec<usize> {
+        (0..self.joints.len()).filter(|i| set >> i & 1 == 1).collect()
+    }
+
+    /// Whether a group keeps all limits from every start, where some are homed already.
+    fn keeps(&self, homed: usize, group: usize) -> bool {
+        let group = Group { joints: self.members(group), waits: true };
+        self.starts.iter().all(|(pose, joints)| {
+            let mut at = *joints;
+            self.members(homed).into_iter().for_each(|i| at[i] = self.after(i, at[i]));
+            // From the pose of the start to where the homed joints have brought it.
+            let mut seed = Pose::from_degrees(*pose);
+            let is_kept = |from: &Joints, to: &Joints, seed: &mut Pose| {
+                (1..=STEPS).all(|step| {
+                    let share = f64::from(step) / f64::from(STEPS);
+                    let at = std::array::from_fn(|i| from[i] + share * (to[i] - from[i]));
+                    self.config
+                        .machine
+                        .forward(&at, seed, &self.config.spindle, &self.config.solver)
+                        .map(|solution| *seed = solution.pose)
+                        .is_ok()
+                })
+            };
+            if homed != 0 && !is_kept(joints, &at, &mut seed) {
+                return false;
+            }
+            let way = self.way(&group, 0, 0.0, &mut at, &mut seed);
+            way.last().is_none_or(|moment| moment.broken.is_none())
+        })
+    }
+
+    /// Where a joint stands after homing.
+    fn after(&self, i: usize, before: f64) -> f64 {
+        match self.joints[i].way {
+            Way::Absolute { moves: false } => before,
+            _ => self.joints[i].home,
+        }
+    }
+
+    /// The moments of homing, to the first at which something is not kept.
+    fn follow(&self, order: &[Group], pose: &[f64; 6], mut joints: Joints) -> Vec<Moment> {
+        let mut seed = Pose::from_degrees(*pose);
+        let mut moments = vec![self.moment(0.0, 0, joints, &mut seed)];
+        for (number, group) in order.iter().enumerate() {
+            let at = moments.last().map_or(0.0, |moment| moment.at);
+            moments.extend(self.way(group, number, at, &mut joints, &mut seed));
+            if moments.last().is_some_and(|moment| moment.broken.is_some()) {
+                break;
+            }
+        }
+        moments
+    }
+
+    /// The moments of a group, which begin after a time.
+    fn way(
+        &self,
+        group: &Group,
+        number: usize,
+        from: f64,
+        joints: &mut Joints,
+        seed: &mut Pose,
+    ) -> Vec<Moment> {
+        let start = *joints;
+        let searched = group.joints.iter().map(|i| self.search_time(*i, start[*i]));
+        let waited = if group.waits { searched.fold(0.0, f64::max) } else { 0.0 };
+        let duration =
+            group.joints.iter().map(|i| self.end(*i, start[*i], waited)).fold(0.0, f64::max);
+        let mut moments = vec![];
+        // Something that moves nothing takes no time.
+        let steps = if duration > 0.0 { STEPS } else { 0 };
+        for step in 1..=steps {
+            let t = duration * f64::from(step) / f64::from(steps);
+            group.joints.iter().for_each(|i| joints[*i] = self.value(*i, start[*i], waited, t));
+            moments.push(self.moment(from + t, number, *joints, seed));
+            if moments.last().is_some_and(|moment| moment.broken.is_some()) {
+                break;
+            }
+        }
+        moments
+    }
+
+    fn search_time(&self, i: usize, from: f64) -> f64 {
+        match self.joints[i].way {
+            Way::Search { switch, speed } => (switch - from).abs() / speed,
+            _ => 0.0,
+        }
+    }
+
+    /// Where the way to HOME begins.
+    fn found(&self, i: usize, from: f64) -> f64 {
+        match self.joints[i].way {
+            Way::Search { switch, .. } => switch,
+            _ => from,
+        }
+    }
+
+    fn end(&self, i: usize, from: f64, waited: f64) -> f64 {
+        let (found, joint) = (self.found(i, from), &self.joints[i]);
+        let way = (self.after(i, found) - found).abs();
+        self.search_time(i, from).max(waited) + way / joint.speed
+    }
+
+    fn value(&self, i: usize, from: f64, waited: f64, t: f64) -> f64 {
+        let toward =
+            |from: f64, to: f64, way: f64| from + (to - from).signum() * way.min((to - from).abs());
+        let (found, joint) = (self.found(i, from), &self.joints[i]);
+        let searched = self.search_time(i, from);
+        if t < searched {
+            return from + (found - from) * t / searched;
+        }
+        toward(found, self.after(i, found), joint.speed * (t - searched.max(waited)).max(0.0))
+    }
+
+    fn moment(&self, at: f64, group: usize, joints: Joints, seed: &mut Pose) -> Moment {
+        let config = self.config;
+        let (pose, broken) =
+            match config.machine.forward(&joints, seed, &config.spindle, &config.solver) {
+                Err(fault) => (None, Some(fault.to_string())),
+                Ok(solution) => {
+                    *seed = solution.pose;
+                    let check = config.machine.at(seed, &config.spindle);
+                    let broken = match check.map(|at| at.check(&limits::of_homing(config))) {
+                        Ok(Ok(())) => None,
+                        Ok(Err(margin)) => Some(limits::sentence(config, &margin)),
+                        Err(fault) => Some(fault.to_string()),
+                    };
+                    (Some(seed.to_degrees()), broken)
+                }
+            };
+        Moment { at, group, joints, pose, broken }
+    }
+}
+
+fn joint(ini: &Ini, config: &MachineConfig, i: usize) -> Result<Joint, IniError> {
+    let section = config.place.joint_section(i);
+    let number = |key, default| ini.number_or(&section, key, default);
+    let sequence = number("HOME_SEQUENCE", NO_SEQUENCE)?;
+    let [search, latch] = [number("HOME_SEARCH_VEL", 0.0)?, number("HOME_LATCH_VEL", 0.0)?];
+    let place = number("HOME_OFFSET", 0.0)?;
+    let speed = if search == 0.0 { latch.abs() } else { search.abs() };
+    let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
+        0.0 if speed > 0.0 => Way::Search { switch: place, speed },
+        0.0 => Way::Known(place),
+        kind => Way::Absolute { moves: kind == 1.0 },
+    };
+    let own = &config.joints[i];
+    let back = number("HOME_FINAL_VEL", 0.0)?;
+    Ok(Joint {
+        way,
+        sequence: (sequence != NO_SEQUENCE).then_some(sequence as i64),
+        speed: if back > 0.0 { back.min(own.max_velocity) } else { own.max_velocity },
+        home: own.home,
+    })
+}
+
+/// HOME_SEQUENCE of every joint, as an order has them: -1 first, so that the joints of a sequence wait.
+pub fn sequences(order: &[Group]) -> Vec<i64> {
+    let count = order.iter().map(|group| group.joints.len()).sum();
+    let mut numbers = vec![0; count];
+    for (number, group) in order.iter().enumerate() {
+        group.joints.iter().for_each(|i| numbers[*i] = -1 - number as i64);
+    }
+    numbers
+}
+
+/// A pose in the letters that the machine moves.
+pub fn shown(config: &MachineConfig, pose: &[f64; 6]) -> String {
+    let moved = Letter::ALL.iter().filter(|letter| !config.machine.layout().is_held(**letter));
+    let word =
+        |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
+    moved.map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// What a check says of it: a line, and what is wrong with the order where there is a better one.
+///
+/// # Errors
+/// A value that is no number.
+pub(crate) fn told(
+    ini: &Ini,
+    config: &MachineConfig,
+) -> Result<(String, Option<IniError>), IniError> {
+    let Some(homing) = Homing::new(config)? else {
+        return Ok(("not judged from elsewhere than HOME: axes carry something".into(), None));
+    };
+    // Which is reported already.
+    if homing.joints.iter().any(|joint| joint.sequence.is_none()) {
+        return Ok(("not judged from elsewhere than HOME: not all joints are homed".into(), None));
+    }
+    if !homing.moves() {
+        return Ok(("moves nothing: every joint knows its place".into(), None));
+    }
+    let Outcome { starts, broken, first } = homing.judge(&homing.order());
+    if starts == 0 {
+        return Ok(("not judged: no pose was found in the axis limits to begin from".into(), None));
+    }
+    let kept = starts - broken;
+    let fact = format!(
+        "keeps the limits of the legs from {kept} of {starts} poses seen; pkm homing shows the way"
+    );
+    let better = first.and_then(|first| Some((first, homing.safe_order()?)));
+    let error = better.map(|(first, order)| {
+        let numbers: Vec<String> = sequences(&order).iter().map(i64::to_string).collect();
+        let section = config.place.joint_section(0);
+        let text = format!(
+            "from {} {}: give the joints from {section} on {}, with which that was seen from none of \
+             {starts} poses",
+            shown(config, &first.start),
+            first.what,
+            numbers.join(" ")
+        );
+        at_key(ini, &section, "HOME_SEQUENCE", &text)
+    });
+    Ok((fact, error))
+}
