@@ -739,7 +739,8 @@ def judge_one(judge, trace):
     """Whether the judge is content with a trace; prints its line, and its table if not."""
     folder = trace.parent
     config = json.loads((folder / "result.json").read_text())["config"]
-    ini = REPOSITORY / "configs" / config / f"{config}.ini"
+    made = folder / config / f"{config}.ini"
+    ini = made if made.exists() else REPOSITORY / "configs" / config / f"{config}.ini"
     done = subprocess.run([judge, ini, trace, folder / "result.json", folder / "report"], text=True,
                           stdin=subprocess.DEVNULL, capture_output=True, timeout=120)
     passed = done.returncode == 0
