@@ -789,6 +789,13 @@ proc pkmkins::wire_guard {} {
     } elseif {$taken ne [signal_of pkmkins.feed-scale ""]} {
         puts stderr "pkmkins: motion.adaptive-feed is on signal $taken: pkmkins.feed-scale does not act on it"
     }
+    connect pkmkins:jogging motion.jog-is-active pkmkins.jogging
+    set taken [signal_of motion.jog-stop ""]
+    if {$taken eq ""} {
+        hal net pkmkins:jog-stop pkmkins.jog-stop motion.jog-stop
+    } elseif {$taken ne [signal_of pkmkins.jog-stop ""]} {
+        puts stderr "pkmkins: motion.jog-stop is on signal $taken: pkmkins.jog-stop does not act on it, join both by an or2"
+    }
 }
 
 proc pkmkins::wire {} {

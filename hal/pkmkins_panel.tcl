@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What connects the panels that `pkm panel` writes; their own files source it, after the panel is there.
+# What connects the panels that `pkm panel` writes; their own files source it, after the panel is there. It
+# lets pkmkins slow jogs as well.
 #
 # Nothing that exists is changed: a pin that is on a signal already stays on it, one that is missing is
 # left out with a word, and without the component for travel left the rest is shown.
@@ -59,3 +60,5 @@ proc pkmkins_panel::switch {} {
         hal net panel:ask-$choice pyvcp.kinematics.$choice pkmkins-panel.ask-$choice
     }
 }
+
+source [file join $::env(HALLIB_DIR) pkmkins_jog.tcl]

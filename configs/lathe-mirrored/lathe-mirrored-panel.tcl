@@ -47,6 +47,7 @@ pkmkins_panel::show {
     pkmkins.conditioning conditioning
     pkmkins.second.conditioning conditioning-second
     pkmkins.feed-scale feed-scale
+    pkmkins.jog-scale jog-scale
     pkmkins-panel.guard-on guard-on
     pkmkins.limit-soon limit-soon
     pkmkins.feed-inhibit feed-inhibit

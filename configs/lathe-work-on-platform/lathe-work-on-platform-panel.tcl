@@ -29,6 +29,7 @@ pkmkins_panel::show {
     pkmkins-panel.known travel-known
     pkmkins.conditioning conditioning
     pkmkins.feed-scale feed-scale
+    pkmkins.jog-scale jog-scale
     pkmkins-panel.guard-on guard-on
     pkmkins.limit-soon limit-soon
     pkmkins.feed-inhibit feed-inhibit

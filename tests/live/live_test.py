@@ -184,6 +184,61 @@ def operator_jogs_back_from_joints_that_close_no_platform(out):
     scenario(HEXAPOD, "way_back", out, joint=0, distance=200, speed=200)
 
 
+def jogged(out, speed, letter="z", share=1.0):
+    """Jogs of the hexapod with axis limits far away: joints have 40 % of their speed and short ranges."""
+    edits = [{"section": f"AXIS_{axis}", "key": key, "lines": [f"{key} = {value}"]}
+             for axis in "XYZABC" for key, value in (("MIN_LIMIT", -9999), ("MAX_LIMIT", 9999))]
+    limits = [(500 * share, 840, 1040)] * 6
+    for n, (most, low, high) in enumerate(limits):
+        keys = (("MAX_VELOCITY", most), ("MIN_LIMIT", low), ("MAX_LIMIT", high))
+        edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for key, value in keys]
+    return scenario(HEXAPOD, "jogs", out, edits=edits, letter=letter, speed=speed, limits=limits, slowest=0.9)
+
+
+@test
+def jogs_in_world_mode_end_before_a_joint_leaves_its_range(out):
+    result = jogged(out, 200)
+    return f"{result['room']:.1f} mm before the limit, {result['told'][-1]}"
+
+
+@test
+def jogs_in_world_mode_are_slowed_for_joints(out):
+    result = jogged(out, -200, share=0.2)
+    # LinuxCNC's task is told while the jog gathers speed; joints are too fast for some cycles of it.
+    assert result["joints_to"] < 1.1, f"a joint went at {result['joints_to']:.3f} of its speed"
+    return f"joints to {result['joints_to']:.3f} of their speed"
+
+
+@test
+def corrections_come_in_while_a_program_runs(out):
+    """0.1 mm either way at 0.02 mm/s: in every cycle joints are those of the commanded pose with what is in
+    effect added."""
+    asked, rate = [0.0, 0.1, 0.0, 0.0, -0.1, 0.0], 0.02
+    edits = [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for n in range(6)
+             for key, value in (("CORRECTION_LIMIT", 0.1), ("CORRECTION_RATE", rate))]
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "circles.ngc"
+    circles = [f"G3 X40 Y0 I-40 J0 A{tilt} B{tilt} F4000" for tilt in (6, -6)]
+    path.write_text("\n".join(["G21 G90 G64 P0.01", "G1 F3000 X40 Z240", *circles, "M2", ""]))
+    lines = path.read_text().count("\n")
+    with Session(HEXAPOD, edits=edits) as session:
+        result = check(session.run("correction", out, 90, path=str(path), lines=lines, seconds=60, asked=asked))
+        with open(out / "corrected.csv") as trace:
+            rows = [list(map(float, row.split(",")[1:])) for row in list(trace)[1:]]
+        poses = "x,y,z,a,b,c\n" + "".join(",".join(map(repr, row[:6])) + "\n" for row in rows)
+        done = subprocess.run([PKM, "joints", session.ini], input=poses, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stderr[-300:]
+        joints = [list(map(float, line.split(",")))[-6:] for line in done.stdout.splitlines()[1:]]
+    assert len(joints) == len(rows), f"{len(joints)} joint values of {len(rows)} poses"
+    apart = max(abs(row[6 + n] - row[12 + n] - own[n]) for row, own in zip(rows, joints) for n in range(6))
+    # Joint values of a metre through text.
+    assert apart < 1e-9, f"joints are {apart} mm off the commanded pose's"
+    steps = max(abs(b[12 + n] - a[12 + n]) for a, b in zip(rows, rows[1:]) for n in range(6))
+    assert steps <= rate * 1e-3 * 1.000001, f"a correction moved by {steps} mm in a cycle"
+    assert rows[-1][12:] == asked, f"in effect at the end: {rows[-1][12:]}"
+    return f"{result['cycles']} cycles, joints within {apart:.1e} mm of those of the commanded pose"
+
+
 @test
 def kinematics_switch_moves_no_joint(out):
     scenario(HEXAPOD, "net_switch", out, start="G1 F3000 X12 Y-8 Z260 A4 B-3 C2")

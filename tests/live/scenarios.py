@@ -5,8 +5,11 @@ Each function gets the Machine, a folder for its files and its arguments; it ret
 into result.json and raises Failure or AssertionError where the machine did not do as it must.
 """
 
+import math
+import os
 import re
 import statistics
+import subprocess
 import time
 
 import linuxcnc
@@ -420,6 +423,70 @@ def escape(machine: Machine, out, joint, distance, speed):
     assert not machine.is_on() or not machine.is_world(), "the machine is on and in world mode"
     return {"fault": fault, "on": machine.is_on(), "joints": before,
             "reason": reason_of(machine, fault)}
+
+
+def jogs(machine: Machine, out, letter, speed, limits, slowest):
+    """Jogs to where a joint would leave its range, and back. `limits` of every joint are largest speed and
+    range; `slowest` is the share of the axis' speed below which the jog has to be slowed on the way."""
+    done = subprocess.run(["haltcl", "-i", os.environ["INI_FILE_NAME"],
+                           "/usr/share/linuxcnc/hallib/pkmkins_jog.tcl"], capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    wired = halcmd("-s", "show", "pin", f"ini.{letter}.max_velocity")
+    assert "jog-velocity" in wired, f"the axis is not told: {wired}, {done.stdout}"
+    axis = AXES.index(letter)
+    columns = [(f"j{n}", f"joint.{n}.pos-cmd", "float") for n in machine.layout.joints]
+    columns += [("axis", f"axis.{letter}.pos-cmd", "float"), ("scale", "pkmkins.jog-scale", "float")]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    machine.start()
+    begin = machine.get(f"axis.{letter}.pos-cmd")
+    recorder.start()
+    machine.command.jog(linuxcnc.JOG_CONTINUOUS, False, axis, speed)
+    try:
+        machine.wait(lambda: any("jog-stop" in text for text in machine.error_texts()), 30, "the end of the jog")
+        machine.pause(0.5)
+    except Failure:
+        recorder.stop()
+        recorder.write(out / "jog.csv", len(columns))
+        raise
+    there = machine.get(f"axis.{letter}.pos-cmd")
+    told = machine.told("pkmkins: ")
+    assert machine.is_on() and machine.is_world(), "the machine is off, or not in world mode"
+    assert machine.get(f"ini.{letter}.max_velocity") == abs(speed), "the axis' speed was not given back"
+    machine.command.jog(linuxcnc.JOG_CONTINUOUS, False, axis, -speed)
+    machine.wait(lambda: (machine.get(f"axis.{letter}.pos-cmd") - begin) * speed <= 0, 30, "the way back")
+    assert not machine.get("pkmkins.jog-stop"), "the way back is stopped"
+    machine.command.jog(linuxcnc.JOG_STOP, False, axis)
+    machine.pause(0.5)
+    recorder.stop()
+    fastest, least = 0.0, math.inf
+    for n, (most, low, high) in zip(machine.layout.joints, limits):
+        places = recorder.column(f"j{n}")
+        fastest = max(fastest, max(abs(b - a) for a, b in zip(places, places[1:])) * 1000 / most)
+        least = min(least, min(places) - low, high - max(places))
+    assert least >= 0, f"a joint went {-least} beyond its range"
+    scales = recorder.column("scale")
+    assert min(scales) < slowest, f"the jog was slowed to {min(scales)} only"
+    way = recorder.column("axis")
+    back = max(abs(b - a) for a, b in zip(way, way[1:])) * 1000
+    return {"joints_to": fastest, "room": least, "slowest": min(scales), "there": there, "fastest": back,
+            "told": told}
+
+
+def correction(machine: Machine, out, path, lines, seconds, asked):
+    """Asks for corrections of the joints as a program begins, and records every cycle until its end."""
+    columns = [*((letter, f"axis.{letter}.pos-cmd", "float") for letter in AXES),
+               *((f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints),
+               *((f"e{n}", f"pkmkins.joint-correction-eff.{n}", "float") for n in machine.layout.joints)]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    machine.start()
+    recorder.start()
+    for n, value in enumerate(asked):
+        machine.set(f"pkmkins.joint-correction.{n}", value)
+    machine.run_program(path, Progress(out / "progress", lines), seconds)
+    recorder.stop()
+    recorder.write(out / "corrected.csv", len(columns))
+    expect_quiet(machine)
+    return {"cycles": recorder.samples(), "overruns": recorder.overruns()}
 
 
 def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, after):

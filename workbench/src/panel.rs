@@ -249,6 +249,16 @@ impl Sheet {
             colours: [BEYOND, NEAR, WELL],
             format: ".2f",
         });
+        self.row();
+        self.label("jog speed allowed");
+        self.bar(&Bar {
+            widget: "jog-scale".into(),
+            pin: "pkmkins.jog-scale".into(),
+            range: [0.0, 1.0],
+            steps: [0.25, 0.99],
+            colours: [BEYOND, NEAR, WELL],
+            format: ".2f",
+        });
         self.close("table");
         self.table("");
         self.row();

@@ -60,6 +60,7 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/share/linuxcnc/hallib/pkmkins_mesa_servo.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_parport.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_ethercat.tcl",
+        "usr/share/linuxcnc/hallib/pkmkins_jog.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_vfd_analog.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_vfd_modbus.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_coolant.tcl",

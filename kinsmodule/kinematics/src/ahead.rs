@@ -67,6 +67,9 @@ pub struct Planner {
     pub requested: f64,
     /// Seconds until an answer acts on the motion.
     pub latency: f64,
+    /// Of a motion that is led by hand: how many seconds sooner what needs braking is looked for. It
+    /// has to end before a limit of the pose; beyond one it may go where that gets better.
+    pub notice: Option<f64>,
 }
 
 /// The present motion, from poses one period apart.
@@ -207,8 +210,10 @@ fn norm_of_angles(rate: &[f64; 6]) -> f64 {
 struct View {
     /// Largest speed at which no joint is too fast, and the joint.
     joints: (f64, Option<Fault>),
-    /// The first limit of the pose that is not kept.
-    refused: Option<Fault>,
+    /// The first limit of the pose that is not kept, and how far it is beyond that.
+    refused: Option<(Fault, f64)>,
+    /// Whether that limit was kept, or broken by less, where the machine was when this was seen.
+    gets_worse: bool,
     /// Whether the legs reach the place.
     is_reached: bool,
 }
@@ -322,7 +327,8 @@ impl At<'_> {
         if !(braking > 0.0 && braking.is_finite() && planner.latency >= 0.0) {
             return Outlook { allowed: 0.0, gathered, because: None, soon: None };
         }
-        let horizon = planner.latency + FARTHER / (2.0 * braking);
+        let sooner = planner.notice.unwrap_or(0.0);
+        let horizon = planner.latency + sooner + FARTHER / (2.0 * braking);
         sight.turn_to(motion, self.radius());
         let nothing = Outlook { allowed: f64::INFINITY, gathered, because: None, soon: None };
         let look = Look { tool, limits, motion, horizon, at: self };
@@ -333,14 +339,16 @@ impl At<'_> {
     #[inline(never)]
     pub fn here(&mut self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
         match self.move_to(pose, tool) {
-            Ok(()) => refused(self, limits),
+            Ok(()) => refused(self, limits).map(|(fault, _)| fault),
             Err(fault) => Some(fault),
         }
     }
 }
 
-fn refused(at: &At<'_>, limits: &Limits) -> Option<Fault> {
-    at.first_broken(limits)?.fault(at.layout())
+/// The first limit that is not kept, and how far the machine is beyond it, in its unit.
+fn refused(at: &At<'_>, limits: &Limits) -> Option<(Fault, f64)> {
+    let margin = at.first_broken(limits)?;
+    Some((margin.fault(at.layout())?, -margin.room()))
 }
 
 impl Look<'_, '_> {
@@ -359,7 +367,7 @@ impl Look<'_, '_> {
             left -= 1;
             let rows = self.rows_of(&here);
             let now = rows.map_or(0.0, |_| self.at.smallest_singular_value());
-            let there = self.view(1.0);
+            let there = self.view(1.0).after(&here);
             sight.there = Some(there);
             sight.singular_value = self.singular_value((rows, now), &there);
         }
@@ -368,17 +376,25 @@ impl Look<'_, '_> {
             if let Some(view @ None) = sight.between.get_mut(k)
                 && left > 0
             {
-                *view = Some(self.view(share(k + 1)));
+                *view = Some(self.view(share(k + 1)).after(&here));
                 left -= 1;
             }
         }
         let singular_value = SingularValue { requested: planner.requested, ..sight.singular_value };
         let ends = [Some(here), sight.there];
         let views = ends[..1].iter().chain(&sight.between).chain(&ends[1..]);
+        let mut kept_until = 0.0;
         for (k, view) in views.enumerate() {
             let Some(view) = view else { continue };
-            let time = self.horizon * share(k);
-            let (allowed, because) = view.speed(&singular_value, share(k));
+            let mut time = self.horizon * share(k);
+            let (mut allowed, mut because) = view.speed(&singular_value, share(k));
+            if planner.notice.is_some() && view.gets_worse {
+                // The limit is somewhere since the last place where it is kept.
+                let fault = view.refused.map(|(fault, _)| fault);
+                (time, allowed, because) = (kept_until, 0.0, fault);
+            } else {
+                kept_until = time;
+            }
             let now = speed_before(allowed, braking, time - planner.latency);
             if !(now >= outlook.allowed) {
                 outlook.allowed = now;
@@ -389,7 +405,8 @@ impl Look<'_, '_> {
                 outlook.because = because.map(|fault| (fault, until));
             }
             if outlook.soon.is_none() {
-                outlook.soon = view.refused.or(because.filter(|_| allowed < 1.0));
+                let refused = view.refused.map(|(fault, _)| fault);
+                outlook.soon = refused.or(because.filter(|_| allowed < 1.0));
             }
         }
         outlook
@@ -403,11 +420,15 @@ impl Look<'_, '_> {
             Ok(rates) => View {
                 joints: joint_speed(&rates, self.limits, self.at.layout()),
                 refused: refused(self.at, self.limits),
+                gets_worse: false,
                 is_reached: true,
             },
-            Err(fault) => {
-                View { joints: (0.0, Some(fault)), refused: Some(fault), is_reached: false }
-            }
+            Err(fault) => View {
+                joints: (0.0, Some(fault)),
+                refused: Some((fault, f64::INFINITY)),
+                gets_worse: false,
+                is_reached: false,
+            },
         }
     }
 
@@ -446,6 +467,16 @@ fn share(k: usize) -> f64 {
 }
 
 impl View {
+    /// The same, compared with what is seen where the machine is.
+    fn after(mut self, here: &Self) -> Self {
+        self.gets_worse = self.refused.is_some_and(|(fault, beyond)| {
+            !here.refused.is_some_and(|(same, less)| {
+                (same.cause, same.part) == (fault.cause, fault.part) && !(beyond > less)
+            })
+        });
+        self
+    }
+
     /// Largest speed here and what limits it.
     fn speed(&self, singular_value: &SingularValue, share: f64) -> (f64, Option<Fault>) {
         match singular_value.speed(share) {
@@ -545,7 +576,8 @@ mod tests {
         Motion::of(&machine(), poses.each_ref(), PERIOD, linear)
     }
 
-    const PLANNER: Planner = Planner { linear: 50.0, angular: 400.0, requested: 2.0, latency: 0.0 };
+    const PLANNER: Planner =
+        Planner { linear: 50.0, angular: 400.0, requested: 2.0, latency: 0.0, notice: None };
 
     fn straight(rate: [f64; 6]) -> Motion {
         let pose = [20.0, 10.0, 100.0, 0.0, 0.0, 0.0];
@@ -641,7 +673,7 @@ mod tests {
     #[test]
     fn what_was_seen_is_forgotten_where_the_direction_changes_by_a_fiftieth_angles_by_the_radius() {
         let along = [10.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let view = View { joints: (3.0, None), refused: None, is_reached: true };
+        let view = View { joints: (3.0, None), refused: None, gets_worse: false, is_reached: true };
         let kept = |turn: f64, faster: f64| {
             let mut sight = Sight { there: Some(view), rate: along, ..Sight::NONE };
             let rate = [10.0, 0.0, 0.0, turn, 0.0, 0.0].map(|rate| rate * faster);
@@ -679,7 +711,7 @@ mod tests {
             let rates = core::array::from_fn(|i| [0.0, -4.0, 2.0, 0.0][i.min(3)]);
             let limits = Limits { speed: [speed; MAX_JOINTS], ..Limits::NONE };
             let joints = joint_speed(&rates, &limits, &layout);
-            View { joints, refused: None, is_reached: true }
+            View { joints, refused: None, gets_worse: false, is_reached: true }
         };
         // The second joint allows 0.98 · 8/4, the singular value 4 · (0.1875/0.125 − 1) at its end.
         let (speed, why) = view(8.0).speed(&singular_value, 1.0);

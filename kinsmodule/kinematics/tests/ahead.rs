@@ -47,6 +47,7 @@ impl<'a> Drive<'a> {
                 angular: uniform(rng, 50.0, 500.0),
                 requested: uniform(rng, 0.5, 2.0),
                 latency: 0.0,
+                notice: None,
             },
         }
     }
@@ -243,7 +244,7 @@ fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
         drive.rate = [0.0, 0.0, 0.0, 0.0, 0.0, rate];
         drive.limits.speed = [1e99; MAX_JOINTS];
         // So quick to brake that the place itself decides.
-        drive.planner = Planner { linear: 1e9, angular: 1e9, requested: 1.0, latency: 0.0 };
+        drive.planner = Planner { linear: 1e9, angular: 1e9, requested: 1.0, ..drive.planner };
         drive
     };
     let hold = case

@@ -173,6 +173,7 @@ impl Cycle<'_> {
             angular: asked.angular_acceleration.get(),
             requested: 1.0,
             latency,
+            notice: None,
         };
         // Both brake as the path does: as slowly as the one that has to brake most.
         let braking = self.motions.iter().flatten().map(|motion| motion.braking(&planner));

@@ -4,6 +4,7 @@
 //!
 //! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
 
+use crate::jog::{Jog, Led, NOTICE};
 use crate::pins::{GuardInputs, GuardPins, Pins, Place};
 use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3, World};
 use libm::sqrt;
@@ -43,20 +44,18 @@ pub struct Programmed {
     pub speed: f64,
     /// The largest rates of what has lengths and of angles, per second.
     pub rates: [f64; 2],
+    /// Rates of LinuxCNC's axes, per second.
+    pub axes: World,
 }
 
 impl Programmed {
     /// Of two poses a period apart.
     pub fn between(before: &World, now: &World, period: f64) -> Self {
-        let rate = |k: usize| match (now.get(k), before.get(k)) {
-            (Some(now), Some(before)) => (now - before) / period,
-            _ => 0.0,
-        };
-        let norm = |first: usize| {
-            let [a, b, c] = [rate(first), rate(first + 1), rate(first + 2)];
-            sqrt(a * a + b * b + c * c)
-        };
-        let [tip, turns, slides] = [norm(0), norm(3), norm(6)];
+        let mut axes = *now;
+        axes.iter_mut().zip(before).for_each(|(now, before)| *now = (*now - before) / period);
+        let [x, y, z, a, b, c, u, v, w] = axes;
+        let norm = |[a, b, c]: [f64; 3]| sqrt(a * a + b * b + c * c);
+        let [tip, turns, slides] = [norm([x, y, z]), norm([a, b, c]), norm([u, v, w])];
         let speed = if tip > 0.0 {
             tip
         } else if slides > 0.0 {
@@ -64,7 +63,7 @@ impl Programmed {
         } else {
             turns
         };
-        Self { speed, rates: [tip.max(slides), turns] }
+        Self { speed, rates: [tip.max(slides), turns], axes }
     }
 
     /// Share of the speed per second that LinuxCNC brakes by at least.
@@ -93,6 +92,7 @@ pub struct Guard {
     scale: f64,
     /// Why the feed is inhibited, until no move is left to be made.
     inhibited: Option<Fault>,
+    jog: Jog,
     inverse_time: i64,
     forward_time: i64,
     /// Which part of the shown values was shown last.
@@ -107,6 +107,7 @@ impl Guard {
             speed_before: 0.0,
             scale: 1.0,
             inhibited: None,
+            jog: Jog::new(),
             inverse_time: 0,
             forward_time: 0,
             part: 0,
@@ -128,10 +129,11 @@ impl Guard {
         self.forget();
         self.inhibited = None;
         pins.guard.shown.limit(None);
+        self.jog.rest(&pins.jog);
         self.set_scale(&pins.guard, 1.0, period);
     }
 
-    /// One cycle. Returns why the feed is inhibited from this cycle on.
+    /// One cycle. Returns why the feed is inhibited, or a jog is stopped, from this cycle on.
     // A frame of its own: a cycle that freezes a geometry needs none of it.
     #[inline(never)]
     pub fn run(&mut self, cycle: &Cycle<'_>) -> Option<Fault> {
@@ -144,13 +146,19 @@ impl Guard {
         // The mean speed of this cycle is that of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
-        let (soon, view) = self.looked((cycle, at), commanded, mean);
+        let was_inhibited = self.inhibited.is_some();
+        let (soon, stopped) = if cycle.pins.jog.is_jogging() && commanded.is_some() {
+            self.led(cycle, at)
+        } else {
+            self.jog.rest(&cycle.pins.jog);
+            let (soon, view) = self.looked((cycle, at), commanded, mean);
+            self.allow(cycle, view);
+            (soon, None)
+        };
         self.before = [self.before[1], commanded];
         self.speed_before = speed;
-        let was_inhibited = self.inhibited.is_some();
-        self.allow(cycle, view);
         pins.shown.limit(self.inhibited.or(soon).map(|fault| cycle.place.counted(&fault)));
-        self.inhibited.filter(|_| !was_inhibited)
+        stopped.or(self.inhibited.filter(|_| !was_inhibited))
     }
 
     /// What people read about the pose that forward found: of four parts one a cycle, in turn.
@@ -190,6 +198,7 @@ impl Guard {
             angular: asked.angular_acceleration.get(),
             requested: requested(asked) / speed,
             latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
+            notice: None,
         };
         let planner = match &cycle.programmed {
             Some(programmed) => motion.braked(programmed.braking(asked), &planner),
@@ -197,6 +206,59 @@ impl Guard {
         };
         let view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         (view.soon, Some((view, speed)))
+    }
+
+    /// A cycle of a jog in world mode: what is, or lies ahead, beyond a limit; and why it is stopped.
+    // Most cycles never come here.
+    #[inline(never)]
+    fn led(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) -> (Option<Fault>, Option<Fault>) {
+        let guard = &cycle.pins.guard;
+        let limits = guard.limits(cycle.pins, cycle.machine.layout());
+        let (Some(motion), Some(now)) = (self.motion(cycle, cycle.commanded), cycle.commanded)
+        else {
+            self.sight = Sight::NONE;
+            self.jog.rest(&cycle.pins.jog);
+            let here = cycle.commanded.and_then(|pose| at.here(cycle.tool, &limits, &pose));
+            return (here, None);
+        };
+        let rates = self.rates(cycle, &now);
+        let planner = Planner {
+            linear: guard.asked.linear_acceleration.get(),
+            angular: guard.asked.angular_acceleration.get(),
+            requested: multiple(&rates, &cycle.pins.jog.fastest()),
+            latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
+            notice: Some(NOTICE),
+        };
+        let planner = match &cycle.programmed {
+            Some(programmed) => motion.braked(programmed.braking(&guard.asked), &planner),
+            None => planner,
+        };
+        // What lies so far ahead that the axes can be told in time.
+        let (latency, braking) = (planner.latency, motion.braking(&planner));
+        let outlook = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
+        let led = Led {
+            outlook: &outlook,
+            braking,
+            latency,
+            rates: &rates,
+            period: cycle.period,
+            floor: guard.floor(),
+        };
+        (outlook.soon, self.jog.follow(&led, &cycle.pins.jog))
+    }
+
+    /// Rates of LinuxCNC's axes, per second.
+    fn rates(&self, cycle: &Cycle<'_>, now: &Pose) -> World {
+        if let Some(programmed) = &cycle.programmed {
+            return programmed.axes;
+        }
+        let mut rates = [0.0; 9];
+        if let Some(before) = self.before[1] {
+            let poses = now.to_degrees().into_iter().zip(before.to_degrees());
+            let values = poses.map(|(now, before)| (now - before) / cycle.period);
+            rates.iter_mut().zip(values).for_each(|(rate, value)| *rate = value);
+        }
+        rates
     }
 
     fn motion(&self, cycle: &Cycle<'_>, commanded: Option<Pose>) -> Option<Motion> {
@@ -241,6 +303,11 @@ impl Guard {
         self.inhibited.is_some()
     }
 
+    /// Whether jogs have to end.
+    pub fn stops_jogs(&self) -> bool {
+        self.jog.is_stopped()
+    }
+
     /// Forgets the motion, as for a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
@@ -251,6 +318,12 @@ impl Guard {
 /// Speed that the program may ask for at most: the feed override comes on top of it.
 fn requested(asked: &GuardInputs) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
+}
+
+/// How many times as fast the axes may be, each for itself.
+fn multiple(rates: &World, fastest: &World) -> f64 {
+    let each = rates.iter().zip(fastest).filter(|(rate, _)| **rate != 0.0);
+    each.map(|(rate, fastest)| fastest / rate.abs()).fold(f64::INFINITY, f64::min)
 }
 
 fn shown_time(nanoseconds: i64) -> i32 {

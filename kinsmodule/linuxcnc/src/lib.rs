@@ -22,6 +22,7 @@ mod calls;
 mod crossing;
 mod guard;
 mod hal;
+mod jog;
 mod load;
 mod module;
 mod pair;

@@ -152,6 +152,7 @@ impl Pair<'_> {
         let (first, second) = (self.first.pins, self.second.pins);
         let inhibits = [self.first.inhibits_feed(), self.second.inhibits_feed()];
         first.feed_inhibit.set(inhibits[0] || inhibits[1] || self.between.inhibits_feed());
+        first.jog.stop.set(self.first.stops_jogs() || self.second.stops_jogs());
         first.tool_busy.set(first.tool_busy.get() || second.tool_busy.get());
         first.geometry_changed.set(first.geometry_changed.get() || second.geometry_changed.get());
         let (shown, of_second) = (&first.guard.shown, &second.guard.shown);

@@ -74,9 +74,11 @@ impl Module {
             // A limit that has become smaller holds for what is in effect, too.
             let wanted = if is_within { asked } else { own.max(-limit).min(limit) };
             let step = pins.step(seconds);
+            // What this cycle's joint values have: the next ones get the new one.
+            let shown = *own;
+            pins.shown.set(shown);
             *own += (wanted - *own).max(-step).min(step);
-            *is_on |= *own != 0.0;
-            pins.shown.set(*own);
+            *is_on |= *own != 0.0 || shown != 0.0;
         }
         if let Some((i, asked)) = refused {
             let cause = Cause::CorrectionBeyond;

@@ -49,6 +49,11 @@ impl Module {
         self.tool.is_busy() || self.guard.inhibits_feed()
     }
 
+    /// Whether jogs have to end.
+    pub fn stops_jogs(&self) -> bool {
+        self.guard.stops_jogs()
+    }
+
     #[inline(never)]
     pub(super) fn show_assembly(&self) {
         let sign = self.seeds.last().and_then(|pose| {

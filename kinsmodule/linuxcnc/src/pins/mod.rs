@@ -7,11 +7,13 @@
 mod chain;
 mod correction;
 mod guard;
+mod jog;
 mod leg;
 mod maker;
 mod workspace_box;
 
 pub use guard::{FAR, GuardInputs, GuardPins};
+pub use jog::JogPins;
 pub use maker::{Maker, Place};
 
 use crate::hal::{Component, Direction, HalError, Pin};
@@ -77,6 +79,7 @@ pub struct Pins {
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
     chain: ChainPins,
+    pub jog: JogPins,
     pub guard: GuardPins,
 }
 
@@ -157,6 +160,7 @@ impl Pins {
         self.create_outputs(&make)?;
         if !place.is_second {
             self.create_common(&make)?;
+            self.jog.create(&make, load)?;
         }
         self.guard.create(&make, &load.layout)
     }
@@ -185,6 +189,7 @@ impl Pins {
         // The pose has one set of names here.
         self.skgui.iter().zip(&self.pose).for_each(|(gui, own)| gui.share(own));
         self.guard.asked.share(&first.guard.asked);
+        self.jog.share(&first.jog);
     }
 
     fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {

@@ -16,6 +16,7 @@ mod guard;
 mod held;
 mod host_library;
 mod jacobian;
+mod jog;
 mod loading;
 mod pair;
 mod peers;

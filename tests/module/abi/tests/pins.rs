@@ -61,7 +61,13 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("requested-vel", Float, In, 0.0),
     ("current-vel", Float, In, 0.0),
     ("distance-to-go", Float, In, 1e99),
+    ("jogging", Bit, In, 0.0),
+    ("jog-stop", Bit, Out, 0.0),
+    ("jog-scale", Float, Out, 1.0),
 ];
+
+/// Pins of every axis of LinuxCNC that the machine moves.
+const JOGGED: &[(&str, PinDir)] = &[("axis-max-velocity", In), ("jog-velocity", Out)];
 
 /// Pins of every leg for the guard over the motion, and of every joint.
 const WATCHED_LEG: &[(&str, PinDir)] =
@@ -118,7 +124,7 @@ const LIMITS: &[(&str, f64)] = &[
 ];
 
 /// Name, type and direction of every pin of a machine with these legs.
-fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
+fn expected(legs: &[OfKind], joints: usize, moved: &str) -> BTreeMap<String, Kind> {
     let mut pins: BTreeMap<String, Kind> = SINGLE
         .iter()
         .map(|(name, kind, dir, _)| (format!("pkmkins.{name}"), (*kind, *dir)))
@@ -165,6 +171,11 @@ fn expected(legs: &[OfKind], joints: usize) -> BTreeMap<String, Kind> {
         add(format!("pkmkins.{axis}"), Float, Out);
         add(format!("skgui.{axis}"), Float, Out);
     }
+    for letter in moved.to_lowercase().chars() {
+        for (name, dir) in JOGGED {
+            add(format!("pkmkins.{name}.{letter}"), Float, *dir);
+        }
+    }
     for kind in 0..3 {
         add(format!("kinstype.is-{kind}"), Bit, Out);
     }
@@ -192,7 +203,7 @@ fn assert_exactly(expected: &BTreeMap<String, Kind>, module: &Module, what: &str
 
 #[test]
 fn the_pins_of_a_hexapod_are_exactly_those_of_the_manual() {
-    assert_exactly(&expected(&[STRUT; 6], 6), &Module::pkmkins(&[]), "hexapod");
+    assert_exactly(&expected(&[STRUT; 6], 6, "XYZABC"), &Module::pkmkins(&[]), "hexapod");
 }
 
 #[test]
@@ -207,7 +218,11 @@ fn every_leg_has_the_pins_of_its_kind_and_every_joint_its_limits() {
         ("strut:1,slider:5,crank:1,ring:1", "ABC", "XYZ", &ALL_KINDS, 11),
     ] {
         let parameters = [("legs", legs), ("coordinates", coordinates), ("table", table)];
-        assert_exactly(&expected(kinds, joints), &Module::pkmkins(&parameters), legs);
+        assert_exactly(
+            &expected(kinds, joints, &format!("{coordinates}{table}")),
+            &Module::pkmkins(&parameters),
+            legs,
+        );
     }
 }
 

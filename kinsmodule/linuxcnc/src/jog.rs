@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Jogs in world mode: LinuxCNC moves each axis for itself there, and the feed scale does not act.
+//!
+//! What acts is the largest speed of an axis, which LinuxCNC's task takes from a pin, outside of real
+//! time, and the stop of all jogs, which the motion controller takes in its next cycle. The first slows
+//! a jog in good time; the second ends one that was not slowed.
+
+use crate::pins::{FAR, JogPins};
+use kinematics::{Cause, Fault, Outlook, World};
+
+/// Seconds until a speed limit of an axis acts: some cycles of LinuxCNC's task, on a busy computer.
+pub const NOTICE: f64 = 0.05;
+
+/// A speed limit that has to be lower becomes lower by so much more: each takes the task a cycle.
+const STEP: f64 = 0.95;
+
+/// A motion led by hand.
+pub struct Led<'a> {
+    pub outlook: &'a Outlook,
+    /// What it brakes with: the speed, as a multiple of the present one, falls by so much a second.
+    pub braking: f64,
+    /// Seconds that [`Outlook`] allows for an answer.
+    pub latency: f64,
+    /// Rates of LinuxCNC's axes, per second.
+    pub rates: &'a World,
+    pub period: f64,
+    /// Smallest share of its largest speed that an axis is slowed to.
+    pub floor: f64,
+}
+
+/// What is remembered of a jog.
+pub struct Jog {
+    /// Of the largest speed of each axis.
+    shares: World,
+    /// Seconds for which it has been faster than is allowed.
+    overdue: f64,
+    is_stopped: bool,
+}
+
+impl Jog {
+    pub const fn new() -> Self {
+        Self { shares: [1.0; 9], overdue: 0.0, is_stopped: false }
+    }
+
+    /// One cycle in which nothing is jogged, or what is jogged stands.
+    pub fn rest(&mut self, pins: &JogPins) {
+        self.overdue = 0.0;
+        if !pins.is_jogging() {
+            *self = Self::new();
+        }
+        self.show(pins);
+    }
+
+    /// One cycle of a jog. Returns why it is stopped from this cycle on.
+    pub fn follow(&mut self, led: &Led<'_>, pins: &JogPins) -> Option<Fault> {
+        let fastest = pins.fastest();
+        let allowed = led.in_time();
+        for ((share, rate), fastest) in self.shares.iter_mut().zip(led.rates).zip(fastest) {
+            let wanted = allowed * rate.abs() / fastest;
+            // Without a largest speed there is no share of it, and what is no number is none either.
+            if *rate != 0.0 && !(fastest >= FAR) && !(wanted >= *share) {
+                *share = (STEP * wanted).max(led.floor);
+            }
+        }
+        let why = self.stop(led);
+        self.show(pins);
+        why
+    }
+
+    /// Whether this is too fast to be braked for later: at once where a limit of the pose comes, and
+    /// a while after the axes were told where joints are too fast.
+    fn stop(&mut self, led: &Led<'_>) -> Option<Fault> {
+        let (fault, _) = led.outlook.because?;
+        self.overdue = if led.outlook.allowed < 1.0 { self.overdue + led.period } else { 0.0 };
+        let patience = if fault.cause == Cause::JointTooFast { 2.0 * NOTICE } else { 0.0 };
+        if self.is_stopped || !(self.overdue > patience) {
+            return None;
+        }
+        self.is_stopped = true;
+        Some(fault)
+    }
+
+    fn show(&self, pins: &JogPins) {
+        pins.show(&self.shares, self.is_stopped);
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+}
+
+impl Led<'_> {
+    /// Largest speed at which the answer may come by [`NOTICE`] later, as a multiple of the present
+    /// one: the way until then is missing to brake.
+    fn in_time(&self) -> f64 {
+        let Some((_, until)) = self.outlook.because else { return self.outlook.allowed };
+        let missing = (until - self.latency).clamp(0.0, NOTICE);
+        let square = self.outlook.allowed * self.outlook.allowed - 2.0 * self.braking * missing;
+        libm::sqrt(square.max(0.0))
+    }
+}
