@@ -11,6 +11,9 @@ use kinematics::{Cause, Fault, Outlook, World};
 /// Seconds until a speed limit of an axis acts: some cycles of LinuxCNC's task, on a busy computer.
 pub const NOTICE: f64 = 0.05;
 
+/// Cycles in which the pins are shown anew where nothing is jogged.
+const SHOWN_IN: u32 = 4;
+
 /// A speed limit that has to be lower becomes lower by so much more: each takes the task a cycle.
 const STEP: f64 = 0.95;
 
@@ -28,24 +31,36 @@ pub struct Led<'a> {
     pub floor: f64,
 }
 
-/// What is remembered of a jog.
+/// What is remembered of a jog, until it has ended for some cycles.
 pub struct Jog {
     /// Of the largest speed of each axis.
     shares: World,
     /// Seconds for which it has been faster than is allowed.
     overdue: f64,
     is_stopped: bool,
+    /// Cycles at rest since its pins were shown.
+    unshown: u32,
 }
 
 impl Jog {
     pub const fn new() -> Self {
-        Self { shares: [1.0; 9], overdue: 0.0, is_stopped: false }
+        Self { shares: [1.0; 9], overdue: 0.0, is_stopped: false, unshown: 0 }
     }
 
     /// One cycle in which nothing is jogged, or what is jogged stands.
+    #[inline(always)]
     pub fn rest(&mut self, pins: &JogPins) {
-        self.overdue = 0.0;
-        if !pins.is_jogging() {
+        self.unshown += 1;
+        if self.unshown >= SHOWN_IN || self.is_stopped || pins.is_jogging() {
+            self.rested(pins);
+        }
+    }
+
+    #[inline(never)]
+    fn rested(&mut self, pins: &JogPins) {
+        if pins.is_jogging() {
+            self.overdue = 0.0;
+        } else {
             *self = Self::new();
         }
         self.show(pins);
@@ -80,7 +95,8 @@ impl Jog {
         Some(fault)
     }
 
-    fn show(&self, pins: &JogPins) {
+    fn show(&mut self, pins: &JogPins) {
+        self.unshown = 0;
         pins.show(&self.shares, self.is_stopped);
     }
 
