@@ -184,3 +184,21 @@ fn tools_point_as_the_file_says_and_hands_are_those_that_check_tells() {
     let svg = drawn(&bench, Path::new("mixed.ini"));
     assert!(svg.contains("\n3 L\n") && svg.contains("\nleft-hand screw\n"), "{svg}");
 }
+
+#[test]
+fn what_describes_no_machine_is_refused_and_nothing_is_written() {
+    let bench = Bench::new().spoilt("ROD = 269", "ROD = -269");
+    let files = bench.files();
+    for (words, told) in [
+        ("linear-delta.ini -o frames.svg", "ROD"),
+        ("none.ini -o frames.svg", "cannot be read"),
+        ("--mechanism 2 linear-delta.ini -o frames.svg", "ROD"),
+        ("linear-delta.ini linear-delta.ini", "unexpected argument"),
+    ] {
+        let answer = bench.answer(&format!("frames {words}"), "");
+        assert!(answer.ends_with("exit 2\n") && answer.contains(told), "{words}: {answer}");
+    }
+    assert_eq!(bench.files(), files, "nothing is left behind");
+    let answer = Bench::new().answer("frames linear-delta.ini -o none/frames.svg", "");
+    assert!(answer.ends_with("exit 2\n") && answer.contains("none/frames.svg"), "{answer}");
+}
