@@ -17,6 +17,7 @@ use plotters::style::text_anchor::{HPos, VPos};
 const AXIS: f64 = 0.16;
 const OWN_AXIS: f64 = 0.1;
 const JOINT: f64 = 0.12;
+const TOOL_LENGTH: f64 = 0.17;
 
 /// Share of the picture around what is drawn, for numbers.
 const ROOM: f64 = 0.13;
@@ -35,7 +36,7 @@ const LYING: f64 = 1.5;
 /// Pixels within which two joints are one place.
 const SAME: i32 = 10;
 
-/// Width of the tool, below the axes that it may cover.
+/// Width of the tool's arrow, below the axes that it may cover.
 const TOOL: u32 = 9;
 
 /// Pixels of joints.
@@ -170,12 +171,10 @@ impl Drawing {
         let lower: Vec<_> = legs.iter().map(|leg| leg.base).collect();
         let upper: Vec<_> = legs.iter().map(|leg| leg.platform).collect();
         // Carriages and arms move: nothing joins them.
-        let base = is_fixed(config).then_some((&lower, BLUE));
-        for (ends, colour) in base.into_iter().chain([(&upper, VERMILLION)]) {
-            let style = colour.mix(0.45).stroke_width(1);
-            let ring = outline(ends).unwrap_or_default();
-            drawing.lines.extend(ring.windows(2).map(|line| ([line[0], line[1]], style)));
+        if is_fixed(config) {
+            drawing.ring(&lower, BLUE);
         }
+        drawing.ring(&upper, VERMILLION);
         for (leg, (from, to)) in lower.iter().zip(&upper).enumerate() {
             drawing.lines.push(([*from, *to], LEG.stroke_width(3)));
             drawing.guide(config, leg, from);
@@ -185,30 +184,31 @@ impl Drawing {
         for (leg, (from, to)) in lower.iter().zip(&upper).enumerate() {
             drawing.joint_arrow(config, leg, [from, to], JOINT * size);
         }
-        if let Some(direction) = tool_direction(config) {
-            let to = origin
-                + Vector3::z()
-                    * (if direction == ToolDirection::Up { JOINT } else { -JOINT })
-                    * 1.4
-                    * size;
-            drawing.arrows.push(Arrow {
-                from: origin,
-                to,
-                colour: PURPLE,
-                width: TOOL,
-                name: "tool",
-            });
-        }
+        drawing.tool(config, origin, TOOL_LENGTH * size);
         drawing.axes(Vector3::zeros(), AXIS * size, BLUE, NAMES);
         drawing.axes(origin, OWN_AXIS * size, VERMILLION, ["x", "y", "z"]);
         for (leg, (from, to)) in lower.iter().zip(&upper).enumerate() {
-            let number = config.place.first_leg + leg;
-            let hand =
-                hands.get(leg).copied().flatten().map_or(String::new(), |hand| format!(" {hand}"));
-            drawing.joints.push(Joint { at: *from, colour: BLUE, name: format!("{number}{hand}") });
-            drawing.joints.push(Joint { at: *to, colour: VERMILLION, name: number.to_string() });
+            let number = (config.place.first_leg + leg).to_string();
+            let hand = hands.get(leg).copied().flatten().map(|hand| format!(" {hand}"));
+            let name = number.clone() + &hand.unwrap_or_default();
+            drawing.joints.push(Joint { at: *from, colour: BLUE, name });
+            drawing.joints.push(Joint { at: *to, colour: VERMILLION, name: number });
         }
         drawing
+    }
+
+    /// What joints of a body stand around.
+    fn ring(&mut self, joints: &[Vector3<f64>], colour: RGBColor) {
+        let style = colour.mix(0.45).stroke_width(1);
+        let ring = outline(joints).unwrap_or_default();
+        self.lines.extend(ring.windows(2).map(|line| ([line[0], line[1]], style)));
+    }
+
+    fn tool(&mut self, config: &MachineConfig, from: Vector3<f64>, length: f64) {
+        let Some(direction) = tool_direction(config) else { return };
+        let up = if direction == ToolDirection::Up { length } else { -length };
+        let to = from + Vector3::z() * up;
+        self.arrows.push(Arrow { from, to, colour: PURPLE, width: TOOL, name: "tool" });
     }
 
     /// The rail of a carriage, or an arm.
