@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -79,6 +79,7 @@ help:
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
+	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
 	@echo "make pictures   draws the pictures of the documentation again"
 	@echo "make clean      removes target/ and build/"
 
@@ -125,6 +126,12 @@ THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens
+
+# Writes the table of docs/getting-started.md.
+getting-started: install
+	$(HOST_BUILD) --bin pkm
+	tests/live/live_test.py --only getting_started --out build/getting-started
+	tests/live/getting_started.py build/getting-started
 
 test-live:
 	tests/live/live_test.py --judge target/host/judge

@@ -36,6 +36,18 @@ draw stability pose $hexapod configs/hexapod/cutting.toml -80 60 350 10 -20 0 --
 draw stability lag docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
 draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net
 
+# Frames and signs of every shipped machine, and of the one that docs/getting-started.md makes.
+for folder in configs/*/; do
+    machine=$(basename "$folder")
+    echo "pkm frames $machine"
+    "$pkm" frames "$folder$machine.ini" --output "docs/pictures/frames-$machine.svg" 2> "$drawn/answer" ||
+        { cat "$drawn/answer" >&2; exit 1; }
+done
+made=$(sed -e ':line' -e '/\\$/{N;s/\\\n *//;b line' -e '}' docs/getting-started.md | sed -n 's/^    pkm \(new hexapod .*\) my-hexapod$/\1/p')
+# shellcheck disable=SC2086  # words of commands have no spaces
+"$pkm" $made --out "$drawn/my-hexapod" > "$drawn/answer"
+"$pkm" frames "$drawn/my-hexapod/my-hexapod.ini" --output docs/pictures/frames-my-hexapod.svg
+
 # The pages of pkm view: every shipped machine in the middle of its first program. Needs a browser.
 for folder in configs/*/; do
     machine=$(basename "$folder")

@@ -25,6 +25,7 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import getting_started  # noqa: E402
 import run_live  # noqa: E402
 from browsers import Browser  # noqa: E402
 from session import Session  # noqa: E402
@@ -315,8 +316,13 @@ def geometry_is_refused_during_a_move(out):
 
 @test
 def feedback_that_jumps_stops_the_machine(out):
-    for jump in (5, 200):
+    for jump in (0, 5, 200):
         scenario(HEXAPOD, "feedback_jump", out, joint=1, jump=jump, after="G1 F3000 X0 Y10")
+
+
+@test
+def feedback_that_is_no_number_holds_the_feed(out):
+    return scenario(HEXAPOD, "feedback_without_a_number", out, joint=1, code=-20, after="G1 F3000 X0 Y10")["reason"]
 
 
 @test
@@ -593,17 +599,21 @@ for name, arguments in {
 PKM = REPOSITORY / "given/pkm"
 
 
-@test
-def machine_made_by_pkm_new_runs_its_first_program(out):
-    folder = out / "tool-up"
-    words = ("hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850"
-             " --lead 5 --hands RLRLRL --tool up --nose 40 --diameter 30 --feed 20000 --accel 4000 --turn 80")
-    done = subprocess.run([PKM, "new", *words.split(), "--out", folder], stdin=subprocess.DEVNULL,
-                          capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    result = check(run_live.run(folder, "first.ngc", out, 60))
+# -------------------------------------------------------------------- machines made by the documented commands
+
+PAGE = REPOSITORY / "given" / getting_started.PAGE.name
+
+
+def documented(name, out):
+    out.mkdir(parents=True, exist_ok=True)
+    lines = getting_started.commands(PAGE)[name]
+    result = check(getting_started.run(lines, PKM, out))
     assert result["moves"] > 0, "LinuxCNC's interpreter makes no motion of the program"
-    return f"{result['moves']} moves, {result['seconds']} s"
+    return f"{len(lines)} commands, {result['moves']} moves, {result['seconds']} s"
+
+
+for name in getting_started.commands(getting_started.PAGE if getting_started.PAGE.exists() else PAGE):
+    add_test(f"getting_started_{slug(name)}", partial(documented, name))
 
 
 def virtual_trace(trace):
@@ -794,8 +804,8 @@ def judge_one(judge, trace):
     """Whether the judge is content with a trace; prints its line, and its table if not."""
     folder = trace.parent
     config = json.loads((folder / "result.json").read_text())["config"]
-    made = folder / config / f"{config}.ini"
-    ini = made if made.exists() else REPOSITORY / "configs" / config / f"{config}.ini"
+    made = folder / config
+    ini = (made if made.is_dir() else REPOSITORY / "configs" / config) / f"{config}.ini"
     done = subprocess.run([judge, ini, trace, folder / "result.json", folder / "report"], text=True,
                           stdin=subprocess.DEVNULL, capture_output=True, timeout=120)
     passed = done.returncode == 0
@@ -811,7 +821,8 @@ def run_and_judge(options, out):
         stale.unlink()
     arguments = ["--only", options.only, *(["--long"] if options.long else [])]
     begin = time.monotonic()
-    code = rerun_unprivileged("tests/live/live_test.py", arguments, 1200, out, [TOOLS / "pkm"], LANES)
+    code = rerun_unprivileged("tests/live/live_test.py", arguments, 1200, out,
+                              [TOOLS / "pkm", getting_started.PAGE], LANES)
     names = chosen(options)
     failed = [name for name in names if not (out / name / PASSED).exists()]
     print(f"{len(names) - len(failed)} passed, {len(failed)} failed {' '.join(failed)}".rstrip()

@@ -653,6 +653,34 @@ def feedback_jump(machine: Machine, out, joint, jump, after):
     return {"moved": moved, "messages_seen": texts}
 
 
+def feedback_without_a_number(machine: Machine, out, joint, code, after):
+    """The encoder of one joint says NaN in a move: LinuxCNC sees no following error. The module says so and holds
+    the feed until the move is aborted, also when the encoder is right again; then all goes on."""
+    machine.start()
+    machine.command.mode(linuxcnc.MODE_MDI)
+    machine.command.wait_complete()
+    machine.command.mdi("G1 F1200 X30")
+    machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
+    pin = f"joint.{joint}.motor-pos-fb"
+    signal = f"J{joint}:motor-pos-fb"
+    halcmd("unlinkp", pin)
+    machine.set(pin, "nan")
+    reason = reason_of(machine, code)
+    assert machine.get("pkmkins.feed-inhibit"), "feed is not held"
+    machine.pause(0.5)
+    stood = machine.get("axis.x.pos-cmd")
+    assert machine.is_on() and not [text for text in machine.error_texts() if "following error" in text]
+    halcmd("net", signal, pin)
+    machine.wait(lambda: not machine.get("pkmkins.fwd-kins-fail"), 2, "forward kinematics")
+    machine.pause(0.5)
+    assert machine.get("axis.x.pos-cmd") == stood < 30, f"the move goes on by itself from {stood}"
+    machine.command.abort()
+    machine.wait(machine.is_idle, 5, "end of the block")
+    machine.wait(lambda: not machine.get("pkmkins.feed-inhibit"), 2, "feed")
+    goes_on(machine, after)
+    return {"reason": reason, "stood": stood}
+
+
 def new_geometry(machine: Machine, out):
     """With the machine off a good geometry is taken and a bad one refused; the old stays."""
     machine.start()

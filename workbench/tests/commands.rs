@@ -771,6 +771,7 @@ Commands:
   replay       Writes the joint values that a program asks for
   path         Programs along curves, and what they ask of the joints
   scene        The machine as one JSON object, for viewers
+  frames       A drawing of the machine with its frames and signs
   view         One page that shows the machine, and a program on it, in any browser
   panel        The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
   travel       How far the machine can go from a pose

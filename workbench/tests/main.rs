@@ -23,6 +23,7 @@ mod dynamics_motion;
 mod extra_axes;
 mod filter;
 mod fixes;
+mod frames;
 mod golden;
 mod homing;
 mod ini_cases;

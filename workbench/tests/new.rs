@@ -15,7 +15,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use snapbox::{assert_data_eq, str};
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -37,11 +37,7 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> MachineConfig {
     assert!(told.ends_with("exit 0\n"), "{words}: {told}");
     let ini = format!("{name}/{name}.ini");
     let config = MachineConfig::read(&file(bench, &ini)).unwrap();
-    let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
-    for (joint, wanted) in config.all_joints().zip(joints) {
-        // To all digits.
-        assert_eq!(joint.home.to_bits(), wanted.to_bits(), "{words}: {}", joint.name);
-    }
+    assert_homes(&config, words);
     let panel = Panel::new(&config, name);
     for (end, text) in [("xml", panel.widgets), ("tcl", panel.wiring)] {
         let written = fs::read_to_string(file(bench, &format!("{name}/{name}-panel.{end}")));
@@ -54,6 +50,66 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> MachineConfig {
     assert!(told.ends_with("\nThe program fits the machine.\nexit 0\n"), "{words}: {told}");
     assert_holds_everywhere(&config);
     config
+}
+
+/// What docs/getting-started.md says of a machine: its commands, in their order.
+fn documented(name: &str) -> Vec<String> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/getting-started.md");
+    let page = fs::read_to_string(page).unwrap().replace("\\\n        ", "");
+    let parts: Vec<&str> = page.split("\n### ").collect();
+    let lines = |part: &str| -> Vec<String> {
+        let part = part.split("\n## ").next().unwrap();
+        part.lines().filter_map(|line| line.strip_prefix("    ")).map(String::from).collect()
+    };
+    let own = |lines: &Vec<String>| lines[0].ends_with(&format!(" {name}"));
+    parts.into_iter().skip(1).map(lines).find(own).unwrap_or_else(|| panic!("no {name}"))
+}
+
+/// A machine that the commands of the documentation make in an empty folder, with all that they show; the last
+/// one starts LinuxCNC, which live tests do.
+fn assert_documented(name: &str) -> MachineConfig {
+    let (place, commands) = (tempfile::tempdir().unwrap(), documented(name));
+    let mut folder = place.path().to_path_buf();
+    for command in &commands {
+        let (first, words) = command.split_once(' ').unwrap();
+        match first {
+            "cd" => folder.push(words),
+            "linuxcnc" => assert_eq!(words, format!("{name}.ini")),
+            _ => {
+                assert_eq!(first, "pkm", "{command}");
+                let mut pkm = std::process::Command::new(env!("CARGO_BIN_EXE_pkm"));
+                let done =
+                    pkm.args(words.split_whitespace()).current_dir(&folder).output().unwrap();
+                assert!(
+                    done.status.success(),
+                    "{command}: {}",
+                    String::from_utf8_lossy(&done.stderr)
+                );
+            }
+        }
+    }
+    let verbs = ["new ", "", "check ", "frames ", "view ", "preflight ", &format!("{name}.ini")];
+    for (command, verb) in commands.iter().zip(verbs) {
+        assert!(command.contains(verb), "{command} where {verb} belongs");
+    }
+    assert_eq!(commands.len(), verbs.len());
+    let made =
+        ["frames.svg", &format!("{name}.html"), &format!("{name}.tbl"), "programs/first.ngc"];
+    for file in made {
+        assert!(folder.join(file).is_file(), "{name}: no {file}");
+    }
+    let config = MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap();
+    assert_homes(&config, name);
+    assert_holds_everywhere(&config);
+    config
+}
+
+/// HOME of every joint is what the kinematics say, to all digits.
+fn assert_homes(config: &MachineConfig, words: &str) {
+    let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+    for (joint, wanted) in config.all_joints().zip(joints) {
+        assert_eq!(joint.home.to_bits(), wanted.to_bits(), "{words}: {}", joint.name);
+    }
 }
 
 /// Poses drawn from the axis limits keep all limits, and neighbours of them ask no more of a drive than it
@@ -94,14 +150,8 @@ fn example(kind: &str) -> String {
 }
 
 #[test]
-fn a_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
-    let config = assert_made(
-        &Bench::new(),
-        "up",
-        "hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 \
-         --strut 550 850 --lead 5 --hands RLRLRL --tool up --nose 40 --diameter 30 \
-         --feed 12000 --accel 2000 --turn 30",
-    );
+fn the_documented_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
+    let config = assert_documented("my-hexapod");
     assert!(config.home[2] > 0.0);
     let leads: Vec<f64> = config
         .geometry
@@ -118,26 +168,17 @@ fn a_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
 }
 
 #[test]
-fn a_delta_in_inches_is_made_and_runs() {
-    let config = assert_made(
-        &Bench::new(),
-        "inch",
-        "linear-delta --unit inch --base-radius 6.5 --platform-radius 1.5 --rod 10.5 --carriage 0 15 \
-         --feed 200 --accel 20",
-    );
+fn the_documented_delta_in_inches_is_made_and_runs() {
+    let config = assert_documented("my-delta");
     assert_eq!(config.units_per_mm, 1.0 / 25.4);
-    assert!((config.max_linear_velocity - 200.0 / 60.0).abs() < 1e-12);
+    assert!((config.max_linear_velocity - 600.0 / 60.0).abs() < 1e-12);
 }
 
 #[test]
-fn pyramids_are_made_and_run_one_of_them_in_inches() {
+fn the_documented_pyramid_in_inches_and_one_of_the_other_kind_are_made_and_run() {
+    let config = assert_documented("my-pyramid");
+    assert_eq!(config.units_per_mm, 1.0 / 25.4);
     let bench = Bench::new();
-    assert_made(
-        &bench,
-        "inch",
-        "pyramid --unit inch --foot-radius 28 --top-radius 8 --guide-rise 40 --platform-radius 5 --rod 22 \
-         --carriage 0 44 --table -8 8 --height 8 --nose 6 --feed 400 --accel 60 --turn 30",
-    );
     assert_made(&bench, "cross", &format!("{} --boxes no", example("pyramid-cross")));
 }
 

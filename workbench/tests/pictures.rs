@@ -3,7 +3,7 @@
 //! inside the sheet and beside all else, axes have units, lines have keys, slices are closed.
 
 use crate::commands::Bench;
-use crate::shipped::config;
+use crate::shipped::{MACHINES, config};
 use pkm::curve::file::PathFile;
 use pkm::curve::route::route;
 use pkm::draw::curve::of_route;
@@ -64,7 +64,21 @@ fn drawn() -> BTreeMap<String, String> {
         }
     }
     found.extend(of_paths());
+    found.extend(of_machines(&bench));
     found
+}
+
+/// `pkm frames` of every shipped machine.
+fn of_machines(bench: &Bench) -> impl Iterator<Item = (String, String)> {
+    MACHINES.into_iter().map(|machine| {
+        let ini = shared(&format!("configs/{machine}/{machine}.ini"));
+        let answer = bench.answer(&format!("frames {ini} -o frames.svg"), "");
+        assert!(answer.ends_with("exit 0\n"), "{answer}");
+        (
+            format!("frames/{machine}"),
+            fs::read_to_string(bench.0.path().join("frames.svg")).unwrap(),
+        )
+    })
 }
 
 fn of_paths() -> impl Iterator<Item = (String, String)> {
@@ -169,6 +183,9 @@ fn axes_have_units(name: &str, sheet: &roxmltree::Document) {
     if upright.is_empty() {
         let named = texts.iter().filter(|text| has_unit(&text.words)).count();
         assert!(named >= 3, "{name}: {named} names with units");
+    } else if name.starts_with("frames/") {
+        // The key is below both views.
+        assert_eq!(texts.iter().filter(|text| has_unit(&text.words)).count(), 4, "{name}");
     } else if !name.contains("ellipsoid") {
         let is_number = name.contains("sensitivity-");
         assert!(is_number || has_unit(&lowest.words), "{name}: {:?}", lowest.words);
@@ -219,7 +236,7 @@ fn slices_are_closed(name: &str, sheet: &roxmltree::Document) {
 #[test]
 fn every_picture_of_every_study_can_be_read() {
     let pictures = drawn();
-    assert!(pictures.len() > 80, "{:?}", pictures.keys());
+    assert!(pictures.len() > 100, "{:?}", pictures.keys());
     for (name, svg) in &pictures {
         let sheet = roxmltree::Document::parse(svg).unwrap_or_else(|e| panic!("{name}: {e}"));
         nothing_overlaps(name, &sheet);

@@ -16,7 +16,7 @@ use std::process::Command;
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
 
-fn scene(file: &std::path::Path, options: &[&str]) -> Value {
+pub fn scene(file: &std::path::Path, options: &[&str]) -> Value {
     let out = Command::new(env!("CARGO_BIN_EXE_pkm"))
         .arg("scene")
         .arg(file)
@@ -32,7 +32,7 @@ fn vector(of: &Value) -> Vector3<f64> {
 }
 
 /// The lower end of a leg at a joint value.
-fn lower(leg: &Value, joint: f64) -> Vector3<f64> {
+pub fn lower(leg: &Value, joint: f64) -> Vector3<f64> {
     let (base, q) = (vector(&leg["base"]), joint + leg["offset"].as_f64().unwrap());
     match leg["kind"].as_str().unwrap() {
         "strut" | "ring" => base,

@@ -31,6 +31,8 @@ pub struct Cycle<'a> {
     pub pose: Option<Pose>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
+    /// Feedback that is no number: LinuxCNC's comparison with it sees no following error.
+    pub lost: Option<Fault>,
     /// How LinuxCNC moves, where that is not the machine's own motion.
     pub programmed: Option<Programmed>,
     /// Servo period, seconds.
@@ -214,6 +216,9 @@ impl Guard {
     fn led(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) -> (Option<Fault>, Option<Fault>) {
         let guard = &cycle.pins.guard;
         let limits = guard.limits(cycle.pins, cycle.machine.layout());
+        if let Some(lost) = cycle.lost {
+            return (Some(lost), self.jog.stop(lost, &cycle.pins.jog));
+        }
         let (Some(motion), Some(now)) = (self.motion(cycle, cycle.commanded), cycle.commanded)
         else {
             self.sight = Sight::NONE;
@@ -278,6 +283,8 @@ impl Guard {
         if requested == 0.0 {
             // No move is left to be made: aborted, or at its end.
             self.inhibited = None;
+        } else if cycle.lost.is_some() {
+            self.inhibited = cycle.lost;
         } else if let Some((view, speed)) = view {
             wanted = view.allowed * speed / requested;
             let to_go = pins.asked.distance_to_go.get();

@@ -77,22 +77,29 @@ impl Jog {
                 *share = (STEP * wanted).max(led.floor);
             }
         }
-        let why = self.stop(led);
-        self.show(pins);
-        why
+        match self.too_late(led) {
+            Some(why) => self.stop(why, pins),
+            None => {
+                self.show(pins);
+                None
+            }
+        }
     }
 
-    /// Whether this is too fast to be braked for later: at once where a limit of the pose comes, and
-    /// a while after the axes were told where joints are too fast.
-    fn stop(&mut self, led: &Led<'_>) -> Option<Fault> {
+    /// Ends all jogs. Returns why, if they had not to end already.
+    pub fn stop(&mut self, why: Fault, pins: &JogPins) -> Option<Fault> {
+        let was_stopped = core::mem::replace(&mut self.is_stopped, true);
+        self.show(pins);
+        (!was_stopped).then_some(why)
+    }
+
+    /// Why this is too fast to be braked for later: at once where a limit of the pose comes, and a while
+    /// after the axes were told where joints are too fast.
+    fn too_late(&mut self, led: &Led<'_>) -> Option<Fault> {
         let (fault, _) = led.outlook.because?;
         self.overdue = if led.outlook.allowed < 1.0 { self.overdue + led.period } else { 0.0 };
         let patience = if fault.cause == Cause::JointTooFast { 2.0 * NOTICE } else { 0.0 };
-        if self.is_stopped || !(self.overdue > patience) {
-            return None;
-        }
-        self.is_stopped = true;
-        Some(fault)
+        (self.overdue > patience).then_some(fault)
     }
 
     fn show(&mut self, pins: &JogPins) {

@@ -16,7 +16,7 @@ mod nearest;
 mod odd;
 mod order;
 pub mod report;
-mod screws;
+pub mod screws;
 mod seen;
 mod size;
 pub mod suggestion;

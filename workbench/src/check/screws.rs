@@ -29,6 +29,16 @@ impl Screw {
     }
 }
 
+/// The hand of every leg's screw at home: `R`, `L`, or `?` where the axes do not say it; nothing of legs without one.
+pub fn hands(config: &MachineConfig, at: &At) -> Vec<Option<char>> {
+    let mut hands = vec![None; config.legs()];
+    for screw in screws(config, at) {
+        hands[screw.leg] =
+            Some(screw.is_right().map_or('?', |right| if right { 'R' } else { 'L' }));
+    }
+    hands
+}
+
 /// Tells leads and hands, and where the hands differ.
 pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
     let is_strut = |leg: &kinematics::LegGeometry| matches!(leg.kind, LegKind::Strut(_));

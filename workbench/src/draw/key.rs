@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The key that says what is what, where it covers nothing.
 
+use crate::draw::arrows::{WIDTH, along_sight, arrow};
 use crate::draw::plot::DrawError;
 use crate::draw::sheet::{Area, CAPTION, MARGIN, SIZE, drawn_on};
 use crate::draw::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
@@ -21,6 +22,10 @@ pub(super) enum Sign {
     Dot,
     Cross,
     Letter(String),
+    Ball(RGBColor),
+    Arrow(RGBColor),
+    /// An arrow along the sight: towards the eye, or away from it.
+    Sight(bool),
 }
 
 /// A line of a key: the sign and what it is.
@@ -56,6 +61,9 @@ impl Key {
                 area.draw(&Rectangle::new(corners, GREY.stroke_width(1)))?;
             }
             Sign::Dot => area.draw(&Circle::new((middle, y), 4, BLACK.filled()))?,
+            Sign::Ball(colour) => area.draw(&Circle::new((middle, y), 5, colour.filled()))?,
+            Sign::Arrow(colour) => arrow(area, (x, y), (end, y), *colour, WIDTH)?,
+            Sign::Sight(is_towards) => along_sight(area, (middle, y), *is_towards, GREY)?,
             Sign::Cross => area.draw(&Cross::new((middle, y), 6, limit_style()))?,
             Sign::Letter(letter) => {
                 let style = letters_at(NAME, HPos::Center, VPos::Center);

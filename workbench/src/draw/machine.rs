@@ -11,7 +11,7 @@ use plotters::prelude::*;
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 
 /// Of guides and arms.
-const GUIDE: RGBColor = RGBColor(150, 150, 165);
+pub(super) const GUIDE: RGBColor = RGBColor(150, 150, 165);
 
 /// A machine at a pose.
 pub(super) struct Drawn {

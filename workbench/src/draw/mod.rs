@@ -3,14 +3,17 @@
 //!
 //! Every picture is drawn on a `sheet`, in the one `style`, its key beside it. `lines` are compared in one
 //! plot, `strips` stand below each other over time or a path, with the marks of a page (`over`), `contour`
-//! maps lie over a plane, and what has a body stands in `space`.
+//! maps lie over a plane, and what has a body stands in `space`; `frames`
+//! has a machine in two views.
 
+mod arrows;
 mod contour;
 pub mod course;
 pub mod curve;
 pub mod cut;
 pub mod dynamics;
 pub mod ellipsoid;
+pub mod frames;
 mod key;
 mod lines;
 mod machine;

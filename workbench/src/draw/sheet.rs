@@ -26,6 +26,9 @@ const LEFT: u32 = 80;
 /// Pixels to its right: half of a tick's label stands there.
 const RIGHT: u32 = 28;
 
+/// Pixels across and up around a plot with a caption.
+pub(super) const AROUND: (u32, u32) = (LEFT + MARGIN + RIGHT, BELOW + CAPTION + 2 * MARGIN);
+
 /// Least pixels from one tick to the next.
 const TICK: (u32, u32) = (54, 30);
 

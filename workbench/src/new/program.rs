@@ -86,6 +86,7 @@ pub fn readme(plan: &Plan) -> String {
          pkm check {name}.ini                       does everything fit together?\n    \
          pkm preflight {name}.ini programs/first.ngc   does a program fit?\n    \
          linuxcnc {name}.ini                        runs it, with simulated drives\n    \
+         pkm frames {name}.ini -o frames.svg        axes, numbers and signs as a drawing\n    \
          pkm view {name}.ini programs/first.ngc     a page of machine and program\n\n\
          On real hardware put your HAL file in the place of `LIB:pkmkins_sim.tcl`; `LIB:pkmkins.tcl` stays after it.\n\
          After changes of dimensions: `pkm check` says what HOME and the axis limits should be, `pkm boxes` proves\n\

@@ -19,7 +19,7 @@ pub enum MachineError {
 
 impl MachineError {
     /// The refusal of the geometry of a mechanism of a file.
-    pub(crate) fn of_geometry(ini: &Ini, place: &Place, fault: Fault) -> Self {
+    pub fn of_geometry(ini: &Ini, place: &Place, fault: Fault) -> Self {
         let fault = place.counted(fault);
         let section = match fault.part {
             Some(MachinePart::Leg(leg) | MachinePart::Legs([leg, _])) => {

@@ -50,6 +50,7 @@ impl Module {
             result = self.refuse_beyond_singular(joints, &solution.pose);
         }
         self.refused = result.is_err();
+        self.lost = result.err().filter(|fault| fault.cause == Cause::JointNotFinite);
         self.pins.fwd_kins_fail.set(self.refused);
         self.show_start();
         if result.is_ok() {

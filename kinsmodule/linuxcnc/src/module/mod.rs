@@ -56,6 +56,8 @@ pub struct Module {
     /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
     /// refusal over to inverse.
     refused: bool,
+    /// A joint's feedback that is no number, in the last forward.
+    lost: Option<Fault>,
     tool: Tool,
     correction: Correction,
     calls: Calls,
@@ -86,6 +88,7 @@ impl Module {
             identity_joints: None,
             pose_is_unknown: false,
             refused: false,
+            lost: None,
             tool: Tool::new(),
             correction: Correction::NONE,
             calls: Calls::default(),

@@ -39,6 +39,7 @@ impl Module {
             tool: &self.tool.of_machine(),
             pose: self.seeds.last(),
             commanded,
+            lost: self.lost,
             programmed: self.carrying.programmed(period),
             period,
         })

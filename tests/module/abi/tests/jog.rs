@@ -255,3 +255,27 @@ fn numbers_that_are_none_stop_a_jog_rather_than_let_it_run() {
     jog.hold([0.0, 0.0, -FASTEST[2], 0.0, 0.0, 0.0], 1.0);
     assert!(jog.pose[2] > HOME[2] - 0.02 * FASTEST[2] * 1.1 - 2.0, "{}", jog.pose[2]);
 }
+
+#[test]
+fn feedback_that_is_no_number_ends_a_jog_and_holds_a_program_until_it_is_aborted() {
+    let module = hexapod();
+    let jog = Jog::from(&module, HOME, None);
+    let good = jog.joints();
+    let mut bad = good;
+    bad[3] = f64::NAN;
+    let cycle = |joints: &Joints, x: f64| {
+        let refused = module.forward(joints, &HOME).is_err();
+        module.inverse(&[x, 0.0, 250.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).expect("within reach");
+        module.monitor();
+        refused
+    };
+    module.set("jogging", 1.0);
+    assert!(!cycle(&good, 0.001) && !module.is_on("jog-stop"));
+    assert!(cycle(&bad, 0.002) && module.is_on("jog-stop"));
+    module.set("jogging", 0.0);
+    module.set("requested-vel", 10.0);
+    assert!(cycle(&bad, 0.003) && module.is_on("feed-inhibit") && !module.is_on("jog-stop"));
+    assert!(!cycle(&good, 0.003) && module.is_on("feed-inhibit"), "it goes on by itself");
+    module.set("requested-vel", 0.0);
+    assert!(!cycle(&good, 0.003) && !module.is_on("feed-inhibit"));
+}

@@ -12,6 +12,7 @@ mod cut;
 mod dynamics;
 mod failure;
 mod filter;
+mod frames;
 mod homing;
 mod joints;
 mod man;
@@ -108,6 +109,7 @@ commands! {
     Replay => replay,
     Path => path,
     Scene => scene,
+    Frames => frames,
     View => view,
     Panel => panel,
     Travel => travel,

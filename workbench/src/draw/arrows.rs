@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Arrows, and the signs of those that point out of the sheet and into it.
+
+use crate::draw::plot::DrawError;
+use crate::draw::sheet::Area;
+use plotters::prelude::*;
+
+/// Width of an arrow's line.
+pub(super) const WIDTH: u32 = 3;
+
+/// Of an arrow's width, its head along it and to each side.
+const HEAD: [f64; 2] = [3.6, 1.5];
+
+/// Radius of a sign.
+pub(super) const SIGN: i32 = 8;
+
+/// From a pixel to another.
+pub(super) fn arrow(
+    area: &Area,
+    from: (i32, i32),
+    to: (i32, i32),
+    colour: RGBColor,
+    width: u32,
+) -> Result<(), DrawError> {
+    let [head, side] = HEAD.map(|share| share * f64::from(width));
+    let (x, y) = (f64::from(to.0 - from.0), f64::from(to.1 - from.1));
+    let length = x.hypot(y).max(1.0);
+    let back = |along: f64, aside: f64| {
+        let (x, y) = (x / length, y / length);
+        let place = (-x * along - y * aside, -y * along + x * aside);
+        (to.0 + place.0.round() as i32, to.1 + place.1.round() as i32)
+    };
+    // The line ends within the head, which is as narrow as the line at its tip.
+    let line = [from, back(0.7 * head, 0.0)];
+    area.draw(&PathElement::new(line, colour.stroke_width(width)))?;
+    let head = vec![to, back(head, side), back(head, -side)];
+    area.draw(&Polygon::new(head, colour.filled()))?;
+    Ok(())
+}
+
+/// An arrow towards the eye, or away from it, as seen from there: its tip, or its feathers.
+pub(super) fn along_sight(
+    area: &Area,
+    at: (i32, i32),
+    is_towards: bool,
+    colour: RGBColor,
+) -> Result<(), DrawError> {
+    area.draw(&Circle::new(at, SIGN, WHITE.filled()))?;
+    area.draw(&Circle::new(at, SIGN, colour.stroke_width(WIDTH)))?;
+    match is_towards {
+        true => area.draw(&Circle::new(at, 3, colour.filled()))?,
+        false => area.draw(&Cross::new(at, 4, colour.stroke_width(WIDTH)))?,
+    }
+    Ok(())
+}
