@@ -115,6 +115,7 @@ test: setup
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 
 # The page in a browser without a window.
 test-page: setup-page page-check

@@ -15,6 +15,7 @@ mod filter;
 mod homing;
 mod joints;
 mod man;
+mod measure;
 mod new;
 mod panel;
 mod path;
@@ -120,6 +121,7 @@ commands! {
     Workspace => workspace,
     Boxes => boxes,
     Random => random,
+    Measure => measure,
     Calibrate => calibrate,
     Man => man,
     Completions => completions,
