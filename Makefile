@@ -116,6 +116,7 @@ test: setup
 	tests/virtual/guarded.py --programs 100
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+	tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
 
 # The page in a browser without a window.
 test-page: setup-page page-check
@@ -164,6 +165,7 @@ test-long: install
 	tests/live/instructions.py
 	tests/live/truth.py --live all
 	tests/virtual/guarded.py --programs 10000
+	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 	tests/live/soak.py --minutes 10
 
 # Says how long each took. As root, with debootstrap.

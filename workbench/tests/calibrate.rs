@@ -9,7 +9,7 @@ use pkm::calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
 use pkm::calibrate::model::{Frame, Model, Quantity, Tolerance};
 use pkm::calibrate::observe::{rank, unseen};
 use pkm::calibrate::plan::{next_best, tip_deviation};
-use pkm::calibrate::reading::{Changed, Measured, Reading};
+use pkm::calibrate::reading::{Changed, Instrument, Measured, Reading};
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -76,6 +76,7 @@ fn read(
         tool: TOOL,
         frame: 0,
         measured: measure(&true_pose(control, truth, pose)),
+        instrument: Instrument::default(),
     };
     poses.iter().enumerate().map(reading).collect()
 }
@@ -134,6 +135,7 @@ fn the_derivatives_are_those_of_the_residuals() {
                     tool,
                     frame: 0,
                     measured: measure(&turned, pose),
+                    instrument: Instrument::default(),
                 })
                 .collect();
             let readings: Vec<&Reading> = readings.iter().collect();
@@ -255,6 +257,7 @@ fn touches(
                     tool: TOOL,
                     frame: 0,
                     measured,
+                    instrument: Instrument::default(),
                 });
             }
         }

@@ -9,7 +9,7 @@ use pkm::calibrate::log::HEADER;
 use pkm::calibrate::model::{Frame, Model, Tolerance};
 use pkm::calibrate::plate::Plate;
 use pkm::calibrate::reading::Reading;
-use pkm::calibrate::study::{self, Wishes};
+use pkm::calibrate::study::{self, Given, Wishes};
 use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -261,7 +261,7 @@ fn points_of_probeopen_tell_what_the_log_of_the_same_touches_tells() {
     let of = |name: &str, text: &str| {
         let file = folder.path().join(name);
         fs::write(&file, text).unwrap();
-        let (model, readings) = study::read(&shop.config, &[file], &wishes).unwrap();
+        let Given { model, readings, .. } = study::read(&shop.config, &[file], &wishes).unwrap();
         let found = fit(&model, &readings, None).unwrap();
         let told = |r: &Reading| (r.measured, r.name.split_once(": ").unwrap().1.to_string());
         (readings.iter().map(told).collect::<Vec<_>>(), found)
@@ -292,7 +292,7 @@ fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
     for text in [log, points] {
         let probed = folder.path().join("probed");
         fs::write(&probed, text).unwrap();
-        let (model, readings) = study::read(&shop.config, &[probed], &wishes).unwrap();
+        let Given { model, readings, .. } = study::read(&shop.config, &[probed], &wishes).unwrap();
         // 20 mm off, joints would be those of a pose that is not theirs.
         assert!(fit(&model, &readings, None).unwrap().rms() < NOISE);
     }

@@ -784,6 +784,8 @@ Commands:
   workspace    Where a machine can put its tool, and what limits it
   boxes        Finds and proves boxes of poses for the start without a seed
   random       Writes a program of random moves and tool changes that the machine can run
+  measure      Writes a program that stops where a gauge is to be read, and the table for the
+               readings
   calibrate    Finds a machine's true geometry from what it measured of itself
   man          Writes the manual pages of pkm
   completions  Writes completions of pkm for a shell to standard output
@@ -1163,6 +1165,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "workspace",
         "boxes",
         "random",
+        "measure",
         "calibrate",
         "man",
         "completions",

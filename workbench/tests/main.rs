@@ -31,6 +31,7 @@ mod inivar;
 mod installed;
 mod interpreter;
 mod lathe_loops;
+mod measure;
 mod mobility;
 mod new;
 mod ngcgui;

@@ -5,7 +5,7 @@ use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
 use crate::limits;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Pose, Vector3};
+use kinematics::{Fault, Letter, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -85,6 +85,11 @@ pub fn workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, SAMPLES, 0)
 }
 
+/// Poses enough for a mean over the workspace, where errors grow towards its corners.
+pub(crate) fn whole_workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
+    poses(config, tool, 5 * SAMPLES, 0)
+}
+
 /// Poses at random within the axis limits that the machine can take.
 pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
@@ -108,6 +113,18 @@ pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u6
         .filter(|pose| is_legal(config, pose, tool))
         .take(count)
         .collect()
+}
+
+/// Whether LinuxCNC lets a program take the machine to a pose: within the limits of the axes too, which it compares
+/// with the position, tool offset included.
+pub(crate) fn is_programmable(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+    let layout = config.machine.layout();
+    let values = pose.to_degrees();
+    let within = Letter::ALL.iter().all(|letter| {
+        let axis = &config.axes[letter.index()];
+        layout.is_held(*letter) || (axis.min..=axis.max).contains(&values[letter.index()])
+    });
+    within && is_legal(config, pose, tool)
 }
 
 /// Whether the machine can take a pose.

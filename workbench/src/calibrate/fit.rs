@@ -106,7 +106,8 @@ pub(crate) fn rms(values: &DVector<f64>) -> f64 {
     (values.norm_squared() / values.len().max(1) as f64).sqrt()
 }
 
-/// Residuals of readings, one below the other, and their derivatives.
+/// Residuals of readings, one below the other, and their derivatives, each by the weight of its
+/// instrument.
 ///
 /// # Errors
 /// A reading that this machine cannot have given.
@@ -121,11 +122,24 @@ pub fn residuals(model: &Model, readings: &[&Reading], changes: &[f64]) -> Resul
         let (value, by, _) = changed
             .residual(reading, &reading.pose)
             .map_err(|fault| Misfit::Unreachable(reading.name.clone(), fault))?;
-        values.rows_mut(row, value.len()).copy_from(&value);
-        jacobian.rows_mut(row, value.len()).copy_from(&by);
+        let weight = reading.instrument.weight;
+        values.rows_mut(row, value.len()).copy_from(&(&value * weight));
+        jacobian.rows_mut(row, value.len()).copy_from(&(by * weight));
         row += value.len();
     }
     Ok((values, jacobian))
+}
+
+/// Sum of squares of residuals and changes, each in its standard deviations: that of as many normal
+/// numbers as there are residuals, where noise and tolerances are as stated.
+pub(crate) fn chi_square(
+    model: &Model,
+    residuals: &DVector<f64>,
+    changes: &[f64],
+    noise: f64,
+) -> f64 {
+    let prior = model.parameters.iter().zip(changes).map(|(p, x)| (x / p.deviation).powi(2));
+    residuals.norm_squared() / (noise * noise) + prior.sum::<f64>()
 }
 
 /// The most probable changes, for this noise.
@@ -220,7 +234,9 @@ fn settled(
     start: &[f64],
     given: Option<f64>,
 ) -> Result<Fit, Misfit> {
-    check_count(model, readings, start)?;
+    if given.is_none() {
+        check_count(model, readings, start)?;
+    }
     let mut noise = given.unwrap_or(FIRST_NOISE * model.size());
     let mut changes = start.to_vec();
     let rounds = if given.is_some() { 1 } else { NOISE_ROUNDS };
@@ -283,6 +299,7 @@ fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize
     let sizes = rows.zip(judged(found)).filter_map(|(i, size)| Some((i, size?.abs())));
     let (place, miss) = sizes.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let deviations = miss / noise;
+    let miss = miss / readings[place].instrument.weight;
     let outlier = Outlier { reading: numbers[place], miss, deviations };
     (deviations > largest_by_chance(found.residuals.len())).then_some((place, outlier))
 }

@@ -17,7 +17,7 @@
 //! another unit, with another tool or by another geometry is found so.
 
 use super::plate::Plate;
-use super::reading::{Measured, Reading};
+use super::reading::{Instrument, Measured, Reading};
 use crate::read::machine::MachineConfig;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
 
@@ -221,7 +221,8 @@ pub(super) fn readings_of(
             groups.len() - 1
         });
         let name = format!("{named}:{}: hole {}, {}", touch.line, touch.hole, way(touch.approach));
-        readings.push(Reading { name, group, joints, pose, tool, frame, measured });
+        let instrument = Instrument::default();
+        readings.push(Reading { name, group, joints, pose, tool, frame, measured, instrument });
     }
     Ok(readings)
 }

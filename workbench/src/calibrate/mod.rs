@@ -13,10 +13,13 @@
 //! Rooms: [`model`] what may change, [`reading`] what was measured, [`fit`] least squares and what
 //! is not believed, [`observe`] what the data does not tell, [`at_tool`] how sure the tip is,
 //! [`plan`] where to measure next, [`plate`], [`log`], `points` and `table` what is read,
-//! [`rewrite`] the new INI file.
+//! [`rewrite`] the new INI file; [`gauge`] what people read, [`sheet`] the table that they type it into,
+//! [`slips`] what goes wrong with that, [`setup`] and [`propose`] where it is read, [`program`] the program
+//! that goes there, [`probing`] the one that probes a plate, [`shape`] how true the motion is.
 
 pub mod at_tool;
 pub mod fit;
+pub mod gauge;
 mod heading;
 mod least_squares;
 pub mod log;
@@ -25,7 +28,14 @@ pub mod observe;
 pub mod plan;
 pub mod plate;
 mod points;
+pub mod probing;
+pub mod program;
+pub mod propose;
 pub mod reading;
 pub mod rewrite;
+pub mod setup;
+pub mod shape;
+pub mod sheet;
+pub mod slips;
 pub mod study;
 mod table;

@@ -19,6 +19,8 @@ pub enum Quantity {
     Lead,
     /// How much later than on touching the probe trips, along its way.
     Trigger,
+    /// What a gauge shows too much: its zero, by number.
+    Zero(usize),
     /// Place (0 to 2) or rotation (3 to 5, radians) of a measuring frame, in base.
     Frame(usize, usize),
 }
@@ -26,7 +28,7 @@ pub enum Quantity {
 impl Quantity {
     /// Whether the machine's INI file holds it.
     pub fn is_of_machine(self) -> bool {
-        !matches!(self, Quantity::Trigger | Quantity::Frame(..))
+        !matches!(self, Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..))
     }
 }
 
@@ -149,6 +151,14 @@ impl Model {
         self
     }
 
+    /// Another gauge, whose zero is known to this standard deviation, machine units; 0 leaves it alone.
+    pub(crate) fn with_zero(mut self, number: usize, deviation: f64) -> Self {
+        if deviation > 0.0 {
+            self.parameters.push(Parameter { quantity: Quantity::Zero(number), deviation });
+        }
+        self
+    }
+
     /// Largest length of the machine.
     pub(crate) fn size(&self) -> f64 {
         self.size
@@ -178,7 +188,7 @@ impl Model {
                 Quantity::Platform(i, axis) => of(&mut legs[i]).platform[axis] += change,
                 Quantity::Length(i) => lengthen(of(&mut legs[i]), &mut offsets[i], *change),
                 Quantity::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
-                Quantity::Trigger | Quantity::Frame(..) => {}
+                Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {}
             }
         }
         let layout = *self.geometry.layout();
@@ -226,6 +236,11 @@ impl Model {
         let first = 1.0 / 2.0 - square / 24.0 + square * square / 720.0;
         let second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0;
         d + first * turn.cross(&d) + second * turn.cross(&turn.cross(&d))
+    }
+
+    /// What a gauge shows too much.
+    pub(crate) fn zero(&self, number: usize, changes: &[f64]) -> f64 {
+        self.number(Quantity::Zero(number)).map_or(0.0, |k| changes[k])
     }
 
     /// How late the probe trips.

@@ -38,6 +38,31 @@ impl Measured {
     }
 }
 
+/// What read a number that somebody typed; of probes and trackers the default.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// Its standard deviation goes into the noise so often.
+    pub weight: f64,
+    /// Its zero, if that is to be found.
+    pub zero: Option<Zero>,
+}
+
+/// The zero of a gauge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Zero {
+    /// Number of the gauge.
+    pub number: usize,
+    /// Direction in which the point of contact goes as the gauge shows more, in platform; none of an
+    /// instrument that measures distances.
+    pub axis: Option<Vector3<f64>>,
+}
+
+impl Default for Instrument {
+    fn default() -> Self {
+        Self { weight: 1.0, zero: None }
+    }
+}
+
 /// One reading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
@@ -55,6 +80,8 @@ pub struct Reading {
     pub frame: usize,
     /// What was measured.
     pub measured: Measured,
+    /// What measured it.
+    pub instrument: Instrument,
 }
 
 /// Machines beside the one at hand, for the derivatives by the parameters.
@@ -84,7 +111,7 @@ impl Beside {
                 Quantity::Platform(leg, axis) => (3 + axis, Some(leg)),
                 Quantity::Length(leg) => (6, Some(leg)),
                 Quantity::Lead => (7, None),
-                Quantity::Trigger | Quantity::Frame(..) => continue,
+                Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => continue,
             };
             let pair = kinds.iter().position(|(other, _)| *other == kind).unwrap_or_else(|| {
                 kinds.push((kind, entries.len()));
@@ -220,6 +247,8 @@ impl<'a> Changed<'a> {
     /// As [`Changed::residual`], of a reading whose pose is known.
     pub(crate) fn seen(&self, reading: &Reading, posed: &Posed) -> (DVector<f64>, DMatrix<f64>) {
         let frame = self.model.frame(reading.frame, self.changes);
+        let shifted = self.with_zero(reading, posed);
+        let posed = shifted.as_ref().unwrap_or(posed);
         let away = posed.tip - frame.origin;
         let (residual, by_tip) = self.by_tip(reading, posed, &frame);
         let mut jacobian = by_tip.columns(0, 3) * posed.rates.rows(0, 3)
@@ -239,10 +268,32 @@ impl<'a> Changed<'a> {
                     jacobian.set_column(k, &-column);
                 }
                 Quantity::Trigger => jacobian.set_column(k, &by_trigger(&reading.measured)),
+                Quantity::Zero(number) => {
+                    if let Some(zero) = reading.instrument.zero.filter(|z| z.number == number) {
+                        jacobian.set_column(k, &by_zero(&zero, &by_tip, posed));
+                    }
+                }
                 _ => {}
             }
         }
         (residual, jacobian)
+    }
+
+    /// What a gauge is off by, where it has a zero of its own.
+    fn zero(&self, reading: &Reading) -> f64 {
+        let zero = reading.instrument.zero;
+        zero.map_or(0.0, |zero| self.model.zero(zero.number, self.changes))
+    }
+
+    /// The pose with the point of contact where the gauge's zero puts it.
+    fn with_zero(&self, reading: &Reading, posed: &Posed) -> Option<Posed> {
+        let axis = reading.instrument.zero?.axis?;
+        let shift = posed.pose.rotation() * axis * self.zero(reading);
+        let mut rates = posed.rates.clone();
+        let turned = shift.cross_matrix() * posed.rates.rows(3, 3);
+        let mut places = rates.rows_mut(0, 3);
+        places -= turned;
+        Some(Posed { pose: posed.pose, tip: posed.tip + shift, rates })
     }
 
     /// Residuals, and their derivatives by the tip's place and the rotation about it, in base.
@@ -268,7 +319,7 @@ impl<'a> Changed<'a> {
             Measured::Face(height) => one(local.z - height + trigger, Vector3::z()),
             Measured::Distance(length) => {
                 let distance = local.norm().max(f64::MIN_POSITIVE);
-                one(distance - length, local / distance)
+                one(distance - length - self.zero(reading), local / distance)
             }
             Measured::Position(place) => {
                 let turned = frame.rotation.transpose();
@@ -321,6 +372,14 @@ fn by_trigger(measured: &Measured) -> DVector<f64> {
         Measured::Position(_) | Measured::Pose(..) | Measured::Distance(_) => 0.0,
     };
     DVector::from_element(measured.rows(), rate)
+}
+
+/// A zero with an axis moves the point of contact, one without is part of the number.
+fn by_zero(zero: &Zero, by_tip: &DMatrix<f64>, posed: &Posed) -> DVector<f64> {
+    match zero.axis {
+        Some(axis) => by_tip.columns(0, 3) * (posed.pose.rotation() * axis),
+        None => DVector::from_element(by_tip.nrows(), -1.0),
+    }
 }
 
 /// Rates of the letters as rates of the place and of the rotation about base axes.

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A calibration from files to findings.
 
-use super::at_tool::{self, Ellipsoid};
-use super::fit::{Fit, Misfit, fit, held_out, residuals, rms};
+use super::at_tool::{self, CONFIDENCE, Ellipsoid};
+use super::fit::{Fit, Misfit, chi_square, fit, held_out, residuals, rms};
 use super::heading;
 use super::log::{self, BadLog, HEADER};
-use super::model::{Frame, Model, Tolerance};
+use super::model::{Frame, Model, Parameter, Quantity, Tolerance};
 use super::observe;
 use super::plan;
 use super::plate::{Astray, Plate, PlateError};
 use super::points;
-use super::reading::{Changed, Measured, Reading};
+use super::reading::{Changed, Instrument, Measured, Reading};
+use super::shape::{self, Shape};
+use super::sheet::{self, Sheet};
+use super::slips::{self, Typed};
 use super::table;
 use crate::files::{AtFile, Locate};
 use crate::read::ini::IniError;
@@ -34,6 +37,32 @@ pub struct Wishes {
     pub plate: Option<PathBuf>,
 }
 
+/// What files give.
+#[derive(Debug)]
+pub struct Given {
+    /// The machine as drawn, and what of it may change.
+    pub model: Model,
+    /// What was read.
+    pub readings: Vec<Reading>,
+    /// What each frame is, for people.
+    pub instruments: Vec<String>,
+    /// Noise of one number read by what wishes and tables state; none where it is to be estimated.
+    pub noise: Option<f64>,
+    /// Tables that somebody typed.
+    pub typed: Vec<Typed>,
+}
+
+/// How the readings as a whole agree with stated noise and tolerances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// Sum of squares, see [`super::fit::Fit`], each in its standard deviations.
+    pub chi_square: f64,
+    /// Numbers read.
+    pub numbers: usize,
+    /// What it exceeds once in a thousand times where both are as stated.
+    pub most: f64,
+}
+
 /// What was found.
 #[derive(Debug)]
 pub struct Study {
@@ -41,6 +70,10 @@ pub struct Study {
     pub model: Model,
     /// What was read.
     pub readings: Vec<Reading>,
+    /// What each frame is, for people.
+    pub instruments: Vec<String>,
+    /// Tables that somebody typed.
+    pub typed: Vec<Typed>,
     /// The result.
     pub found: Fit,
     /// Root mean square residual with the machine as drawn, only frames fitted.
@@ -53,8 +86,13 @@ pub struct Study {
     pub improved: usize,
     /// How many changes no reading sees, and why.
     pub unseen: Vec<(usize, &'static str)>,
-    /// Where the tip may be, by the drawing alone and now: at home, and where it is worst.
-    pub at_tool: [(Ellipsoid, Ellipsoid); 2],
+    /// Where the tip may be, by the drawing alone and now: at home, and where it is worst. As seen from the
+    /// first frame: none where the readings do not tell how that lies.
+    pub at_tool: Option<[(Ellipsoid, Ellipsoid); 2]>,
+    /// Error of the tip over the workspace, wherever the work lies, by the drawing alone and now.
+    pub shape: [Shape; 2],
+    /// How the readings agree with what is stated of them, where something is.
+    pub agreement: Option<Agreement>,
     /// Errors of the holes as the control saw them, largest first.
     pub holes: Vec<HoleError>,
 }
@@ -89,6 +127,9 @@ pub enum ReadError {
     /// Touches that do not tell where the plate lies.
     #[error(transparent)]
     Astray(#[from] AtFile<Astray>),
+    /// Readings that state their deviation beside others that do not.
+    #[error("{}: its readings have no stated deviation, others have: give one with --noise", .0.display())]
+    NoNoise(PathBuf),
     /// Touches, and nobody says of what.
     #[error("{}: touches need the plate that was probed: --plate FILE.toml", .0.display())]
     NoPlate(PathBuf),
@@ -100,7 +141,7 @@ impl From<AtFile<BadLog>> for ReadError {
     }
 }
 
-/// Readings of files, and the model with a frame for each file.
+/// Readings of files, and the model with a frame for each place of plate or instrument.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -108,41 +149,107 @@ pub fn read(
     config: &MachineConfig,
     files: &[PathBuf],
     wishes: &Wishes,
-) -> Result<(Model, Vec<Reading>), ReadError> {
+) -> Result<Given, ReadError> {
     let plate = match &wishes.plate {
         Some(file) => Some(Plate::read(file, config.units_per_mm)?),
         None => None,
     };
-    let mut model =
-        Model::new(config.geometry, config.offsets, &wishes.tolerance).at(&config.file)?;
-    let mut readings = vec![];
+    let model = Model::new(config.geometry, config.offsets, &wishes.tolerance).at(&config.file)?;
+    let (readings, instruments) = (vec![], vec![]);
+    let mut given = Given { model, readings, instruments, noise: wishes.noise, typed: vec![] };
     for (k, file) in files.iter().enumerate() {
-        let (mut own, frame) = of_file(config, file, plate.as_ref(), k)?;
-        let groups = readings.iter().map(|reading: &Reading| reading.group + 1).max().unwrap_or(0);
-        own.iter_mut().for_each(|reading| reading.group += groups);
-        model = model.with_unknown_frame(frame);
-        readings.extend(own);
+        let text = std::fs::read_to_string(file).at(file)?;
+        match sheet::is_one(&text) {
+            true => given.add_sheet(config, file, &text, k)?,
+            false => given.add_file(config, file, &text, plate.as_ref())?,
+        }
     }
-    Ok((model, readings))
+    given.weigh(config, files)?;
+    Ok(given)
+}
+
+impl Given {
+    fn add_file(
+        &mut self,
+        config: &MachineConfig,
+        file: &Path,
+        text: &str,
+        plate: Option<&Plate>,
+    ) -> Result<(), ReadError> {
+        let number = self.model.frames.len();
+        let (own, frame) = of_file(config, file, text, plate, number)?;
+        self.instruments.push(format!("of {}", file.display()));
+        self.model = self.model.clone().with_unknown_frame(frame);
+        self.add(own);
+        Ok(())
+    }
+
+    fn add_sheet(
+        &mut self,
+        config: &MachineConfig,
+        file: &Path,
+        text: &str,
+        number: usize,
+    ) -> Result<(), ReadError> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let sheet = Sheet::read(config, text).at(file)?;
+        let is_zero = |p: &Parameter| matches!(p.quantity, Quantity::Zero(_));
+        let zero = self.model.parameters.iter().filter(|p| is_zero(p)).count();
+        let (own, zeros) = sheet.readings(config, self.model.frames.len(), zero, &name).at(file)?;
+        for object in &sheet.objects {
+            self.instruments.push(format!("{} of {}", object.name, file.display()));
+            self.model = self.model.clone().with_unknown_frame(object.frame);
+        }
+        for k in 0..zeros {
+            self.model = self.model.clone().with_zero(zero + k, sheet.gauge.zero);
+        }
+        self.typed.push(Typed { file: number, sheet, first: self.readings.len() });
+        self.add(own);
+        Ok(())
+    }
+
+    fn add(&mut self, mut own: Vec<Reading>) {
+        let groups = self.readings.iter().map(|reading| reading.group + 1).max().unwrap_or(0);
+        own.iter_mut().for_each(|reading| reading.group += groups);
+        self.readings.extend(own);
+    }
+
+    /// Readings of tables count by the deviation that they state, beside the best of them.
+    fn weigh(&mut self, config: &MachineConfig, files: &[PathBuf]) -> Result<(), ReadError> {
+        let of = |typed: &Typed| typed.sheet.gauge.length(config, typed.sheet.deviation());
+        let Some(best) = self.typed.iter().map(of).min_by(f64::total_cmp) else { return Ok(()) };
+        let silent = (0..files.len()).find(|k| !self.typed.iter().any(|typed| typed.file == *k));
+        if let (Some(k), None) = (silent, self.noise) {
+            return Err(ReadError::NoNoise(files[k].clone()));
+        }
+        let noise = *self.noise.get_or_insert(best);
+        for typed in &self.typed {
+            let count = typed.sheet.rows.iter().map(|row| row.shown.len()).sum::<usize>();
+            for reading in &mut self.readings[typed.first..typed.first + count] {
+                reading.instrument.weight = noise / of(typed);
+            }
+        }
+        Ok(())
+    }
 }
 
 fn of_file(
     config: &MachineConfig,
     file: &Path,
+    text: &str,
     plate: Option<&Plate>,
     frame: usize,
 ) -> Result<(Vec<Reading>, Frame), ReadError> {
-    let text = std::fs::read_to_string(file).at(file)?;
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let plate = || plate.ok_or_else(|| ReadError::NoPlate(file.into()));
-    let readings = match kind(&text) {
+    let readings = match kind(text) {
         Some(Kind::Table) => {
-            let readings = table::readings(config, &text, frame, &name).at(file)?;
+            let readings = table::readings(config, text, frame, &name).at(file)?;
             let frame = table::frame(&readings);
             return Ok((readings, frame));
         }
-        Some(Kind::Log) => log::readings(config, plate()?, &text, frame, &name),
-        Some(Kind::Points) => points::readings(config, plate()?, &text, frame, &name),
+        Some(Kind::Log) => log::readings(config, plate()?, text, frame, &name),
+        Some(Kind::Points) => points::readings(config, plate()?, text, frame, &name),
         None => Err(BadLog {
             line: 1,
             text: format!(
@@ -176,31 +283,82 @@ fn kind(text: &str) -> Option<Kind> {
     }
 }
 
+/// Refuses typed readings in which one slip explains why they do not fit, see [`slips`].
+///
+/// # Errors
+/// The slip, or a fit that there is none of.
+pub fn look_for_slips(
+    config: &MachineConfig,
+    given: &Given,
+    files: &[PathBuf],
+) -> Result<(), SlipError> {
+    let (Some(noise), false) = (given.noise, given.typed.is_empty()) else { return Ok(()) };
+    match slips::look(config, &given.model, &given.readings, &given.typed, noise)? {
+        Some((file, slip)) => {
+            Err(ReadError::from(AtFile { file: files[file].clone(), error: slip }))?
+        }
+        None => Ok(()),
+    }
+}
+
+/// Why typed readings are not taken.
+#[derive(Debug, thiserror::Error)]
+pub enum SlipError {
+    /// A slip in them.
+    #[error(transparent)]
+    Slip(#[from] ReadError),
+    /// No fit of them.
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
+}
+
 /// Calibrates; `told` hears how far it is.
 ///
 /// # Errors
 /// See [`Misfit`].
 pub fn study(
     config: &MachineConfig,
-    model: Model,
-    readings: Vec<Reading>,
-    noise: Option<f64>,
+    given: Given,
     mut told: impl FnMut(f64),
 ) -> Result<Study, Misfit> {
+    let Given { model, readings, instruments, noise, typed } = given;
     let found = fit(&model, &readings, noise)?;
     told(0.4);
     let (as_drawn, holes) = as_drawn(&model, &readings, &found)?;
     let held_out = held_out(&model, &readings, &found, |share| told(0.4 + 0.5 * share))?;
-    let at_tool = at_tool(config, &model, &readings, &found)
-        .map_err(|fault| Misfit::Unreachable("the workspace".into(), fault))?;
+    let unreachable = |fault| Misfit::Unreachable("the workspace".into(), fault);
+    let at_tool = at_tool(config, &model, &readings, &found).map_err(unreachable)?;
+    let shape = shape(config, &model, &readings, &found).map_err(unreachable)?;
     let used = believed(&readings, &found);
     let [rank, improved] = [
         observe::rank(&model, &found.jacobian),
         observe::improved(&model, &found.jacobian, found.noise),
     ];
     let unseen = observe::unseen(&model, &used, &found.jacobian);
+    let agreement = noise.map(|noise| agreement(&model, &found, noise));
     told(1.0);
-    Ok(Study { as_drawn, held_out, rank, improved, unseen, at_tool, holes, model, readings, found })
+    Ok(Study {
+        as_drawn,
+        held_out,
+        rank,
+        improved,
+        unseen,
+        at_tool,
+        shape,
+        agreement,
+        holes,
+        model,
+        readings,
+        instruments,
+        typed,
+        found,
+    })
+}
+
+fn agreement(model: &Model, found: &Fit, noise: f64) -> Agreement {
+    let chi_square = chi_square(model, &found.residuals, &found.changes, noise);
+    let numbers = found.residuals.len();
+    Agreement { chi_square, numbers, most: slips::most(numbers) }
 }
 
 /// The readings that were not left out.
@@ -267,23 +425,56 @@ fn circle(points: &[Vector3<f64>]) -> Option<[f64; 2]> {
     Some([mean.x + solved[0], mean.y + solved[1]])
 }
 
+/// Standard deviations of the machine's parameters by the drawing, as a covariance: of the machine alone, for
+/// by the drawing nobody asks where the plate lies.
+fn drawn(model: &Model) -> DMatrix<f64> {
+    DMatrix::from_diagonal(&DVector::from_iterator(
+        model.parameters.len(),
+        model
+            .parameters
+            .iter()
+            .map(|p| if p.quantity.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
+    ))
+}
+
+/// The tip's error over the workspace by the drawing and by the readings.
+///
+/// # Errors
+/// As [`kinematics::Machine::inverse`].
+pub fn shape(
+    config: &MachineConfig,
+    model: &Model,
+    readings: &[Reading],
+    found: &Fit,
+) -> Result<[Shape; 2], Fault> {
+    let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
+    let changed = Changed::new(model, &found.changes)?;
+    let rates = shape::rates(model, &changed, &at_tool::whole_workspace(config, &tool), &tool)?;
+    let of = |covariance| shape::of_covariance(&rates, covariance, CONFIDENCE);
+    Ok([of(&drawn(model)), of(&found.covariance)])
+}
+
+/// Whether readings tell all of how a frame lies.
+fn is_placed(reading: &Reading) -> bool {
+    match reading.measured {
+        Measured::Bore { .. } | Measured::Position(_) | Measured::Pose(..) => true,
+        Measured::Face(_) | Measured::Distance(_) => false,
+    }
+}
+
 /// The tip by the drawing and by the readings, at home and where it is worst.
 fn at_tool(
     config: &MachineConfig,
     model: &Model,
     readings: &[Reading],
     found: &Fit,
-) -> Result<[(Ellipsoid, Ellipsoid); 2], Fault> {
+) -> Result<Option<[(Ellipsoid, Ellipsoid); 2]>, Fault> {
+    if !readings.iter().any(|reading| reading.frame == 0 && is_placed(reading)) {
+        return Ok(None);
+    }
     let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
     let changed = Changed::new(model, &found.changes)?;
-    // Of the machine alone: by the drawing nobody asks where the plate lies.
-    let drawn = DMatrix::from_diagonal(&DVector::from_iterator(
-        model.parameters.len(),
-        model
-            .parameters
-            .iter()
-            .map(|p| if p.quantity.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
-    ));
+    let drawn = drawn(model);
     let mut home = config.home_pose();
     home.position += tool - config.spindle;
     let mut poses = at_tool::workspace(config, &tool);
@@ -294,7 +485,7 @@ fn at_tool(
         let after = largest(&found.covariance)?;
         Ok(before.zip(after).expect("there is the pose at home"))
     };
-    Ok([both(&[home])?, both(&poses)?])
+    Ok(Some([both(&[home])?, both(&poses)?]))
 }
 
 /// Poses to measure next, best first: the tip's place is read at each. Tip and angles, machine
@@ -320,6 +511,7 @@ pub fn next_poses(
             tool,
             frame: 0,
             measured: Measured::Position(Vector3::zeros()),
+            instrument: Instrument::default(),
         };
         Ok(changed.seen(&reading, &changed.at(*pose, &tool)?).1)
     };

@@ -16,7 +16,7 @@ use super::heading;
 use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
-use super::reading::{Measured, Reading};
+use super::reading::{Instrument, Measured, Reading};
 use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
@@ -85,7 +85,8 @@ pub(crate) fn readings(
         let joints =
             config.machine.inverse(&pose, &tool).map_err(|fault| bad(line, fault.to_string()))?;
         let name = format!("{named}:{line}");
-        readings.push(Reading { name, group: readings.len(), joints, pose, tool, frame, measured });
+        let (group, instrument) = (readings.len(), Instrument::default());
+        readings.push(Reading { name, group, joints, pose, tool, frame, measured, instrument });
         lines.push((record, line));
     }
     if readings.is_empty() {

@@ -5,9 +5,10 @@ use super::failure::{Failure, refused};
 use super::{MachineFile, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
-use pkm::calibrate::model::{Quantity, Tolerance};
+use pkm::calibrate::model::{Parameter, Quantity, Tolerance};
 use pkm::calibrate::rewrite;
-use pkm::calibrate::study::{self, Study, Wishes};
+use pkm::calibrate::sheet::Sheet;
+use pkm::calibrate::study::{self, Agreement, Study, Wishes};
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -30,7 +31,8 @@ const FAR: f64 = 4.0;
 /// Reads logs of the calibration program, which probes the holes of a plate (--plate), files of
 /// (PROBEOPEN) with the same touches, or tables of a tracker or ball-bar as CSV (columns
 /// x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below lines "# geometry HASH" and "# tool X Y Z").
-/// Each file is one place of plate or instrument, which is found as well. All files belong to the
+/// Or the table of `pkm measure` with the readings of a dial gauge, a ball bar or a feeler gauge, which
+/// somebody has typed. Each file is one place of plate or instrument, which is found as well. All files belong to the
 /// geometry of MACHINE.ini: others are refused.
 ///
 /// A file of PROBEOPEN needs comments on top that say what it belongs to: "# machine MACHINE.ini",
@@ -45,13 +47,17 @@ const FAR: f64 = 4.0;
 /// that were not used. What they do not determine keeps the value of the file. Measurements that
 /// do not agree with the others are named and left out.
 ///
+/// A change above --threshold is not written, unless --accept is given. Typed readings in which one slip
+/// explains why they do not fit (another unit, two exchanged, a row too high) are refused with the
+/// line.
+///
 /// Exit status: 0 where all is well, 1 where something should be looked at (a measurement left
 /// out, a machine unlike its drawing), 2 where there is no result.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Logs of the calibration program, files of PROBEOPEN, or tables
+    /// Logs of the calibration program, files of PROBEOPEN, or tables, of `pkm measure` too
     #[arg(value_name = "LOG", required = true, value_hint = clap::ValueHint::FilePath)]
     files: Vec<PathBuf>,
     /// The plate that was probed
@@ -80,6 +86,13 @@ pub struct Arguments {
     /// [default: 0.05 mm]
     #[arg(long, value_name = "LENGTH")]
     trigger: Option<f64>,
+    /// Largest change of an anchor's coordinate or of a length that is written unasked, machine units
+    /// [default: 4 times --tolerance]
+    #[arg(long, value_name = "LENGTH")]
+    threshold: Option<f64>,
+    /// Writes what changes more than --threshold as well
+    #[arg(long)]
+    accept: bool,
     /// Also tells so many poses to measure next, best first
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     next: usize,
@@ -96,13 +109,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file).into());
     }
-    let (model, readings) = study::read(&config, &arguments.files, &wishes)?;
+    let given = study::read(&config, &arguments.files, &wishes)?;
+    study::look_for_slips(&config, &given, &arguments.files)?;
     // Hidden where standard error is no terminal.
     let bar = ProgressBar::new(STEPS).with_message("calibrating");
     if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
         bar.set_style(style);
     }
-    let study = study::study(&config, model, readings, wishes.noise, |share| {
+    let study = study::study(&config, given, |share| {
         bar.set_position((share * STEPS as f64) as u64);
     })?;
     let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
@@ -112,7 +126,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.next > 0 {
         text += &next(&config, &study, arguments.next)?;
     }
-    if let Some(target) = target {
+    let mut concerns = beyond(arguments, &config, &study);
+    let is_kept = !concerns.is_empty() && !arguments.accept;
+    if let Some(target) = target.filter(|_| is_kept) {
+        concerns
+            .push(format!("{} is not written: --accept writes it all the same", target.display()));
+    }
+    if let Some(target) = target.filter(|_| !is_kept) {
         let names = (config.file.display().to_string(), target.display().to_string());
         write_whole(target, &new)?;
         text += &format!(
@@ -121,7 +141,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             names.1
         );
     }
-    let concerns = concerns(&config, &study);
+    concerns.extend(others(&config, &study));
     for concern in &concerns {
         let _ = write!(text, "\nwarning: {concern}\n");
     }
@@ -140,7 +160,8 @@ fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
 
 fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failure> {
     let Arguments { tolerance, noise, lead, trigger, .. } = arguments;
-    for (name, value) in [("tolerance", *tolerance), ("noise", *noise)] {
+    let threshold = arguments.threshold;
+    for (name, value) in [("tolerance", *tolerance), ("noise", *noise), ("threshold", threshold)] {
         if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
             return Err(refused(format!("--{name} {value}: expected more than 0")));
         }
@@ -215,15 +236,52 @@ fn in_words(config: &MachineConfig, study: &Study) -> String {
     for (count, why) in &study.unseen {
         row("", format!("{count} not: {why}"));
     }
-    for k in 0..model.frames.len() {
+    for (k, instrument) in study.instruments.iter().enumerate() {
         let [x, y, z] = model.frame(k, &found.changes).origin.into();
-        row("instrument", format!("of file {} at {x:.4} {y:.4} {z:.4} {unit}", k + 1));
+        row("instrument", format!("{instrument} at {x:.4} {y:.4} {z:.4} {unit}"));
     }
-    for (name, (before, after)) in ["tip at home", "tip at worst"].iter().zip(&study.at_tool) {
+    for (name, (before, after)) in
+        ["tip at home", "tip at worst"].iter().zip(study.at_tool.iter().flatten())
+    {
         row(name, ellipsoid(before, after, unit));
+    }
+    let [before, after] = study.shape;
+    row(
+        "tip's motion",
+        format!(
+            "rms {:.5} {unit} over the workspace, with {:.0} % below {:.5}; by the drawing {:.5}",
+            after.expected,
+            100.0 * CONFIDENCE,
+            after.below,
+            before.expected
+        ),
+    );
+    if let Some(Agreement { chi_square, numbers, most }) = study.agreement {
+        row(
+            "agreement",
+            format!(
+                "chi-square {chi_square:.1} of {numbers} numbers, at most {most:.1} where deviations and \
+                 tolerance are as stated"
+            ),
+        );
+    }
+    for typed in &study.typed {
+        row("two runs", scatter(&typed.sheet));
     }
     text += &values(study);
     text
+}
+
+/// What a second run says of the gauge.
+fn scatter(sheet: &Sheet) -> String {
+    let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
+    match sheet.scatter() {
+        None => format!("only one was typed: nothing says that {stated} {scale} is the deviation"),
+        Some(found) => format!(
+            "{} poses twice: deviation {:.3} {scale}, stated {stated}; the second {:+.3} {scale} on the mean",
+            found.rows, found.deviation, found.drift
+        ),
+    }
 }
 
 fn ellipsoid(before: &Ellipsoid, after: &Ellipsoid, unit: &str) -> String {
@@ -245,6 +303,7 @@ fn name(quantity: Quantity) -> String {
         Quantity::Length(leg) => format!("LEG_{leg} length"),
         Quantity::Lead => "lead".into(),
         Quantity::Trigger => "probe late by".into(),
+        Quantity::Zero(gauge) => format!("zero of gauge {}", gauge + 1),
         Quantity::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
     }
 }
@@ -268,7 +327,28 @@ fn values(study: &Study) -> String {
     text
 }
 
-fn concerns(config: &MachineConfig, study: &Study) -> Vec<String> {
+/// Changes so large that they are not written unasked.
+fn beyond(arguments: &Arguments, config: &MachineConfig, study: &Study) -> Vec<String> {
+    let unit = config.length_unit();
+    let mut all = vec![];
+    for (k, Parameter { quantity, deviation }) in study.model.parameters.iter().enumerate() {
+        let most = match (quantity, arguments.threshold) {
+            (Quantity::Lead, _) | (_, None) => FAR * deviation,
+            (_, Some(threshold)) => threshold,
+        };
+        let change = study.found.changes[k];
+        if quantity.is_of_machine() && !(change.abs() <= most) {
+            all.push(format!(
+                "{} changes by {change:.4} {unit}, more than {most} {unit} (--threshold): not this machine, or a \
+                 larger --tolerance",
+                name(*quantity)
+            ));
+        }
+    }
+    all
+}
+
+fn others(config: &MachineConfig, study: &Study) -> Vec<String> {
     let Study { found, readings, .. } = study;
     let unit = config.length_unit();
     let left_out = |outlier: &pkm::calibrate::fit::Outlier| {
@@ -282,15 +362,36 @@ fn concerns(config: &MachineConfig, study: &Study) -> Vec<String> {
     if study.held_out > HELD_OUT * expected_held_out(study) {
         all.push("readings that were not used are met much worse than those that were: measure at more places".into());
     }
-    for (k, parameter) in study.model.parameters.iter().enumerate() {
-        if parameter.quantity.is_of_machine() && found.changes[k].abs() > FAR * parameter.deviation
-        {
-            all.push(format!(
-                "{} changes by {:.4}, more than {FAR} times the tolerance: a larger --tolerance, or not this machine",
-                name(parameter.quantity),
-                found.changes[k]
-            ));
-        }
+    if let Some(Agreement { chi_square, most, .. }) = study.agreement
+        && chi_square > most
+    {
+        all.push(format!(
+            "the readings fit worse than their deviations and --tolerance allow, chi-square {chi_square:.1} above \
+             {most:.1}: read again, state a larger deviation, or give a larger --tolerance"
+        ));
+    }
+    for typed in &study.typed {
+        all.extend(of_runs(&typed.sheet));
+    }
+    all
+}
+
+/// What the second run of a table says against the first.
+fn of_runs(sheet: &Sheet) -> Vec<String> {
+    let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
+    let Some(found) = sheet.scatter() else { return vec![] };
+    let mut all = vec![];
+    if found.is_more {
+        all.push(format!(
+            "two runs scatter by {:.3} {scale}, more than the deviation stated, {stated} {scale}: the larger one counts",
+            found.deviation
+        ));
+    }
+    if found.is_drift {
+        all.push(format!(
+            "the second run shows {:+.3} {scale} on the mean: something has moved or grown warm; measure again",
+            found.drift
+        ));
     }
     all
 }

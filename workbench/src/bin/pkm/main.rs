@@ -16,6 +16,7 @@ mod frames;
 mod homing;
 mod joints;
 mod man;
+mod measure;
 mod new;
 mod panel;
 mod path;
@@ -122,6 +123,7 @@ commands! {
     Workspace => workspace,
     Boxes => boxes,
     Random => random,
+    Measure => measure,
     Calibrate => calibrate,
     Man => man,
     Completions => completions,

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Gauges that people read: dial gauge, ball bar, feeler gauge; what one of their readings is to the
+//! estimator.
+//!
+//! | gauge | what is read | measured |
+//! | --- | --- | --- |
+//! | dial | how far its point is pressed in by a plane | the face, with a tool so much shorter |
+//! | feeler | the gap of tool and plane, along the plane's normal | the face, so much higher |
+//! | bar | the distance of the tool's ball from a ball that stays | the distance |
+//!
+//! A plane is that of X and Y of its frame, with Z out of the work: a plate's face, or an edge.
+
+use super::log;
+use super::model::Frame;
+use super::reading::{Instrument, Measured, Reading, Zero};
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Pose, Vector3};
+use serde::Deserialize;
+use std::fmt;
+
+/// A kind of gauge.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// A dial gauge in the spindle against a plane.
+    Dial,
+    /// A ball bar between a ball that stays and the ball of the tool; its whole length is read.
+    Bar,
+    /// A feeler gauge between the tool and a plane.
+    Feeler,
+}
+
+impl Kind {
+    /// All of them.
+    const ALL: [Self; 3] = [Self::Dial, Self::Bar, Self::Feeler];
+
+    /// Its name in files.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Dial => "dial",
+            Self::Bar => "bar",
+            Self::Feeler => "feeler",
+        }
+    }
+
+    /// The kind of this name.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// Unit in which a gauge is read.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Scale {
+    /// Micrometre.
+    Um,
+    /// Millimetre.
+    Mm,
+    /// Thousandth of an inch.
+    Thou,
+    /// Inch.
+    Inch,
+}
+
+impl Scale {
+    /// All of them.
+    pub(crate) const ALL: [Self; 4] = [Self::Um, Self::Mm, Self::Thou, Self::Inch];
+
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Um => "um",
+            Self::Mm => "mm",
+            Self::Thou => "thou",
+            Self::Inch => "inch",
+        }
+    }
+
+    /// The unit of this name.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|scale| scale.name() == name)
+    }
+
+    /// One of it in millimetres.
+    pub(crate) fn in_mm(self) -> f64 {
+        match self {
+            Self::Um => 1e-3,
+            Self::Mm => 1.0,
+            Self::Thou => 0.0254,
+            Self::Inch => 25.4,
+        }
+    }
+}
+
+impl fmt::Display for Scale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A gauge as it stands in the spindle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gauge {
+    /// Its kind.
+    pub kind: Kind,
+    /// Unit of its readings.
+    pub scale: Scale,
+    /// Standard deviation of one reading, in that unit.
+    pub deviation: f64,
+    /// Least and largest reading that it can give, in that unit.
+    pub range: [f64; 2],
+    /// Standard deviation of its zero, machine units: of a dial where its point is, of a feeler and a bar
+    /// their length.
+    pub zero: f64,
+    /// Radius of its end, machine units; nothing of a bar.
+    pub radius: f64,
+    /// Tool vector with the gauge at zero, spindle offset included, machine units.
+    pub tool: Vector3<f64>,
+}
+
+/// What a gauge is held against.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Its name.
+    pub name: String,
+    /// About where it is: of a plane with Z out of the work, of a ball its centre.
+    pub frame: Frame,
+}
+
+impl Gauge {
+    /// A length of machine units in the unit of its readings.
+    pub(crate) fn shown(&self, config: &MachineConfig, length: f64) -> f64 {
+        length / (self.scale.in_mm() * config.units_per_mm)
+    }
+
+    /// A reading in machine units.
+    pub(crate) fn length(&self, config: &MachineConfig, reading: f64) -> f64 {
+        reading * self.scale.in_mm() * config.units_per_mm
+    }
+
+    /// Direction in platform in which the point of contact goes as the gauge shows more, or as the tool
+    /// is longer than known: the one of the platform's axes that is nearest to the plane's normal
+    /// while the platform is level. None of a bar.
+    pub(crate) fn axis(&self, object: &Object) -> Option<Vector3<f64>> {
+        (self.kind != Kind::Bar).then(|| nearest_axis(&normal(object)))
+    }
+
+    /// What a reading at a pose is to the estimator. `at` is the tip as LinuxCNC shows it, machine
+    /// units and degrees.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub(crate) fn reading(
+        &self,
+        config: &MachineConfig,
+        object: &Object,
+        at: [f64; 6],
+        shown: f64,
+    ) -> Result<Reading, Fault> {
+        let pose = log::shown(config, at, &self.tool);
+        let joints = config.machine.inverse(&pose, &self.tool)?;
+        let length = self.length(config, shown);
+        let axis = self.axis(object);
+        let (measured, pressed) = match self.kind {
+            Kind::Bar => (Measured::Distance(length), Vector3::zeros()),
+            Kind::Feeler => (Measured::Face(self.radius + length), Vector3::zeros()),
+            Kind::Dial => (Measured::Face(self.radius), axis.unwrap_or_default() * length),
+        };
+        // The point of a dial that is pressed in is that of a shorter tool at the same platform.
+        let tool = self.tool - pressed;
+        let position = pose.position - self.tool + pose.rotation() * pressed + tool;
+        Ok(Reading {
+            name: String::new(),
+            group: 0,
+            joints,
+            pose: Pose { position, ..pose },
+            tool,
+            frame: 0,
+            measured,
+            instrument: Instrument {
+                weight: 1.0,
+                zero: (self.zero > 0.0).then_some(Zero { number: 0, axis }),
+            },
+        })
+    }
+
+    /// What the machine as drawn would show at a pose if the object were where it is taken to be, in
+    /// the unit of the readings. None where it could not show anything.
+    pub(crate) fn expected(
+        &self,
+        config: &MachineConfig,
+        object: &Object,
+        at: [f64; 6],
+    ) -> Option<f64> {
+        let pose = log::shown(config, at, &self.tool);
+        let away = object.frame.seen(&(pose.position - self.tool));
+        let length = match self.kind {
+            Kind::Bar => away.norm(),
+            Kind::Feeler => away.z - self.radius,
+            Kind::Dial => {
+                let way = pose.rotation() * self.axis(object)?;
+                (self.radius - away.z) / way.dot(&normal(object))
+            }
+        };
+        length.is_finite().then(|| self.shown(config, length))
+    }
+
+    /// How a residual of the estimator changes with a reading, in machine units per unit of the reading.
+    pub(crate) fn slope(&self, config: &MachineConfig, object: &Object, pose: &Pose) -> f64 {
+        let rate = match self.axis(object) {
+            Some(axis) if self.kind == Kind::Dial => (pose.rotation() * axis).dot(&normal(object)),
+            _ => -1.0,
+        };
+        self.length(config, rate)
+    }
+}
+
+/// Z of the frame in base: out of the work.
+pub(crate) fn normal(object: &Object) -> Vector3<f64> {
+    object.frame.rotation.column(2).into()
+}
+
+/// The signed axis that a direction is nearest to.
+fn nearest_axis(direction: &Vector3<f64>) -> Vector3<f64> {
+    let largest = direction.iamax();
+    Vector3::from_fn(|k, _| if k == largest { direction[k].signum() } else { 0.0 })
+}

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The program that stops where a gauge is to be read.
+
+use super::gauge::Kind;
+use super::propose::{Proposal, Step, decimals, words};
+use super::setup::Setup;
+use crate::read::machine::MachineConfig;
+use std::fmt::Write as _;
+
+/// The program of a proposal, whose readings go into the table of this name.
+pub fn text(config: &MachineConfig, setup: &Setup, proposal: &Proposal, table: &str) -> String {
+    let gauge = &setup.gauge;
+    let count = proposal.stops.len();
+    let machine = config.file.file_name().unwrap_or_default().to_string_lossy();
+    let mut text = format!(
+        "; Written by `pkm measure`: stops at {count} poses of {machine} for the readings of {table}.\n\
+         ; The machine's own coordinates: the last work system, without an offset, and no G92.\n\
+         {} G17 G40 G90 G94 G61\n\
+         G10 L2 P9 {} R0\n\
+         G59.3\nG92.1\n",
+        unit_word(config),
+        words(config, &[0.0; 6])
+    );
+    let decimals = decimals(config);
+    let [x, y, z] = (gauge.tool - config.spindle).map(|length| length + 0.0).into();
+    let _ = writeln!(text, "G43.1 X{x:.decimals$} Y{y:.decimals$} Z{z:.decimals$}");
+    for (n, (stop, way)) in (1..).zip(proposal.stops.iter().zip(&proposal.ways)) {
+        text += &moves(config, setup, way);
+        let object = &setup.objects[stop.object].name;
+        let _ = writeln!(text, "(MSG,pose {n} of {count} at {object}: {})\nM0", request(setup, n));
+    }
+    text += &moves(config, setup, &proposal.home);
+    text + "G49\nG54\nM2\n"
+}
+
+/// G20 or G21.
+pub(crate) fn unit_word(config: &MachineConfig) -> &'static str {
+    if config.units_per_mm == 1.0 { "G21" } else { "G20" }
+}
+
+fn moves(config: &MachineConfig, setup: &Setup, steps: &[Step]) -> String {
+    let line = |step: &Step| match step.is_slow {
+        true => format!("G1 {} F{}\n", words(config, &step.at), setup.feed),
+        false => format!("G0 {}\n", words(config, &step.at)),
+    };
+    steps.iter().map(line).collect()
+}
+
+/// What the operator is to do at a pose.
+fn request(setup: &Setup, pose: usize) -> String {
+    let (gauge, expected) = (&setup.gauge, setup.expected);
+    let scale = gauge.scale;
+    match gauge.kind {
+        Kind::Dial if pose == 1 => {
+            format!(
+                "turn the scale to {expected} {scale}, and type what the dial shows, in {scale}"
+            )
+        }
+        Kind::Dial => format!("type what the dial shows, in {scale}"),
+        Kind::Feeler => format!("type the gap, in {scale}"),
+        Kind::Bar => format!("put the bar on, type its length, in {scale}, and take it off"),
+    }
+}

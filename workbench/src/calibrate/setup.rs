@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The file that says what `pkm measure` is to measure with, and against what.
+
+use super::gauge::{Gauge, Kind, Object, Scale};
+use super::model::Frame;
+use super::plate::Unit;
+use crate::files::{AtFile, Locate};
+use crate::read::machine::MachineConfig;
+use kinematics::{Pose, Vector3};
+use serde::Deserialize;
+use std::io;
+use std::path::Path;
+
+/// A gauge and its objects as the TOML file describes them: lengths in its `unit`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    unit: Unit,
+    gauge: Kind,
+    reading: Scale,
+    deviation: f64,
+    range: [f64; 2],
+    expected: Option<f64>,
+    #[serde(default)]
+    zero: f64,
+    #[serde(default)]
+    radius: f64,
+    tool: [f64; 3],
+    #[serde(default = "count")]
+    count: usize,
+    #[serde(default = "tilt")]
+    tilt: f64,
+    clearance: f64,
+    feed: f64,
+    object: Vec<FileObject>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileObject {
+    name: String,
+    place: [f64; 3],
+    #[serde(default)]
+    angles: [f64; 3],
+    #[serde(default)]
+    size: [f64; 2],
+    #[serde(default = "cone")]
+    cone: f64,
+}
+
+fn count() -> usize {
+    30
+}
+
+fn tilt() -> f64 {
+    15.0
+}
+
+fn cone() -> f64 {
+    60.0
+}
+
+/// Most poses of a program.
+const MOST: usize = 500;
+
+/// What is measured with, and where, in machine units and degrees.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The gauge.
+    pub gauge: Gauge,
+    /// What it shows where the machine is as drawn, in its unit.
+    pub expected: f64,
+    /// What it is held against.
+    pub objects: Vec<Object>,
+    /// How far poses may go: of a plane its size along X and Y, of a ball the half angle of the cone about Z
+    /// in which the bar points, degrees.
+    pub extents: Vec<Extent>,
+    /// Poses.
+    pub count: usize,
+    /// Largest A, B and C.
+    pub tilt: f64,
+    /// How far the tool goes away between two poses.
+    pub clearance: f64,
+    /// Feed towards the object, per minute.
+    pub feed: f64,
+}
+
+/// Where an object may be touched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extent {
+    /// Size of a plane.
+    Plane([f64; 2]),
+    /// Half angle of a cone, degrees.
+    Cone(f64),
+}
+
+/// Why there is no setup.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// No file that can be read.
+    #[error(transparent)]
+    Unread(#[from] AtFile<io::Error>),
+    /// Not what the file of a gauge holds.
+    #[error(transparent)]
+    Malformed(#[from] AtFile<toml::de::Error>),
+    /// Values that no gauge has.
+    #[error(transparent)]
+    Bad(#[from] AtFile<BadSetup>),
+}
+
+/// A value of the file, and what is expected.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct BadSetup(String);
+
+impl Setup {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn read(config: &MachineConfig, file: &Path) -> Result<Self, SetupError> {
+        let text = std::fs::read_to_string(file).at(file)?;
+        let given: File = toml::from_str(&text).at(file)?;
+        check(&given).at(file)?;
+        Ok(given.in_machine(config))
+    }
+}
+
+/// Refuses what no gauge has.
+fn check(given: &File) -> Result<(), BadSetup> {
+    let bad = |text: String| Err(BadSetup(text));
+    let positive =
+        [("deviation", given.deviation), ("clearance", given.clearance), ("feed", given.feed)];
+    for (key, value) in positive {
+        if !(value > 0.0 && value.is_finite()) {
+            return bad(format!("{key} = {value}: expected more than 0"));
+        }
+    }
+    for (key, value) in [("zero", given.zero), ("radius", given.radius), ("tilt", given.tilt)] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return bad(format!("{key} = {value}: expected 0 or more"));
+        }
+    }
+    let [low, high] = given.range;
+    if !(low < high && low.is_finite() && high.is_finite()) {
+        return bad(format!(
+            "range = [{low}, {high}]: expected the least reading, then the largest"
+        ));
+    }
+    let expected = given.expected();
+    if !(low < expected && expected < high && expected > 0.0) {
+        return bad(format!(
+            "expected = {expected}: expected more than 0 and within range = [{low}, {high}]"
+        ));
+    }
+    if !(1..=MOST).contains(&given.count) {
+        return bad(format!("count = {}: expected 1 to {MOST}", given.count));
+    }
+    if !given.tool.iter().all(|x| x.is_finite()) {
+        return bad("tool: expected three numbers".into());
+    }
+    if given.object.is_empty() {
+        return bad("expected an [[object]] that the gauge is held against".into());
+    }
+    for (k, object) in given.object.iter().enumerate() {
+        object.check(given.gauge).map_err(|BadSetup(text)| {
+            BadSetup(format!("object {} ({}): {text}", k + 1, object.name))
+        })?;
+        if given.object[..k].iter().any(|other| other.name == object.name) {
+            return bad(format!("object {} is given twice", object.name));
+        }
+    }
+    Ok(())
+}
+
+impl FileObject {
+    fn check(&self, gauge: Kind) -> Result<(), BadSetup> {
+        let is_word = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if self.name.is_empty() || !self.name.chars().all(is_word) {
+            return Err(BadSetup("name: expected letters, digits, - _ or .".into()));
+        }
+        if !self.place.iter().chain(&self.angles).all(|x| x.is_finite()) {
+            return Err(BadSetup("place, angles: expected three numbers".into()));
+        }
+        if gauge != Kind::Bar && !self.size.iter().all(|x| *x > 0.0 && x.is_finite()) {
+            return Err(BadSetup("size = [X, Y]: expected how large the plane is".into()));
+        }
+        if !(self.cone > 0.0 && self.cone <= 90.0) {
+            return Err(BadSetup(format!(
+                "cone = {}: expected more than 0 and at most 90",
+                self.cone
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl File {
+    /// The middle of the range, unless the file says another.
+    fn expected(&self) -> f64 {
+        self.expected.unwrap_or((self.range[0] + self.range[1]) / 2.0)
+    }
+
+    fn in_machine(self, config: &MachineConfig) -> Setup {
+        let scale = config.units_per_mm * if self.unit == Unit::Mm { 1.0 } else { 25.4 };
+        let expected = self.expected();
+        let lengths = |values: [f64; 3]| Vector3::from(values) * scale;
+        let object = |object: &FileObject| {
+            let [a, b, c] = object.angles;
+            let rotation = Pose::from_degrees([0.0, 0.0, 0.0, a, b, c]).rotation();
+            // LinuxCNC shows the tip without the spindle's offset.
+            let frame = Frame { origin: lengths(object.place) - config.spindle, rotation };
+            Object { name: object.name.clone(), frame }
+        };
+        let extent = |object: &FileObject| match self.gauge {
+            Kind::Bar => Extent::Cone(object.cone),
+            Kind::Dial | Kind::Feeler => Extent::Plane(object.size.map(|x| x * scale)),
+        };
+        Setup {
+            expected,
+            objects: self.object.iter().map(object).collect(),
+            extents: self.object.iter().map(extent).collect(),
+            count: self.count,
+            tilt: self.tilt,
+            clearance: self.clearance * scale,
+            feed: self.feed * scale,
+            gauge: Gauge {
+                kind: self.gauge,
+                scale: self.reading,
+                deviation: self.deviation,
+                range: self.range,
+                zero: self.zero * scale,
+                radius: self.radius * scale,
+                tool: lengths(self.tool) + config.spindle,
+            },
+        }
+    }
+}
