@@ -189,7 +189,7 @@ exit 2
 fn an_unknown_key() {
     let bench = Bench::new().spoilt("GUIDE =", "GUIDES =");
     assert_data_eq!(
-        bench.answer("joints linear-delta.ini 0 0 50 0 0 0", ""),
+        bench.answer("joints linear-delta.ini --pose 0 0 50 0 0 0", ""),
         str![[r#"
 error: [LEG_0]GUIDES = 0 0 1
   --> linear-delta.ini:81:1
@@ -552,7 +552,7 @@ exit 1
 fn joints_of_a_pose_and_back() {
     let bench = Bench::new();
     assert_data_eq!(
-        bench.answer("joints linear-delta.ini 10 -20 50 0 0 0", ""),
+        bench.answer("joints linear-delta.ini --pose 10 -20 50 0 0 0", ""),
         str![[r#"
 joint_0 = 272.90342639807045
 joint_1 = 285.04242451766345
@@ -578,7 +578,7 @@ exit 0
 fn poses_and_joints_without_an_answer() {
     let bench = Bench::new();
     assert_data_eq!(
-        bench.answer("joints linear-delta.ini 900 0 0 0 0 0", ""),
+        bench.answer("joints linear-delta.ini --pose 900 0 0 0 0 0", ""),
         str![[r#"
 pkm: leg 0: the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative) (value 640.376); keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
 exit 1
@@ -598,7 +598,7 @@ exit 1
 "#]]
     );
     assert_data_eq!(
-        bench.answer("pose linear-delta.ini 0 0 9000", ""),
+        bench.answer("pose linear-delta.ini --joints 0 0 9000", ""),
         str![[r#"
 pkm: the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between (value 0.0259097); jog the joints back towards their last good values [code -33]
 exit 1
@@ -611,9 +611,9 @@ exit 1
 fn rows_that_are_none() {
     let bench = Bench::new();
     assert_data_eq!(
-        bench.answer("joints linear-delta.ini 1 2", ""),
+        bench.answer("joints linear-delta.ini --pose 1 2", ""),
         str![[r#"
-pkm: expected 6 numbers: x y z a b c; found 2
+pkm: --pose: found 2 numbers; expected X Y Z A B C
 exit 2
 
 "#]]
@@ -632,7 +632,7 @@ exit 2
         str![[r#"
 joint_0,joint_1,joint_2
 239.45705212575072,237.31781383905528,238.27863718936715
-pkm: standard input:3: "two" is no number
+pkm: standard input:3: "two" is no number; expected one such as 12.5
 exit 2
 
 "#]]
@@ -641,7 +641,7 @@ exit 2
         bench.answer("joints linear-delta.ini", "x,y,z,a,b,c\n1,2\n"),
         str![[r#"
 joint_0,joint_1,joint_2
-pkm: standard input: CSV error: record 1 (line: 2, byte: 12): found record with 2 fields, but the previous record has 6 fields
+pkm: standard input:2: 2 cells; expected 6, as many as the header names
 exit 2
 
 "#]]

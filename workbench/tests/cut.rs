@@ -227,7 +227,7 @@ fn json(answer: &str) -> Value {
     serde_json::Deserializer::from_str(&answer[..end]).into_iter().next().unwrap().unwrap()
 }
 
-const WORDS: &str = "cut linear-delta.ini part.ngc study.toml";
+const WORDS: &str = "cut linear-delta.ini part.ngc --study study.toml";
 
 #[test]
 fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns() {
@@ -271,7 +271,8 @@ fn a_drive_beyond_its_force_and_an_unstable_cut_are_refused_by_exit_code() {
 fn the_limit_depth_is_that_of_pkm_stability() {
     let bench = bench(STUDY, PROGRAM);
     let found = json(&bench.answer(&format!("{WORDS} --format json"), ""));
-    let words = "stability program linear-delta.ini part.ngc study.toml --deepest 2 --format json";
+    let words =
+        "stability program linear-delta.ini part.ngc --study study.toml --deepest 2 --format json";
     let expected = json(&bench.answer(words, ""));
     assert_eq!(found["stability"]["stable_to_mm"], expected["worst"]["stable_to_mm"]);
     assert_eq!(found["stability"]["line"], expected["worst"]["line"]);

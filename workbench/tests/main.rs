@@ -8,6 +8,7 @@ mod calibrate_tables;
 mod cell;
 mod chain;
 mod check;
+mod command_line;
 mod commands;
 mod configs;
 mod control;

@@ -45,7 +45,7 @@ use std::path::{self, PathBuf};
 ///     [legs]
 ///     max_force_n = 2000           # what each drive can do; docs/cut.md has all keys
 ///
-///     pkm cut hexapod.ini part.ngc cut.toml --report part.html
+///     pkm cut hexapod.ini part.ngc --study cut.toml --report part.html
 ///
 /// N, Nm, mm, um, 1/min, s.
 ///

@@ -73,7 +73,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs and dampers
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
@@ -100,7 +100,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     shake: Option<Shake>,
     /// Moves the machine in time under the commands of a program, from its first pose
-    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
     /// Writes the motion in time as CSV: seconds, and um of the tip from its command
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]

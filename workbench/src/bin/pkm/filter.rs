@@ -30,8 +30,8 @@ const INI: &str = "INI_FILE_NAME";
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]

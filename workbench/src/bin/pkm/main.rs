@@ -13,6 +13,7 @@ mod dynamics;
 mod failure;
 mod filter;
 mod homing;
+mod input;
 mod joints;
 mod man;
 mod new;

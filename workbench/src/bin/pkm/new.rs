@@ -2,6 +2,7 @@
 //! `pkm new`.
 
 use super::failure::{self, Failure, tell_error};
+use super::input::file_of_dash;
 use super::{Bar, Verdict, told};
 use clap::{Arg, ArgMatches, Command};
 use pkm::new::kinds::{KINDS, Kind};
@@ -69,7 +70,12 @@ impl clap::FromArgMatches for Arguments {
         self.out = matches.get_one::<PathBuf>("out").cloned();
         for parameter in self.kind.map(Kind::parameters).unwrap_or_default() {
             if let Some(words) = matches.get_many::<String>(parameter.name) {
-                self.given.insert(parameter.name, words.cloned().collect());
+                let words = words.cloned();
+                let words = match parameter.measure {
+                    Measure::File => words.map(file_of_dash).collect(),
+                    _ => words.collect(),
+                };
+                self.given.insert(parameter.name, words);
             }
         }
         Ok(())

@@ -42,8 +42,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Programs, or folders with programs (*.ngc, *.nc)
-    #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath)]
+    /// Programs, - for standard input, or folders with programs (*.ngc, *.nc)
+    #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath, value_parser = super::input::Program)]
     programs: Vec<PathBuf>,
     /// Text for people, or JSON for programs
     #[arg(long, value_enum, default_value_t = Format::Text)]

@@ -26,8 +26,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// Seconds between poses instead of [EMCMOT]SERVO_PERIOD
     #[arg(long, value_name = "SECONDS")]

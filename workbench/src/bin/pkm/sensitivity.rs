@@ -69,7 +69,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 3.0)]
     factor: f64,
     /// Follows this program too
-    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, conflicts_with = "law")]
+    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program, conflicts_with = "law")]
     along: Option<PathBuf>,
     /// Follows the motion law of the study file too
     #[arg(long)]

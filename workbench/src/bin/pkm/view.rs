@@ -34,7 +34,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// A program to show
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
     /// The page; without it MACHINE.html in this folder, unless a video or a picture is asked for
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]

@@ -50,14 +50,14 @@ const OVERHANGS: usize = 200;
 ///     cantilever_um_per_n = 1.27e-4    # (l/at)^3 of that
 ///     cantilever_at_mm = 70
 ///
-///     pkm stability lag cutting.toml --overhang 500 300 --plots plots
+///     pkm stability lag --study cutting.toml --overhang 500 300 --plots plots
 ///
 /// Exit status: 0, 1 where cutting at --stiffness is unstable, 2 where input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// TOML file with links or a spindle, and the lag
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     /// Overhangs that are compared, mm; without any the study as it stands
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]

@@ -26,7 +26,7 @@ use std::time::Instant;
 /// ten degrees, are looked at, and the least limit counts. What the machine cannot reach stays
 /// empty. Zero order is the quick view: `pkm stability pose` gives the answer at a pose.
 ///
-///     pkm stability map hexapod.ini cutting.toml --plane xy --grid 100 --plots plots
+///     pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots
 ///
 /// mm, degrees, 1/min. The last line on standard error says how many poses a second were judged.
 ///
@@ -37,7 +37,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs, dampers and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,

@@ -46,7 +46,7 @@ use std::path::PathBuf;
 ///     thicker = [0, -1, 0]         # the tool's way to a thicker chip, machine axes
 ///     force = [0, 1, 0]            # where the cutting force pushes it
 ///
-///     pkm stability pose hexapod.ini cutting.toml -80 60 350 10 -20 0 --plots plots
+///     pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots
 ///
 /// mm, degrees, 1/min; machine axes.
 ///
@@ -57,7 +57,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs, dampers and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,

@@ -27,7 +27,7 @@ use std::path::PathBuf;
 ///     [cutting]
 ///     depth_mm = 0.5               # and what `pkm stability pose` needs
 ///
-///     pkm stability program hexapod.ini part.ngc cutting.toml --csv depths.csv
+///     pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv
 ///
 /// mm, 1/min.
 ///
@@ -57,11 +57,11 @@ pub struct Arguments {
 pub struct Job {
     #[command(flatten)]
     pub machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::super::input::Program)]
     pub program: PathBuf,
     /// TOML file with masses, springs, dampers, drives and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     pub study: PathBuf,
     /// Spindle speed for all lines instead of the program's own, 1/min
     #[arg(long, value_name = "RPM", value_parser = super::positive)]

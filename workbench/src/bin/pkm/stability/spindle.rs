@@ -38,7 +38,7 @@ use std::path::PathBuf;
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// TOML file with the spindle
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     /// Lengths of the last cylinder that are compared, mm
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
