@@ -30,6 +30,7 @@ mod ini_cases;
 mod inivar;
 mod installed;
 mod interpreter;
+mod json;
 mod lathe_loops;
 mod mobility;
 mod new;

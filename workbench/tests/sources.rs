@@ -61,7 +61,7 @@ fn figures_of_papers_002_and_004_stand_in_what_the_commands_say() {
         ("stability lag --study docs/examples/paper-002.toml", "4884.700 N/mm"),
         (
             "cut configs/hexapod/hexapod.ini configs/hexapod/programs/five-axis-surface.ngc \
-             configs/hexapod/cut.toml",
+             --study configs/hexapod/cut.toml",
             "chip load     0.0400 mm",
         ),
     ] {

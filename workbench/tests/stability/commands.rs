@@ -41,7 +41,9 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
     let words = "stability lag --study paper.toml --overhang 500 300 --format json";
     let found = json(&bench.answer(words, ""));
     let expected = rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms");
-    for (found, expected) in found.as_array().unwrap().iter().zip([&expected[2], &expected[1]]) {
+    for (found, expected) in
+        found["adjustments"].as_array().unwrap().iter().zip([&expected[2], &expected[1]])
+    {
         assert_eq!(float(&found["overhang_mm"]), expected[0]);
         close(float(&found["limit"]["omega_rad_per_s"]), expected[3], 1e-9);
         close(float(&found["limit"]["stiffness_n_per_mm"]), expected[4], 1e-9);
@@ -56,7 +58,7 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
 fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     let bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
     let words = "stability lag --study paper.toml --plots drawn --csv out.csv --format json --stiffness 2000";
-    let found = &json(&bench.answer(words, ""))[0];
+    let found = &json(&bench.answer(words, ""))["adjustments"][0];
     close(float(&found["limit"]["stiffness_n_per_mm"]), 4884.6998776274595, 1e-9);
     assert_eq!(found["limit"]["unstable_below_and_above"], serde_json::json!([0, 2]));
     close(float(&found["worst_lag"]["time_constant_ms"]), 7.291788103150239, 1e-9);
@@ -111,7 +113,7 @@ fn a_spindle_is_answered_for_two_overhangs() {
     let found = json(
         &bench.answer("stability spindle --study spindle.toml --overhang 32 90 --format json", ""),
     );
-    let [short, long] = [&found[0], &found[1]];
+    let [short, long] = [0, 1].map(|k| &found["adjustments"][k]);
     assert!(float(&long["compliance_um_per_n"]) > float(&short["compliance_um_per_n"]));
     assert!(float(&long["modes"][0]["hz"]) < float(&short["modes"][0]["hz"]));
     let share = float(&short["share_of_modes"]);
@@ -123,12 +125,13 @@ fn a_spindle_is_answered_for_two_overhangs() {
     );
     // The same spindle as the links of a loop.
     let lag = bench.answer("stability lag --study spindle.toml --overhang 32 90 --format json", "");
-    let [short, long] = [0, 1].map(|k| float(&json(&lag)[k]["limit"]["stiffness_n_per_mm"]));
+    let [short, long] =
+        [0, 1].map(|k| float(&json(&lag)["adjustments"][k]["limit"]["stiffness_n_per_mm"]));
     assert!(long < short);
 }
 
 /// Masses, springs and a cutter for the linear delta.
-const DELTA: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 0]\n[legs]\n\
+pub const DELTA: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 0]\n[legs]\n\
                      stiffness_n_per_um = 2\ndamping_ratio = 0.03\n[cutting]\nteeth = 2\n\
                      entry_deg = 0\nexit_deg = 180\nkt_n_per_mm2 = 600\nkr_n_per_mm2 = 200\n";
 
@@ -417,7 +420,7 @@ fn the_examples_of_the_page_are_what_the_commands_answer() {
     let lag = json(
         &bench.answer("stability lag --study paper.toml --overhang 500 300 --format json", ""),
     );
-    for one in lag.as_array().unwrap() {
+    for one in lag["adjustments"].as_array().unwrap() {
         let [limit, chip] = [&one["limit"], &one["chip"]];
         says(format!(
             "| {} mm | {:.3} N/mm | {:.4} rad/s | {:.4} mm, {:.4} mm |",

@@ -70,5 +70,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         }
         false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
     };
-    answer(&question, &coordinates(), &joint_names(config.joints.len()), reply)
+    answer(&config.file, &question, &coordinates(), &joint_names(config.joints.len()), reply)
 }

@@ -55,5 +55,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             return Err(refused(text));
         }
     };
-    answer(&question, &names, &coordinates(), reply)
+    answer(&config.file, &question, &names, &coordinates(), reply)
 }

@@ -4,11 +4,15 @@
 use super::failure::{Failure, refused};
 use super::input::{Program, RowFile};
 use super::joints::{Tool, coordinates};
-use super::{moves, rows};
+use super::{Bar, moves, output, rows};
 use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
-use pkm::program::replay::replay_seen;
+use pkm::program::replay::{duration_of_all, replay_seen};
 use pkm::read::machine::MachineConfig;
 use std::path::{Path, PathBuf};
+
+/// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so
+/// that this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.
+const USUAL_POSES: f64 = 1e4;
 
 /// Where the poses come from.
 #[derive(clap::Args, Clone, Debug)]
@@ -19,7 +23,8 @@ pub struct Source {
     program: Option<PathBuf>,
     #[command(flatten)]
     rows: RowFile,
-    /// Seconds between poses of a program instead of [EMCMOT]SERVO_PERIOD
+    /// Seconds between poses of a program; without it [EMCMOT]SERVO_PERIOD, or so much longer that a
+    /// program has 10000 poses
     #[arg(long, value_name = "SECONDS")]
     period: Option<f64>,
     #[command(flatten)]
@@ -142,19 +147,33 @@ impl Source {
             None => self.of_input(config)?,
         };
         match stops.stops.is_empty() {
-            true => Err(refused("there is no pose to look at")),
+            true => Err(refused(
+                "there is no pose to look at; give a program that moves, or rows below the header",
+            )),
             false => Ok(stops),
         }
     }
 
     fn of_program(&self, config: &MachineConfig, program: &Path) -> Result<Stops, Failure> {
-        let period = self.period.unwrap_or(config.period);
-        if !(period > 0.0 && period.is_finite()) {
+        if let Some(period) = self.period.filter(|period| !(*period > 0.0 && period.is_finite())) {
             return Err(refused(format!("--period {period}: expected more than 0 seconds")));
         }
         let moves = moves(config, program)?;
+        let whole = duration_of_all(config, &moves);
+        let usual = config.period.max(whole / USUAL_POSES);
+        let period = self.period.unwrap_or(usual);
+        if self.period.is_none() && usual > config.period {
+            output::remark(&format!(
+                "a pose every {usual:.4} s, {USUAL_POSES} in all; --period {} has every servo cycle, {:.0} \
+                 times as many",
+                config.period,
+                usual / config.period
+            ));
+        }
         let mut stops = vec![];
+        let bar = Bar::new("following the program");
         let replayed = replay_seen(config, &moves, period, |visit| {
+            bar.set(visit.time / whole);
             stops.push(Stop {
                 time: visit.time,
                 line: visit.line.into(),

@@ -4,9 +4,12 @@
 use super::Verdict;
 use super::failure::{Failure, refused, tell_error};
 use super::input::RowFile;
+use super::output::{self, Table};
 use kinematics::Fault;
 use pkm::files::Locate;
+use serde_json::json;
 use std::io::{Read, Write};
+use std::path::Path;
 
 const INPUT: &str = "standard input";
 
@@ -24,6 +27,7 @@ pub enum Question<'a> {
 /// name all `columns` (others are left alone), with a row of CSV under the header `named`. A row
 /// without an answer leaves its cells empty.
 pub fn answer(
+    machine: &Path,
     question: &Question,
     columns: &[String],
     named: &[String],
@@ -32,15 +36,16 @@ pub fn answer(
     let given = match question {
         Question::Row(given) => given,
         Question::Rows(file, instead) => {
-            return stream(Rows::open(file, columns, instead)?, named, reply);
+            return stream(machine, Rows::open(file, columns, instead)?, named, reply);
         }
     };
-    let mut out = anstream::stdout().lock();
     match reply(given) {
         Ok(values) => {
-            for (name, value) in named.iter().zip(values) {
+            let mut out = output::people();
+            for (name, value) in named.iter().zip(&values) {
                 writeln!(out, "{name} = {value}")?;
             }
+            output::answer(&json!({ "machine": machine, "columns": named, "rows": [values] }))?;
             Ok(Verdict::Fits)
         }
         Err(fault) => {
@@ -51,26 +56,26 @@ pub fn answer(
 }
 
 fn stream(
+    machine: &Path,
     rows: Rows,
     named: &[String],
     mut reply: impl FnMut(&[f64]) -> Answer,
 ) -> Result<Verdict, Failure> {
     let name = rows.name.clone();
-    let mut out = csv::Writer::from_writer(anstream::stdout().lock());
-    out.write_record(named)?;
+    let mut table = Table::new(named.to_vec())?;
     let mut verdict = Verdict::Fits;
     rows.each(|line, values| {
         let cells = match reply(values) {
-            Ok(values) => values.iter().map(f64::to_string).collect(),
+            Ok(values) => values.into_iter().map(Some).collect(),
             Err(fault) => {
                 tell_error(&format!("{name}:{line}: {fault}"));
                 verdict = Verdict::Misfit;
-                vec![String::new(); named.len()]
+                vec![None; named.len()]
             }
         };
-        Ok(out.write_record(cells)?)
+        table.row(cells)
     })?;
-    out.flush()?;
+    table.finish(machine)?;
     Ok(verdict)
 }
 

@@ -4,11 +4,12 @@
 use super::failure::Failure;
 use super::joints::Tool;
 use super::poses::PoseWords;
-use super::{MachineFile, Verdict, told};
+use super::{MachineFile, Verdict, output, told};
 use kinematics::Vector3;
 use pkm::program::travel::{Side, Stand, Travel, letters, travel};
 use pkm::read::machine::MachineConfig;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::io::{BufRead, Write};
 
 /// How far the machine can go from a pose
@@ -30,19 +31,10 @@ pub struct Arguments {
     pose: PoseWords,
     #[command(flatten)]
     tool: Tool,
-    /// Text for people, or JSON for programs
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
     /// Answers lines of standard input: {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y, Z], ...]},
     /// with the tool vector of every mechanism, spindle offset included
-    #[arg(long, conflicts_with_all = ["format", "tool", "pose"])]
+    #[arg(long, conflicts_with_all = ["tool", "pose"])]
     serve: bool,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Text,
-    Json,
 }
 
 /// A question.
@@ -78,10 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             return Ok(Verdict::Misfit);
         }
     };
-    told(&match arguments.format {
-        Format::Text => in_words(&found),
-        Format::Json => serde_json::to_string_pretty(&Answer::Travel(found))? + "\n",
-    })?;
+    told(&in_words(&found))?;
+    output::answer(&json!({ "machine": config.file, "pose": stand.world, "travel": found }))?;
     Ok(Verdict::Fits)
 }
 

@@ -2,8 +2,8 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words};
-use super::{Format, Speeds, setup};
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::{Speeds, setup};
 use kinematics::Pose;
 use pkm::cut::program;
 use pkm::draw::plot::Plot;
@@ -47,9 +47,6 @@ pub struct Arguments {
     /// Draws an SVG file into this folder, made if needed
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// How the answer is written
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 /// A program that cuts on a machine, and how closely it is looked at.
@@ -74,6 +71,8 @@ pub struct Job {
 
 #[derive(Serialize)]
 struct Answer {
+    machine: PathBuf,
+    program: PathBuf,
     places: usize,
     feed_moves: usize,
     deepest_mm: f64,
@@ -124,16 +123,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let best = path.best(&(0..SPEEDS).map(speed).collect::<Vec<_>>());
     drop(bar);
     write(arguments, &stops, &depths)?;
-    let answer = answer(&stops, &depths, feed_moves, deepest, cut, best);
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answer)?)?,
-        Format::Text => {
-            let [program, machine] = [&arguments.job.program, &config.file];
-            writeln!(out, "{} on {}", program.display(), machine.display())?;
-            tell(&mut out, &answer)?;
-        }
-    }
+    let files = [config.file.clone(), arguments.job.program.clone()];
+    let answer = answer(files, &stops, &depths, feed_moves, deepest, cut, best);
+    output::answer(&answer)?;
+    let mut out = output::people();
+    writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
+    tell(&mut out, &answer)?;
     out.flush()?;
     Ok(match answer.margin {
         Some(margin) if !(margin > 1.0) => Verdict::Misfit,
@@ -171,6 +166,7 @@ impl Job {
 }
 
 fn answer(
+    [machine, program]: [PathBuf; 2],
     stops: &[Stop],
     depths: &[Depth],
     feed_moves: usize,
@@ -182,6 +178,8 @@ fn answer(
     let least = pairs.min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
     let (stop, depth) = least.expect("a program with feed moves has places");
     Answer {
+        machine,
+        program,
         places: stops.len(),
         feed_moves,
         deepest_mm,
