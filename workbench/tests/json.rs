@@ -133,11 +133,11 @@ fn places(value: &Value, at: &str, found: &mut BTreeMap<String, bool>) {
         Value::Object(map) => map.iter().for_each(|(name, value)| {
             see(if at.is_empty() { name.clone() } else { format!("{at}.{name}") }, value);
         }),
-        Value::Array(list) => list.iter().for_each(|value| match value {
-            Value::Object(_) => places(value, &format!("{at}[]"), found),
-            // Rows of numbers are one thing.
-            _ => {}
-        }),
+        // Rows of numbers are one thing.
+        Value::Array(list) => list
+            .iter()
+            .filter(|value| value.is_object())
+            .for_each(|value| places(value, &format!("{at}[]"), found)),
         _ => {}
     }
 }

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, tell_error};
 use super::joints::{coordinates, joint_names};
-use super::{MachineFile, Verdict, output};
+use super::{Bar, MachineFile, Verdict, output};
 use pkm::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use pkm::files::{csv, write_whole};
 use pkm::read::machine::MachineConfig;
@@ -51,9 +51,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Ok(Verdict::Unjudged);
     }
     let order = homing.order();
+    let bar = Bar::spinner("following the way home");
     let outcome = homing.judge(&order);
+    if outcome.broken > 0 {
+        bar.say("looking for a safe order".into());
+    }
     let proposal = if outcome.broken > 0 { homing.safe_order() } else { None };
     let track = homing.track(&order);
+    drop(bar);
     if let Some(file) = &arguments.csv {
         write_whole(file, &table(&config, &track))?;
     }
