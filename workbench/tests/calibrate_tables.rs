@@ -121,7 +121,7 @@ fn what_is_wrong_with_a_table_is_told_with_its_line_and_nothing_is_written() {
             (without(3), "expected columns x,y,z,a,b,c".into()),
             (heading("tool"), ":3: \"tool\" is there twice".into()),
             (heading("geometry"), ":2: \"geometry\" is there twice".into()),
-            (whole.replace(&hash.to_string(), "7"), ":1: measured with geometry 7".into()),
+            (whole.replace(&hash.to_string(), "7"), ":1: measured with geometry 0x00000007".into()),
             (whole.replace(&measured, "c"), "table.csv".into()),
             (whole.replace(&measured, "c,far"), "expected columns tip_x,tip_y,tip_z".into()),
             (with(short), ":7: CSV error".into()),
