@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -40,9 +40,15 @@ VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc)
 LINUXCNC_VERSION = $(shell linuxcnc_var LINUXCNCVERSION)
 CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers
 
-# Where the command pkm goes, with its manual pages and completions.
+# Where the command pkm goes, with its manual pages and completions; not every shell knows ~ behind =.
 PREFIX := /usr/local
+override PREFIX := $(patsubst ~/%,$(HOME)/%,$(PREFIX))
 PKM_SHARE := $(DESTDIR)$(PREFIX)/share
+# Root is needed where the nearest folder that is there cannot be written, and not for a stage.
+PKM_ROOT = place="$(DESTDIR)$(PREFIX)"; while [ ! -e "$$place" ]; do place=$$(dirname "$$place"); done; \
+	root="$(SUDO)"; [ -z "$(DESTDIR)" ] && [ ! -w "$$place" ] || root=""; \
+	[ "$$root" != no-sudo ] || { \
+	    echo "pkmkins: $$place cannot be written, and sudo is missing: name another place, as PREFIX=~/.local"; exit 1; }
 COMPLETIONS := bash-completion/completions/pkm zsh/site-functions/_pkm fish/vendor_completions.d/pkm.fish
 
 CARGO := cargo
@@ -57,6 +63,7 @@ PROGRAM :=
 help:
 	@echo "make demo       a machine runs its program under LinuxCNC; MACHINE=hexapod (default)"
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
+	@echo "                or the INI file of a machine of one's own: MACHINE=my-machine/my-machine.ini"
 	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
@@ -76,7 +83,8 @@ help:
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
-	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX)"
+	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX);"
+	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
@@ -84,8 +92,8 @@ help:
 	@echo "make clean      removes target/ and build/"
 
 demo:
-	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || { \
-	    echo "pkmkins: no machine $(MACHINE); there are:" $(notdir $(wildcard configs/*)); exit 2; }
+	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || [ -f "$(MACHINE)" ] || { \
+	    echo "pkmkins: no machine $(MACHINE): name an INI file, or one of:" $(notdir $(wildcard configs/*)); exit 2; }
 	@$(MAKE) --no-print-directory install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
@@ -344,11 +352,11 @@ uninstall:
 	    [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"; done
 
 # Apart from `install`: the computer that plans need not be the one that cuts.
-install-pkm:
+install-pkm: builds-pkm
 	$(HOST_BUILD) --config profile.host.package.pkm.opt-level=3 --bin pkm
 	rm -rf build/pkm && target/host/pkm man build/pkm/man
 	@for shell in bash zsh fish; do target/host/pkm completions $$shell > build/pkm/$$shell || exit 1; done
-	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	@$(PKM_ROOT); \
 	$$root install -D -m 755 target/host/pkm "$(DESTDIR)$(PREFIX)/bin/pkm" && \
 	for page in build/pkm/man/*.1; do \
 	    $$root install -D -m 644 $$page "$(PKM_SHARE)/man/man1/$${page##*/}" || exit 1; done; \
@@ -356,9 +364,19 @@ install-pkm:
 	for shell in bash zsh fish; do \
 	    $$root install -D -m 644 build/pkm/$$shell "$(PKM_SHARE)/$$1" || exit 1; shift; done
 	@echo "pkmkins: installed pkm into $(DESTDIR)$(PREFIX)"
+	@case ":$$PATH:" in *":$(PREFIX)/bin:"*) ;; *) [ -n "$(DESTDIR)" ] || \
+	    echo "pkmkins: $(PREFIX)/bin is not in PATH: add it, and man finds the pages as well";; esac
+
+# Who installs pkm for himself need not be root: what is missing is named and not installed.
+builds-pkm:
+	@$(CARGO_IS_NEW_ENOUGH) || { found=$$($(CARGO) --version 2>/dev/null); \
+	    echo "pkmkins: $${found:-no cargo} found, and $(RUST) or later is needed:" \
+	    "install Rust from https://rustup.rs, or run make rust where you may use apt"; exit 1; }
+	@$(PKM_ROOT)
+	@command -v cc >/dev/null || { echo "pkmkins: cc is missing: install gcc"; exit 1; }
 
 uninstall-pkm:
-	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
+	@$(PKM_ROOT); \
 	$$root rm -f "$(DESTDIR)$(PREFIX)/bin/pkm" "$(PKM_SHARE)"/man/man1/pkm.1 \
 	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS),"$(PKM_SHARE)/$(f)")
 

@@ -29,11 +29,11 @@ draw workspace configs/linear-delta/linear-delta.ini --bands 36 --grid 8 -- work
 draw workspace configs/rotary-delta/rotary-delta.ini --bands 36 --grid 8 -- workspace=workspace-rotary-delta
 draw replay $hexapod $surface --period 0.05 -- struts tool-path-3d
 draw sensitivity $hexapod --study docs/examples/paper-001.toml --law --draws 100 --rays 50 -- sensitivity-position
-draw stiffness $hexapod configs/hexapod/cutting.toml 0 0 300 10 0 0 --tool 0 0 80 --grid 31 -- \
+draw stiffness $hexapod --study configs/hexapod/cutting.toml --pose 0 0 300 10 0 0 --tool 0 0 80 --grid 31 -- \
     ellipsoid-translation stiffness-translation-xz
-draw dynamics $hexapod configs/hexapod/dynamics.toml --shake noise -- spectrum
-draw stability pose $hexapod configs/hexapod/cutting.toml -80 60 350 10 -20 0 --feed 1 0 0 --speeds 2500 7000 -- stable-depths
-draw stability lag docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
+draw dynamics $hexapod --study configs/hexapod/dynamics.toml --shake noise -- spectrum
+draw stability pose $hexapod --study configs/hexapod/cutting.toml --pose -80 60 350 10 -20 0 --feed 1 0 0 --speeds 2500 7000 -- stable-depths
+draw stability lag --study docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
 draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net
 
 # Frames and signs of every shipped machine, and of the one that docs/getting-started.md makes.

@@ -4,23 +4,37 @@
 #
 #     tests/live/demo.sh [MACHINE [PROGRAM]]
 #
-# MACHINE is a folder of configs/, PROGRAM a file of its programs; without it the one its INI file
-# opens. Trace, result and report with plots are left in build/demo/MACHINE.
+# MACHINE is a folder of configs/, or the INI file of a machine of one's own, in a folder of its own as `pkm new`
+# makes it. PROGRAM is a file of its programs; without it the one its INI file opens. Trace, result and report with
+# plots are left in build/demo/NAME.
 set -eu
+machine=${1:-hexapod}
+# Where make was called, before this goes to the root of the repository.
+[ ! -f "$machine" ] || ini=$(realpath "$machine")
 cd "$(dirname "$0")/../.."
 
-machine=${1:-hexapod}
-ini=configs/$machine/$machine.ini
-[ -f "$ini" ] || { echo "demo: no machine $machine; there are: $(ls configs | tr '\n' ' ')" >&2; exit 2; }
+ini=${ini:-configs/$machine/$machine.ini}
+[ -f "$ini" ] || { echo "demo: no machine $machine: name an INI file, or one of: $(ls configs | tr '\n' ' ')" >&2; exit 2; }
+folder=$(dirname "$ini")
+name=$(basename "$ini" .ini)
 program=${2:-$(sed -n 's|^OPEN_FILE = programs/||p' "$ini")}
-[ -f "configs/$machine/programs/$program" ] ||
-    { echo "demo: no program $program; there are: $(ls "configs/$machine/programs" | tr '\n' ' ')" >&2; exit 2; }
-out=build/demo/$machine
+[ -n "$program" ] && [ -f "$folder/programs/$program" ] ||
+    { echo "demo: no program ${program:-named by OPEN_FILE = programs/...}; there are: $(ls "$folder/programs" | tr '\n' ' ')" >&2; exit 2; }
+out=build/demo/$name
 
 cargo build --profile host --locked --quiet -p judge
+cargo build --profile host --locked --quiet --bin pkm
 rm -rf "$out"
 mkdir -p "$out"
-echo "demo: LinuxCNC homes $machine and runs $program, in real time"
-tests/live/run_live.py --config "configs/$machine" --program "$program" --out "$out" || failed=$?
+# LinuxCNC runs in real time: as long as it takes in virtual time, and half as long again.
+target/host/pkm preflight "$ini" "$folder/programs/$program" --quiet --format json > "$out/preflight.json" ||
+    { echo "demo: preflight does not pass it: target/host/pkm preflight $ini $folder/programs/$program" >&2; exit 1; }
+seconds=$(python3 -c '
+import json, sys
+time = json.load(open(sys.argv[1]))["time"]
+if "judged" not in time: sys.exit("demo: how long it takes is not known: " + time["not_judged"])
+print(round(60 + 1.5 * time["judged"]["seconds"]))' "$out/preflight.json")
+echo "demo: LinuxCNC homes $name and runs $program, in real time; it gets $seconds s"
+tests/live/run_live.py --config "$ini" --program "$program" --out "$out" --seconds "$seconds" || failed=$?
 target/host/judge "$ini" "$out/trace.csv" "$out/result.json" "$out"
 exit "${failed:-0}"

@@ -50,6 +50,7 @@ class Layout(NamedTuple):
     letters: str  # that the kinematics move, in the order of the identity kinematics
     home: list  # [TRAJ]HOME, a pose
     joint_home: list  # HOME of every joint
+    is_home_whole: bool  # whether these have more than six decimals, or are whole numbers
 
     @classmethod
     def of_running(cls):
@@ -62,6 +63,7 @@ class Layout(NamedTuple):
         home = [float(word) for word in ini.find("TRAJ", "HOME").split()[:len(AXES)]]
         return cls(joints=joints, home=home + [0.0] * (len(AXES) - len(home)),
                    joint_home=[float(ini.find(f"JOINT_{n}", "HOME")) for n in joints],
+                   is_home_whole=all(len(ini.find(f"JOINT_{n}", "HOME").partition(".")[2]) != 6 for n in joints),
                    struts=[n for n, kind in enumerate(kinds) if kind == "strut"],
                    letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
 

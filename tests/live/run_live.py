@@ -4,6 +4,7 @@
 
     tests/live/run_live.py --config configs/hexapod --program five-axis-surface.ngc --out FOLDER
 
+--config is a folder of the repository whose INI file has its name, or any INI file in a folder of its own.
 Writes trace.csv, result.json and linuxcnc.log into FOLDER (see README.md). Exit code 0 if the
 machine homed, ran the program to its end and gave no message.
 """
@@ -25,19 +26,18 @@ MOTIONS = ("STRAIGHT_FEED", "STRAIGHT_TRAVERSE", "ARC_FEED")
 def moves_in(session, program):
     """Motions that LinuxCNC's own interpreter makes of a program, those of U V W alone left out: by itself
     it knows the other six letters only."""
-    name = session.config.name
     known = session.copy / "known-letters.ngc"
     known.write_text(re.sub(r"(?m)^(?!;)(.*)$", lambda line: re.sub(r"[UVW]-?[\d.]+", "", line[1]),
                             program.read_text()))
-    command = ["rs274", "-i", str(session.ini), "-t", f"{name}.tbl", "-g", str(known)]
+    command = ["rs274", "-i", str(session.ini), "-t", f"{session.ini.stem}.tbl", "-g", str(known)]
     done = subprocess.run(command, cwd=session.copy, stdin=subprocess.DEVNULL, capture_output=True,
                           text=True, timeout=60)
     return sum(any(motion + "(" in line for motion in MOTIONS) for line in done.stdout.splitlines())
 
 
-def run(config, program, out, seconds, text=None, scenario="program", **arguments):
+def run(config, program, out, seconds, text=None, scenario="program", ini_name=None, **arguments):
     """Result of one program, of the shipped one or of `text`; also written to out/result.json."""
-    with Session(REPOSITORY / config) as session:
+    with Session(REPOSITORY / config, ini_name) as session:
         path = session.copy / "programs" / program
         if text is not None:
             path.write_text(text)
@@ -53,18 +53,26 @@ def run(config, program, out, seconds, text=None, scenario="program", **argument
 
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--config", required=True, help="folder, as configs/hexapod")
+    arguments.add_argument("--config", required=True, help="folder, as configs/hexapod, or INI file")
     arguments.add_argument("--program", required=True, help="file in the programs folder")
     arguments.add_argument("--out", required=True, help="folder for the results")
     arguments.add_argument("--seconds", type=float, default=120, help="time limit of the program")
     return arguments.parse_args()
 
 
+def place_of(config):
+    """Folder and name of the INI file."""
+    path = REPOSITORY / config
+    if path.suffix == ".ini":
+        return path.parent, path.name
+    return path, f"{path.name}.ini"
+
+
 def refuse_bad_names(options):
     """Ends with a sentence before anything is started in vain."""
-    config = REPOSITORY / options.config
-    if not (config / f"{config.name}.ini").is_file():
-        sys.exit(f"run_live: {options.config} holds no {config.name}.ini")
+    config, ini = place_of(options.config)
+    if not (config / ini).is_file():
+        sys.exit(f"run_live: {options.config} holds no {ini}")
     program = config / "programs" / options.program
     if Path(options.program).name != options.program or not program.is_file():
         names = " ".join(sorted(p.name for p in (config / "programs").glob("*.ngc")))
@@ -77,11 +85,17 @@ def main():
     if not is_unprivileged():
         out = Path(options.out).resolve()
         out.mkdir(parents=True, exist_ok=True)
-        forwarded = ["--config", options.config, "--program", options.program, "--out", str(out),
+        given, config = (), options.config
+        if Path(config).suffix == ".ini":
+            # The copy that runs has it where it can be read.
+            ini = (REPOSITORY / config).resolve()
+            given, config = (ini.parent,), f"given/{ini.parent.name}/{ini.name}"
+        forwarded = ["--config", config, "--program", options.program, "--out", str(out),
                      "--seconds", str(options.seconds)]
-        return rerun_unprivileged("tests/live/run_live.py", forwarded, options.seconds + 180, out)
+        return rerun_unprivileged("tests/live/run_live.py", forwarded, options.seconds + 180, out, given)
+    folder, ini = place_of(options.config)
     with only_one():
-        result = run(options.config, options.program, REPOSITORY / "out", options.seconds)
+        result = run(folder, options.program, REPOSITORY / "out", options.seconds, ini_name=ini)
     if not result["ok"]:
         print(f"run_live: {result['error']}", file=sys.stderr)
     return 0 if result["ok"] else 1

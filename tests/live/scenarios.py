@@ -24,6 +24,9 @@ SERVO_PERIOD_NS = 1_000_000
 
 # mm or degrees: LinuxCNC's joint planner ends a move up to about 1e-7 mm before its end.
 AT_REST = 1e-6
+# The pose where a file gives HOME with six decimals: each is off by half of the last one, and legs that hold the
+# platform badly make some twenty times that of it. Files with all digits are held to AT_REST.
+OF_ROUNDED_HOME = 1e-5
 
 
 def program(machine: Machine, out, path, lines, seconds):
@@ -210,7 +213,11 @@ def expect_home(machine):
     """After homing: nothing to tell the operator, and the pose that forward finds is [TRAJ]HOME."""
     machine.pause(0.2)
     expect_quiet(machine)
-    assert_close(machine.pose(), machine.layout.home, AT_REST, "pose after homing and [TRAJ]HOME")
+    allowed = AT_REST
+    if not machine.layout.is_home_whole:
+        assert_close(machine.commanded_joints(), machine.layout.joint_home, AT_REST, "joints after homing and HOME")
+        allowed = OF_ROUNDED_HOME
+    assert_close(machine.pose(), machine.layout.home, allowed, "pose after homing and [TRAJ]HOME")
     assert_close(machine.commanded_joints(), machine.layout.joint_home, AT_REST,
                  "joints after homing and their HOME")
 

@@ -115,7 +115,7 @@ def shapes_failed():
 def words_failed():
     """What the panel says of a refusal is what the core says of it, without the value."""
     ini = REPOSITORY / "configs/linear-delta/linear-delta.ini"
-    done = subprocess.run([sys.argv[1], "joints", ini, "9999", *"00000"], capture_output=True, text=True)
+    done = subprocess.run([sys.argv[1], "joints", ini, "--pose", "9999", *"00000"], capture_output=True, text=True)
     core = re.sub(r" \(value [^)]*\)", "", done.stderr.removeprefix("pkm: ")).strip()
     pins = {"pkmkins.limit-soon": False, "pkmkins.fault": -19, "pkmkins.fault-leg": 0}
     pins.update({f"pkmkins.base.{n}.x": 0.0 for n in range(3)})

@@ -229,7 +229,7 @@ fn cutting_report(configs: &Path) {
     fs::write(&program, hour_of_milling()).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
     command.arg("cut").arg(configs.join("hexapod/hexapod.ini")).arg(program);
-    command.arg(configs.join("hexapod/cut.toml")).args(["--format", "json"]);
+    command.arg("--study").arg(configs.join("hexapod/cut.toml")).args(["--format", "json"]);
     let (output, seconds) = seconds_of(|| command.output().unwrap());
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("\n`pkm cut` of a long program on the hexapod, LinuxCNC's run of it included:\n");

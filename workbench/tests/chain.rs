@@ -271,8 +271,8 @@ fn commands_that_know_the_machines_own_pose_alone_judge_no_program_over_a_chain(
     let [ini, program, study] = [&ini, &program, &study].map(|file| file.to_str().unwrap());
     for arguments in [
         &["path", ini, "any.toml"][..],
-        &["cut", ini, program, study],
-        &["stability", "program", ini, program, study],
+        &["cut", ini, program, "--study", study],
+        &["stability", "program", ini, program, "--study", study],
         &["calibrate", ini, "any.log"],
     ] {
         let pkm = env!("CARGO_BIN_EXE_pkm");

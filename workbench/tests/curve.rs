@@ -335,8 +335,8 @@ fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
         let [x, y, z, a, b, c] = pose;
         let words = format!(" {x} {y} {} {a} {b} {c}", z + ZERO);
         let ini = crate::shipped::ini("pyramid");
-        let answer =
-            crate::commands::Bench::new().answer(&format!("joints {}{words}", ini.display()), "");
+        let answer = crate::commands::Bench::new()
+            .answer(&format!("joints {} --pose{words}", ini.display()), "");
         let value = |line: &str| line.split_once(" = ")?.1.parse::<f64>().ok();
         answer.lines().filter_map(value).collect::<Vec<f64>>()
     };

@@ -22,7 +22,7 @@ fn tells(answer: &str, exit: u8, words: &[&str]) {
 #[test]
 fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
     let bench = Bench::new().with("study.toml", STUDY);
-    let words = "dynamics linear-delta.ini study.toml --grid 7 --plots drawn --response h.csv \
+    let words = "dynamics linear-delta.ini --study study.toml --grid 7 --plots drawn --response h.csv \
                  --map map.csv --shake noise --trace trace.csv --spectrum s.csv";
     let answer = bench.answer(words, "");
     let told =
@@ -44,7 +44,7 @@ fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
 #[test]
 fn json_has_what_the_text_has() {
     let bench = Bench::new().with("study.toml", STUDY);
-    let words = "dynamics linear-delta.ini study.toml --format json --shake noise";
+    let words = "dynamics linear-delta.ini --study study.toml --format json --shake noise";
     let answer = bench.answer(words, "");
     let (json, end) = answer.rsplit_once("exit ").unwrap();
     assert_eq!(end, "0\n");
@@ -59,7 +59,7 @@ fn json_has_what_the_text_has() {
 #[test]
 fn a_cutter_shakes_the_machine_too() {
     let bench = Bench::new().with("study.toml", STUDY);
-    let answer = bench.answer("dynamics linear-delta.ini study.toml --shake milling", "");
+    let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake milling", "");
     tells(&answer, 0, &["in 0.050 s", "largest forces, N"]);
 }
 
@@ -68,7 +68,11 @@ fn the_shipped_study_gives_the_frequencies_that_its_page_shows() {
     let bench = Bench::new();
     let hexapod = folder("hexapod");
     let (ini, study) = (hexapod.join("hexapod.ini"), hexapod.join("dynamics.toml"));
-    let words = format!("dynamics {} {} -80 60 350 10 -20 0", ini.display(), study.display());
+    let words = format!(
+        "dynamics {} --study {} --pose -80 60 350 10 -20 0",
+        ini.display(),
+        study.display()
+    );
     let answer = bench.answer(&words, "");
     let page = folder("../docs/dynamics.md");
     let page = fs::read_to_string(page).unwrap();
@@ -124,7 +128,7 @@ fn bad_studies_are_refused_with_their_key_and_nothing_is_written() {
         let bench = Bench::new().with("study.toml", &text);
         let files = bench.files();
         let words_of =
-            "dynamics linear-delta.ini study.toml --shake noise --plots drawn --map m.csv";
+            "dynamics linear-delta.ini --study study.toml --shake noise --plots drawn --map m.csv";
         tells(&bench.answer(words_of, ""), 2, &words);
         assert_eq!(bench.files(), files, "{text}");
     }
@@ -140,8 +144,8 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         ("study.toml --trace t.csv", "--trace: nothing moves"),
         ("study.toml --spectrum s.csv", "--spectrum: nothing moves"),
         ("study.toml --top 0", "--top 0: expected more than 0"),
-        ("study.toml 900 0 0 0 0 0", "X900.0000"),
-        ("study.toml 1 2", "found 2 numbers"),
+        ("study.toml --pose 900 0 0 0 0 0", "X900.0000"),
+        ("study.toml --pose 1 2", "found 2 numbers"),
         ("empty.toml --shake noise --trace t.csv", "names no sigma_n of [force]"),
         ("empty.toml --shake milling --trace t.csv", "names no teeth of [cutting]"),
         ("flat.toml --shake milling --trace t.csv", "names no depth_mm of [cutting]"),
@@ -149,7 +153,7 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         ("none.toml", "none.toml: No such file"),
         ("study.toml --response none/h.csv", "none/h.csv: No such file"),
     ] {
-        tells(&bench.answer(&format!("dynamics linear-delta.ini {words}"), ""), 2, &[told]);
+        tells(&bench.answer(&format!("dynamics linear-delta.ini --study {words}"), ""), 2, &[told]);
         assert_eq!(bench.files(), files, "{words}");
     }
 }
@@ -158,7 +162,7 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
 fn a_feed_along_the_tool_is_refused() {
     let text = STUDY.replace("speed_rpm", "feed = [0, 0, -2]\nspeed_rpm");
     let bench = Bench::new().with("study.toml", &text);
-    let answer = bench.answer("dynamics linear-delta.ini study.toml --shake milling", "");
+    let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake milling", "");
     tells(&answer, 2, &["feed of [milling] points along the tool axis"]);
 }
 
@@ -167,7 +171,7 @@ fn a_slow_band_is_sampled_in_short_steps() {
     // What a step adds is 1e-15 of the force.
     let text = STUDY.replace("corner_hz = 200", "band_hz = 0.01\nband_quality = 5");
     let bench = Bench::new().with("study.toml", &text);
-    let answer = bench.answer("dynamics linear-delta.ini study.toml --shake noise", "");
+    let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake noise", "");
     tells(&answer, 0, &["linear theory"]);
 }
 
@@ -179,7 +183,7 @@ fn a_table_needs_its_mass_and_dampers() {
         STUDY.replace("[legs]", "inertia_kg_m2 = [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]\n[legs]");
     let of = |table: &str| {
         fs::write(bench.0.path().join("study.toml"), format!("{turning}{table}")).unwrap();
-        bench.answer(&format!("dynamics {} study.toml", ini.display()), "")
+        bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "")
     };
     tells(&of(""), 2, &["names no mass_kg of [table], which the machine has"]);
     tells(&of("[table]\nmass_kg = 9\n"), 2, &["names no stiffness_n_per_um of [table]"]);
@@ -187,7 +191,7 @@ fn a_table_needs_its_mass_and_dampers() {
     tells(&of(half), 2, &["names no damping_n_s_per_mm of [table]"]);
     tells(&of(&format!("{half}damping_ratio = 0.03\n")), 0, &["modes: Hz"]);
     fs::write(bench.0.path().join("study.toml"), STUDY).unwrap();
-    let answer = bench.answer(&format!("dynamics {} study.toml", ini.display()), "");
+    let answer = bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "");
     tells(&answer, 2, &["names no inertia_kg_m2 of [platform]"]);
 }
 
@@ -195,8 +199,7 @@ fn a_table_needs_its_mass_and_dampers() {
 fn a_program_moves_the_machine_by_the_commands_of_linuxcnc() {
     let bench = Bench::new().with("study.toml", STUDY);
     let bench = bench.with("line.ngc", "G21 G90 G64\nG1 X10 F6000\nG1 X0\nM2\n");
-    let words =
-        "dynamics linear-delta.ini study.toml --program line.ngc --trace t.csv --plots drawn";
+    let words = "dynamics linear-delta.ini --study study.toml --program line.ngc --trace t.csv --plots drawn";
     tells(&bench.answer(words, ""), 0, &["largest forces, N"]);
     let trace = fs::read_to_string(bench.0.path().join("t.csv")).unwrap();
     let most = |column: usize| -> f64 {

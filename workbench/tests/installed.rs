@@ -3,8 +3,9 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -99,4 +100,50 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
     fs::remove_file(own).unwrap();
     make("uninstall", place.path(), &root);
     assert!(!root.join(subroutines).exists());
+}
+
+/// `make` for the command pkm by a user who is not root and has no sudo, with a cargo of some version that
+/// has built already.
+fn make_pkm(target: &str, place: &Path, version: &str) -> Output {
+    let cargo = place.join("cargo");
+    fs::write(
+        &cargo,
+        format!("#!/bin/sh\n[ \"$1\" != --version ] || echo 'cargo {version} (stub)'\n"),
+    )
+    .unwrap();
+    fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();
+    Command::new("make")
+        .args(["-s", target, "SUDO=no-sudo", "PREFIX=~/.local"])
+        .arg(format!("CARGO={}", cargo.display()))
+        .env("HOME", place)
+        .env_remove("MAKEFLAGS")
+        .current_dir(source())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn pkm_goes_into_a_place_of_ones_own_without_root_and_an_old_cargo_is_named() {
+    // What a cargo that has nothing to build leaves.
+    assert_eq!(
+        Path::new(env!("CARGO_BIN_EXE_pkm")).canonicalize().unwrap(),
+        source().join("target/host/pkm").canonicalize().unwrap()
+    );
+    let place = tempfile::tempdir().unwrap();
+    let old = make_pkm("install-pkm", place.path(), "1.63.0");
+    let told = String::from_utf8_lossy(&old.stdout).into_owned();
+    assert!(!old.status.success() && told.contains("cargo 1.63.0 (stub) found, and 1."), "{told}");
+    assert!(told.contains("https://rustup.rs"), "{told}");
+    let local = place.path().join(".local");
+    assert!(!local.exists());
+    let done = make_pkm("install-pkm", place.path(), "99.0.0");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    for name in ["bin/pkm", "share/man/man1/pkm.1", "share/man/man1/pkm-stability-pose.1"] {
+        assert!(local.join(name).exists(), "{name}");
+    }
+    assert!(local.join("share/bash-completion/completions/pkm").exists());
+    assert!(make_pkm("uninstall-pkm", place.path(), "99.0.0").status.success());
+    let mut found = BTreeSet::new();
+    files(&local, &local, &mut found);
+    assert_eq!(found, BTreeSet::new());
 }

@@ -144,14 +144,14 @@ fn the_commands_answer_as_without_offsets_but_for_joint_values() {
         "replay linear-delta.ini line.ngc --period 0.05",
         "rods linear-delta.ini line.ngc --period 0.05",
         "sensitivity linear-delta.ini --draws 100 --rays 20",
-        "stiffness linear-delta.ini study.toml",
+        "stiffness linear-delta.ini --study study.toml",
         "boxes linear-delta.ini",
         "random linear-delta.ini --seed 3 --seconds 5",
     ] {
         assert_alike(words, &plain.answer(words, ""), &moved.answer(words, ""));
     }
     let joints = |bench: &Bench| -> Vec<f64> {
-        let told = bench.answer("joints linear-delta.ini 10 -20 50 0 0 0", "");
+        let told = bench.answer("joints linear-delta.ini --pose 10 -20 50 0 0 0", "");
         told.split_whitespace().filter_map(|word| word.parse().ok()).take(3).collect()
     };
     let (expected, found) = (joints(&plain), joints(&moved));

@@ -58,10 +58,10 @@ fn struts_of_the_lab_hexapod_have_the_slopes_of_paper_001() {
 #[test]
 fn figures_of_papers_002_and_004_stand_in_what_the_commands_say() {
     for (words, told) in [
-        ("stability lag docs/examples/paper-002.toml", "4884.700 N/mm"),
+        ("stability lag --study docs/examples/paper-002.toml", "4884.700 N/mm"),
         (
             "cut configs/hexapod/hexapod.ini configs/hexapod/programs/five-axis-surface.ngc \
-             configs/hexapod/cut.toml",
+             --study configs/hexapod/cut.toml",
             "chip load     0.0400 mm",
         ),
     ] {

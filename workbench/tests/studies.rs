@@ -26,19 +26,21 @@ fn a_study_that_is_wrong_is_refused_with_its_line_and_nothing_is_written() {
     ] {
         let bench = Bench::new().with("study.toml", text);
         let files = bench.files();
-        let answer = bench.answer("stiffness linear-delta.ini study.toml --plots drawn", "");
+        let answer =
+            bench.answer("stiffness linear-delta.ini --study study.toml --plots drawn", "");
         tells(&answer, 2, &[&words[..], &["study.toml"]].concat());
         assert_eq!(bench.files(), files, "{text}");
     }
     let bench = Bench::new();
-    let answer = bench.answer("stiffness linear-delta.ini none.toml", "");
+    let answer = bench.answer("stiffness linear-delta.ini --study none.toml", "");
     tells(&answer, 2, &["none.toml: No such file"]);
 }
 
 #[test]
 fn stiffness_tells_matrix_and_axes_and_draws_its_maps() {
     let bench = Bench::new().with("study.toml", LEGS);
-    let words = "stiffness linear-delta.ini study.toml --grid 9 --plots drawn --csv map.csv";
+    let words =
+        "stiffness linear-delta.ini --study study.toml --grid 9 --plots drawn --csv map.csv";
     let answer = bench.answer(words, "");
     // A B C are held by the rods' parallelograms.
     tells(&answer, 0, &["Guides hold some coordinates", "N/um", "rigid"]);
@@ -78,8 +80,8 @@ fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
         ("sensitivity linear-delta.ini --csv x.csv", "need a motion"),
         ("sensitivity linear-delta.ini --length 0", "--length 0: expected more than 0"),
         ("sensitivity linear-delta.ini --draws 1", "expected 2 or more"),
-        ("sensitivity linear-delta.ini 1 2 3", "found 3 numbers"),
-        ("sensitivity linear-delta.ini 900 0 0 0 0 0", "X900.0000 Y0.0000 Z0.0000"),
+        ("sensitivity linear-delta.ini --pose 1 2 3", "found 3 numbers"),
+        ("sensitivity linear-delta.ini --pose 900 0 0 0 0 0", "X900.0000 Y0.0000 Z0.0000"),
     ] {
         tells(&bench.answer(words, ""), 2, &[told]);
     }

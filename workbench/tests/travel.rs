@@ -149,13 +149,14 @@ fn questions_are_answered_line_by_line_and_what_cannot_be_is_told_in_its_line() 
 #[test]
 fn words_that_name_no_coordinate_and_poses_out_of_reach_are_refused() {
     let bench = Bench::new();
-    let told = bench.answer("travel linear-delta.ini Q7", "");
-    assert!(
-        told.contains("\"Q7\": expected a letter of XYZ and a number")
-            && told.ends_with("exit 2\n")
-    );
+    let told = bench.answer("travel linear-delta.ini --pose Q7", "");
+    assert!(told.contains("or a letter of XYZ and a number each") && told.ends_with("exit 2\n"));
     for word in ["X", "Xnan", "A5"] {
-        assert!(bench.answer(&format!("travel linear-delta.ini {word}"), "").ends_with("exit 2\n"));
+        assert!(
+            bench
+                .answer(&format!("travel linear-delta.ini --pose {word}"), "")
+                .ends_with("exit 2\n")
+        );
     }
-    assert!(bench.answer("travel linear-delta.ini X99999", "").ends_with("exit 1\n"));
+    assert!(bench.answer("travel linear-delta.ini --pose X99999", "").ends_with("exit 1\n"));
 }

@@ -8,11 +8,12 @@ use crate::read::machine::MachineConfig;
 use crate::read::tools::Tool;
 
 /// One thing found.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Finding {
     /// How much it weighs.
     pub severity: Severity,
     /// What, where, and a way out.
+    #[serde(flatten)]
     pub problem: Problem,
 }
 

@@ -62,7 +62,7 @@ pub struct Joint {
 }
 
 /// Joints that home together.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Group {
     /// Their numbers, as the mechanism counts them.
     pub joints: Vec<usize>,
@@ -71,7 +71,7 @@ pub struct Group {
 }
 
 /// Where homing leaves what the legs allow.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Broken {
     /// Pose in which it began.
     pub start: [f64; 6],
@@ -82,7 +82,7 @@ pub struct Broken {
 }
 
 /// What an order comes to.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Outcome {
     /// Places that were looked at.
     pub starts: usize,

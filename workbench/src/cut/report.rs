@@ -10,9 +10,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Version of the fields.
-pub const VERSION: u32 = 1;
-
 /// Lines that are named as the worst.
 const WORST: usize = 10;
 
@@ -25,8 +22,6 @@ const MM_PER_M: f64 = 1e3;
 /// The answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// [`VERSION`].
-    pub version: u32,
     /// The machine's INI file.
     pub machine: PathBuf,
     /// The program.
@@ -213,7 +208,6 @@ pub fn report(
     };
     let [chip, force, deflection, lag] = &found.peaks;
     Report {
-        version: VERSION,
         machine: config.file.clone(),
         program,
         fits,

@@ -46,7 +46,7 @@ const DOUBT: f64 = 2.0;
 const FREE_ANGLE_DEG: f64 = 90.0;
 
 /// Poses from one corner to the opposite one, machine units and degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AxisBox {
     /// Lowest coordinates.
     pub low: [f64; 6],

@@ -5,7 +5,8 @@ use crate::read::ini::Problem;
 use annotate_snippets::{AnnotationKind, Level, Origin, Renderer, Snippet};
 
 /// How much a finding weighs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Something does not fit.
     Error,

@@ -37,7 +37,7 @@ pub struct Excerpt {
 }
 
 /// Why an INI file was refused: where, what was found, what was expected.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
     /// The file as it was named by the caller.
     pub file: PathBuf,
@@ -52,6 +52,7 @@ pub struct Problem {
     /// What was expected, and a way out.
     pub expected: String,
     /// The line itself, where there is one.
+    #[serde(skip)]
     pub excerpt: Option<Excerpt>,
 }
 

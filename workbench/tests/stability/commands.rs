@@ -38,16 +38,18 @@ fn float(value: &Value) -> f64 {
 #[test]
 fn two_adjustments_of_paper_002_stand_side_by_side() {
     let bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
-    let words = "stability lag paper.toml --overhang 500 300 --format json";
+    let words = "stability lag --study paper.toml --overhang 500 300 --format json";
     let found = json(&bench.answer(words, ""));
     let expected = rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms");
-    for (found, expected) in found.as_array().unwrap().iter().zip([&expected[2], &expected[1]]) {
+    for (found, expected) in
+        found["adjustments"].as_array().unwrap().iter().zip([&expected[2], &expected[1]])
+    {
         assert_eq!(float(&found["overhang_mm"]), expected[0]);
         close(float(&found["limit"]["omega_rad_per_s"]), expected[3], 1e-9);
         close(float(&found["limit"]["stiffness_n_per_mm"]), expected[4], 1e-9);
         assert_eq!(found["is_confirmed_by_counts"], true);
     }
-    let answer = bench.answer("stability lag paper.toml --overhang 500 300", "");
+    let answer = bench.answer("stability lag --study paper.toml --overhang 500 300", "");
     says(&answer, 0, &["overhang 500 mm", "1779.166 N/mm", "overhang 300 mm", "3092.124 N/mm"]);
     says(&answer, 0, &["Damping and cutting coefficients are those of the study"]);
 }
@@ -55,9 +57,8 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
 #[test]
 fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     let bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
-    let words =
-        "stability lag paper.toml --plots drawn --csv out.csv --format json --stiffness 2000";
-    let found = &json(&bench.answer(words, ""))[0];
+    let words = "stability lag --study paper.toml --plots drawn --csv out.csv --format json --stiffness 2000";
+    let found = &json(&bench.answer(words, ""))["adjustments"][0];
     close(float(&found["limit"]["stiffness_n_per_mm"]), 4884.6998776274595, 1e-9);
     assert_eq!(found["limit"]["unstable_below_and_above"], serde_json::json!([0, 2]));
     close(float(&found["worst_lag"]["time_constant_ms"]), 7.291788103150239, 1e-9);
@@ -72,7 +73,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     let rest = &rows("dpartition", "response_K_2000_T_3ms_omega_re_im_abs_arg_reP_imP")[0];
     assert_eq!((cells[0], cells[1]), ("as given", "0"));
     close(cells[2].parse().unwrap(), rest[1], 1e-12);
-    let beyond = bench.answer("stability lag paper.toml --stiffness 6000", "");
+    let beyond = bench.answer("stability lag --study paper.toml --stiffness 6000", "");
     says(&beyond, 1, &["unstable roots         2", "settling time          never"]);
 }
 
@@ -109,29 +110,35 @@ fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
 #[test]
 fn a_spindle_is_answered_for_two_overhangs() {
     let bench = Bench::new().with("spindle.toml", &example("spindle.toml"));
-    let found =
-        json(&bench.answer("stability spindle spindle.toml --overhang 32 90 --format json", ""));
-    let [short, long] = [&found[0], &found[1]];
+    let found = json(
+        &bench.answer("stability spindle --study spindle.toml --overhang 32 90 --format json", ""),
+    );
+    let [short, long] = [0, 1].map(|k| &found["adjustments"][k]);
     assert!(float(&long["compliance_um_per_n"]) > float(&short["compliance_um_per_n"]));
     assert!(float(&long["modes"][0]["hz"]) < float(&short["modes"][0]["hz"]));
     let share = float(&short["share_of_modes"]);
     assert!((0.5..1.0).contains(&share), "{share}");
-    says(&bench.answer("stability spindle spindle.toml", ""), 0, &["overhang 70 mm", "decrement"]);
+    says(
+        &bench.answer("stability spindle --study spindle.toml", ""),
+        0,
+        &["overhang 70 mm", "decrement"],
+    );
     // The same spindle as the links of a loop.
-    let lag = bench.answer("stability lag spindle.toml --overhang 32 90 --format json", "");
-    let [short, long] = [0, 1].map(|k| float(&json(&lag)[k]["limit"]["stiffness_n_per_mm"]));
+    let lag = bench.answer("stability lag --study spindle.toml --overhang 32 90 --format json", "");
+    let [short, long] =
+        [0, 1].map(|k| float(&json(&lag)["adjustments"][k]["limit"]["stiffness_n_per_mm"]));
     assert!(long < short);
 }
 
 /// Masses, springs and a cutter for the linear delta.
-const DELTA: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 0]\n[legs]\n\
+pub const DELTA: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 0]\n[legs]\n\
                      stiffness_n_per_um = 2\ndamping_ratio = 0.03\n[cutting]\nteeth = 2\n\
                      entry_deg = 0\nexit_deg = 180\nkt_n_per_mm2 = 600\nkr_n_per_mm2 = 200\n";
 
 #[test]
 fn a_pose_is_answered_drawn_and_written() {
     let bench = Bench::new().with("study.toml", DELTA);
-    let words = "stability pose linear-delta.ini study.toml --columns 9 --speeds 6000 12000 --rpm 7000 \
+    let words = "stability pose linear-delta.ini --study study.toml --columns 9 --speeds 6000 12000 --rpm 7000 \
                  --plots drawn --csv map.csv --format json";
     let found = json(&bench.answer(words, ""));
     assert_eq!(found["modes"].as_array().unwrap().len(), 3);
@@ -145,8 +152,7 @@ fn a_pose_is_answered_drawn_and_written() {
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 3);
     let table = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(table.starts_with("rpm,zero_order_mm,unstable_from_mm") && table.lines().count() > 9);
-    let deep =
-        "stability pose linear-delta.ini study.toml --columns 3 --speeds 7000 7100 --rpm 7000";
+    let deep = "stability pose linear-delta.ini --study study.toml --columns 3 --speeds 7000 7100 --rpm 7000";
     says(
         &bench.answer(&format!("{deep} --depth 50"), ""),
         1,
@@ -158,7 +164,8 @@ fn a_pose_is_answered_drawn_and_written() {
 #[test]
 fn a_map_is_drawn_within_the_limits() {
     let bench = Bench::new().with("study.toml", DELTA);
-    let words = "stability map linear-delta.ini study.toml --grid 7 --csv map.csv --plots drawn";
+    let words =
+        "stability map linear-delta.ini --study study.toml --grid 7 --csv map.csv --plots drawn";
     says(&bench.answer(words, ""), 0, &["limit depth by zero order", "least", "poses in"]);
     let table = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(table.lines().count() > 10, "{table}");
@@ -170,7 +177,7 @@ fn a_program_is_judged_at_its_spindle_speeds() {
     let study = format!("{DELTA}depth_mm = 0.01\n");
     let cut = "G21 G90 G64\nS9000 M3\nG0 Z20\nG1 X10 F600\nS6000\nG1 Y20\nG1 Z15\nM2\n";
     let bench = Bench::new().with("study.toml", &study).with("cut.ngc", cut);
-    let words = "stability program linear-delta.ini cut.ngc study.toml --speeds 6000 12000 \
+    let words = "stability program linear-delta.ini cut.ngc --study study.toml --speeds 6000 12000 \
                  --deepest 3 --csv depths.csv --plots drawn --format json";
     let found = json(&bench.answer(words, ""));
     assert_eq!((&found["places"], &found["feed_moves"]), (&3.into(), &3.into()));
@@ -188,12 +195,13 @@ fn a_program_is_judged_at_its_spindle_speeds() {
     close(float(&found["margin"]), least / 0.01, 1e-12);
     assert!(float(&found["best_stable_to_mm"]) >= least);
     // A move that was not looked at may be the one that chatters.
-    let few = "stability program linear-delta.ini cut.ngc study.toml --deepest 3 --places 2";
+    let few =
+        "stability program linear-delta.ini cut.ngc --study study.toml --deepest 3 --places 2";
     says(&bench.answer(few, ""), 2, &["stable at every place", "1 feed moves; --places 3"]);
     // Deeper than the limit at some line.
     let bench = bench.with("study.toml", &format!("{DELTA}depth_mm = 2.5\n"));
-    let answer =
-        bench.answer("stability program linear-delta.ini cut.ngc study.toml --deepest 3", "");
+    let answer = bench
+        .answer("stability program linear-delta.ini cut.ngc --study study.toml --deepest 3", "");
     says(&answer, 1, &["at line", "unstable, margin", "best speed"]);
 }
 
@@ -217,10 +225,10 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         assert!(text.contains(from), "{from}");
         text.replacen(from, to, 1)
     };
-    let spindle = "stability spindle study.toml";
-    let lag = "stability lag study.toml --plots drawn --csv out.csv";
-    let pose = "stability pose linear-delta.ini study.toml --plots drawn --csv out.csv";
-    let program = "stability program linear-delta.ini cut.ngc study.toml --plots drawn";
+    let spindle = "stability spindle --study study.toml";
+    let lag = "stability lag --study study.toml --plots drawn --csv out.csv";
+    let pose = "stability pose linear-delta.ini --study study.toml --plots drawn --csv out.csv";
+    let program = "stability program linear-delta.ini cut.ngc --study study.toml --plots drawn";
     for (command, text, words) in [
         (lag, changed("mass_kg = 2270", "mass_kg = -2270"), &["-2270", "mass_kg"][..]),
         (lag, changed("mass_kg = 2270\n", ""), &["missing field `mass_kg`"]),
@@ -233,13 +241,13 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         (lag, changed("angle_deg = 60", "angle_deg = 200"), &["200", "0 to 180 degrees"]),
         (lag, changed("[lag]\ntime_constant_ms = 3.0\n", ""), &["time_constant_ms of [lag]"]),
         (lag, "[lag]\ntime_constant_ms = 3\n".into(), &["[[links]]", "[spindle]"]),
-        ("stability lag study.toml --overhang 0", paper.clone(), &["number above 0"]),
+        ("stability lag --study study.toml --overhang 0", paper.clone(), &["number above 0"]),
         (
-            "stability lag study.toml --overhang 300",
+            "stability lag --study study.toml --overhang 300",
             paper.split("[overhang]").next().unwrap().into(),
             &["neither [overhang] nor [spindle]"],
         ),
-        ("stability spindle study.toml", paper.clone(), &["no [spindle]"]),
+        ("stability spindle --study study.toml", paper.clone(), &["no [spindle]"]),
         (pose, delta("kt_n_per_mm2 = 600", "kt_n_per_mm2 = 0"), &["0: expected more than 0"]),
         (pose, delta("kt_n_per_mm2 = 600\n", ""), &["missing field `kt_n_per_mm2`"]),
         (pose, delta("kt_n_per_mm2 = 600", "kt = 600"), &["unknown field `kt`", "kt_n_per_mm2"]),
@@ -263,27 +271,35 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         (spindle, shaft("diameter_mm = 60", "diameter = 60"), &["unknown field `diameter`"]),
         (pose, DELTA.split("[cutting]").next().unwrap().into(), &["[cutting]", "[turning]"]),
         (
-            "stability pose linear-delta.ini study.toml --feed 0 0 1",
+            "stability pose linear-delta.ini --study study.toml --feed 0 0 1",
             DELTA.into(),
             &["along the spindle axis"],
         ),
         (
-            "stability pose linear-delta.ini study.toml --speeds 5000 3000",
+            "stability pose linear-delta.ini --study study.toml --speeds 5000 3000",
             DELTA.into(),
             &["a lower speed first"],
         ),
         (
-            "stability pose linear-delta.ini study.toml --rpm 1 --plots drawn",
+            "stability pose linear-delta.ini --study study.toml --rpm 1 --plots drawn",
             DELTA.into(),
             &["1 1/min: the fastest mode", "1/min or more"],
         ),
         (
-            "stability pose linear-delta.ini study.toml --deepest 1e30",
+            "stability pose linear-delta.ini --study study.toml --deepest 1e30",
             DELTA.into(),
             &["--deepest", "at most 1000 mm"],
         ),
-        ("stability map linear-delta.ini study.toml --rpm 1", DELTA.into(), &["the fastest mode"]),
-        ("stability pose linear-delta.ini study.toml 900 0 0 0 0 0", DELTA.into(), &["X900"]),
+        (
+            "stability map linear-delta.ini --study study.toml --rpm 1",
+            DELTA.into(),
+            &["the fastest mode"],
+        ),
+        (
+            "stability pose linear-delta.ini --study study.toml --pose 900 0 0 0 0 0",
+            DELTA.into(),
+            &["X900"],
+        ),
         (program, DELTA.into(), &["cut.ngc: line 2: the tool cuts without a spindle speed"]),
     ] {
         let bench = Bench::new()
@@ -323,8 +339,8 @@ fn a_cut_whose_spindle_speed_is_not_known_is_refused_with_its_line_and_nothing_i
         let bench = bench.spoilt(head, &format!("{head}SUBROUTINE_PATH = {place}\n"));
         let files = bench.files();
         for command in [
-            "stability program linear-delta.ini part.ngc study.toml --places 1 --csv out.csv --plots drawn",
-            "cut linear-delta.ini part.ngc study.toml --report page.html",
+            "stability program linear-delta.ini part.ngc --study study.toml --places 1 --csv out.csv --plots drawn",
+            "cut linear-delta.ini part.ngc --study study.toml --report page.html",
         ] {
             let answer = bench.answer(command, "");
             says(&answer, 2, &["part.ngc: ", words]);
@@ -354,8 +370,10 @@ fn a_cut_in_which_an_extra_axis_moves_is_refused_with_its_line() {
             .spoilt("JOINTS = 3", "JOINTS = 5")
             .spoilt("COORDINATES = XYZ\n", "COORDINATES = XYZCW\n")
             .spoilt("[HAL]\n", &axes);
-        let answer =
-            bench.answer("stability program linear-delta.ini part.ngc study.toml --places 1", "");
+        let answer = bench.answer(
+            "stability program linear-delta.ini part.ngc --study study.toml --places 1",
+            "",
+        );
         says(&answer, 2, &[words]);
     }
 }
@@ -366,13 +384,13 @@ fn a_line_that_cuts_at_several_speeds_is_judged_at_each_and_has_no_single_chip()
     let program = "G21 G90 G64\nM3\n#1=0\no1 while [#1 lt 3]\n#1=[#1+1]\nS[6000+1000*#1]\nG1 X#1 F600\n\
                    o1 endwhile\nM2\n";
     let bench = Bench::new().with("study.toml", &study).with("part.ngc", program);
-    let words = "stability program linear-delta.ini part.ngc study.toml --csv out.csv";
+    let words = "stability program linear-delta.ini part.ngc --study study.toml --csv out.csv";
     says(&bench.answer(words, ""), 0, &["3 places on 3 feed moves"]);
     let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
     let speeds: Vec<&str> =
         table.lines().skip(1).map(|line| line.split(',').nth(7).unwrap()).collect();
     assert_eq!(speeds, ["7000", "8000", "9000"]);
-    let answer = bench.answer("cut linear-delta.ini part.ngc study.toml", "");
+    let answer = bench.answer("cut linear-delta.ini part.ngc --study study.toml", "");
     says(&answer, 2, &["line 7: it cuts at several spindle speeds; name one with --rpm"]);
 }
 
@@ -385,7 +403,7 @@ fn the_examples_of_the_page_are_what_the_commands_answer() {
     for file in ["hexapod.ini", "hexapod.tbl", "cutting.toml"] {
         bench = bench.with(file, &fs::read_to_string(folder.join(file)).unwrap());
     }
-    let words = "stability pose hexapod.ini cutting.toml -80 60 350 10 -20 0 --feed 1 0 0 \
+    let words = "stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --feed 1 0 0 \
                  --rpm 6000 --columns 5 --format json";
     let found = json(&bench.answer(words, ""));
     let modes = found["modes"].as_array().unwrap();
@@ -399,8 +417,10 @@ fn the_examples_of_the_page_are_what_the_commands_answer() {
     ));
     assert_eq!(single["unstable"][0]["loss"], "two tooth periods");
     says(format!("unstable from {:.4} mm on", float(&single["unstable"][0]["from_mm"])));
-    let lag = json(&bench.answer("stability lag paper.toml --overhang 500 300 --format json", ""));
-    for one in lag.as_array().unwrap() {
+    let lag = json(
+        &bench.answer("stability lag --study paper.toml --overhang 500 300 --format json", ""),
+    );
+    for one in lag["adjustments"].as_array().unwrap() {
         let [limit, chip] = [&one["limit"], &one["chip"]];
         says(format!(
             "| {} mm | {:.3} N/mm | {:.4} rad/s | {:.4} mm, {:.4} mm |",

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Stability in the cut, against values computed elsewhere, closed forms, and itself in two ways.
 
-mod commands;
+pub mod commands;
 mod lag;
 mod machine;
 mod milling;

@@ -2,7 +2,7 @@
 //! `pkm boxes`.
 
 use super::failure::{Failure, tell_error};
-use super::{Bar, MachineFile, Verdict, told};
+use super::{Bar, MachineFile, Verdict, output, told};
 use pkm::check::boxes::refused;
 use pkm::check::fixes::rewritten;
 use pkm::files::write_whole;
@@ -10,6 +10,8 @@ use pkm::proof::boxes as proof;
 use pkm::proof::one_to_one::Doubt;
 use pkm::read::boxes::{self, BoxSection};
 use pkm::read::machine::MachineConfig;
+use serde::Serialize;
+use serde_json::json;
 
 /// Finds and proves boxes of poses for the start without a seed
 ///
@@ -35,10 +37,21 @@ pub struct Arguments {
 struct Answer {
     /// For standard output.
     text: String,
+    /// Of every box its section, and into how many cells its proof cuts it.
+    proved: Vec<Proved>,
     /// Those that the file should have.
     sections: Vec<BoxSection>,
     /// Whether the file has them.
     is_there: bool,
+}
+
+/// A box that is proved.
+#[derive(Serialize)]
+struct Proved {
+    section: String,
+    cells: usize,
+    contraction: f64,
+    is_in_file: bool,
 }
 
 /// Why there is no proof.
@@ -56,6 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all_without_boxes()?;
     let mut verdict = Verdict::Fits;
     let mut text = config.ini.text().to_string();
+    let (mut boxes, mut sections) = (vec![], String::new());
     for mechanism in config.mechanisms() {
         for refused in refused(mechanism, "looking for others") {
             tell_error(&refused);
@@ -69,9 +83,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             }
         };
         Failure::unless_unread(told(&answer.text))?;
+        boxes.extend(answer.proved);
         if answer.is_there {
             continue;
         }
+        sections += &answer.text;
         match arguments.write {
             true => {
                 text = rewritten(&text, mechanism, &answer.sections)
@@ -86,9 +102,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             }
         }
     }
-    if text != config.ini.text() {
+    let is_written = text != config.ini.text();
+    if is_written {
         write_whole(&config.file, &text)?;
     }
+    let machine = &config.file;
+    output::answer(
+        &json!({ "machine": machine, "boxes": boxes, "sections": sections, "is_written": is_written }),
+    )?;
     Ok(verdict)
 }
 
@@ -106,18 +127,26 @@ fn found(config: &MachineConfig) -> Result<Answer, Unproved> {
         text += &format!("\n# proved with {cells} cells\n");
         text += &boxes::text(&config.place.box_section(k), section, letters, config.legs());
     }
+    let of = |(k, (section, cells)): (usize, &(BoxSection, usize))| Proved {
+        section: config.place.box_section(k),
+        cells: *cells,
+        contraction: section.claim.contraction,
+        is_in_file: false,
+    };
+    let proved = found.iter().enumerate().map(of).collect();
     let sections = found.into_iter().map(|(section, _)| section).collect();
-    Ok(Answer { text, sections, is_there: false })
+    Ok(Answer { text, proved, sections, is_there: false })
 }
 
 fn proved(config: &MachineConfig) -> Result<Answer, Unproved> {
-    let mut text = String::new();
+    let (mut text, mut proved) = (String::new(), vec![]);
     for (k, section) in config.boxes.iter().enumerate() {
         let name = config.place.box_section(k);
         let cells = proof::prove(config, section)
             .map_err(|doubt| Unproved::Section(name.clone(), doubt))?;
         let c = section.claim.contraction;
         text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");
+        proved.push(Proved { section: name, cells, contraction: c, is_in_file: true });
     }
-    Ok(Answer { text, sections: vec![], is_there: true })
+    Ok(Answer { text, proved, sections: vec![], is_there: true })
 }

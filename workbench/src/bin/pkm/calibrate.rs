@@ -2,8 +2,7 @@
 //! `pkm calibrate`.
 
 use super::failure::{Failure, refused};
-use super::{MachineFile, Verdict};
-use indicatif::{ProgressBar, ProgressStyle};
+use super::{Bar, MachineFile, Verdict, output};
 use pkm::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
 use pkm::calibrate::model::{Parameter, Quantity, Tolerance};
 use pkm::calibrate::rewrite;
@@ -11,13 +10,11 @@ use pkm::calibrate::sheet::Sheet;
 use pkm::calibrate::study::{self, Agreement, Study, Wishes};
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
+use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::PathBuf;
-
-/// Steps of the progress bar.
-const STEPS: u64 = 100;
 
 /// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
 /// fifth that is held out has places of its own.
@@ -111,17 +108,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let given = study::read(&config, &arguments.files, &wishes)?;
     study::look_for_slips(&config, &given, &arguments.files)?;
-    // Hidden where standard error is no terminal.
-    let bar = ProgressBar::new(STEPS).with_message("calibrating");
-    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
-        bar.set_style(style);
-    }
-    let study = study::study(&config, given, |share| {
-        bar.set_position((share * STEPS as f64) as u64);
-    })?;
+    let bar = Bar::new("calibrating");
+    let study = study::study(&config, given, |share| bar.set(share))?;
     let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
     let new = new_text(arguments, &config, &study)?;
-    bar.finish_and_clear();
+    drop(bar);
     let mut text = in_words(&config, &study);
     if arguments.next > 0 {
         text += &next(&config, &study, arguments.next)?;
@@ -146,7 +137,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let _ = write!(text, "\nwarning: {concern}\n");
     }
     let verdict = if concerns.is_empty() { Verdict::Fits } else { Verdict::Misfit };
-    let mut out = anstream::stdout().lock();
+    let written = target.filter(|_| !is_kept);
+    output::answer(&for_programs(&config, &study, written, &concerns))?;
+    let mut out = output::people();
     // A reader that has gone away does not change the verdict.
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     Failure::unless_unread(written.map_err(Failure::from))?;
@@ -411,4 +404,54 @@ fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, F
         let _ = writeln!(text, "  {}", words.concat());
     }
     Ok(text)
+}
+
+/// What was found, for programs.
+fn for_programs(
+    config: &MachineConfig,
+    study: &Study,
+    written: Option<&PathBuf>,
+    concerns: &[String],
+) -> Value {
+    let Study { model, readings, found, .. } = study;
+    let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
+    let value = |(k, parameter): (usize, &Parameter)| {
+        json!({
+            "name": name(parameter.quantity),
+            "change": found.changes[k],
+            "half_width": reach * found.deviation(k),
+            "share_of_drawing": found.deviation(k) / parameter.deviation,
+        })
+    };
+    let tip = |(before, after): &(Ellipsoid, Ellipsoid)| {
+        json!({
+            "pose": after.pose.to_degrees(),
+            "half_axes": after.half_axes,
+            "half_axes_by_drawing": before.half_axes,
+        })
+    };
+    let residuals = json!({ "as_drawn": study.as_drawn, "calibrated": found.rms(), "not_used": study.held_out });
+    json!({
+        "machine": config.file,
+        "readings": readings.len(),
+        "numbers": found.residuals.len(),
+        "residuals": residuals,
+        "noise": found.noise,
+        "determined": study.rank,
+        "better_than_drawing": study.improved,
+        "values": model.parameters.iter().enumerate().map(value).collect::<Vec<_>>(),
+        "tip": study.at_tool.iter().flatten().map(tip).collect::<Vec<_>>(),
+        "motion": {
+            "by_drawing": study.shape[0].expected,
+            "expected": study.shape[1].expected,
+            "below": study.shape[1].below,
+        },
+        "agreement": {
+            "chi_square": study.agreement.map(|it| it.chi_square),
+            "numbers": study.agreement.map(|it| it.numbers),
+            "most": study.agreement.map(|it| it.most),
+        },
+        "warnings": concerns,
+        "written": written,
+    })
 }

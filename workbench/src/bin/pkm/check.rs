@@ -2,7 +2,7 @@
 //! `pkm check`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::{Bar, MachineFile, Verdict, told};
+use super::{Bar, MachineFile, Verdict, output, told};
 use pkm::check::between::{self, Between};
 use pkm::check::findings::Report;
 use pkm::check::fixes::{fixed, machine};
@@ -12,6 +12,7 @@ use pkm::files::write_whole;
 use pkm::read::diagnostic::rendered;
 use pkm::read::edit::difference;
 use pkm::read::machine::MachineConfig;
+use serde_json::{Value, json};
 use std::io::Write;
 
 /// Checks that a machine's INI file fits together
@@ -58,11 +59,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return propose(arguments, &config);
     }
     let mut fits = true;
+    let mut mechanisms = vec![];
     for mechanism in config.mechanisms() {
         let bar = Bar::new("looking for boxes of poses");
         let report = check(mechanism, |share| bar.set(share))?;
         drop(bar);
         fits &= report.fits();
+        mechanisms.push(of_report(&report));
         // A reader that has gone away does not change the verdict.
         let heading = config.second.as_ref().map(|_| match mechanism.place.is_second {
             true => "\nThe second mechanism\n",
@@ -71,11 +74,34 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let told = write(&report, heading.unwrap_or_default());
         Failure::unless_unread(told.map_err(Failure::from))?;
     }
-    if let Some(between) = between::check(&config)? {
+    let between = between::check(&config)?;
+    if let Some(between) = &between {
         fits &= between.fits();
-        Failure::unless_unread(write_between(&between).map_err(Failure::from))?;
+        Failure::unless_unread(write_between(between).map_err(Failure::from))?;
     }
+    let between = between
+        .map(|Between { facts, findings }| json!({ "facts": named(&facts), "findings": findings }));
+    output::answer(
+        &json!({ "machine": config.file, "mechanisms": mechanisms, "between": between }),
+    )?;
     Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+}
+
+/// What was found of a mechanism, for programs.
+fn of_report(report: &Report) -> Value {
+    let tilts = report.tilts.iter().map(|(tilt, limits)| json!({ "tilt": tilt, "limits": limits }));
+    json!({
+        "facts": named(&report.facts),
+        "findings": report.findings,
+        "limits": report.suggestion,
+        "limits_are_those_of_the_file": report.is_whole,
+        "tilts": tilts.collect::<Vec<_>>(),
+    })
+}
+
+/// Facts that have no name of their own belong to the one before.
+fn named(facts: &[(String, String)]) -> Vec<Value> {
+    facts.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect()
 }
 
 /// The difference that puts the file right; what is left then decides whether it fits.
@@ -110,7 +136,14 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
         write_whole(&config.file, &fixed.text)?;
     }
     let name = config.file.display().to_string();
-    Failure::unless_unread(told(&difference(old, &fixed.text, (&name, &name), AROUND)))?;
+    let difference = difference(old, &fixed.text, (&name, &name), AROUND);
+    Failure::unless_unread(told(&difference))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "difference": difference,
+        "is_written": arguments.write && fixed.text != old,
+        "findings": findings,
+    }))?;
     // What a user has to see to himself.
     for finding in &findings {
         let _ = writeln!(anstream::stderr(), "\n{}", rendered(finding.severity, &finding.problem));
@@ -119,10 +152,10 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
 }
 
 fn write_between(between: &Between) -> std::io::Result<()> {
-    let mut out = anstream::stdout().lock();
-    writeln!(out, "\nBetween the two")?;
+    let (mut facts, mut out) = (output::facts(), output::people());
+    writeln!(facts, "\nBetween the two")?;
     for (name, value) in &between.facts {
-        writeln!(out, "  {name:<14} {value}")?;
+        writeln!(facts, "  {name:<14} {value}")?;
     }
     for finding in &between.findings {
         writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
@@ -132,14 +165,17 @@ fn write_between(between: &Between) -> std::io::Result<()> {
 
 fn write(report: &Report, heading: &str) -> std::io::Result<()> {
     let config = &report.config;
-    let mut out = anstream::stdout().lock();
-    write!(out, "{heading}")?;
-    writeln!(out, "{}", config.file.display())?;
+    let (mut facts, mut out) = (output::facts(), output::people());
+    write!(facts, "{heading}")?;
+    writeln!(facts, "{}", config.file.display())?;
     for (name, value) in &report.facts {
-        writeln!(out, "  {name:<14} {value}")?;
+        writeln!(facts, "  {name:<14} {value}")?;
     }
     for finding in &report.findings {
         writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
+    }
+    if output::is_quiet() {
+        return out.flush();
     }
     if let Some(limits) = &report.suggestion {
         let limited = if report.is_whole { "its axis limits" } else { "these limits" };

@@ -2,10 +2,10 @@
 //! `pkm completions`.
 
 use super::failure::Failure;
-use super::{Cli, Verdict};
+use super::{Cli, Verdict, output, told};
 use clap::CommandFactory;
 use clap_complete::Shell;
-use std::io::Write;
+use serde_json::json;
 
 /// Writes completions of pkm for a shell to standard output
 #[derive(clap::Args, Debug)]
@@ -17,6 +17,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut text = vec![];
     clap_complete::generate(arguments.shell, &mut Cli::command(), "pkm", &mut text);
-    std::io::stdout().lock().write_all(&text)?;
+    let text = String::from_utf8_lossy(&text);
+    told(&text)?;
+    output::answer(&json!({ "shell": arguments.shell.to_string(), "text": text }))?;
     Ok(Verdict::Fits)
 }

@@ -5,7 +5,7 @@ use super::failure::{Failure, refused};
 use super::run::{Control, Progress};
 use super::stability::program::Job;
 use super::stability::{WORTH, depth};
-use super::{Bar, Verdict, in_words};
+use super::{Bar, Verdict, in_words, output};
 use kinematics::Pose;
 use pkm::control::process;
 use pkm::control::row::Ending;
@@ -45,7 +45,7 @@ use std::path::{self, PathBuf};
 ///     [legs]
 ///     max_force_n = 2000           # what each drive can do; docs/cut.md has all keys
 ///
-///     pkm cut hexapod.ini part.ngc cut.toml --report part.html
+///     pkm cut hexapod.ini part.ngc --study cut.toml --report part.html
 ///
 /// N, Nm, mm, um, 1/min, s.
 ///
@@ -63,18 +63,8 @@ pub struct Arguments {
     /// Writes a page with tables and plots
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
-    /// Text for people, or JSON for programs
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
     #[command(flatten)]
     control: Control,
-}
-
-/// What is written to standard output.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
-enum Format {
-    Text,
-    Json,
 }
 
 /// Without --deepest, depths up to this many times the depth of cut are looked at.
@@ -182,11 +172,9 @@ fn write(arguments: &Arguments, config: &MachineConfig, answer: &Report) -> Resu
         let names = [name(&arguments.job.program)?, name(&config.file)?];
         write_whole(file, &of_cut(answer, names, &why(answer), &notes(answer))?)?;
     }
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(answer)?)?,
-        Format::Text => tell(&mut out, answer)?,
-    }
+    output::answer(answer)?;
+    let mut out = output::people();
+    tell(&mut out, answer)?;
     out.flush()?;
     Ok(())
 }

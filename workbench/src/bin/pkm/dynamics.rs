@@ -8,7 +8,7 @@ use super::vibration::{
     Answer, EllipseAnswer, LinearAnswer, ModeAnswer, Spectra, UM, of_record, response_header,
     response_row, roots, tell,
 };
-use super::{Bar, MachineFile, Verdict, in_words};
+use super::{Bar, MachineFile, Verdict, in_words, output};
 use kinematics::{Matrix3, Pose, Vector3};
 use pkm::control::process;
 use pkm::control::row::Ending;
@@ -31,7 +31,6 @@ use pkm::study::map::Map;
 use pkm::study::workspace::Workspace;
 use std::f64::consts::TAU;
 use std::fs::File;
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -73,13 +72,10 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs and dampers
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Text for people, or JSON for programs
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
     /// Draws responses, and what is asked for beside them, as SVG files into this folder, made if needed
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
@@ -100,7 +96,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     shake: Option<Shake>,
     /// Moves the machine in time under the commands of a program, from its first pose
-    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
     /// Writes the motion in time as CSV: seconds, and um of the tip from its command
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
@@ -111,13 +107,6 @@ pub struct Arguments {
     spectrum: Option<PathBuf>,
     #[command(flatten)]
     control: Control,
-}
-
-/// What is written to standard output.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
-enum Format {
-    Text,
-    Json,
 }
 
 /// A force.
@@ -170,12 +159,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         spread,
     });
     answer.motion = moved.map(|(record, _)| of_record(&record, told));
-    match arguments.format {
-        Format::Text => tell(&answer, &pose)?,
-        Format::Json => {
-            writeln!(anstream::stdout(), "{}", serde_json::to_string_pretty(&answer)?)?;
-        }
-    }
+    output::answer(&answer)?;
+    tell(&answer, &pose)?;
     Ok(verdict)
 }
 
@@ -268,7 +253,10 @@ impl Subject<'_> {
                 let feed = feed.map_or(Vector3::x(), |feed| feed.0);
                 let frame = frame(&feed, &self.pose.rotation().column(2).into_owned());
                 let frame = frame.ok_or_else(|| {
-                    refused("feed of [milling] points along the tool axis; name one across it")
+                    refused(format!(
+                        "{}: feed of [milling] points along the tool axis; name one across it",
+                        self.arguments.study.display()
+                    ))
                 })?;
                 Ok(Force::Milling(milling, frame))
             }
@@ -436,7 +424,11 @@ impl Subject<'_> {
         };
         let maps = planes.map(map);
         match maps.iter().all(Map::is_empty) {
-            true => Err(refused("no place of the maps is within the machine's limits")),
+            true => Err(refused(format!(
+                "{}: no place of the maps is within the machine's limits; name another pose by --pose, or \
+                 look at what pkm check says of the axis limits",
+                self.config.file.display()
+            ))),
             false => Ok(maps),
         }
     }

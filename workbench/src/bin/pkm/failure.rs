@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The one way of an error to the terminal.
 
+use super::output;
 use pkm::read::diagnostic::{Severity, rendered};
 use pkm::read::error::MachineError;
 use pkm::read::ini::IniError;
@@ -31,7 +32,7 @@ pub fn refused(text: impl Into<String>) -> Failure {
 
 /// A program in which the machine stays where it is.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: the program moves nothing", .0.display())]
+#[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
 pub struct MovesNothing(pub PathBuf);
 
 /// An error at a place that has no type of its own: a pose, a line of standard input.
@@ -64,6 +65,10 @@ impl Failure {
 
     /// Whether nobody reads standard output any more.
     pub fn is_unread(&self) -> bool {
+        let json = self.0.downcast_ref::<serde_json::Error>();
+        if json.is_some_and(|error| error.io_error_kind() == Some(ErrorKind::BrokenPipe)) {
+            return true;
+        }
         let written = match self.0.downcast_ref::<csv::Error>().map(csv::Error::kind) {
             Some(csv::ErrorKind::Io(error)) => Some(error),
             _ => self.0.downcast_ref::<io::Error>(),
@@ -77,7 +82,10 @@ impl Failure {
             tell_lines(&marked(error));
         } else if let Some(error) = self.0.downcast_ref::<MachineError>() {
             tell_lines(&of_machine(error));
-        } else if self.0.is::<io::Error>() || self.0.is::<csv::Error>() {
+        } else if self.0.is::<io::Error>()
+            || self.0.is::<csv::Error>()
+            || self.0.is::<serde_json::Error>()
+        {
             // Errors of files have their names; what has none was written to standard output.
             tell_error(&format!("standard output: {}", self.0));
         } else {
@@ -92,6 +100,8 @@ pub fn tell_error(error: &(impl Display + ?Sized)) {
 }
 
 fn tell_lines(text: &str) {
+    let plain = anstream::adapter::strip_str(text).to_string();
+    output::keep_error(plain.strip_prefix("pkm: ").unwrap_or(&plain));
     // Nothing is left to do where standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
 }

@@ -3,8 +3,9 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{Judgement, judgement};
-use super::{MachineFile, Verdict};
+use super::{MachineFile, Verdict, output};
 use pkm::files::Locate;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -30,8 +31,8 @@ const INI: &str = "INI_FILE_NAME";
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
@@ -45,10 +46,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let given = arguments.machine.clone().or_else(|| std::env::var_os(INI).map(Into::into));
     let Some(machine) = given else {
         return Err(refused(format!(
-            "which machine? LinuxCNC names its INI file in {INI}; elsewhere --machine does"
+            "which machine? LinuxCNC names its INI file in {INI}; elsewhere --machine MACHINE.ini does"
         )));
     };
     let program = &arguments.program;
+    let file = machine.clone();
     let text = std::fs::read(program).at(program)?;
     let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
     let (verdict, reasons) = match judgement {
@@ -69,11 +71,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             (Verdict::Misfit, [vec![head], reasons].concat())
         }
     };
+    output::answer(&json!({ "machine": file, "program": program, "reasons": reasons }))?;
     for reason in &reasons {
         tell_error(reason);
     }
     if verdict == Verdict::Fits {
-        let mut out = std::io::stdout().lock();
+        let mut out = output::people();
         out.write_all(&text)?;
         out.flush()?;
     }

@@ -2,11 +2,12 @@
 //! `pkm frames`.
 
 use super::failure::Failure;
-use super::{MachineFile, Verdict, write_out};
+use super::{MachineFile, Verdict, output, write_out};
 use pkm::check::screws;
 use pkm::draw::frames::of_machine;
 use pkm::read::error::MachineError;
 use pkm::read::machine::MachineConfig;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// A drawing of the machine with its frames and signs
@@ -35,6 +36,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let home =
         home.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;
     let hands = screws::hands(&config, &home);
-    write_out(&of_machine(&config, &home, &hands)?, arguments.output.as_deref())?;
+    let drawing = of_machine(&config, &home, &hands)?;
+    write_out(&drawing, arguments.output.as_deref())?;
+    output::answer(
+        &json!({ "machine": config.file, "file": arguments.output, "drawing": drawing }),
+    )?;
     Ok(Verdict::Fits)
 }

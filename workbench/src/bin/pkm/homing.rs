@@ -3,14 +3,14 @@
 
 use super::failure::{Failure, tell_error};
 use super::joints::{coordinates, joint_names};
-use super::{MachineFile, Verdict};
+use super::{Bar, MachineFile, Verdict, output};
 use pkm::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use pkm::files::{csv, write_whole};
 use pkm::read::machine::MachineConfig;
 use pkm::view::data::Data;
 use pkm::view::page::page;
 use pkm::view::track::Track;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -51,15 +51,33 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Ok(Verdict::Unjudged);
     }
     let order = homing.order();
+    let bar = Bar::spinner("following the way home");
     let outcome = homing.judge(&order);
+    if outcome.broken > 0 {
+        bar.say("looking for a safe order".into());
+    }
     let proposal = if outcome.broken > 0 { homing.safe_order() } else { None };
     let track = homing.track(&order);
+    drop(bar);
     if let Some(file) = &arguments.csv {
         write_whole(file, &table(&config, &track))?;
     }
     if let Some(file) = &arguments.html {
         write_whole(file, &page(&on_page(&config, &homing, &order, &track, &outcome)))?;
     }
+    let groups = |order: &[Group]| -> Vec<Value> {
+        let of = |group: &Group| json!({ "joints": group.joints, "text": members(&config, &homing, group) });
+        order.iter().map(of).collect()
+    };
+    output::answer(&json!({
+        "machine": config.file,
+        "order": groups(&order),
+        "starts": outcome.starts,
+        "broken": outcome.broken,
+        "first": outcome.first,
+        "safe_order": proposal.as_deref().map(groups),
+        "safe_sequences": proposal.as_deref().map(sequences),
+    }))?;
     let told = write(&config, &homing, &order, &outcome, proposal.as_deref());
     Failure::unless_unread(told.map_err(Failure::from))?;
     Ok(match outcome {
@@ -76,11 +94,11 @@ fn write(
     outcome: &Outcome,
     proposal: Option<&[Group]>,
 ) -> std::io::Result<()> {
-    let mut out = anstream::stdout().lock();
-    writeln!(out, "{}", config.file.display())?;
+    let (mut facts, mut out) = (output::facts(), output::people());
+    writeln!(facts, "{}", config.file.display())?;
     for (number, group) in order.iter().enumerate() {
         writeln!(
-            out,
+            facts,
             "  {:<14} {}",
             format!("sequence {}", number + 1),
             members(config, homing, group)

@@ -2,16 +2,18 @@
 //! `pkm joints`: inverse kinematics.
 
 use super::failure::Failure;
-use super::rows::{Answer, answer};
+use super::input::RowFile;
+use super::poses::PoseWords;
+use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use kinematics::{Letter, Pose, Vector3};
 use pkm::read::machine::MachineConfig;
 
 /// Joint values of poses (inverse kinematics)
 ///
-/// Takes one pose from the command line, or CSV with a header that names x y z a b c from
-/// standard input, and writes the joint values, a row for each pose. Machine units and degrees.
-/// Joint limits and cones are not looked at.
+/// Takes one pose (--pose), or CSV with a header that names x y z a b c from a file or standard
+/// input, and writes the joint values, a row for each pose. Machine units and degrees. Joint limits
+/// and cones are not looked at.
 ///
 /// Exit status: 0, or 1 where a pose has no joint values: its cells stay empty, and the reason
 /// stands on standard error.
@@ -19,9 +21,10 @@ use pkm::read::machine::MachineConfig;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// X Y Z A B C of one pose; without them CSV is read from standard input
-    #[arg(allow_negative_numbers = true)]
-    pose: Vec<f64>,
+    #[command(flatten)]
+    pose: PoseWords,
+    #[command(flatten)]
+    rows: RowFile,
     #[command(flatten)]
     tool: Tool,
 }
@@ -60,5 +63,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let joints = config.machine.inverse(&pose, &tool)?;
         Ok(joints[..config.joints.len()].to_vec())
     };
-    answer(&arguments.pose, &coordinates(), &joint_names(config.joints.len()), reply)
+    let question = match arguments.pose.is_given() {
+        true => {
+            arguments.pose.without_rows(&arguments.rows)?;
+            Question::Row(arguments.pose.read(&config)?.into())
+        }
+        false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
+    };
+    answer(&config.file, &question, &coordinates(), &joint_names(config.joints.len()), reply)
 }

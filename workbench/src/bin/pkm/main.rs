@@ -10,14 +10,17 @@ mod check;
 mod completions;
 mod cut;
 mod dynamics;
+mod examples;
 mod failure;
 mod filter;
 mod frames;
 mod homing;
+mod input;
 mod joints;
 mod man;
 mod measure;
 mod new;
+mod output;
 mod panel;
 mod path;
 mod pose;
@@ -38,9 +41,9 @@ mod vibration;
 mod view;
 mod workspace;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Failure, MovesNothing};
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kinematics::{Letter, Pose};
 use pkm::files::{Locate, leave_nothing, write_whole};
 use pkm::program::beside;
@@ -68,7 +71,27 @@ fn main() -> ExitCode {
         leave_nothing();
         std::process::exit(INTERRUPTED);
     });
-    Cli::parse().run()
+    output::choose_colours(std::env::args_os());
+    let matches = grammar().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    cli.settings.choose(words(&matches));
+    let code = cli.run();
+    // What stood on standard input.
+    leave_nothing();
+    code
+}
+
+/// The grammar of the command line, with examples.
+fn grammar() -> clap::Command {
+    examples::documented(Cli::command(), "")
+}
+
+/// The words of the subcommand, such as `stability pose`.
+fn words(matches: &clap::ArgMatches) -> String {
+    match matches.subcommand() {
+        None => String::new(),
+        Some((name, below)) => format!("{name} {}", words(below)).trim_end().into(),
+    }
 }
 
 /// What a subcommand has found, the worst last.
@@ -80,6 +103,17 @@ pub enum Verdict {
     Misfit,
     /// Not all could be judged.
     Unjudged,
+}
+
+impl Verdict {
+    /// The same for programs; `None` where not all could be judged.
+    const fn fits(self) -> Option<bool> {
+        match self {
+            Self::Fits => Some(true),
+            Self::Misfit => Some(false),
+            Self::Unjudged => None,
+        }
+    }
 }
 
 /// The table of the subcommands.
@@ -141,6 +175,8 @@ commands! {
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    settings: output::Settings,
 }
 
 /// The machine, for every subcommand that needs one.
@@ -219,9 +255,9 @@ fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-/// Writes text to standard output.
+/// Writes text for people to standard output.
 fn told(text: &str) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     out.write_all(text.as_bytes())?;
     out.flush()?;
     Ok(())
@@ -253,17 +289,29 @@ impl Bar {
     /// Of work whose length is known.
     fn new(message: &'static str) -> Self {
         let bar = ProgressBar::new(STEPS).with_message(message);
-        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %") {
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %, {eta} left") {
             bar.set_style(style);
         }
-        Self(BARS.add(bar))
+        bar.enable_steady_tick(TICK);
+        Self::shown(bar)
     }
 
     /// Of work that takes as long as it takes.
     fn spinner(message: &'static str) -> Self {
-        let bar = BARS.add(ProgressBar::new_spinner().with_message(message));
+        let bar = ProgressBar::new_spinner().with_message(message);
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed} so far") {
+            bar.set_style(style);
+        }
         bar.enable_steady_tick(TICK);
-        Self(bar)
+        Self::shown(bar)
+    }
+
+    fn shown(bar: ProgressBar) -> Self {
+        if output::is_quiet() {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+            return Self(bar);
+        }
+        Self(BARS.add(bar))
     }
 
     /// How far work of unknown length has come.
@@ -307,15 +355,23 @@ fn in_words(pose: &Pose) -> String {
 impl Cli {
     /// Runs the subcommand; what goes wrong is told on standard error.
     fn run(&self) -> ExitCode {
-        match self.command.run() {
-            Ok(Verdict::Fits) => ExitCode::SUCCESS,
-            Ok(Verdict::Misfit) => ExitCode::from(1),
-            Ok(Verdict::Unjudged) => ExitCode::from(2),
-            Err(failure) if failure.is_unread() => ExitCode::SUCCESS,
+        let verdict = match self.command.run() {
+            Ok(verdict) => verdict,
+            Err(failure) if failure.is_unread() => return ExitCode::SUCCESS,
             Err(failure) => {
                 failure.tell();
-                ExitCode::from(2)
+                Verdict::Unjudged
             }
+        };
+        // A reader that has gone away does not change the verdict.
+        if let Err(failure) = Failure::unless_unread(output::finish(verdict)) {
+            failure.tell();
+            return ExitCode::from(2);
+        }
+        match verdict {
+            Verdict::Fits => ExitCode::SUCCESS,
+            Verdict::Misfit => ExitCode::from(1),
+            Verdict::Unjudged => ExitCode::from(2),
         }
     }
 }

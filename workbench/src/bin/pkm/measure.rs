@@ -2,7 +2,7 @@
 //! `pkm measure`.
 
 use super::failure::{Failure, refused};
-use super::{Bar, MachineFile, Verdict, told};
+use super::{Bar, MachineFile, Verdict, output, told};
 use pkm::calibrate::model::Tolerance;
 use pkm::calibrate::propose::{Proposal, Step, propose};
 use pkm::calibrate::setup::Setup;
@@ -12,6 +12,7 @@ use pkm::files::{Locate, write_whole};
 use pkm::program::interpreter::{Move, MoveKind, Spindle};
 use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Writes a program that stops where a gauge is to be read, and the table for the readings
@@ -92,6 +93,12 @@ fn read(
         (table, &sheet::empty(config, &setup.gauge, &setup.objects, &proposal.stops)),
     )?;
     told(&in_words(config, &setup, &proposal, &files))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "files": files,
+        "stops": proposal.stops.len(),
+        "tip": { "by_drawing": proposal.drawn.expected, "with_readings": proposal.measured.expected },
+    }))?;
     Ok(Verdict::Fits)
 }
 
@@ -112,6 +119,12 @@ fn probe(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failu
         program.display(),
         hal.display()
     ))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "files": [program, hal],
+        "stops": found.touches,
+        "tilts": found.tilts,
+    }))?;
     Ok(Verdict::Fits)
 }
 

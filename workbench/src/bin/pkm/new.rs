@@ -2,7 +2,8 @@
 //! `pkm new`.
 
 use super::failure::{self, Failure, tell_error};
-use super::{Bar, Verdict, told};
+use super::input::file_of_dash;
+use super::{Bar, Verdict, output, told};
 use clap::{Arg, ArgMatches, Command};
 use pkm::new::kinds::{KINDS, Kind};
 use pkm::new::make::{Made, Order, limit_lines, make};
@@ -11,6 +12,7 @@ use pkm::new::questions::{Dialogue, Given};
 use pkm::new::table::columns;
 use pkm::new::values::{Refusal, Values};
 use pkm::read::diagnostic::rendered;
+use serde_json::json;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
@@ -26,15 +28,6 @@ every value is asked for with its unit, its meaning and an example. docs/pkm.md 
 Exit status: 0 where the folder is made, 1 where no such machine can work, with the reason, 2 where something \
 given is wrong or the folder is there already. Except with 0 nothing is written.";
 
-const EXAMPLES: &str = "Examples:
-  pkm new                                  asks for everything, on a terminal
-  pkm new linear-delta                     asks for what a linear delta needs
-  pkm new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 \\
-      --platform-half-angle 15 --strut 550 850 --lead 5 --hands RLRLRL --tool up my-hexapod
-  pkm new linear-delta --unit inch --base-radius 6.5 --platform-radius 1.5 --rod 10.5 \\
-      --carriage 0 15 --feed 200 --accel 20 --out machines/delta
-  pkm new struts --anchors anchors.csv --strut 300 520 --coordinates XYZAB";
-
 /// Name and place of a machine, and which of its values were given.
 #[derive(Debug)]
 pub struct Arguments {
@@ -46,7 +39,7 @@ pub struct Arguments {
 
 impl clap::Args for Arguments {
     fn augment_args(command: Command) -> Command {
-        let command = command.about(ABOUT).long_about(LONG).after_help(EXAMPLES);
+        let command = command.about(ABOUT).long_about(LONG);
         KINDS.iter().fold(command, |command, kind| command.subcommand(of_kind(kind)))
     }
 
@@ -69,7 +62,12 @@ impl clap::FromArgMatches for Arguments {
         self.out = matches.get_one::<PathBuf>("out").cloned();
         for parameter in self.kind.map(Kind::parameters).unwrap_or_default() {
             if let Some(words) = matches.get_many::<String>(parameter.name) {
-                self.given.insert(parameter.name, words.cloned().collect());
+                let words = words.cloned();
+                let words = match parameter.measure {
+                    Measure::File => words.map(file_of_dash).collect(),
+                    _ => words.collect(),
+                };
+                self.given.insert(parameter.name, words);
             }
         }
         Ok(())
@@ -175,12 +173,20 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
     let made = make(&order, |what| bar.say(what.into()))?;
     drop(bar);
     Failure::unless_unread(told(&text(&made, &order)))?;
+    let file = folder.join(format!("{name}.ini"));
+    output::answer(&json!({
+        "folder": folder,
+        "machine": file,
+        "boxes": made.boxes,
+        "limits": made.report.suggestion,
+        "findings": made.report.findings,
+    }))?;
     Ok(())
 }
 
 /// Kind and values, asked for where none is given and somebody is there to answer.
 fn answered(arguments: &Arguments) -> Result<(&'static Kind, Given), Stop> {
-    let is_asked = io::stdin().is_terminal() && io::stderr().is_terminal();
+    let is_asked = !output::is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
     let (mut answers, mut questions) = (io::stdin().lock(), io::stderr());
     let mut dialogue = Dialogue { answers: &mut answers, questions: &mut questions };
     let kind = match arguments.kind {

@@ -2,10 +2,11 @@
 //! `pkm panel`.
 
 use super::failure::{Failure, refused};
-use super::{Verdict, told};
+use super::{Verdict, output, told};
 use pkm::files::{Locate, write_whole};
 use pkm::panel::Panel;
 use pkm::read::machine::MachineConfig;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
@@ -46,6 +47,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let [xml, tcl] = ["xml", "tcl"].map(|ending| format!("{name}-panel.{ending}"));
     write_whole(&folder.join(&xml), &widgets)?;
     write_whole(&folder.join(&tcl), &wiring)?;
+    let files = [folder.join(&xml), folder.join(&tcl)];
+    output::answer(&json!({ "machine": config.file, "files": files }))?;
     told(&format!("[DISPLAY]\nPYVCP = {xml}\n\n[HAL]\nPOSTGUI_HALFILE = {tcl}\n"))?;
     Ok(Verdict::Fits)
 }

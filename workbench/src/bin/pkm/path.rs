@@ -2,7 +2,7 @@
 //! `pkm path`.
 
 use super::failure::{Failure, refused};
-use super::{MachineFile, Verdict, write_out};
+use super::{MachineFile, Verdict, output, write_out};
 use pkm::curve::carriages;
 use pkm::curve::file::PathFile;
 use pkm::curve::job::{self, Job, job};
@@ -12,7 +12,7 @@ use pkm::draw::curve::{of_carriages, of_job, of_route};
 use pkm::draw::plot::{DrawError, Plot};
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
-use std::io::Write;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Programs along curves, and what they ask of the joints
@@ -96,6 +96,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             let plots = || of_route(&config, &found);
             write(arguments, &found.program, || csv(&config, &found.rows), plots)?;
             tell(&found);
+            output::answer(&of_program(arguments, &config, &found.program, &told_route(&found)))?;
         }
         (None, true, Some(_)) => return backwards(arguments, &config, &file),
         (None, false, None) => {
@@ -103,6 +104,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             let plots = || of_job(&config, &found);
             write(arguments, &found.program, || job::csv(&config, &found), plots)?;
             tell_job(&config, &found);
+            let operations = json!({ "operations": found.done.iter().map(|done| json!({
+                "name": done.name,
+                "length": done.along.last().map_or(0.0, |along| along.length),
+            })).collect::<Vec<_>>() });
+            output::answer(&of_program(arguments, &config, &found.program, &operations))?;
         }
         _ => {
             let text = format!("{place}: expected one of [curve], [[operation]] and [carriages]");
@@ -129,7 +135,36 @@ fn backwards(
     }
     let text = carriages::csv(config, &places);
     write_out(&text, arguments.csv.as_deref())?;
+    output::answer(&json!({ "machine": config.file, "path": arguments.path, "table": text }))?;
     Ok(Verdict::Fits)
+}
+
+/// A program, and what is said of it, for programs.
+fn of_program(arguments: &Arguments, config: &MachineConfig, text: &str, told: &Value) -> Value {
+    let files: Vec<_> = [&arguments.output, &arguments.csv].into_iter().flatten().collect();
+    let mut all = json!({
+        "machine": config.file,
+        "path": arguments.path,
+        "program": text,
+        "files": files,
+    });
+    if let (Some(all), Some(told)) = (all.as_object_mut(), told.as_object()) {
+        all.extend(told.clone());
+    }
+    all
+}
+
+fn told_route(found: &Route) -> Value {
+    let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
+    json!({
+        "lines": found.pieces.len() - arcs,
+        "arcs": arcs,
+        "deviation_mm": found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max),
+        "length_mm": found.curve.length,
+        "seconds": found.seconds,
+        "turnings": found.curve.turnings.iter().map(|turning| json!({ "t": turning.t, "at": turning.at })).collect::<Vec<_>>(),
+        "is_closed": found.curve.is_closed,
+    })
 }
 
 fn write(
@@ -149,7 +184,6 @@ fn write(
 
 /// Changes of the joints by operation (paper 003, figure 8).
 fn tell_job(config: &MachineConfig, job: &Job) {
-    let mut out = anstream::stderr();
     let unit = config.length_unit();
     for (n, done) in job.done.iter().enumerate() {
         let Some(end) = done.along.last() else { continue };
@@ -160,36 +194,26 @@ fn tell_job(config: &MachineConfig, job: &Job) {
             format!("{} {low:.3}..{high:.3}", config.joints[i].name)
         };
         let changes: Vec<String> = (0..config.joints.len()).map(change).collect();
-        // Nothing is left to do where standard error is closed.
-        let _ = writeln!(
-            out,
-            "{}: {}, {:.3} {unit}; {}",
-            n + 1,
-            done.name,
-            end.length,
-            changes.join(", ")
-        );
+        let changes = changes.join(", ");
+        output::remark(&format!("{}: {}, {:.3} {unit}; {changes}", n + 1, done.name, end.length));
     }
 }
 
 fn tell(found: &Route) {
     let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
     let most = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
-    let mut out = anstream::stderr();
-    // Nothing is left to do where standard error is closed.
-    let _ = writeln!(
-        out,
+    output::remark(&format!(
         "{} lines and {arcs} arcs, at most {most:.6} mm from the curve; {:.6} mm long, {:.2} s at \
          the programmed speeds",
         found.pieces.len() - arcs,
         found.curve.length,
         found.seconds
-    );
+    ));
     for turning in &found.curve.turnings {
         let [x, y] = turning.at;
-        let _ = writeln!(out, "t turns back at t = {:.6}: x {x:.6} y {y:.6}", turning.t);
+        output::remark(&format!("t turns back at t = {:.6}: x {x:.6} y {y:.6}", turning.t));
     }
     if found.curve.is_closed {
-        let _ = writeln!(out, "the curve is closed");
+        output::remark("the curve is closed");
     }
 }

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm pose`: forward kinematics.
 
-use super::failure::Failure;
+use super::failure::{Failure, refused};
+use super::input::RowFile;
 use super::joints::{Tool, coordinates, joint_names};
-use super::rows::{Answer, answer};
+use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use kinematics::Pose;
 
 /// Poses of joint values (forward kinematics)
 ///
-/// Takes the joint values of one pose from the command line, or CSV with a header that names
-/// joint_0 joint_1 ... from standard input, and writes the poses X Y Z A B C. Machine units and
+/// Takes the joint values of one pose (--joints), or CSV with a header that names joint_0 joint_1 ...
+/// from a file or standard input, and writes the poses X Y Z A B C. Machine units and
 /// degrees. Many poses may belong to the same joint values: what is written is the one that the
 /// machine comes to when its joints run straight from the seed, for the first row from home,
 /// then from the row before. Where that is not certain there is no answer.
@@ -21,9 +22,11 @@ use kinematics::Pose;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Joint values of one pose; without them CSV is read from standard input
-    #[arg(allow_negative_numbers = true)]
+    /// Joint values of one pose, in the order of the joints
+    #[arg(long, num_args = 1.., value_name = "VALUE", allow_negative_numbers = true, conflicts_with = "rows")]
     joints: Vec<f64>,
+    #[command(flatten)]
+    rows: RowFile,
     /// Pose to start from instead of [TRAJ]HOME
     #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "A", "B", "C"], allow_negative_numbers = true)]
     seed: Option<Vec<f64>>,
@@ -43,5 +46,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         seed = solution.pose;
         Ok(solution.pose.to_degrees().to_vec())
     };
-    answer(&arguments.joints, &joint_names(config.joints.len()), &coordinates(), reply)
+    let (names, given) = (joint_names(config.joints.len()), &arguments.joints);
+    let question = match given.len() {
+        0 => Question::Rows(&arguments.rows, "--joints"),
+        count if count == names.len() => Question::Row(given.clone()),
+        count => {
+            let text = format!("--joints: found {count} numbers; expected {}", names.join(" "));
+            return Err(refused(text));
+        }
+    };
+    answer(&config.file, &question, &names, &coordinates(), reply)
 }

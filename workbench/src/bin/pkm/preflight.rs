@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
 use super::run::{Control, Progress};
-use super::{Bar, MachineFile, Verdict, report, told};
+use super::{Bar, MachineFile, Verdict, output, report, told};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
 use pkm::control::process::Options;
@@ -42,12 +42,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Programs, or folders with programs (*.ngc, *.nc)
-    #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath)]
+    /// Programs, - for standard input, or folders with programs (*.ngc, *.nc)
+    #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath, value_parser = super::input::Program)]
     programs: Vec<PathBuf>,
-    /// Text for people, or JSON for programs
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
     /// Also writes one page with plots; of one program
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
@@ -79,22 +76,12 @@ impl Judging {
     }
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Text,
-    Json,
-}
-
-/// Of the JSON that is told: raised where a field goes or changes its meaning.
-const VERSION: u32 = 1;
-
 /// Most warnings that the page repeats above its plots; its copy of the answer has more.
 const MOST_NOTES: usize = 20;
 
-/// What is told; docs/preflight-json.md describes it.
+/// What is told; docs/json.md describes it.
 #[derive(Serialize)]
 pub struct Answer {
-    version: u32,
     machine: String,
     program: String,
     /// Files that lines belong to, by the numbers told with them.
@@ -111,10 +98,8 @@ pub struct Answer {
 /// A program of several that could not be judged at all.
 #[derive(Serialize)]
 struct Unread {
-    version: u32,
     machine: String,
     program: String,
-    fits: Option<bool>,
     error: String,
 }
 
@@ -184,7 +169,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return run_one(&config, arguments, program);
     }
     if arguments.report.is_some() {
-        return Err(refused("--report takes one program"));
+        return Err(refused("--report takes one program: name one alone, or leave --report out"));
     }
     run_all(&config, arguments, &programs(&arguments.programs)?)
 }
@@ -213,10 +198,8 @@ fn run_one(
         write_report(file, config, &answer, &course, &blocks)?;
     }
     // A reader that has gone away does not change the verdict.
-    Failure::unless_unread(told(&match arguments.format {
-        Format::Text => in_words(config, &answer, &blocks),
-        Format::Json => serde_json::to_string_pretty(&answer)? + "\n",
-    }))?;
+    Failure::unless_unread(told(&to_people(config, &answer, &blocks)))?;
+    output::answer(&answer)?;
     Ok(answer.verdict())
 }
 
@@ -244,33 +227,26 @@ fn run_all(
             Ok(answer) => {
                 let verdict = answer.verdict();
                 table.push((name, verdict, summary(&answer)));
-                match arguments.format {
-                    Format::Json => list.push(serde_json::to_value(&answer)?),
-                    Format::Text => {
-                        let texts = texts(&answer.files)?;
-                        let blocks: Vec<Vec<&str>> =
-                            texts.iter().map(|text| text.lines().collect()).collect();
-                        let text = in_words(config, &answer, &blocks) + "\n";
-                        Failure::unless_unread(told(&text))?;
-                    }
-                }
+                let texts = texts(&answer.files)?;
+                let blocks: Vec<Vec<&str>> =
+                    texts.iter().map(|text| text.lines().collect()).collect();
+                let mut text = to_people(config, &answer, &blocks);
+                text += if text.is_empty() { "" } else { "\n" };
+                Failure::unless_unread(told(&text))?;
+                list.push((verdict, serde_json::to_value(&answer)?));
             }
             Err(failure) => {
                 let error = failure.to_string();
                 tell_error(&failure);
                 let machine = config.file.display().to_string();
-                let unread =
-                    Unread { version: VERSION, machine, program: name.clone(), fits: None, error };
-                list.push(serde_json::to_value(&unread)?);
+                let unread = Unread { machine, program: name.clone(), error };
+                list.push((Verdict::Unjudged, serde_json::to_value(&unread)?));
                 table.push((name, Verdict::Unjudged, unread.error));
             }
         }
     }
-    let end = match arguments.format {
-        Format::Json => serde_json::to_string_pretty(&list)? + "\n",
-        Format::Text => in_a_table(&table),
-    };
-    Failure::unless_unread(told(&end))?;
+    Failure::unless_unread(told(&in_a_table(&table)))?;
+    output::list(list);
     let worst = |(_, verdict, _): &(_, Verdict, _)| *verdict;
     Ok(table.iter().map(worst).max().unwrap_or(Verdict::Fits))
 }
@@ -317,7 +293,6 @@ pub fn judged(
         (Time::NotJudged(_), true) => None,
     };
     Ok(Answer {
-        version: VERSION,
         machine: config.file.display().to_string(),
         program: program.display().to_string(),
         files,
@@ -471,7 +446,29 @@ fn confirmed(
     Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
 }
 
+/// What is told to people: of everything, or of what does not fit alone.
+fn to_people(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
+    match output::is_quiet() {
+        true => findings_in_words(config, answer, blocks).trim_start().into(),
+        false => in_words(config, answer, blocks),
+    }
+}
+
 fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
+    let verdict = match (answer.verdict(), answer.warnings.is_empty()) {
+        (Verdict::Fits, true) => "The program fits the machine.",
+        (Verdict::Fits, false) => "The program fits the machine; look at the warnings.",
+        (Verdict::Misfit, _) => "The program does not fit the machine.",
+        (Verdict::Unjudged, _) => {
+            "The path of the program fits the machine; what depends on time is not judged."
+        }
+    };
+    let findings = findings_in_words(config, answer, blocks);
+    facts_in_words(config, answer) + &findings + "\n" + verdict + "\n"
+}
+
+/// What it takes of the machine, and how much is to spare.
+fn facts_in_words(config: &MachineConfig, answer: &Answer) -> String {
     let found = &answer.found;
     let mut text = format!("{} on {}\n", answer.program, answer.machine);
     let mut row = |name: &str, value: String| text.push_str(&format!("  {name:<18} {value}\n"));
@@ -505,6 +502,13 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
     if !found.fits() {
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
     }
+    text
+}
+
+/// What does not fit, and what would.
+fn findings_in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
+    let (found, unit) = (&answer.found, config.length_unit());
+    let mut text = String::new();
     for told in &found.breaks {
         text.push_str(&format!("\nerror: {}", in_a_sentence(config, told, &answer.files, blocks)));
     }
@@ -527,15 +531,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
             suggestion.checked()
         ));
     }
-    let verdict = match (answer.verdict(), answer.warnings.is_empty()) {
-        (Verdict::Fits, true) => "The program fits the machine.",
-        (Verdict::Fits, false) => "The program fits the machine; look at the warnings.",
-        (Verdict::Misfit, _) => "The program does not fit the machine.",
-        (Verdict::Unjudged, _) => {
-            "The path of the program fits the machine; what depends on time is not judged."
-        }
-    };
-    text + "\n" + verdict + "\n"
+    text
 }
 
 /// What LinuxCNC shows to the operator of a program that it runs to its end.

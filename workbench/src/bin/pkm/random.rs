@@ -2,9 +2,9 @@
 //! `pkm random`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::{MachineFile, Verdict};
+use super::{MachineFile, Verdict, output, told};
 use pkm::program::random_program::random_program;
-use std::io::Write;
+use serde_json::json;
 
 /// Writes a program of random moves and tool changes that the machine can run
 ///
@@ -38,9 +38,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     match random_program(&config, arguments.seed, seconds) {
         Ok(text) => {
-            let mut out = std::io::stdout().lock();
-            out.write_all(text.as_bytes())?;
-            out.flush()?;
+            told(&text)?;
+            output::answer(&json!({ "machine": config.file, "program": text }))?;
             Ok(Verdict::Fits)
         }
         Err(error) => {

@@ -3,6 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::joints::{coordinates, joint_names};
+use super::output::Table;
 use super::{Bar, MachineFile, Verdict, moves};
 use pkm::draw::motion;
 use pkm::draw::plot::Plot;
@@ -26,8 +27,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// Seconds between poses instead of [EMCMOT]SERVO_PERIOD
     #[arg(long, value_name = "SECONDS")]
@@ -51,10 +52,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(folder) = &arguments.plots {
         std::fs::create_dir_all(folder).at(folder)?;
     }
-    let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let names =
         [vec!["time".into(), "line".into()], coordinates(), joint_names(config.joints.len())];
-    out.write_record(names.concat())?;
+    let mut table = Table::new(names.concat())?;
     let mut samples = vec![];
     let mut unwritten = None;
     let whole = duration_of_all(&config, &moves);
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let replayed = replay_seen(&config, &moves, period, |visit| {
         bar.set(visit.time / whole);
         if unwritten.is_none() {
-            unwritten = out.write_record(row(&config, visit)).err();
+            unwritten = table.row(row(&config, visit)).err();
         }
         if arguments.plots.is_some() {
             samples.push(sample(visit));
@@ -70,8 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     });
     drop(bar);
     match unwritten {
-        Some(error) => return Err(error.into()),
-        None => out.flush()?,
+        Some(error) => return Err(error),
+        None => table.finish(&config.file)?,
     }
     let told = match &replayed {
         Ok(replay) => replay.violations(&config),
@@ -86,11 +86,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn row(config: &MachineConfig, visit: &Visit) -> impl Iterator<Item = String> {
-    let numbers = visit.pose.into_iter().chain(visit.joints.into_iter().take(config.joints.len()));
-    [visit.time.to_string(), visit.line.to_string()]
-        .into_iter()
-        .chain(numbers.map(|x| x.to_string()))
+fn row(config: &MachineConfig, visit: &Visit) -> Vec<Option<f64>> {
+    let place = [visit.time, f64::from(visit.line)].into_iter().chain(visit.pose);
+    place.chain(visit.joints.into_iter().take(config.joints.len())).map(Some).collect()
 }
 
 fn sample(visit: &Visit) -> Sample {

@@ -3,6 +3,7 @@
 
 use super::failure::{Failure, tell_error};
 use super::joints::{coordinates, joint_names};
+use super::output::Table;
 use super::poses::{Source, Stop};
 use super::{MachineFile, StudyFile, Verdict};
 use kinematics::Vector3;
@@ -71,24 +72,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
-    let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let names = [
         vec!["time".into(), "line".into()],
         coordinates(),
         joint_names(config.joints.len()),
         view.names(),
     ];
-    out.write_record(names.concat())?;
+    let mut table = Table::new(names.concat())?;
     for (stop, rods) in seen {
-        let joints = config.machine.inverse(&stop.pose, &stop.tool);
-        let joints = joints?;
-        let own = [vec![stop.time.to_string(), stop.line.to_string()]];
-        let numbers =
-            stop.pose.to_degrees().into_iter().chain(joints).take(6 + config.joints.len());
-        let values = rods.values().into_iter().map(|v| v.map_or(String::new(), |v| v.to_string()));
-        let cells = own.concat().into_iter().chain(numbers.map(|x| x.to_string())).chain(values);
-        out.write_record(cells.collect::<Vec<_>>())?;
+        let joints = config.machine.inverse(&stop.pose, &stop.tool)?;
+        let place = [stop.time, stop.line as f64].into_iter().chain(stop.pose.to_degrees());
+        let numbers = place.chain(joints.into_iter().take(config.joints.len())).map(Some);
+        table.row(numbers.chain(rods.values()).collect())?;
     }
-    out.flush()?;
-    Ok(())
+    table.finish(&config.file)
 }

@@ -1,38 +1,51 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Rows of numbers: from the command line, or as CSV from standard input.
+//! Rows of numbers: from the command line, or as CSV from a file or standard input.
 
 use super::Verdict;
 use super::failure::{Failure, refused, tell_error};
+use super::input::RowFile;
+use super::output::{self, Table};
 use kinematics::Fault;
-use std::io::Write;
+use pkm::files::Locate;
+use serde_json::json;
+use std::io::{Read, Write};
+use std::path::Path;
 
 const INPUT: &str = "standard input";
 
 /// What a row came to: numbers, or why there are none.
 pub type Answer = Result<Vec<f64>, Fault>;
 
-/// Answers one row of numbers with a line of numbers, or, without any, every row of standard
-/// input, whose header has to name all `columns` (others are left alone), with a row of CSV
-/// under the header `named`. A row without an answer leaves its cells empty.
+/// What is asked: one row, or those of a file.
+pub enum Question<'a> {
+    Row(Vec<f64>),
+    /// With the option that gives one row instead.
+    Rows(&'a RowFile, &'static str),
+}
+
+/// Answers one row of numbers with a line of numbers, or every row of a file, whose header has to
+/// name all `columns` (others are left alone), with a row of CSV under the header `named`. A row
+/// without an answer leaves its cells empty.
 pub fn answer(
-    given: &[f64],
+    machine: &Path,
+    question: &Question,
     columns: &[String],
     named: &[String],
     mut reply: impl FnMut(&[f64]) -> Answer,
 ) -> Result<Verdict, Failure> {
-    if given.is_empty() {
-        return stream(columns, named, reply);
-    }
-    if given.len() != columns.len() {
-        let text = format!("expected {} numbers: {}", columns.len(), columns.join(" "));
-        return Err(refused(format!("{text}; found {}", given.len())));
-    }
-    let mut out = anstream::stdout().lock();
+    let given = match question {
+        Question::Row(given) => given,
+        Question::Rows(file, instead) => {
+            return stream(machine, Rows::open(file, columns, instead)?, named, reply);
+        }
+    };
     match reply(given) {
         Ok(values) => {
-            for (name, value) in named.iter().zip(values) {
+            let mut out = output::people();
+            for (name, value) in named.iter().zip(&values) {
                 writeln!(out, "{name} = {value}")?;
             }
+            output::answer(&json!({ "machine": machine, "columns": named, "rows": [values] }))?;
             Ok(Verdict::Fits)
         }
         Err(fault) => {
@@ -43,43 +56,61 @@ pub fn answer(
 }
 
 fn stream(
-    columns: &[String],
+    machine: &Path,
+    rows: Rows,
     named: &[String],
     mut reply: impl FnMut(&[f64]) -> Answer,
 ) -> Result<Verdict, Failure> {
-    let rows = Rows::open(columns)?;
-    let mut out = csv::Writer::from_writer(anstream::stdout().lock());
-    out.write_record(named)?;
+    let name = rows.name.clone();
+    let mut table = Table::new(named.to_vec())?;
     let mut verdict = Verdict::Fits;
     rows.each(|line, values| {
         let cells = match reply(values) {
-            Ok(values) => values.iter().map(f64::to_string).collect(),
+            Ok(values) => values.into_iter().map(Some).collect(),
             Err(fault) => {
-                tell_error(&format!("{INPUT}:{line}: {fault}"));
+                tell_error(&format!("{name}:{line}: {fault}"));
                 verdict = Verdict::Misfit;
-                vec![String::new(); named.len()]
+                vec![None; named.len()]
             }
         };
-        Ok(out.write_record(cells)?)
+        table.row(cells)
     })?;
-    out.flush()?;
+    table.finish(machine)?;
     Ok(verdict)
 }
 
-/// Rows of standard input, whose header has named the columns wanted.
+/// Rows of a file or of standard input, whose header has named the columns wanted.
 pub struct Rows {
-    reader: csv::Reader<std::io::StdinLock<'static>>,
+    reader: csv::Reader<Box<dyn Read>>,
     places: Vec<usize>,
+    /// Of the file.
+    name: String,
 }
 
 impl Rows {
-    /// Reads the header, which has to name all `columns`; others are left alone.
-    pub fn open(columns: &[String]) -> Result<Self, Failure> {
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::stdin().lock());
-        let header = reader.headers().map_err(unread)?;
-        let places = places(header, columns)?;
-        Ok(Self { reader, places })
+    /// Reads the header, which has to name all `columns`; others are left alone. `instead` names what else
+    /// could have been given, to somebody who gave nothing.
+    pub fn open(file: &RowFile, columns: &[String], instead: &str) -> Result<Self, Failure> {
+        let names = columns.join(",");
+        if file.is_forgotten() {
+            let text = "nothing is given, and standard input is a terminal";
+            return Err(refused(format!("{text}: give {instead}, or rows under a header {names}")));
+        }
+        let (name, input): (String, Box<dyn Read>) = match file.file() {
+            None => (INPUT.into(), Box::new(std::io::stdin().lock())),
+            Some(file) => {
+                (file.display().to_string(), Box::new(std::fs::File::open(file).at(file)?))
+            }
+        };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
+        let header = reader.headers().map_err(|error| unread(&name, error))?;
+        let place = |name: &String| header.iter().position(|word| word.eq_ignore_ascii_case(name));
+        if let Some(missing) = columns.iter().find(|name| place(name).is_none()) {
+            let text = format!("{name}:1: the header names no column {missing}");
+            return Err(refused(format!("{text}; expected {names}")));
+        }
+        let places = columns.iter().filter_map(place).collect();
+        Ok(Self { reader, places, name })
     }
 
     /// Shows every row with its line.
@@ -87,32 +118,21 @@ impl Rows {
         self,
         mut see: impl FnMut(u64, &[f64]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
+        let name = &self.name;
         for record in self.reader.into_records() {
-            let record = record.map_err(unread)?;
+            let record = record.map_err(|error| unread(name, error))?;
             let line = record.position().map_or(0, csv::Position::line);
             let values = numbers(&record, &self.places)
-                .map_err(|error| Failure::at(format_args!("{INPUT}:{line}"), error))?;
+                .map_err(|error| Failure::at(format_args!("{name}:{line}"), error))?;
             see(line, &values)?;
         }
         Ok(())
     }
 }
 
-fn places(header: &csv::StringRecord, columns: &[String]) -> Result<Vec<usize>, Failure> {
-    let place = |name: &String| header.iter().position(|word| word.eq_ignore_ascii_case(name));
-    let missing = columns.iter().find(|name| place(name).is_none());
-    match missing {
-        None => Ok(columns.iter().filter_map(place).collect()),
-        Some(name) => Err(refused(format!(
-            "{INPUT}:1: the header names no column {name}; expected {}",
-            columns.join(",")
-        ))),
-    }
-}
-
 /// A cell that holds none.
 #[derive(Debug, thiserror::Error)]
-#[error("\"{0}\" is no number")]
+#[error("\"{0}\" is no number; expected one such as 12.5")]
 struct NoNumber(String);
 
 fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoNumber> {
@@ -123,6 +143,15 @@ fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoN
     places.iter().map(number).collect()
 }
 
-fn unread(error: csv::Error) -> Failure {
-    Failure::at(INPUT, error)
+/// A row of another length, or bytes that are no text, with its line.
+fn unread(name: &str, error: csv::Error) -> Failure {
+    let line = error.position().map(csv::Position::line);
+    let place = line.map_or(name.to_string(), |line| format!("{name}:{line}"));
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => refused(format!(
+            "{place}: {len} cells; expected {expected_len}, as many as the header names"
+        )),
+        csv::ErrorKind::Utf8 { .. } => refused(format!("{place}: no text; expected CSV in UTF-8")),
+        _ => Failure::at(place, error),
+    }
 }

@@ -3,11 +3,12 @@
 
 use super::failure::Failure;
 use super::joints::{coordinates, joint_names};
-use super::{Bar, MachineFile, Verdict};
+use super::{Bar, MachineFile, Verdict, output};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::{Locate, Whole};
 use pkm::read::machine::MachineConfig;
+use serde::Serialize;
 use std::fs::File;
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -29,8 +30,8 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// Writes every servo cycle into this file, as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
@@ -76,6 +77,16 @@ impl Control {
     }
 }
 
+/// What is told.
+#[derive(Serialize)]
+struct Answer<'a> {
+    machine: &'a Path,
+    program: &'a Path,
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+    trace: Option<&'a Path>,
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all()?;
     File::open(&arguments.program).at(&arguments.program)?;
@@ -101,6 +112,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(trace) = trace {
         trace.finish()?;
     }
+    output::answer(&Answer {
+        machine: &config.file,
+        program: &arguments.program,
+        outcome: &outcome,
+        trace: arguments.trace.as_deref(),
+    })?;
     tell(&arguments.program, &outcome)?;
     Ok(match outcome.ending {
         Ending::Finished => Verdict::Fits,
@@ -109,7 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     for message in &outcome.messages {
         let word = match message.kind {
             MessageKind::Error => "error: ",

@@ -2,8 +2,9 @@
 //! `pkm scene`.
 
 use super::failure::Failure;
-use super::{MachineFile, Verdict, write_out};
+use super::{MachineFile, Verdict, output, write_out};
 use pkm::scene::Scene;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// The machine as one JSON object, for viewers
@@ -24,7 +25,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let text = Scene::new(&arguments.machine.read()?).json();
-    write_out(&text, arguments.output.as_deref())?;
+    let config = arguments.machine.read()?;
+    let scene = Scene::new(&config);
+    write_out(&scene.json(), arguments.output.as_deref())?;
+    output::answer(&json!({ "machine": config.file, "scene": scene, "file": arguments.output }))?;
     Ok(Verdict::Fits)
 }

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
-use super::{MachineFile, StudyFile, Verdict, in_words, moves};
+use super::{Bar, MachineFile, StudyFile, Verdict, in_words, moves, output};
 use kinematics::{Letter, Pose, Vector3};
 use pkm::draw::plot::Plot;
 use pkm::draw::sensitivity::of_sensitivity;
@@ -15,6 +15,7 @@ use pkm::study::file::{Lacking, Study};
 use pkm::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
 };
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +70,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 3.0)]
     factor: f64,
     /// Follows this program too
-    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, conflicts_with = "law")]
+    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program, conflicts_with = "law")]
     along: Option<PathBuf>,
     /// Follows the motion law of the study file too
     #[arg(long)]
@@ -109,8 +110,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let plots = of_sensitivity(&config, &found, &sigma, &points)?;
         Plot::write_all(&plots, folder)?;
     }
-    tell(arguments, &config, &pose, &tool, &found, &sigma)?;
-    tell_ratios(arguments, &config, &points)?;
+    let mut answer = tell(arguments, &config, &pose, &tool, &found, &sigma)?;
+    answer["ratios"] = tell_ratios(arguments, &config, &points)?;
+    output::answer(&answer)?;
     if let Some(text) = &end {
         tell_error(&text);
     }
@@ -130,7 +132,7 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
         return Err(refused(text));
     }
     match arguments.draws {
-        0 | 1 => Err(refused("--draws: expected 2 or more")),
+        0 | 1 => Err(refused(format!("--draws {}: expected 2 or more", arguments.draws))),
         _ => Ok(()),
     }
 }
@@ -176,7 +178,9 @@ fn motion(
         None => return Ok((vec![], None)),
     };
     let mut points = vec![];
+    let (bar, count) = (Bar::new("along the motion"), steps.len());
     for step in steps {
+        bar.set(points.len() as f64 / count as f64);
         let motion = (&step.pose, &step.rate);
         match along(config, step.time, motion, &step.tool, sigma, length) {
             Ok(point) => points.push(point),
@@ -196,7 +200,8 @@ fn of_law(
     tool: &Vector3<f64>,
     asked: Option<f64>,
 ) -> Result<Vec<Step>, Failure> {
-    let missing = || refused("--law: the study file has no section [law]");
+    let missing =
+        || refused("--law: the study file has no section [law]; pkm help sensitivity shows one");
     let law = study.law.as_ref().ok_or_else(missing)?;
     let even = (0..=LAW_POSES).map(|k| law.period_s.0 * k as f64 / LAW_POSES as f64);
     let mut times: Vec<f64> = even.chain(asked).collect();
@@ -232,11 +237,16 @@ fn tell(
     tool: &Vector3<f64>,
     found: &Sensitivity,
     sigma: &[f64],
-) -> Result<(), Failure> {
+) -> Result<Value, Failure> {
+    let bar = Bar::spinner("drawing errors of the joints");
     let drawn = monte_carlo(config, pose, tool, sigma, arguments.draws)
         .map_err(|fault| Failure::at(in_words(pose), fault))?;
+    bar.say("looking for singular poses".into());
+    let range = axis_box::range(config);
+    let near = near(config, &range, tool, arguments.rays, arguments.factor);
+    drop(bar);
     let unit = config.length_unit();
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     writeln!(out, "{} at {}", config.file.display(), in_words(pose))?;
     let [most, least] = found.singular_values;
     writeln!(
@@ -259,19 +269,22 @@ fn tell(
     writeln!(out, "{}", row("covariance", found.sigma(sigma)))?;
     writeln!(out, "{}", row(&format!("{} draws", drawn.count), drawn.sigma))?;
     writeln!(out, "{}", row("all together", found.worst(sigma)))?;
-    let range = axis_box::range(config);
-    let near = near(config, &range, tool, arguments.rays, arguments.factor);
     writeln!(
         out,
         "\nsingular poses on {} rays to {} times the axis limits",
         near.rays, arguments.factor
     )?;
+    let mut singular = vec![];
     for kind in [Kind::Parallel, Kind::Serial] {
         let name = match kind {
             Kind::Parallel => "parallel",
             Kind::Serial => "serial",
         };
-        match near.nearest.iter().find(|found| found.kind == kind) {
+        let nearest = near.nearest.iter().find(|found| found.kind == kind);
+        singular.extend(
+            nearest.map(|found| json!({ "kind": name, "reach": found.reach, "pose": found.pose })),
+        );
+        match nearest {
             Some(found) => writeln!(
                 out,
                 "  {name:<15}  at {:.3} times the limits: {}",
@@ -283,19 +296,34 @@ fn tell(
     }
     writeln!(out, "  conditioning     {:.4} at least on the rays within the limits", near.least)?;
     out.flush()?;
-    Ok(())
+    let gain = |j: usize| -> [f64; 6] { std::array::from_fn(|i| found.gain[(i, j)]) };
+    Ok(json!({
+        "machine": config.file,
+        "pose": pose.to_degrees(),
+        "singular_values": found.singular_values,
+        "determinant": found.determinant,
+        "per_joint_unit": (0..config.joints.len()).map(gain).collect::<Vec<_>>(),
+        "joint_sigma": sigma,
+        "sigma_by_covariance": found.sigma(sigma),
+        "draws": drawn.count,
+        "sigma_by_draws": drawn.sigma,
+        "all_together": found.worst(sigma),
+        "rays": near.rays,
+        "singular_poses": singular,
+        "least_conditioning": near.least,
+    }))
 }
 
 fn tell_ratios(
     arguments: &Arguments,
     config: &MachineConfig,
     points: &[Point],
-) -> Result<(), Failure> {
-    let Some(time) = arguments.ratios else { return Ok(()) };
+) -> Result<Value, Failure> {
+    let Some(time) = arguments.ratios else { return Ok(Value::Null) };
     let nearest =
         points.iter().min_by(|a, b| (a.time - time).abs().total_cmp(&(b.time - time).abs()));
-    let Some(point) = nearest else { return Ok(()) };
-    let mut out = anstream::stdout().lock();
+    let Some(point) = nearest else { return Ok(Value::Null) };
+    let mut out = output::people();
     writeln!(
         out,
         "\nratios of rates at {} s along this motion, joint by coordinate: no partial derivatives;\n\
@@ -305,10 +333,11 @@ fn tell_ratios(
     let letters: String = Letter::ALL.iter().map(|l| format!("{:>13}", l.name())).collect();
     writeln!(out, "{:<17}{letters}", "")?;
     let count = config.joints.len();
-    for (joint, row) in config.joints.iter().zip(ratios(&point.rates[..count], &point.rate)) {
+    let rows = ratios(&point.rates[..count], &point.rate);
+    for (joint, row) in config.joints.iter().zip(&rows) {
         let cells: String = row.iter().map(|x| format!("{x:>13.4}")).collect();
         writeln!(out, "  {:<15}{cells}", joint.name)?;
     }
     out.flush()?;
-    Ok(())
+    Ok(json!({ "seconds": point.time, "joints_by_coordinates": rows }))
 }

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
-use super::{MachineFile, Verdict, in_words};
+use super::{Bar, MachineFile, Verdict, in_words, output};
 use kinematics::{Pose, Vector3};
 use pkm::draw::ellipsoid::of_ellipsoids;
 use pkm::draw::plot::Plot;
@@ -16,6 +16,7 @@ use pkm::study::map::Map;
 use pkm::study::springs::Springs;
 use pkm::study::stiffness::{Ellipsoid, Stiffness, with_platform};
 use pkm::study::workspace::Workspace;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -51,7 +52,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with the stiffnesses
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
@@ -105,9 +106,21 @@ fn draw(
             at(pose).filter(|_| reached(&pose.position)).map(|found| found.least())
         })
     };
-    let maps = [[0, 1], [0, 2], [1, 2]].map(map);
+    let bar = Bar::new("mapping");
+    let planes = [[0, 1], [0, 2], [1, 2]].into_iter().enumerate();
+    let maps: Vec<Map> = planes
+        .map(|(done, plane)| {
+            bar.set(done as f64 / 3.0);
+            map(plane)
+        })
+        .collect();
+    drop(bar);
     if maps.iter().all(Map::is_empty) {
-        return Err(refused("no place of the maps is within the machine's limits"));
+        return Err(refused(format!(
+            "{}: no place of the maps is within the machine's limits; name another pose by --pose, or look at \
+             what pkm check says of the axis limits",
+            config.file.display()
+        )));
     }
     if let Some(file) = &arguments.csv {
         let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
@@ -146,7 +159,7 @@ fn tell(
     found: &Stiffness,
     sizes: &[(f64, [f64; 2])],
 ) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     writeln!(out, "{} at {}", config.file.display(), in_words(pose))?;
     match &found.matrix {
         Some(matrix) => {
@@ -184,5 +197,26 @@ fn tell(
         writeln!(out, "{factor:>16}  {:12.3} {:12.1}", translation * 1e-3, rotation * 1e-3)?;
     }
     out.flush()?;
-    Ok(())
+    let ellipsoid = |Ellipsoid { stiffness, axes }: Ellipsoid| {
+        let axis = |k: usize| json!({ "stiffness": stiffness[k] * 1e-3, "axis": axes.column(k).as_slice() });
+        (0..3).map(axis).collect::<Vec<_>>()
+    };
+    let size = |(factor, [translation, rotation]): &(f64, [f64; 2])| {
+        json!({
+            "factor": factor,
+            "translation_n_per_um": translation * 1e-3,
+            "rotation_n_m_per_rad": rotation * 1e-3,
+        })
+    };
+    let rows = |matrix: &nalgebra::Matrix6<f64>| -> Vec<Vec<f64>> {
+        matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    output::answer(&json!({
+        "machine": config.file,
+        "pose": pose.to_degrees(),
+        "matrix": found.matrix.as_ref().map(rows),
+        "translation_n_per_um": ellipsoid(found.translation()),
+        "rotation_n_m_per_rad": ellipsoid(found.rotation()),
+        "platform_sizes": sizes.iter().map(size).collect::<Vec<_>>(),
+    }))
 }

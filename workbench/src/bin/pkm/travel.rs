@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm travel`.
 
-use super::failure::{Failure, refused};
+use super::failure::Failure;
 use super::joints::Tool;
-use super::{MachineFile, Verdict, told};
-use kinematics::{POSE_LETTERS, Vector3};
+use super::poses::PoseWords;
+use super::{MachineFile, Verdict, output, told};
+use kinematics::Vector3;
 use pkm::program::travel::{Side, Stand, Travel, letters, travel};
 use pkm::read::machine::MachineConfig;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::io::{BufRead, Write};
 
 /// How far the machine can go from a pose
@@ -22,29 +24,17 @@ use std::io::{BufRead, Write};
 ///
 /// Exit status: 0, 1 where the machine cannot stand at the pose, 2 where input or output failed.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: pkm travel hexapod.ini X20 Y0 Z300 A5 --tool 0 0 80")]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The pose, as a block of a program would name it in machine coordinates: X20 Z300 A5; a letter that
-    /// is missing is that of [TRAJ]HOME
-    #[arg(value_name = "WORD", conflicts_with = "serve")]
-    words: Vec<String>,
+    #[command(flatten)]
+    pose: PoseWords,
     #[command(flatten)]
     tool: Tool,
-    /// Text for people, or JSON for programs
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
     /// Answers lines of standard input: {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y, Z], ...]},
     /// with the tool vector of every mechanism, spindle offset included
-    #[arg(long, conflicts_with_all = ["format", "tool"])]
+    #[arg(long, conflicts_with_all = ["tool", "pose"])]
     serve: bool,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Text,
-    Json,
 }
 
 /// A question.
@@ -69,8 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
     }
     let mut stand = Stand::home(&config);
-    for word in &arguments.words {
-        let (place, value) = word_of(&config, word)?;
+    for (place, value) in arguments.pose.words(&letters(&config))? {
         stand.world[place] = value;
     }
     stand.tools[0] = arguments.tool.vector(&config);
@@ -81,27 +70,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             return Ok(Verdict::Misfit);
         }
     };
-    told(&match arguments.format {
-        Format::Text => in_words(&found),
-        Format::Json => serde_json::to_string_pretty(&Answer::Travel(found))? + "\n",
-    })?;
+    told(&in_words(&found))?;
+    output::answer(&json!({ "machine": config.file, "pose": stand.world, "travel": found }))?;
     Ok(Verdict::Fits)
-}
-
-/// Place and value of a word such as `X20`.
-fn word_of(config: &MachineConfig, word: &str) -> Result<(usize, f64), Failure> {
-    let letters = letters(config);
-    let letter = word.chars().next().map(|letter| letter.to_ascii_uppercase());
-    let place = POSE_LETTERS.iter().position(|known| Some(*known) == letter);
-    let value =
-        word.get(1..).and_then(|number| number.parse().ok()).filter(|v: &f64| v.is_finite());
-    match place.filter(|place| letters.contains(POSE_LETTERS[*place])).zip(value) {
-        Some(found) => Ok(found),
-        None => Err(refused(format!(
-            "\"{word}\": expected a letter of {letters} and a number, such as {}20",
-            &letters[..1]
-        ))),
-    }
 }
 
 fn serve(config: &MachineConfig) -> Result<(), Failure> {

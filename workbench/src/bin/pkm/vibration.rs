@@ -100,7 +100,7 @@ pub fn of_record(record: &Record, linear: Option<LinearAnswer>) -> MotionAnswer 
 
 /// For people.
 pub fn tell(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
+    let mut out = super::output::people();
     writeln!(out, "{} at {}", answer.machine.display(), in_words(pose))?;
     writeln!(out, "\nmodes: Hz, damping ratio; motion of the tip in X Y Z, 1/sqrt(kg)")?;
     for ModeAnswer { hz, damping_ratio, tip: [x, y, z] } in &answer.modes {

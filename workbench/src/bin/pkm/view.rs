@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{self, Judging};
-use super::{Bar, MachineFile, Verdict};
+use super::{Bar, MachineFile, Verdict, output};
 use pkm::files::{Folder, Locate, Whole, write_whole};
 use pkm::program::course::Course;
 use pkm::program::findings::Time;
@@ -12,6 +12,7 @@ use pkm::view::data::Data;
 use pkm::view::film::{self, Camera};
 use pkm::view::page::page;
 use pkm::view::track::Track;
+use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -34,7 +35,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// A program to show
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
     /// The page; without it MACHINE.html in this folder, unless a video or a picture is asked for
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
@@ -90,15 +91,23 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     data.problems().iter().for_each(tell_error);
     let page = page(&data);
-    if let Some(file) = html(arguments, &config) {
-        write_whole(&file, &page)?;
+    let html = html(arguments, &config);
+    if let Some(file) = &html {
+        write_whole(file, &page)?;
     }
     if arguments.video.is_some() && !data.moves() {
-        return Err(refused("no video: the program does not run, as told above"));
+        return Err(refused(
+            "--video: the program does not run, as said above: mend it, or leave --video out",
+        ));
     }
     if arguments.video.is_some() || arguments.picture.is_some() {
         draw(arguments, &page)?;
     }
+    let files: Vec<_> =
+        [&html, &arguments.picture, &arguments.video].into_iter().flatten().collect();
+    output::answer(
+        &json!({ "machine": config.file, "program": arguments.program, "files": files }),
+    )?;
     Ok(verdict)
 }
 

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused};
 use super::joints::Tool;
-use super::{Bar, MachineFile, StudyFile, Verdict};
+use super::{Bar, MachineFile, StudyFile, Verdict, output};
 use kinematics::Vector3;
 use pkm::draw::plot::Plot;
 use pkm::draw::workspace::of_workspace;
@@ -12,6 +12,7 @@ use pkm::read::machine::MachineConfig;
 use pkm::study::body::{Body, Counted, Effort, counted, csv, obj};
 use pkm::study::slice::{Plane, Slice};
 use pkm::study::workspace::{Border, Ray, Workspace, tilts};
+use serde_json::json;
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -121,12 +122,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     tell(&config, &workspace, &seen)?;
     let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
     let looked = (body.looked() + counted.points + rays) as f64;
-    let _ = writeln!(
-        anstream::stderr(),
+    output::remark(&format!(
         "{looked} positions, {:.2} million a second, threads: {}",
         looked / seconds * 1e-6,
         pool.current_num_threads()
-    );
+    ));
     Ok(Verdict::Fits)
 }
 
@@ -185,8 +185,9 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
 fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<(), Failure> {
     let Seen { body, counted, slices } = seen;
     let unit = config.length_unit();
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     let from = &body.from;
+    let mut ways = vec![];
     writeln!(out, "{} from X{} Y{} Z{}", config.file.display(), from.x, from.y, from.z)?;
     for (name, direction) in [
         ("+X", Vector3::x()),
@@ -198,6 +199,9 @@ fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<()
     ] {
         let ray: Ray = workspace.ray(from, &direction, workspace.extent() / STEPS);
         writeln!(out, "  {name}      {:>14.6} {unit}: {}", ray.exit(), ray.limit)?;
+        ways.push(
+            json!({ "direction": name, "length": ray.exit(), "limit": ray.limit.to_string() }),
+        );
     }
     let [boundary, grid] = [body.volume(), counted.volume];
     writeln!(
@@ -224,5 +228,18 @@ fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<()
         writeln!(out, "  {:>13.1} %  {limit}", 100.0 * share)?;
     }
     out.flush()?;
-    Ok(())
+    let slice = |slice: &Slice| json!({ "plane": slice.plane.name, "area": slice.area(), "seen_between_deg": slice.sector() });
+    let shares = body.shares();
+    let share =
+        |(limit, share): &(Border, f64)| json!({ "limit": limit.to_string(), "share": share });
+    output::answer(&json!({
+        "machine": config.file,
+        "from": [from.x, from.y, from.z],
+        "ways": ways,
+        "volume_by_boundary": boundary,
+        "volume_by_grid": grid,
+        "grid_points": counted.points,
+        "slices": slices.iter().map(slice).collect::<Vec<_>>(),
+        "limits": shares.iter().map(share).collect::<Vec<_>>(),
+    }))
 }

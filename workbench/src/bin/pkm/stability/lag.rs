@@ -3,7 +3,7 @@
 
 use super::super::Verdict;
 use super::super::failure::Failure;
-use super::Format;
+use super::super::output;
 use nalgebra::{Complex, ComplexField};
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::{of_overhangs, of_partitions, of_responses};
@@ -14,6 +14,7 @@ use pkm::stability::system::Adjustment;
 use pkm::study::cutting::Chip;
 use pkm::study::file::Study;
 use serde::Serialize;
+use serde_json::json;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -50,14 +51,14 @@ const OVERHANGS: usize = 200;
 ///     cantilever_um_per_n = 1.27e-4    # (l/at)^3 of that
 ///     cantilever_at_mm = 70
 ///
-///     pkm stability lag cutting.toml --overhang 500 300 --plots plots
+///     pkm stability lag --study cutting.toml --overhang 500 300 --plots plots
 ///
 /// Exit status: 0, 1 where cutting at --stiffness is unstable, 2 where input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// TOML file with links or a spindle, and the lag
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     /// Overhangs that are compared, mm; without any the study as it stands
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
@@ -71,9 +72,6 @@ pub struct Arguments {
     /// Writes the responses as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// How the answer is written
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 /// One adjustment.
@@ -138,17 +136,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let answers: Vec<Answer> =
         own.iter().map(|adjustment| answer(adjustment, &study, arguments.stiffness)).collect();
     write(arguments, &study, &own, &answers)?;
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answers)?)?,
-        Format::Text => {
-            writeln!(out, "{}", arguments.study.display())?;
-            for (adjustment, answer) in own.iter().zip(&answers) {
-                tell(&mut out, &adjustment.name(), answer)?;
-            }
-            writeln!(out, "{}", super::WORTH)?;
-        }
+    output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
+    let mut out = output::people();
+    writeln!(out, "{}", arguments.study.display())?;
+    for (adjustment, answer) in own.iter().zip(&answers) {
+        tell(&mut out, &adjustment.name(), answer)?;
     }
+    writeln!(out, "{}", super::WORTH)?;
     out.flush()?;
     let is_stable = answers.iter().all(|answer| answer.at.unstable == 0);
     Ok(if is_stable { Verdict::Fits } else { Verdict::Misfit })

@@ -3,7 +3,7 @@
 
 use super::super::failure::{Failure, refused};
 use super::super::poses::At;
-use super::super::{Bar, MachineFile, Verdict, in_words};
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
 use super::setup;
 use kinematics::{Letter, Pose};
 use pkm::draw::plot::Plot;
@@ -14,6 +14,7 @@ use pkm::stability::floquet::fast_enough;
 use pkm::study::file::Study;
 use pkm::study::workspace::Workspace;
 use rayon::prelude::*;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -26,7 +27,7 @@ use std::time::Instant;
 /// ten degrees, are looked at, and the least limit counts. What the machine cannot reach stays
 /// empty. Zero order is the quick view: `pkm stability pose` gives the answer at a pose.
 ///
-///     pkm stability map hexapod.ini cutting.toml --plane xy --grid 100 --plots plots
+///     pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots
 ///
 /// mm, degrees, 1/min. The last line on standard error says how many poses a second were judged.
 ///
@@ -37,7 +38,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs, dampers and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
@@ -112,7 +113,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     drop(bar);
     let places = places(&pose, arguments.plane, &sides, &depths);
     if places.is_empty() {
-        return Err(refused("no place of the map is within the machine's limits"));
+        return Err(refused(format!(
+            "{}: no place of the map is within the machine's limits; name another pose by --pose, or look at \
+             what pkm check says of the axis limits",
+            config.file.display()
+        )));
     }
     if let Some(file) = &arguments.csv {
         let header = ["x", "y", "z", "limit_depth_mm"];
@@ -133,10 +138,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let judged = places.len() as f64;
     let threads = rayon::current_num_threads();
     let rate = judged / seconds;
-    let _ = writeln!(
-        anstream::stderr(),
+    output::remark(&format!(
         "{judged} poses in {seconds:.1} s, {rate:.0} a second, threads: {threads}"
-    );
+    ));
     Ok(Verdict::Fits)
 }
 
@@ -156,7 +160,7 @@ fn places(
 }
 
 fn tell(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result<(), Failure> {
-    let mut out = anstream::stdout().lock();
+    let mut out = output::people();
     let what = rpm.map_or("over all speeds".into(), |rpm| format!("at {rpm} 1/min"));
     writeln!(out, "{}: limit depth by zero order, worst feed, {what}", machine.display())?;
     let least = places.iter().min_by(|a, b| a.depth.total_cmp(&b.depth));
@@ -167,5 +171,12 @@ fn tell(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result
     }
     writeln!(out, "{}", super::WORTH)?;
     out.flush()?;
-    Ok(())
+    let shown = |Place { position, depth }: &Place| json!({ "position": position, "limit_depth_mm": depth });
+    output::answer(&json!({
+        "machine": machine,
+        "rpm": rpm,
+        "least": least.map(shown),
+        "most": most.map(shown),
+        "places": places.iter().map(shown).collect::<Vec<_>>(),
+    }))
 }

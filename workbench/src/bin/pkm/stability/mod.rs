@@ -82,15 +82,6 @@ pub fn depth(text: &str) -> Result<f64, String> {
     }
 }
 
-/// How results are written to standard output.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    /// Sentences and tables
-    Text,
-    /// One JSON value
-    Json,
-}
-
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     match &arguments.question {
         Question::Pose(arguments) => pose::run(arguments),

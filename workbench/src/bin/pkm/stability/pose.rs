@@ -3,8 +3,8 @@
 
 use super::super::failure::{Failure, refused};
 use super::super::poses::At;
-use super::super::{Bar, MachineFile, Verdict, in_words};
-use super::{Format, Speeds, setup};
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::{Speeds, setup};
 use kinematics::Vector3;
 use nalgebra::ComplexField;
 use pkm::draw::plot::Plot;
@@ -46,7 +46,7 @@ use std::path::PathBuf;
 ///     thicker = [0, -1, 0]         # the tool's way to a thicker chip, machine axes
 ///     force = [0, 1, 0]            # where the cutting force pushes it
 ///
-///     pkm stability pose hexapod.ini cutting.toml -80 60 350 10 -20 0 --plots plots
+///     pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots
 ///
 /// mm, degrees, 1/min; machine axes.
 ///
@@ -57,7 +57,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
     /// TOML file with masses, springs, dampers and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
@@ -81,13 +81,11 @@ pub struct Arguments {
     /// Writes the map as CSV: speed, zero-order limit, borders of unstable depths
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// How the answer is written
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 #[derive(Serialize)]
 struct Answer {
+    machine: PathBuf,
     pose: [f64; 6],
     modes: Vec<Mode>,
     /// Angle of the feed in the cutter plane from the platform's X, where none was given.
@@ -187,6 +185,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &table(&map, zero_order))?;
     }
     let answer = Answer {
+        machine: config.file.clone(),
         pose: pose.to_degrees(),
         modes: modes
             .iter()
@@ -217,14 +216,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             })
             .collect(),
     };
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answer)?)?,
-        Format::Text => {
-            writeln!(out, "{} at {}", config.file.display(), in_words(&pose))?;
-            tell(&mut out, &answer)?;
-        }
-    }
+    output::answer(&answer)?;
+    let mut out = output::people();
+    writeln!(out, "{} at {}", config.file.display(), in_words(&pose))?;
+    tell(&mut out, &answer)?;
     out.flush()?;
     let is_stable = |single: &Single| single.multiplier_at_depth.is_none_or(|m| m < 1.0);
     Ok(if answer.at.iter().all(is_stable) { Verdict::Fits } else { Verdict::Misfit })

@@ -2,8 +2,8 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words};
-use super::{Format, Speeds, setup};
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::{Speeds, setup};
 use kinematics::Pose;
 use pkm::cut::program;
 use pkm::draw::plot::Plot;
@@ -27,7 +27,7 @@ use std::path::PathBuf;
 ///     [cutting]
 ///     depth_mm = 0.5               # and what `pkm stability pose` needs
 ///
-///     pkm stability program hexapod.ini part.ngc cutting.toml --csv depths.csv
+///     pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv
 ///
 /// mm, 1/min.
 ///
@@ -47,9 +47,6 @@ pub struct Arguments {
     /// Draws an SVG file into this folder, made if needed
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// How the answer is written
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 /// A program that cuts on a machine, and how closely it is looked at.
@@ -57,11 +54,11 @@ pub struct Arguments {
 pub struct Job {
     #[command(flatten)]
     pub machine: MachineFile,
-    /// The program
-    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::super::input::Program)]
     pub program: PathBuf,
     /// TOML file with masses, springs, dampers, drives and cutting
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     pub study: PathBuf,
     /// Spindle speed for all lines instead of the program's own, 1/min
     #[arg(long, value_name = "RPM", value_parser = super::positive)]
@@ -74,6 +71,8 @@ pub struct Job {
 
 #[derive(Serialize)]
 struct Answer {
+    machine: PathBuf,
+    program: PathBuf,
     places: usize,
     feed_moves: usize,
     deepest_mm: f64,
@@ -124,16 +123,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let best = path.best(&(0..SPEEDS).map(speed).collect::<Vec<_>>());
     drop(bar);
     write(arguments, &stops, &depths)?;
-    let answer = answer(&stops, &depths, feed_moves, deepest, cut, best);
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answer)?)?,
-        Format::Text => {
-            let [program, machine] = [&arguments.job.program, &config.file];
-            writeln!(out, "{} on {}", program.display(), machine.display())?;
-            tell(&mut out, &answer)?;
-        }
-    }
+    let files = [config.file.clone(), arguments.job.program.clone()];
+    let answer = answer(files, &stops, &depths, feed_moves, deepest, cut, best);
+    output::answer(&answer)?;
+    let mut out = output::people();
+    writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
+    tell(&mut out, &answer)?;
     out.flush()?;
     Ok(match answer.margin {
         Some(margin) if !(margin > 1.0) => Verdict::Misfit,
@@ -171,6 +166,7 @@ impl Job {
 }
 
 fn answer(
+    [machine, program]: [PathBuf; 2],
     stops: &[Stop],
     depths: &[Depth],
     feed_moves: usize,
@@ -182,6 +178,8 @@ fn answer(
     let least = pairs.min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
     let (stop, depth) = least.expect("a program with feed moves has places");
     Answer {
+        machine,
+        program,
         places: stops.len(),
         feed_moves,
         deepest_mm,

@@ -3,11 +3,12 @@
 
 use super::super::Verdict;
 use super::super::failure::{Failure, refused};
-use super::Format;
+use super::super::output;
 use pkm::files::Locate;
 use pkm::stability::spindle::{Nose, ShaftMode};
 use pkm::study::file::Study;
 use serde::Serialize;
+use serde_json::json;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::PathBuf;
@@ -38,14 +39,11 @@ use std::path::PathBuf;
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// TOML file with the spindle
-    #[arg(value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     /// Lengths of the last cylinder that are compared, mm
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
     overhang: Vec<f64>,
-    /// How the answer is written
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
 }
 
 /// A spindle with one overhang.
@@ -69,7 +67,12 @@ struct Shown {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let study = Study::read(&arguments.study)?;
     let spindle = study.spindle.as_ref();
-    let missing = || refused(format!("{}: the study has no [spindle]", arguments.study.display()));
+    let missing = || {
+        refused(format!(
+            "{}: the study has no [spindle]; pkm help stability spindle shows one",
+            arguments.study.display()
+        ))
+    };
     let spindle = spindle.ok_or_else(missing)?;
     let own = spindle.sections.last().map_or(0.0, |last| last.length_mm.0);
     let lengths =
@@ -79,11 +82,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let nose = spindle.with_overhang(length).nose().at(&arguments.study)?;
         answers.push(shown(length, &nose));
     }
-    let mut out = anstream::stdout().lock();
-    match arguments.format {
-        Format::Json => writeln!(out, "{}", serde_json::to_string_pretty(&answers)?)?,
-        Format::Text => answers.iter().try_for_each(|answer| tell(&mut out, answer))?,
-    }
+    output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
+    let mut out = output::people();
+    answers.iter().try_for_each(|answer| tell(&mut out, answer))?;
     out.flush()?;
     Ok(Verdict::Fits)
 }

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What holds for every subcommand: where input comes from and how answers are told.
+
+use crate::commands::Bench;
+
+/// A file of rows, and what is left of an answer without its exit code.
+const ROWS: &str = "x,y,z,a,b,c\n10,-20,50,0,0,0\n0,0,90,0,0,0\n";
+
+const PROGRAM: &str = "G21 G90\nG1 X10 F6000\nM2\n";
+
+#[test]
+fn rows_come_from_a_file_or_from_standard_input() {
+    let bench = Bench::new().with("rows.csv", ROWS).with("short.csv", "x,y,z,a,b,c\n1,2\n");
+    let piped = bench.answer("joints linear-delta.ini", ROWS);
+    assert!(
+        piped.starts_with("joint_0,joint_1,joint_2\n") && piped.ends_with("exit 0\n"),
+        "{piped}"
+    );
+    assert_eq!(bench.answer("joints linear-delta.ini --rows -", ROWS), piped);
+    assert_eq!(bench.answer("joints linear-delta.ini --rows rows.csv", ""), piped);
+    let rods = bench.answer("rods linear-delta.ini", ROWS);
+    assert_eq!(bench.answer("rods linear-delta.ini --rows rows.csv", ""), rods);
+    let joints = bench.with("joints.csv", piped.strip_suffix("exit 0\n").unwrap());
+    let poses = joints.answer("pose linear-delta.ini --rows joints.csv", "");
+    assert!(poses.starts_with("x,y,z,a,b,c\n") && poses.ends_with("exit 0\n"), "{poses}");
+    for (words, told) in [
+        ("joints linear-delta.ini --rows none.csv", "none.csv: No such file or directory"),
+        (
+            "joints linear-delta.ini --rows short.csv",
+            "short.csv:2: 2 cells; expected 6, as many as the header names",
+        ),
+        ("joints linear-delta.ini --rows rows.csv --pose 0 0 50 0 0 0", "--pose and --rows"),
+        ("pose linear-delta.ini --rows rows.csv --joints 1 2 3", "cannot be used with"),
+        ("pose linear-delta.ini --joints 1 2", "--joints: found 2 numbers; expected joint_0"),
+    ] {
+        let answer = joints.answer(words, "");
+        assert!(answer.contains(told) && answer.ends_with("exit 2\n"), "{answer}");
+    }
+}
+
+#[test]
+fn a_pose_is_six_numbers_or_words() {
+    let bench = Bench::new();
+    let numbers = bench.answer("joints linear-delta.ini --pose 10 -20 90 0 0 0", "");
+    assert!(numbers.ends_with("exit 0\n"), "{numbers}");
+    // Z90 is that of home.
+    assert_eq!(bench.answer("joints linear-delta.ini --pose x10 Y-20", ""), numbers);
+    assert_eq!(
+        bench.answer("travel linear-delta.ini --pose 10 -20 90 0 0 0", ""),
+        bench.answer("travel linear-delta.ini --pose X10 Y-20", "")
+    );
+    for words in ["--pose 10 nan 90 0 0 0", "--pose X10 5", "--pose 1 2 3", "--pose X10 other.ini"]
+    {
+        let answer = bench.answer(&format!("joints linear-delta.ini {words}"), "");
+        assert!(answer.starts_with("pkm: --pose") && answer.ends_with("exit 2\n"), "{answer}");
+    }
+}
+
+#[test]
+fn a_program_comes_from_standard_input() {
+    let bench = Bench::new().with("line.ngc", PROGRAM);
+    let before = bench.files();
+    for command in ["replay linear-delta.ini", "rods linear-delta.ini", "run linear-delta.ini"] {
+        let named = bench.answer(&format!("{command} line.ngc"), "").replace("line.ngc", "");
+        let piped = bench.answer(&format!("{command} -"), PROGRAM);
+        assert!(piped.ends_with("exit 0\n"), "{piped}");
+        // The same rows, and the same time; the name of the file is another one.
+        let tail =
+            |text: &str| text.rsplit_once(": ").map_or(text.into(), |(_, tail)| tail.to_string());
+        assert_eq!(tail(&piped), tail(&named));
+    }
+    let wrong = bench.answer("preflight linear-delta.ini -", "G1 G2 X3\nM2\n");
+    assert!(wrong.contains("standard-input.ngc") && wrong.ends_with("exit 2\n"), "{wrong}");
+    assert_eq!(bench.files(), before);
+}
+
+#[test]
+fn every_example_of_the_help_is_a_command_that_is_understood() {
+    let bench = Bench::new();
+    let commands = |text: &str| -> Vec<String> {
+        let list = text.split("Commands:\n").nth(1).unwrap_or_default();
+        let list = list.split("\n\n").next().unwrap_or_default();
+        let name = |line: &str| line.strip_prefix("  ")?.split(' ').next().map(String::from);
+        list.lines().filter_map(name).filter(|name| !name.is_empty() && name != "help").collect()
+    };
+    let mut seen = 0;
+    let mut all: Vec<String> = vec![String::new()];
+    while let Some(words) = all.pop() {
+        let help = bench.answer(&format!("{words} --help"), "");
+        all.extend(commands(&help).iter().map(|name| format!("{words} {name}")));
+        let examples =
+            help.split("Examples:\n").nth(1).unwrap_or_else(|| panic!("{words}: {help}"));
+        assert!(examples.contains("\nSee also: "), "{words}: {help}");
+        for line in examples
+            .replace(" \\\n     ", "")
+            .lines()
+            .filter_map(|line| line.strip_prefix("  pkm "))
+        {
+            let line = line.split(['|', '>']).next().unwrap();
+            // Nothing that it names is there: it is refused for that, and not for a wrong word.
+            let answer = bench.answer(&line.replace("my-", "none/my-"), "");
+            assert!(!answer.contains("For more information, try"), "{line}: {answer}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 50, "{seen}");
+}
+
+#[test]
+fn quiet_leaves_findings_and_results_alone() {
+    let bench =
+        Bench::new().with("line.ngc", PROGRAM).with("far.ngc", "G1 X0 Y200 Z60 F3000\nM2\n");
+    assert_eq!(bench.answer("check linear-delta.ini --quiet", ""), "exit 0\n");
+    let good = bench.answer("preflight -q linear-delta.ini line.ngc", "");
+    assert!(good.starts_with("warning: the program does not say M52 P1"), "{good}");
+    assert!(good.ends_with("exit 0\n") && good.lines().count() == 2, "{good}");
+    let far = bench.answer("preflight linear-delta.ini far.ngc -q", "");
+    assert!(far.starts_with("error: line 1: ") && far.ends_with("exit 1\n"), "{far}");
+    let map = "workspace linear-delta.ini --bands 4 --grid 4";
+    assert!(bench.answer(map, "").contains("million a second"));
+    assert!(!bench.answer(&format!("{map} --quiet"), "").contains("million a second"));
+    let spoilt = Bench::new().spoilt("HOME = 0 0 90", "HOME = 0 0 80");
+    let found = spoilt.answer("check linear-delta.ini --quiet", "");
+    assert!(found.contains("error: ") && !found.contains("mobility"), "{found}");
+}
+
+#[test]
+fn colours_are_those_that_are_asked_for() {
+    let bench = Bench::new();
+    for (words, coloured) in [
+        ("check none.ini --color always", true),
+        ("check none.ini --color=never", false),
+        ("check none.ini", false),
+        ("check --nonsense --color always", true),
+    ] {
+        assert_eq!(bench.answer(words, "").contains('\u{1b}'), coloured, "{words}");
+    }
+}
+
+#[test]
+fn misspelt_words_are_answered_with_the_right_ones() {
+    let bench = Bench::new();
+    for (words, tip) in [
+        ("preflihgt", "preflight"),
+        ("stability progam", "program"),
+        ("new hexpod", "hexapod"),
+        ("rods linear-delta.ini --studdy x", "--study"),
+        ("check linear-delta.ini --format jsn", "json"),
+        ("check linear-delta.ini --colour never", "--color"),
+    ] {
+        let answer = bench.answer(words, "");
+        assert!(answer.contains("tip: ") && answer.contains(tip), "{words}: {answer}");
+        assert!(answer.ends_with("exit 2\n"), "{words}: {answer}");
+    }
+}
+
+#[test]
+fn a_long_program_is_followed_in_as_many_poses_as_a_table_needs() {
+    let bench = Bench::new().with("long.ngc", "G21 G90\nG1 X30 F60\nG1 X0\nM2\n");
+    let usual = bench.answer("rods linear-delta.ini long.ngc", "");
+    let rows = usual.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).count();
+    assert!((10_000..10_010).contains(&rows), "{rows}");
+    assert!(usual.contains("--period 0.001 has every servo cycle, 6 times as many"), "{rows}");
+    let all = bench.answer("rods linear-delta.ini long.ngc --period 0.001 --quiet", "");
+    assert!(all.lines().count() > 60_000);
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_and_leave_nothing() {
+    let bench = Bench::new().with("line.ngc", PROGRAM).with("file", "");
+    let before = bench.files();
+    for (words, told) in [
+        (
+            "run linear-delta.ini line.ngc --trace none/t.csv",
+            "none/t.csv: No such file or directory",
+        ),
+        ("view linear-delta.ini --html none/page.html", "none/page.html: No such file"),
+        ("scene linear-delta.ini -o file/scene.json", "file/scene.json: Not a directory"),
+        ("panel linear-delta.ini --output-dir file/panel", "file/panel: Not a directory"),
+        ("homing linear-delta.ini --csv none/h.csv", "none/h.csv: No such file"),
+        ("preflight linear-delta.ini line.ngc --report none/r.html", "none/r.html: No such file"),
+        (
+            "workspace linear-delta.ini --bands 4 --grid 4 --mesh none/b.obj",
+            "none/b.obj: No such file",
+        ),
+    ] {
+        for format in ["text", "json"] {
+            let answer = bench.answer(&format!("{words} --format {format}"), "");
+            assert!(answer.contains(told) && answer.ends_with("exit 2\n"), "{words}: {answer}");
+            assert_eq!(bench.files(), before, "{words}");
+        }
+    }
+}
