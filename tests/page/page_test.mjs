@@ -389,6 +389,15 @@ async function long(browser) {
   return `${size} bytes for 5,000 lines`;
 }
 
+/** A browser that does not end is ended, and nothing is written. */
+async function endless() {
+  writeFileSync(file("endless"), "#!/bin/sh\nsleep 600 &\nsleep 600\n", { mode: 0o755 });
+  const { program } = MACHINES.find(({ machine }) => machine === "rotary-delta");
+  const made = pkm(["view", ini("rotary-delta"), program, "--video", file("endless.mp4"), "--browser", file("endless"), "--browser-seconds", "1"]);
+  check(made.status === 2 && made.stderr.includes("--browser-seconds"), `status ${made.status}: ${made.stderr}`);
+  check(!readdirSync(FOLDER).some((name) => name.includes("endless.mp4")), "a part of the video is left");
+}
+
 async function video() {
   if (spawnSync("ffprobe", ["-version"]).error) return "skipped: no ffmpeg";
   const made = pkm(["view", ini("rotary-delta"), MACHINES.find(({ machine }) => machine === "rotary-delta").program,
@@ -409,6 +418,7 @@ const TESTS = [
   ["an axis without limits can be set", unlimited],
   ["the live page says what pkm-live sends, and finds it again", live],
   ["the page of 5,000 lines is below 2 MB", long],
+  ["a browser that does not end is ended, without a video", endless],
   ["a video has the frames that were asked for", video],
 ];
 
