@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The running machine: what pkm-live sends.
-
 /** Milliseconds without news after which the picture is old. */
 const OLD = 2000;
 
@@ -36,9 +35,12 @@ function show(page) {
   }
   if (!live.pose) return;
   const { scene, place } = mechanisms[0];
-  const tool = scene.sees_tool ? (live.tool ?? place.tool) : [0, 0, 0];
+  // What a missing pin does not say stays as it is.
+  const tool = live.tool ?? place.tool;
+  const known = scene.extra_axes.map(({ letter }) => [letter, live.extra[letter.toLowerCase()] ?? place.extra[letter]]);
+  const extra = Object.fromEntries(known);
   // At rest nothing is computed anew.
-  if (String([place.pose, place.tool]) !== String([live.pose, tool])) page.take(live.pose, tool, 0);
+  if (JSON.stringify(place) !== JSON.stringify({ pose: live.pose, tool, extra })) page.take(live.pose, tool, 0, extra);
 }
 
 function tell(page, text, isBad) {
