@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The running machine: what pkm-live sends.
+import { hexadecimal } from "./elements.js";
+
 /** Milliseconds without news after which the picture is old. */
 const OLD = 2000;
 
@@ -26,7 +28,7 @@ function show(page) {
   }
   const { geometry_hash: own } = mechanisms[0].scene;
   if (live.geometry_hash !== null && live.geometry_hash !== own) {
-    tell(page, `the module has another geometry: 0x${live.geometry_hash.toString(16).padStart(8, "0")}`, true);
+    tell(page, `the module has another geometry: ${hexadecimal(live.geometry_hash)}`, true);
   } else if (!live.pose) {
     tell(page, "running, but its pose is not known: pins are missing", true);
   } else {

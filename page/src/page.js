@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The page of `pkm view`: docs/view.md.
 import * as THREE from "three";
-import { element, shown } from "./elements.js";
+import { element, hexadecimal, shown } from "./elements.js";
 import { Kinematics, Refusal, key, least } from "./kinematics.js";
 import { follow } from "./live.js";
 import { Mechanism, homeOf } from "./mechanism.js";
@@ -85,15 +85,14 @@ class Page {
 
   header() {
     const { title, error, program } = this.data;
-    const hash = this.mechanisms.map(({ scene }) => `0x${scene.geometry_hash.toString(16).padStart(8, "0")}`).join(", ");
-    const cause = program?.report.time.not_judged;
+    const hash = this.mechanisms.map(({ scene }) => hexadecimal(scene.geometry_hash)).join(", ");
     const fits = { true: "fits", false: "does not fit", null: "not judged" }[String(program?.report.fits ?? null)];
     const verdict = program && element("span", { class: `verdict ${fits.replaceAll(" ", "-")}` }, fits);
     this.state = element("span", { class: "state" });
     const about = program ? `${program.name.split("/").pop()}` : "";
     return element("header", {},
       element("h1", {}, title), element("span", { class: "about" }, about), verdict,
-      cause && element("span", { class: "about" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`), this.state,
+      this.program?.notJudged && element("span", { class: "about" }, this.program.notJudged), this.state,
       error && element("p", { class: "error", role: "alert" }, error),
       ...this.problems.map((text) => element("p", { class: "error", role: "alert" }, text)),
       element("span", { class: "hash" }, `geometry ${hash}`));

@@ -74,9 +74,8 @@ export class Player {
   }
 
   findings() {
-    const { time } = this.program.report;
-    const cause = time.not_judged;
-    const notJudged = cause && element("p", { class: "warning" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`);
+    const cause = this.program.notJudged;
+    const notJudged = cause && element("p", { class: "warning" }, cause);
     const marks = this.marks.map((mark) => element("button", { class: "finding", onclick: () => this.goTo(mark) }, mark.text));
     const warnings = this.program.report.warnings.map(({ line, text }) => element("p", { class: "warning" }, line ? `line ${line}: ${text}` : text));
     return [notJudged, ...marks, ...warnings].filter((part) => part);

@@ -30,6 +30,12 @@ export class Program {
     this.curves = data.curves && { names: data.curves.names, values: columns(data.curves.values, Float32Array) };
   }
 
+  /** Why nothing is known of its time, if so. */
+  get notJudged() {
+    const cause = this.report.time.not_judged;
+    return cause && `time not judged: ${cause}`;
+  }
+
   get isEmpty() {
     return this.times.length === 0;
   }
