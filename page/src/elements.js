@@ -31,6 +31,11 @@ export function shown(value, digits = 3) {
   return (Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits);
 }
 
+/** A geometry hash, as the module and pkm write it. */
+export function hexadecimal(hash) {
+  return `0x${hash.toString(16).padStart(8, "0")}`;
+}
+
 /** Of a long list only the rows in sight: all of one height. */
 export class Rows {
   constructor(rows, height, made) {

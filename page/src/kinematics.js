@@ -10,17 +10,19 @@ export class Refusal extends Error {
 }
 
 export class Kinematics {
-  /** Of a compiled module and the numbers of a mechanism, as pkm has written them. */
-  static async of(module, described) {
+  /** Of a compiled module and the numbers of a mechanism, as pkm has written them; of one that does not see the tool poses
+   * are the platform's own. */
+  static async of(module, described, seesTool) {
     const { exports } = await WebAssembly.instantiate(module, {});
-    const machine = new Kinematics(exports);
+    const machine = new Kinematics(exports, seesTool);
     machine.numbers().set(described);
     if (exports.take_machine(described.length) !== 1) throw new Error("the machine of this page is not readable");
     return machine;
   }
 
-  constructor(exports) {
+  constructor(exports, seesTool) {
     this.exports = exports;
+    this.seesTool = seesTool;
     this.joints = exports.most_joints();
     this.legs = exports.most_legs();
     this.marginLength = exports.margin_length();
@@ -34,12 +36,17 @@ export class Kinematics {
     return this.block;
   }
 
-  /** Everything about a pose with a tool vector, or a Refusal. */
-  at(pose, tool) {
+  /** Asks about a pose with a tool vector: the code of a refusal, or 0. */
+  asked(pose, tool) {
     const numbers = this.numbers();
     numbers.set(pose);
-    numbers.set(tool, 6);
-    const code = this.exports.draw();
+    numbers.set(this.seesTool ? tool : [0, 0, 0], pose.length);
+    return this.exports.draw();
+  }
+
+  /** Everything about a pose with a tool vector, or a Refusal. */
+  at(pose, tool) {
+    const code = this.asked(pose, tool);
     if (code !== 0) throw new Refusal(code, this.message());
     return this.answer(this.numbers());
   }
@@ -47,10 +54,8 @@ export class Kinematics {
   /** The least share of the range that limits leave at a pose, NaN where it is refused; `isLeftOut` gets kind of part and
    * its number. */
   least(pose, tool, isLeftOut) {
+    if (this.asked(pose, tool) !== 0) return NaN;
     const numbers = this.numbers();
-    numbers.set(pose);
-    numbers.set(tool, 6);
-    if (this.exports.draw() !== 0) return NaN;
     const count = numbers[this.countPlace];
     let least = Infinity;
     for (let n = 0; n < count; n++) {

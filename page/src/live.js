@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The running machine: what pkm-live sends.
+import { hexadecimal } from "./elements.js";
 
 /** Milliseconds without news after which the picture is old. */
 const OLD = 2000;
@@ -27,7 +28,7 @@ function show(page) {
   }
   const { geometry_hash: own } = mechanisms[0].scene;
   if (live.geometry_hash !== null && live.geometry_hash !== own) {
-    tell(page, `the module has another geometry: 0x${live.geometry_hash.toString(16).padStart(8, "0")}`, true);
+    tell(page, `the module has another geometry: ${hexadecimal(live.geometry_hash)}`, true);
   } else if (!live.pose) {
     tell(page, "running, but its pose is not known: pins are missing", true);
   } else {
@@ -36,9 +37,12 @@ function show(page) {
   }
   if (!live.pose) return;
   const { scene, place } = mechanisms[0];
-  const tool = scene.sees_tool ? (live.tool ?? place.tool) : [0, 0, 0];
+  // What a missing pin does not say stays as it is.
+  const tool = live.tool ?? place.tool;
+  const known = scene.extra_axes.map(({ letter }) => [letter, live.extra[letter.toLowerCase()] ?? place.extra[letter]]);
+  const extra = Object.fromEntries(known);
   // At rest nothing is computed anew.
-  if (String([place.pose, place.tool]) !== String([live.pose, tool])) page.take(live.pose, tool, 0);
+  if (JSON.stringify(place) !== JSON.stringify({ pose: live.pose, tool, extra })) page.take(live.pose, tool, 0, extra);
 }
 
 function tell(page, text, isBad) {

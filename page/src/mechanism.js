@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // A mechanism in 3D: its scene, and the answers of its kinematics laid into it.
 import * as THREE from "three";
+import { isHeld, placed, turning } from "./carried.js";
 import { COLOURS, ofPart } from "./colours.js";
 import { ball, bar, body, label, material, pieces, stretch, vector } from "./parts.js";
 
@@ -15,15 +16,20 @@ export class Mechanism {
     this.size = size;
     this.thick = size / 90;
     this.group = new THREE.Group();
+    // What stands on the base, which an axis may carry.
+    this.onBase = new THREE.Group();
+    this.onBase.matrixAutoUpdate = false;
     this.base = new THREE.Group();
     this.platform = new THREE.Group();
     this.labels = new THREE.Group();
     this.cones = new THREE.Group();
-    this.group.add(this.base, this.platform, this.labels, this.cones);
+    this.onBase.add(this.base, this.platform, this.labels, this.cones);
+    this.group.add(this.onBase);
     this.platform.matrixAutoUpdate = false;
     this.legs = scene.legs.map((leg, i) => this.leg(leg, i));
     this.buildBase();
     this.buildPlatform();
+    this.tables = turning(scene, "work").map((link) => this.table(link));
     this.labels.visible = true;
     this.cones.visible = false;
   }
@@ -34,17 +40,17 @@ export class Mechanism {
     const parts = { leg, own, joint: this.scene.joints[i], rod: bar(thick * 0.55, own.rod) };
     parts.lower = ball(thick * 0.95, material(COLOURS.joint));
     parts.upper = ball(thick * 0.95, material(COLOURS.joint));
-    this.group.add(parts.rod, parts.lower, parts.upper);
+    this.onBase.add(parts.rod, parts.lower, parts.upper);
     if (leg.kind === "strut" || leg.kind === "ring") {
       parts.barrel = bar(thick, own.barrel);
-      this.group.add(parts.barrel);
+      this.onBase.add(parts.barrel);
     } else if (leg.kind === "crank") {
       parts.arm = bar(thick * 1.2, own.arm);
       parts.hip = vector(leg.base);
-      this.group.add(parts.arm);
+      this.onBase.add(parts.arm);
     } else {
       parts.carriage = new THREE.Mesh(new THREE.BoxGeometry(thick * 4, thick * 4, thick * 4), own.barrel);
-      this.group.add(parts.carriage);
+      this.onBase.add(parts.carriage);
     }
     parts.label = label(String(this.scene.joints[i].number), this.size / 22);
     this.labels.add(parts.label);
@@ -101,19 +107,45 @@ export class Mechanism {
     this.platform.add(body(anchors, thick * 1.4, look));
     this.tool = bar(thick * 0.7, material(COLOURS.tool));
     this.spindle = bar(thick * 1.8, material(COLOURS.spindle));
+    if (isHeld(scene)) this.buildHolder();
     this.tip = new THREE.Mesh(new THREE.ConeGeometry(thick * 0.7, thick * 2, 24), material(COLOURS.tool));
     this.anchors = anchors;
     this.group.add(this.tool, this.spindle, this.tip);
   }
 
-  /** Takes the answer of the kinematics. */
-  place(drawn) {
-    const [x, y, z] = drawn.rotation;
-    const matrix = new THREE.Matrix4().makeBasis(vector(x), vector(y), vector(z));
-    matrix.setPosition(vector(drawn.nose));
-    this.platform.matrix.copy(matrix);
-    this.matrix = matrix;
-    this.placeTool(drawn, vector(z));
+  /** A disc under what an axis turns, with a notch that turns with it. */
+  table(link) {
+    const { thick, size } = this;
+    const group = new THREE.Group();
+    group.matrixAutoUpdate = false;
+    const disc = new THREE.Mesh(new THREE.CylinderGeometry(size / 8, size / 8, thick, 48), material(COLOURS.table));
+    const notch = new THREE.Mesh(new THREE.BoxGeometry(size / 24, thick * 1.1, thick), material(COLOURS.joint));
+    notch.position.x = size / 8 - size / 48;
+    const axis = vector(link.axis);
+    const laid = new THREE.Group();
+    laid.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), axis);
+    laid.position.copy(vector(link.point)).addScaledVector(axis, -thick);
+    laid.add(disc, notch);
+    group.add(laid);
+    // Work on the platform turns where the platform is drawn already.
+    if (!this.scene.holder) this.group.add(group);
+    return group;
+  }
+
+  /** Where everything is on the ground, for an answer of the kinematics, the tool vector and values of the extra axes. */
+  placed(drawn, { tool, extra }) {
+    return placed(this.scene, drawn, tool, extra);
+  }
+
+  /** Takes the answer of the kinematics at a place. */
+  place(drawn, place) {
+    const at = this.placed(drawn, place);
+    this.onBase.matrix.copy(at.base);
+    this.platform.matrix.copy(at.own);
+    if (isHeld(this.scene)) this.placeHolder(at);
+    else this.placeTool(at);
+    this.tables.forEach((table, i) => table.matrix.copy(at.tables[i]));
+    this.at = at;
     const shares = this.shares(drawn.margins);
     this.legs.forEach((parts, i) => this.placeLeg(parts, drawn.legs[i], shares[i]));
   }
@@ -129,10 +161,42 @@ export class Mechanism {
     return shares;
   }
 
-  placeTool(drawn, axis) {
-    const [nose, tip] = [vector(drawn.nose), vector(drawn.tip)];
+  /** Bars from what holds the tool to the axes that turn it. */
+  buildHolder() {
+    const look = material(COLOURS.spindle);
+    this.holder = turning(this.scene, "tool").map(() => ({ bar: bar(this.thick * 1.2, look), pivot: ball(this.thick * 1.8, material(COLOURS.joint)) }));
+    for (const { bar: arm, pivot } of this.holder) this.group.add(arm, pivot);
+    if (!this.scene.holder) return;
+    const side = this.thick * 3;
+    const post = new THREE.Mesh(new THREE.BoxGeometry(side, side, side), look);
+    post.position.copy(vector(this.scene.holder));
+    this.group.add(post);
+  }
+
+  /** The middle of the platform on its axis. */
+  hub(platform) {
     const middle = this.anchors.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(this.anchors.length);
-    const hub = new THREE.Vector3(0, 0, middle.z).applyMatrix4(this.matrix);
+    return new THREE.Vector3(0, 0, middle.z).applyMatrix4(platform);
+  }
+
+  /** The tool where axes turn it, or where it stands in base. */
+  placeHolder({ platform, tool }) {
+    stretch(this.spindle, this.hub(platform), new THREE.Vector3().setFromMatrixPosition(platform));
+    this.holder.forEach(({ bar: arm, pivot }, i) => {
+      stretch(arm, tool[i], tool[i + 1]);
+      pivot.position.copy(tool[i + 1]);
+    });
+    const [from, tip] = tool.slice(-2);
+    const point = tip.clone().sub(from).normalize();
+    const neck = tip.clone().addScaledVector(point, -Math.min(this.thick * 2, tip.distanceTo(from)));
+    stretch(this.tool, from, neck);
+    this.placeTip(tip, point);
+  }
+
+  /** The tool on the platform, along its axis. */
+  placeTool({ platform, tool: [nose, tip] }) {
+    const axis = new THREE.Vector3().setFromMatrixColumn(platform, 2);
+    const hub = this.hub(platform);
     const length = tip.distanceTo(nose);
     const hangs = tip.clone().sub(hub).dot(axis) <= 0 ? -1 : 1;
     const point = axis.clone().multiplyScalar(hangs);
@@ -143,8 +207,13 @@ export class Mechanism {
     const chuck = neck.clone().addScaledVector(point, -shaft);
     stretch(this.spindle, hub, chuck);
     stretch(this.tool, chuck, neck);
-    this.tip.position.copy(tip).addScaledVector(point, -cone / 2);
-    this.tip.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), point);
+    this.placeTip(tip, point);
+  }
+
+  /** The point of the tool, or a dot where it has no length. */
+  placeTip(tip, point) {
+    this.tip.position.copy(tip).addScaledVector(point, -this.thick);
+    if (point.lengthSq() > 0) this.tip.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), point);
   }
 
   placeLeg(parts, ends, share) {
@@ -167,7 +236,7 @@ export class Mechanism {
 
   /** Cones of the joints about the legs' directions at home, at the ends where they are at home. */
   buildCones(home) {
-    const turn = new THREE.Matrix3().setFromMatrix4(this.matrix);
+    const turn = new THREE.Matrix3().setFromMatrix4(this.platform.matrix);
     const back = turn.clone().invert();
     this.legs.forEach(({ leg }, i) => {
       const [lower, upper] = [vector(home.legs[i].lower), vector(home.legs[i].upper)];
@@ -201,10 +270,11 @@ export class Mechanism {
     });
   }
 
-  /** Rods, guides and platform as lines, for what has been swept. */
-  outline(drawn) {
-    const ends = this.legs.flatMap((_, i) => [vector(drawn.legs[i].lower), vector(drawn.legs[i].upper)]);
-    const upper = this.legs.map((_, i) => vector(drawn.legs[i].upper));
+  /** Rods, guides and platform as lines on the ground, for what has been swept. */
+  outline(drawn, { base }) {
+    const onGround = (point) => vector(point).applyMatrix4(base);
+    const ends = this.legs.flatMap((_, i) => [onGround(drawn.legs[i].lower), onGround(drawn.legs[i].upper)]);
+    const upper = this.legs.map((_, i) => onGround(drawn.legs[i].upper));
     return [...ends, ...upper.flatMap((p, i) => [p, upper[(i + 1) % upper.length]])];
   }
 }
@@ -218,6 +288,12 @@ function circle(leg) {
       leg.platform[2],
     );
   });
+}
+
+/** Where a mechanism is at home. */
+export function homeOf({ scene, tool }) {
+  const extra = Object.fromEntries(scene.extra_axes.map(({ letter, home }) => [letter, home]));
+  return { pose: [...scene.home.pose], tool: [...tool], extra };
 }
 
 /** X, Y and Z from a point, with their letters. */

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The page of `pkm view`: docs/view.md.
 import * as THREE from "three";
-import { element, shown } from "./elements.js";
+import { element, hexadecimal, shown } from "./elements.js";
 import { Kinematics, Refusal, key, least } from "./kinematics.js";
 import { follow } from "./live.js";
-import { Mechanism } from "./mechanism.js";
+import { Mechanism, homeOf } from "./mechanism.js";
 import { Panel } from "./panel.js";
 import { vector } from "./parts.js";
 import { Player } from "./player.js";
@@ -14,7 +14,7 @@ import { shape } from "./shape.js";
 import { Stage } from "./stage.js";
 import { numbers, unpacked } from "./unpack.js";
 
-const VERSION = 1;
+const VERSION = 2;
 
 class Page {
   constructor(data, mechanisms) {
@@ -35,7 +35,7 @@ class Page {
     mechanisms[0].shapes.forEach((given) => this.addShape(given));
     this.box = this.everything();
     for (const { drawing, drawn } of mechanisms) drawing.buildCones(drawn);
-    if (data.program) this.program = new Program(data.program);
+    if (data.program) this.program = new Program(data.program, mechanisms[0].scene.extra_axes.map(({ letter }) => letter));
     this.lay(record);
   }
 
@@ -43,9 +43,9 @@ class Page {
   build(mechanism) {
     const { scene, tool, kinematics } = mechanism;
     mechanism.drawing = new Mechanism(scene, this.size);
-    mechanism.place = { pose: [...scene.home.pose], tool: [...tool] };
+    mechanism.place = homeOf(mechanism);
     mechanism.drawn = kinematics.at(scene.home.pose, tool);
-    mechanism.drawing.place(mechanism.drawn);
+    mechanism.drawing.place(mechanism.drawn, mechanism.place);
   }
 
   /** A shape from a file, in the frame of its part. */
@@ -85,15 +85,14 @@ class Page {
 
   header() {
     const { title, error, program } = this.data;
-    const hash = this.mechanisms.map(({ scene }) => `0x${scene.geometry_hash.toString(16).padStart(8, "0")}`).join(", ");
-    const cause = program?.report.time.not_judged;
+    const hash = this.mechanisms.map(({ scene }) => hexadecimal(scene.geometry_hash)).join(", ");
     const fits = { true: "fits", false: "does not fit", null: "not judged" }[String(program?.report.fits ?? null)];
     const verdict = program && element("span", { class: `verdict ${fits.replaceAll(" ", "-")}` }, fits);
     this.state = element("span", { class: "state" });
     const about = program ? `${program.name.split("/").pop()}` : "";
     return element("header", {},
       element("h1", {}, title), element("span", { class: "about" }, about), verdict,
-      cause && element("span", { class: "about" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`), this.state,
+      this.program?.notJudged && element("span", { class: "about" }, this.program.notJudged), this.state,
       error && element("p", { class: "error", role: "alert" }, error),
       ...this.problems.map((text) => element("p", { class: "error", role: "alert" }, text)),
       element("span", { class: "hash" }, `geometry ${hash}`));
@@ -120,8 +119,10 @@ class Page {
       drawing.labels.visible = false;
       box.expandByObject(drawing.base).expandByObject(drawing.platform);
       drawing.labels.visible = true;
-      drawing.legs.forEach(({ lower, upper }) => box.expandByPoint(lower.position).expandByPoint(upper.position));
-      box.expandByPoint(drawing.tip.position);
+      const ends = drawing.legs.flatMap(({ lower, upper }) => [lower, upper]);
+      ends.forEach((end) => box.expandByPoint(end.getWorldPosition(new THREE.Vector3())));
+      drawing.at.tool.forEach((point) => box.expandByPoint(point));
+      drawing.tables.filter(({ parent }) => parent).forEach((table) => box.expandByObject(table));
     }
     return box;
   }
@@ -138,9 +139,9 @@ class Page {
     this.stage.redraw();
     this.stage.draw();
     const { left, top } = this.canvas.getBoundingClientRect();
-    const { drawn } = this.mechanisms[0];
+    const { drawn, drawing } = this.mechanisms[0];
     const names = this.mechanisms[0].scene.joints.map(({ name }) => name);
-    const middle = ({ lower, upper }) => vector(lower).lerp(vector(upper), 0.6);
+    const middle = ({ lower, upper }) => vector(lower).lerp(vector(upper), 0.6).applyMatrix4(drawing.at.base);
     const parts = this.mechanisms[0].scene.legs.map((_, i) => ({ name: names[i], place: middle(drawn.legs[i]) }));
     return parts.map(({ name, place }) => {
       const [x, y] = this.stage.onCanvas(place);
@@ -148,10 +149,12 @@ class Page {
     });
   }
 
-  /** Takes a pose, of one mechanism; one that is refused stays where it was, and its reason is told. */
-  take(pose, tool, which = this.which) {
+  /** Takes a pose, of one mechanism, with a tool vector and values of the extra axes by their letters, or those that are; a
+   * pose that is refused stays where it was, and its reason is told. */
+  take(pose, tool, which = this.which, extra = {}) {
     const mechanism = this.mechanisms[which];
-    mechanism.place = { pose: [...pose], tool: [...(tool ?? mechanism.place.tool)] };
+    const { place } = mechanism;
+    mechanism.place = { pose: [...pose], tool: [...(tool ?? place.tool)], extra: { ...place.extra, ...extra } };
     this.show(which);
   }
 
@@ -160,7 +163,7 @@ class Page {
     const { pose, tool } = mechanism.place;
     try {
       mechanism.drawn = mechanism.kinematics.at(pose, tool);
-      mechanism.drawing.place(mechanism.drawn);
+      mechanism.drawing.place(mechanism.drawn, mechanism.place);
       this.refusals[which] = undefined;
       this.moveWork(mechanism);
     } catch (error) {
@@ -186,7 +189,7 @@ class Page {
   }
 
   moveWork(mechanism) {
-    if (mechanism === this.mechanisms[0]) this.stage.work.position.copy(vector(mechanism.drawn.table));
+    if (mechanism === this.mechanisms[0]) this.stage.work.matrix.copy(mechanism.drawing.at.work);
   }
 }
 
@@ -210,26 +213,41 @@ function bounded(scene) {
     const [home, far] = [scene.home.joints[i], joint.unit === "degrees" ? 360 : size];
     return { ...joint, min: joint.min ?? home - far, max: joint.max ?? home + far };
   });
-  return { ...scene, axes, joints };
+  const extraAxes = scene.extra_axes.map((axis) => {
+    const far = "ABC".includes(axis.letter) ? 360 : 2 * size;
+    return { ...axis, min: axis.min ?? axis.home - far, max: axis.max ?? axis.home + far };
+  });
+  return { ...scene, axes, joints, extra_axes: extraAxes };
+}
+
+/** Where things are drawn: ends of legs, the tip, and frames as matrices, column by column. */
+function onGround({ stage }, { legs, onBase, group, at }) {
+  group.updateMatrixWorld(true);
+  const place = (object) => object.getWorldPosition(new THREE.Vector3()).toArray();
+  return {
+    lower: legs.map(({ lower }) => place(lower)), upper: legs.map(({ upper }) => place(upper)),
+    tip: at.tool.at(-1).toArray(), base: onBase.matrixWorld.toArray(), work: stage.work.matrix.toArray(),
+  };
 }
 
 /** What tests and other programs may use: poses and times are taken, and all is told as numbers. */
 function interfaceOf(page) {
   return {
-    take: (pose, tool, which = 0) => page.take(pose, tool, which),
+    take: (pose, tool, which = 0, extra = {}) => page.take(pose, tool, which, extra),
     go: (time) => page.player.go(time),
     look: (name) => page.look(name),
     state: (which = 0) => {
-      const { place, drawn, scene } = page.mechanisms[which];
+      const { place, drawn, scene, drawing } = page.mechanisms[which];
       const { joints, legs, tip, nose, conditioning } = drawn;
       const count = scene.joints.length;
       return {
         ...place, tip, nose, conditioning, joints: joints.slice(0, count), legs: legs.slice(0, scene.legs.length),
         refusal: page.refusals[which]?.message, code: page.refusals[which]?.code ?? 0,
         time: page.player?.time, line: page.player?.line, live: page.live,
-        platform: page.mechanisms[which].drawing.platform.matrix.toArray(),
+        platform: drawing.platform.matrix.toArray(), ground: onGround(page, drawing),
       };
     },
+    path: () => page.player.path,
     end: () => page.program?.end ?? 0,
     mechanisms: () => page.mechanisms.map(({ scene, tool }) => ({ scene, tool })),
     seen: () => page.seen(),
@@ -245,7 +263,7 @@ async function start() {
   const module = await WebAssembly.compile(code);
   document.title = data.title;
   const mechanisms = await Promise.all(data.mechanisms.map(async (mechanism) => ({
-    ...mechanism, scene: bounded(mechanism.scene), kinematics: await Kinematics.of(module, numbers(mechanism.numbers)),
+    ...mechanism, scene: bounded(mechanism.scene), kinematics: await Kinematics.of(module, numbers(mechanism.numbers), mechanism.scene.sees_tool),
   })));
   window.pkm = interfaceOf(new Page(data, mechanisms));
 }

@@ -3,6 +3,7 @@
 import { ofShare } from "./colours.js";
 import { box, choice, element, shown } from "./elements.js";
 import { key } from "./kinematics.js";
+import { homeOf } from "./mechanism.js";
 import { Stage } from "./stage.js";
 import { travel } from "./travel.js";
 import { limitsBox, workspace } from "./workspace.js";
@@ -15,6 +16,9 @@ const PEACE = 250;
 
 /** Milliseconds between two answers of what takes some. */
 const SOON = 400;
+
+/** Degrees each way of the slider of an extra axis, which may turn on and on; its field takes more. */
+const TURN = 360;
 
 export class Panel {
   constructor(page) {
@@ -41,35 +45,48 @@ export class Panel {
     });
   }
 
-  /** A slider for each coordinate. */
+  /** A slider for each coordinate of the mechanism, and for each extra axis. */
   build() {
-    const { scene } = this.page.current;
-    this.sliders = scene.axes.map((axis) => {
+    const { page } = this;
+    const { scene } = page.current;
+    const own = scene.axes.map((axis) => {
       const k = "XYZABC".indexOf(axis.letter);
-      const beyond = 0.1 * (axis.max - axis.min);
-      const [min, max] = [axis.min - beyond, axis.max + beyond];
-      const range = element("input", { type: "range", min, max, step: "any", "aria-label": axis.letter });
-      const field = element("input", { type: "number", step: "any", "aria-label": `${axis.letter} as a number` });
-      const set = (value) => {
-        if (value === "" || !isFinite(value)) return;
-        const pose = [...this.page.current.place.pose];
-        pose[k] = Number(value);
-        this.page.player?.pause();
-        this.page.take(pose);
-      };
-      range.addEventListener("input", () => set(range.value));
-      field.addEventListener("change", () => set(field.value));
-      return { k, axis, range, field };
+      const set = (value) => page.take(page.current.place.pose.with(k, value));
+      return this.slider(axis, 0.1 * (axis.max - axis.min), ({ pose }) => pose[k], set);
     });
-    this.pose.replaceChildren(...this.sliders.map(({ axis, range, field, k }) =>
-      element("label", {}, element("b", {}, axis.letter), range, field, element("i", {}, k < 3 ? scene.length_unit : "°"))),
-    element("button", { onclick: () => this.home() }, "home"));
+    const extra = scene.extra_axes.map(({ letter, min, max }) => {
+      const set = (value) => page.take(page.current.place.pose, undefined, page.which, { [letter]: value });
+      const within = "ABC".includes(letter) ? { letter, min: Math.max(min, -TURN), max: Math.min(max, TURN) } : { letter, min, max };
+      const slider = this.slider(within, 0, ({ extra: values }) => values[letter], set);
+      if (scene.chain.every((link) => link.letter !== letter)) {
+        slider.root.title = `${letter} carries nothing that is drawn`;
+        slider.range.disabled = slider.field.disabled = true;
+      }
+      return slider;
+    });
+    this.sliders = [...own, ...extra];
+    this.pose.replaceChildren(...this.sliders.map(({ root }) => root), element("button", { onclick: () => this.home() }, "home"));
+  }
+
+  /** A slider and a field of a letter; `of` gives its value at a place, `set` takes a value. */
+  slider({ letter, min, max }, beyond, of, set) {
+    const range = element("input", { type: "range", min: min - beyond, max: max + beyond, step: "any", "aria-label": letter });
+    const field = element("input", { type: "number", step: "any", "aria-label": `${letter} as a number` });
+    const taken = (value) => {
+      if (value === "" || !isFinite(value)) return;
+      this.page.player?.pause();
+      set(Number(value));
+    };
+    range.addEventListener("input", () => taken(range.value));
+    field.addEventListener("change", () => taken(field.value));
+    const unit = "ABC".includes(letter) ? "°" : this.page.current.scene.length_unit;
+    return { of, range, field, root: element("label", {}, element("b", {}, letter), range, field, element("i", {}, unit)) };
   }
 
   home() {
     this.page.player?.pause();
-    const { scene, tool } = this.page.current;
-    this.page.take(scene.home.pose, tool);
+    const { pose, tool, extra } = homeOf(this.page.current);
+    this.page.take(pose, tool, this.page.which, extra);
   }
 
   /** Dragging the tool in the picture. */
@@ -90,10 +107,11 @@ export class Panel {
     });
   }
 
-  /** Keeps the handle at the tool's tip. */
+  /** Keeps the handle at the tool's tip, or where the pose is the platform's own, at its origin; on the base, as the pose. */
   follow() {
     if (this.isDragged) return;
-    const { place, drawn } = this.page.current;
+    const { place, drawn, drawing } = this.page.current;
+    drawing.onBase.add(this.handle.proxy);
     this.handle.proxy.position.set(...drawn.tip);
     this.handle.proxy.rotation.set(...place.pose.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
   }
@@ -151,14 +169,15 @@ export class Panel {
 
   show() {
     const { place, drawn, scene, limits } = this.page.current;
-    for (const { k, range, field } of this.sliders ?? []) {
-      range.value = place.pose[k];
-      if (document.activeElement !== field) field.value = shown(place.pose[k], 4);
+    for (const { of, range, field } of this.sliders ?? []) {
+      range.value = of(place);
+      if (document.activeElement !== field) field.value = shown(of(place), 4);
     }
     this.showLimits(drawn.margins, limits);
     this.joints.replaceChildren(...scene.joints.map((joint, i) => element("tr", {},
       element("td", {}, joint.name), element("td", {}, shown(drawn.joints[i], 4)), element("td", {}, joint.unit))));
     if (this.handle) this.follow();
+    this.page.stage.space.matrix.copy(this.page.current.drawing.at.base);
     // While the machine moves travel is told from time to time, and the workspace when it has come to rest.
     this.travelWaits ??= setTimeout(() => {
       this.travelWaits = undefined;

@@ -2,6 +2,7 @@
 // A program through time: slider, text, marks, curves, path.
 import { Curves, groups } from "./curves.js";
 import { Rows, choice, element, shown } from "./elements.js";
+import { vector } from "./parts.js";
 
 const SPEEDS = ["0.1 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "20 ×", "100 ×"];
 
@@ -73,9 +74,8 @@ export class Player {
   }
 
   findings() {
-    const { time } = this.program.report;
-    const cause = time.not_judged;
-    const notJudged = cause && element("p", { class: "warning" }, `time not judged: ${typeof cause === "string" ? cause : JSON.stringify(cause)}`);
+    const cause = this.program.notJudged;
+    const notJudged = cause && element("p", { class: "warning" }, cause);
     const marks = this.marks.map((mark) => element("button", { class: "finding", onclick: () => this.goTo(mark) }, mark.text));
     const warnings = this.program.report.warnings.map(({ line, text }) => element("p", { class: "warning" }, line ? `line ${line}: ${text}` : text));
     return [notJudged, ...marks, ...warnings].filter((part) => part);
@@ -92,43 +92,42 @@ export class Player {
 
   drawPath() {
     const { program, page } = this;
-    const { kinematics } = page.mechanisms[0];
-    const shares = [];
-    const points = Array.from(program.times, (_, i) => {
-      const { pose, tool } = program.point(i);
-      try {
-        shares.push(kinematics.at(pose, tool).margins.reduce((least, { share }) => Math.min(least, share), 1));
-      } catch {
-        shares.push(-1);
-      }
-      return [0, 1, 2].map((k) => pose[k] - tool[k]);
-    });
+    // Of a pose that is refused nobody knows where the tip is on the work.
+    const all = Array.from(program.times, (time, i) => ({ time, ...this.moment(program.point(i)) }));
+    const moments = all.filter(({ drawn }) => drawn);
+    const shares = moments.map(({ drawn }) => drawn.margins.reduce((least, { share }) => Math.min(least, share), 1));
+    const points = moments.map(({ at }) => at.tool.at(-1).clone().applyMatrix4(at.work.clone().invert()).toArray());
+    this.path = points.map((at, i) => ({ at, time: moments[i].time }));
     page.stage.showPath(points, shares);
   }
 
   sweep(isOn) {
     const { mechanisms, stage } = this.page;
-    const all = isOn ? this.moments().flatMap((drawn) => mechanisms[0].drawing.outline(drawn)) : [];
+    const all = isOn ? this.moments().flatMap(({ drawn, at }) => mechanisms[0].drawing.outline(drawn, at)) : [];
     stage.showSweep(all);
   }
 
-  /** The trace of the tool's tip (0) or of the upper end of a leg (1, 2, …) in base; none below. */
+  /** The trace of the tool's tip (0) or of the upper end of a leg (1, 2, …) on the ground; none below. */
   trace(which) {
-    const of = (drawn) => (which === 0 ? drawn.tip : drawn.legs[which - 1].upper);
+    const of = ({ drawn, at }) => (which === 0 ? at.tool.at(-1) : vector(drawn.legs[which - 1].upper).applyMatrix4(at.base));
     this.page.stage.showTrace(which < 0 ? [] : this.moments(8 * SWEPT).map(of));
   }
 
-  /** Answers of the kinematics at moments of the program. */
+  /** The answer of the kinematics at a place, and where everything is on the ground; nothing where it is refused. */
+  moment(place) {
+    const { kinematics, drawing } = this.page.mechanisms[0];
+    try {
+      const drawn = kinematics.at(place.pose, place.tool);
+      return { drawn, at: drawing.placed(drawn, place) };
+    } catch {
+      return undefined;
+    }
+  }
+
+  /** The same at moments of the program. */
   moments(count = SWEPT) {
-    const { kinematics } = this.page.mechanisms[0];
-    return Array.from({ length: count }, (_, n) => {
-      const { pose, tool } = this.program.at((n / (count - 1)) * this.program.end);
-      try {
-        return kinematics.at(pose, tool);
-      } catch {
-        return undefined;
-      }
-    }).filter((drawn) => drawn);
+    const times = Array.from({ length: count }, (_, n) => (n / (count - 1)) * this.program.end);
+    return times.map((time) => this.moment(this.program.at(time))).filter((moment) => moment);
   }
 
   toggle() {
@@ -173,8 +172,8 @@ export class Player {
     this.time = time;
     this.slider.value = time;
     this.page.mechanisms.forEach((_, which) => {
-      const { pose, tool } = this.program.at(time, which);
-      this.page.take(pose, tool, which);
+      const { pose, tool, extra } = this.program.at(time, which);
+      this.page.take(pose, tool, which, extra);
     });
     this.setLine(this.program.line(time));
     this.curves.at(time);

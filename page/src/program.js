@@ -2,8 +2,8 @@
 // A program through time: poses between the points that pkm has kept, lines, curves.
 import { columns } from "./unpack.js";
 
-/** Numbers of a mechanism in a point: x y z a b c, tool x y z. */
-const VALUES = 9;
+/** Numbers of a pose, with the tool vector behind it. */
+const POSE = 6;
 
 /** Moments at which a line is looked at for a place in it. */
 const MOST_LOOKS = 4000;
@@ -20,36 +20,44 @@ export function before(values, value) {
 }
 
 export class Program {
-  constructor(data) {
-    Object.assign(this, { name: data.name, end: data.end, report: data.report });
+  /** Of a machine whose extra axes have these letters. */
+  constructor(data, letters) {
+    Object.assign(this, { name: data.name, end: data.end, report: data.report, letters });
+    this.ofMechanism = data.of_mechanism;
     [this.times, ...this.values] = columns(data.points);
     [this.lineTimes, this.lineNumbers] = columns(data.lines);
     this.text = data.text.split(/\r?\n/);
     this.curves = data.curves && { names: data.curves.names, values: columns(data.curves.values, Float32Array) };
   }
 
+  /** Why nothing is known of its time, if so. */
+  get notJudged() {
+    const cause = this.report.time.not_judged;
+    return cause && `time not judged: ${cause}`;
+  }
+
   get isEmpty() {
     return this.times.length === 0;
   }
 
-  /** Pose and tool of mechanism `which` at a time; linear between points. */
+  /** Pose, tool and extra axes of mechanism `which` at a time; linear between points. */
   at(time, which = 0) {
     const { times } = this;
     const i = before(times, time);
     const next = Math.min(i + 1, times.length - 1);
     const part = next === i ? 0 : Math.min(Math.max((time - times[i]) / (times[next] - times[i]), 0), 1);
-    const value = (k) => {
-      const column = this.values[which * VALUES + k];
-      return column[i] + part * (column[next] - column[i]);
-    };
-    const all = Array.from({ length: VALUES }, (_, k) => value(k));
-    return { pose: all.slice(0, 6), tool: all.slice(6) };
+    return this.place(which, (column) => column[i] + part * (column[next] - column[i]));
   }
 
-  /** Pose and tool at a point. */
+  /** The same at a point. */
   point(i, which = 0) {
-    const all = Array.from({ length: VALUES }, (_, k) => this.values[which * VALUES + k][i]);
-    return { pose: all.slice(0, 6), tool: all.slice(6) };
+    return this.place(which, (column) => column[i]);
+  }
+
+  place(which, value) {
+    const own = this.values.slice(which * this.ofMechanism, (which + 1) * this.ofMechanism).map(value);
+    const extra = this.values.slice(this.values.length - this.letters.length).map((column, n) => [this.letters[n], value(column)]);
+    return { pose: own.slice(0, POSE), tool: own.slice(POSE), extra: Object.fromEntries(extra) };
   }
 
   line(time) {

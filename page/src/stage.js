@@ -57,10 +57,12 @@ export class Stage {
     this.controls.listenToKeyEvents(canvas);
     this.addLights();
     this.work = new THREE.Group();
+    this.work.matrixAutoUpdate = false;
     this.path = new THREE.Group();
     this.sweep = new THREE.Group();
     this.traces = new THREE.Group();
     this.space = new THREE.Group();
+    this.space.matrixAutoUpdate = false;
     this.work.add(this.path, cross(size / 8));
     this.scene.add(this.work, this.sweep, this.traces, this.space);
     this.isStale = true;
@@ -163,7 +165,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** The body of reachable poses and the box of axis limits, or nothing. */
+  /** The body of reachable poses and the box of axis limits, seen from a base, or nothing. */
   showSpace(surface, box) {
     clear(this.space);
     if (surface) {
@@ -179,7 +181,6 @@ export class Stage {
   handle(letters, taken, moved) {
     const proxy = new THREE.Object3D();
     proxy.rotation.order = "ZYX";
-    this.scene.add(proxy);
     const handle = new TransformControls(this.camera, this.renderer.domElement);
     handle.attach(proxy);
     handle.setSize(0.7);

@@ -30,6 +30,8 @@ const SAME = 0;
 // Where pkm is given a tool without the spindle's offset and adds it again, some roundings of lengths of 1e3.
 const ROUNDED = 1e-9;
 const POSES = 300;
+// Of each machine whose axes carry something, beside these.
+const CARRIED = 60;
 // Bytes of the page of a program with 5,000 lines.
 const MOST_BYTES = 2_000_000;
 
@@ -82,10 +84,11 @@ function joints(machine, mechanism, poses, tool) {
 }
 
 /** What the page has at each pose is what the command says, refusals included. */
-function compare(machine, mechanism, spindle, states, tolerance) {
+function compare(machine, mechanism, { scene, tool: spindle }, states, tolerance) {
   const byTool = new Map();
   for (const state of states) {
-    const tool = state.tool.map((value, k) => value - spindle[k]);
+    // The platform's own pose knows no tool.
+    const tool = state.tool.map((value, k) => (scene.sees_tool ? value - spindle[k] : 0));
     const key = tool.join(",");
     byTool.set(key, [...(byTool.get(key) ?? []), state]);
   }
@@ -153,16 +156,16 @@ async function machineTest(browser, { machine, program }) {
   const { page, close } = await opened(browser, html);
   const scenes = await page.evaluate(() => window.pkm.mechanisms());
   const before = await isDrawn(page, machine);
-  for (const [which, { scene, tool: spindle }] of scenes.entries()) {
+  for (const [which, own] of scenes.entries()) {
     const along = await page.evaluate((which) => Array.from({ length: 60 }, (_, n) => {
       window.pkm.go((n / 59) * window.pkm.end());
       return window.pkm.state(which);
     }), which);
-    compare(machine, which, spindle, along, ROUNDED);
+    compare(machine, which, own, along, ROUNDED);
     for (const { platform, nose } of along) {
       check(Math.hypot(...nose.map((value, k) => value - platform[12 + k])) < 1e-6, `${machine}: the platform is drawn elsewhere`);
     }
-    compare(machine, which, spindle, await dragged(page, scene, spindle, which), SAME);
+    compare(machine, which, own, await dragged(page, own.scene, own.tool, which), SAME);
   }
   await page.locator("input[aria-label=time]").evaluate((slider) => {
     slider.value = slider.max / 3;
@@ -173,9 +176,10 @@ async function machineTest(browser, { machine, program }) {
   check(Math.abs(time - end / 3) < 1e-6 * end, `${machine}: the slider shows ${time} of ${end}`);
   const after = await page.evaluate(() => window.pkm.seen());
   check(after.some(({ at }, i) => Math.hypot(at[0] - before[i].at[0], at[1] - before[i].at[1]) > 1), `${machine}: nothing has moved`);
+  const placed = scenes[0].scene.is_carried && (await carry(page, machine, ini(machine), scenes[0]));
   check(complaints(page).length === 0, `${machine}: ${complaints(page).join("; ")}`);
   await close();
-  return `${scenes.length * (POSES + 60)} poses as pkm joints`;
+  return `${scenes.length * (POSES + 60)} poses as pkm joints${placed ? `, ${placed} as the model beside AXIS` : ""}`;
 }
 
 async function alone(browser) {
@@ -272,6 +276,121 @@ async function own(browser) {
   }
 }
 
+/** Machines whose axes carry work, tool and legs in all ways: each an INI file. */
+function carrying() {
+  const { "five-struts": five, "mixed-legs": mixed } = ownMachines();
+  const axis = (letter, place, carries, direction, point) => [
+    `[JOINT_${place}]\nTYPE = ${"ABC".includes(letter) ? "ANGULAR" : "LINEAR"}\nHOME = 0\nMIN_LIMIT = -180\nMAX_LIMIT = 180\nMAX_VELOCITY = 100\nMAX_ACCELERATION = 1000`,
+    `[AXIS_${letter}]\nMIN_LIMIT = -180\nMAX_LIMIT = 180\nMAX_VELOCITY = 100\nMAX_ACCELERATION = 1000`,
+    `[CHAIN_${letter}]\nCARRIES = ${carries}\nAXIS = ${direction}${point ? `\nPOINT = ${point}` : ""}`,
+  ].join("\n");
+  const withAxes = (text, letters, axes) => {
+    const count = Number(text.match(/JOINTS = (\d+)/)[1]);
+    const world = text.match(/^COORDINATES = (.*)$/m)[1];
+    return [
+      text.replace(/JOINTS = \d+/, `JOINTS = ${count + letters.length}`)
+        .replace(/(KINEMATICS = .*)/, `$1 axes=${letters}`).replace(/^COORDINATES = .*$/m, `COORDINATES = ${world}${letters}`)
+        .replace(/^HOME = (\S+ \S+ \S+ \S+ \S+ \S+)$/m, "HOME = $1 0 0 0"),
+      ...[...letters].map((letter, n) => axis(letter, count + n, ...axes[n])),
+    ].join("\n");
+  };
+  const track = withAxes(five, "CUVW", [["WORK", "0.6 0 0.8", "10 -20 30"], ["LEGS", "1 2 0"], ["TOOL", "0 0 -1"], ["WORK", "0 1 0"]]);
+  const held = withAxes(mixed, "ABCW", [["LEGS", "1 0 0", "0 50 -100"], ["TOOL", "0 1 0", "30 0 5"], ["WORK", "0 0 1", "5 6 7"], ["TOOL", "1 1 0"]]);
+  return { "carried-legs": track, "carried-tool": held, "carried-work": held.replace("[PKM]\n", "[PKM]\nWORK_ON_PLATFORM = 20 30 -450\n") };
+}
+
+/** Random poses, tools and values of the extra axes, and where the page draws everything. */
+async function carried(page, scene) {
+  return page.evaluate(({ axes, home, extra, count }) => {
+    let seed = 54321;
+    const within = (low, high) => low + ((seed = (seed * 48271) % 2147483647) / 2147483647) * (high - low);
+    return Array.from({ length: count }, () => {
+      const pose = [...home];
+      for (const { letter, min, max } of axes) pose["XYZABC".indexOf(letter)] = within(0.75 * min + 0.25 * max, 0.25 * min + 0.75 * max);
+      const values = Object.fromEntries(extra.map(({ letter }) => [letter, within(-180, 180)]));
+      window.pkm.take(pose, [within(-50, 50), within(-50, 50), within(-50, 50)], 0, values);
+      return window.pkm.state();
+    });
+  }, { axes: scene.axes, home: scene.home.pose, extra: scene.extra_axes, count: CARRIED });
+}
+
+const OF_WORK = [12, -34, 56];
+
+/** Where the page draws ends of legs, tip and work is where the viewer of LinuxCNC has them. */
+function compareGround(name, sceneFile, states) {
+  const questions = states.map(({ joints, pose, tool, extra }) => JSON.stringify({ joints, pose, tool, values: extra, of_work: OF_WORK }));
+  const told = spawnSync("python3", [join(HOME, "tests/viewer/placed.py"), sceneFile], { input: `${questions.join("\n")}\n`, encoding: "utf8" });
+  const lines = told.stdout.trim().split("\n").map((line) => JSON.parse(line));
+  check(lines.length === states.length, `${name}: ${told.stderr}`);
+  states.forEach(({ ground, pose, extra }, i) => {
+    const { work: m, tip, lower, upper } = ground;
+    const ofWork = [0, 1, 2].map((k) => m[k] * OF_WORK[0] + m[4 + k] * OF_WORK[1] + m[8 + k] * OF_WORK[2] + m[12 + k]);
+    const pairs = [[tip, lines[i][0]], [ofWork, lines[i][1]], ...lower.map((end, n) => [end, lines[i][2][n]]), ...upper.map((end, n) => [end, lines[i][3][n]])];
+    const apart = Math.max(...pairs.map(([a, b]) => Math.hypot(...a.map((value, k) => value - b[k]))));
+    check(apart <= ROUNDED, `${name}: drawn ${apart} apart at ${pose}, ${JSON.stringify(extra)}`);
+  });
+}
+
+/** Axes that carry something move what they carry as the scene says, and their sliders move the axes alone; the number of
+ * poses compared. */
+async function carry(page, name, machine, { scene }) {
+  const sceneFile = file(`${name}.json`);
+  const told = pkm(["scene", machine, "-o", sceneFile]);
+  check(told.status === 0, `${name}: ${told.stderr}`);
+  const states = (await carried(page, scene)).filter(({ code }) => code === 0);
+  check(states.length > CARRIED / 3, `${name}: ${states.length} of ${CARRIED} poses are reached`);
+  compareGround(name, sceneFile, states);
+  await page.getByRole("button", { name: "home" }).click();
+  for (const { letter } of scene.chain) {
+    await page.locator(`input[type=range][aria-label=${letter}]`).evaluate((slider) => {
+      slider.value = 0.6 * slider.max;
+      slider.dispatchEvent(new Event("input"));
+    });
+  }
+  await isDrawn(page, `${name}-carried`);
+  const { extra, pose } = await page.evaluate(() => window.pkm.state());
+  for (const { letter } of scene.chain) check(extra[letter] > 0, `${name}: ${letter} is at ${extra[letter]}`);
+  check(pose.every((value, k) => value === scene.home.pose[k]), `${name}: the mechanism has moved to ${pose}`);
+  return states.length;
+}
+
+async function carriers(browser) {
+  let count = 0;
+  for (const [name, text] of Object.entries(carrying())) {
+    writeFileSync(file(`${name}.ini`), text);
+    const made = pkm(["view", file(`${name}.ini`), "--html", file(`${name}.html`)]);
+    check(made.status === 0, `${name}: ${made.stderr}`);
+    const { page, close } = await opened(browser, file(`${name}.html`));
+    const [own] = await page.evaluate(() => window.pkm.mechanisms());
+    count += await carry(page, name, file(`${name}.ini`), own);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+    await close();
+  }
+  return `${count} poses as the model beside AXIS`;
+}
+
+/** A table turns under the tip, which stays in base: on the work it goes round, and the path is drawn on the work. */
+async function workPath(browser) {
+  writeFileSync(file("turn.ngc"), "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 F1000\nM2\n");
+  const made = pkm(["view", ini("hexapod-rotary-table"), file("turn.ngc"), "--html", file("turn.html")]);
+  check(made.status === 0, made.stderr);
+  const { page, close } = await opened(browser, file("turn.html"));
+  const ends = await page.evaluate(() => [0.5, 1].map((part) => {
+    window.pkm.go(part * window.pkm.end());
+    return window.pkm.state();
+  }));
+  const turned = ends.map(({ extra }) => extra.C);
+  check(turned[0] > 10 && turned[0] < 80 && Math.abs(turned[1] - 90) < 1e-3, `C is at ${turned}`);
+  const [x, y, z] = ends[1].ground.tip;
+  check(Math.hypot(x, y - 40, z - 200) < 1e-3, `the tip is at ${ends[1].ground.tip} in base`);
+  // X Y Z of a program are the tip on the work: the table's turn is no way on it.
+  const path = await page.evaluate(() => window.pkm.path());
+  const apart = Math.max(...path.filter(({ time }) => time > ends[0].time).map(({ at }) => Math.hypot(at[0] - 40, at[1], at[2] - 200)));
+  check(apart < 1e-5, `the path is drawn ${apart} beside the point of the work`);
+  await isDrawn(page, "turn");
+  await close();
+}
+
 /** The machine is drawn whatever is wrong with the shapes of its parts, and what is wrong is told. */
 async function shapes(browser) {
   const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
@@ -345,7 +464,8 @@ async function streaming(html) {
 
 /** The page of pkm-live says what the stream says; that the stream is LinuxCNC's is seen in tests/live. */
 async function live(browser) {
-  const made = pkm(["view", ini("hexapod"), "--live", "--html", file("live.html")]);
+  const machine = "hexapod-rotary-table";
+  const made = pkm(["view", ini(machine), "--live", "--html", file("live.html")]);
   check(made.status === 0, made.stderr);
   const stream = await streaming(file("live.html"));
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
@@ -353,17 +473,19 @@ async function live(browser) {
   await page.goto(stream.address);
   await page.waitForFunction(() => window.pkm);
   const { geometry_hash: hash, home } = await page.evaluate(() => window.pkm.mechanisms()[0].scene);
-  const running = { state: "running", pose: home.pose, joints: null, extra: {}, tool: null, geometry_hash: hash, line: 7, fault: null };
+  const running = { state: "running", pose: home.pose, joints: null, extra: { c: 30 }, tool: null, geometry_hash: hash, line: 7, fault: null };
   const says = async (state, words) => {
     stream.send(state);
     await page.waitForFunction((words) => document.querySelector(".state").textContent.includes(words), words, { timeout: 5000 });
   };
   while (!stream.isWatched()) await page.waitForTimeout(50);
-  const pose = [10, -20, home.pose[2] + 5, 2, -1, 3];
+  const pose = [10, -20, home.pose[2] + 5, 2, -1, 0];
   await says({ ...running, pose }, "running, line 7");
   const shown = await page.evaluate(() => window.pkm.state());
   check(shown.pose.every((value, k) => value === pose[k]), `the pose shown is ${shown.pose}`);
-  compare("hexapod", 0, shown.tool, [shown], SAME);
+  const { work } = shown.ground;
+  check(Math.abs(Math.atan2(work[1], work[0]) - Math.PI / 6) < 1e-12, `the table stands at ${work}`);
+  compare(machine, 0, { scene: { sees_tool: true }, tool: shown.tool }, [shown], SAME);
   await says({ ...running, fault: "leg 2: too far; go back [code -34]" }, "leg 2: too far");
   await says({ ...running, geometry_hash: hash ^ 1 }, "another geometry: 0x");
   await says({ ...running, pose: null }, "pins are missing");
@@ -389,6 +511,15 @@ async function long(browser) {
   return `${size} bytes for 5,000 lines`;
 }
 
+/** A browser that does not end is ended, and nothing is written. */
+async function endless() {
+  writeFileSync(file("endless"), "#!/bin/sh\nsleep 600 &\nsleep 600\n", { mode: 0o755 });
+  const { program } = MACHINES.find(({ machine }) => machine === "rotary-delta");
+  const made = pkm(["view", ini("rotary-delta"), program, "--video", file("endless.mp4"), "--browser", file("endless"), "--browser-seconds", "1"]);
+  check(made.status === 2 && made.stderr.includes("--browser-seconds"), `status ${made.status}: ${made.stderr}`);
+  check(!readdirSync(FOLDER).some((name) => name.includes("endless.mp4")), "a part of the video is left");
+}
+
 async function video() {
   if (spawnSync("ffprobe", ["-version"]).error) return "skipped: no ffmpeg";
   const made = pkm(["view", ini("rotary-delta"), MACHINES.find(({ machine }) => machine === "rotary-delta").program,
@@ -404,11 +535,14 @@ const TESTS = [
   ["a mark leads to its line, and a refused pose has a reason", marks],
   ["a program that cannot be read is told beside the machine", unread],
   ["a machine of one's own appears without a line of code", own],
+  ["what axes carry is drawn where they put it", carriers],
+  ["the path stands on the work that an axis turns", workPath],
   ["a shape that cannot be read is told, and the machine is drawn", shapes],
   ["a program that LinuxCNC cannot run is shown without a time", unjudged],
   ["an axis without limits can be set", unlimited],
   ["the live page says what pkm-live sends, and finds it again", live],
   ["the page of 5,000 lines is below 2 MB", long],
+  ["a browser that does not end is ended, without a video", endless],
   ["a video has the frames that were asked for", video],
 ];
 

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the viewer puts tool tip and work: a line of JSON in, a line out. `workbench/tests/scene.rs` asks.
+"""Where the viewer puts tool tip, work, and lower and upper ends of legs: a line of JSON in, a line out.
+`workbench/tests/scene.rs` and `tests/page` ask.
 
     placed.py SCENE.json < {"joints": [...], "pose": [...], "tool": [...], "values": {...}, "of_work": [...]}
 """
@@ -17,4 +18,5 @@ scene = Scene.read(sys.argv[1])
 for line in sys.stdin:
     asked = json.loads(line)
     place = scene.place(asked["joints"], asked["pose"], asked["tool"], asked["values"])
-    print(json.dumps([place.tip, place.work.out(asked["of_work"])]))
+    ends = [list(map(place.base.out, ends)) for ends in (place.lower, place.upper)]
+    print(json.dumps([place.tip, place.work.out(asked["of_work"]), *ends]))

@@ -62,12 +62,29 @@ pub struct Scene {
     pub conditioning_limit: f64,
     /// Shapes of parts, in files.
     pub meshes: Vec<Mesh>,
+    /// The extra axes, in joint order.
+    pub extra_axes: Vec<ExtraAxis>,
     /// Axes that carry something, of those that carry the same from what carries them outwards.
     pub chain: Vec<Link>,
     /// Where the control point of the resting tool holder is in base, if the work is on the platform.
     pub holder: Option<[f64; 3]>,
     /// Whether the file has a second mechanism beside this one.
     pub is_of_pair: bool,
+}
+
+/// An axis whose letter is its own value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ExtraAxis {
+    /// Its letter.
+    pub letter: char,
+    /// Number of its joint in LinuxCNC.
+    pub joint: usize,
+    /// `[TRAJ]HOME`.
+    pub home: f64,
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
 }
 
 /// An axis that carries something.
@@ -228,6 +245,7 @@ impl Scene {
             tilt_limit: config.tilt_limit,
             conditioning_limit: config.conditioning_limit,
             meshes: config.models.iter().map(Mesh::new).collect(),
+            extra_axes: (0..config.extra.len()).map(|n| ExtraAxis::new(config, n)).collect(),
             chain: config.chain.links().iter().map(|link| Link::new(config, link)).collect(),
             holder: config.chain.holder().map(|holder| (*holder).into()),
             is_of_pair: config.place.is_of_pair,
@@ -237,6 +255,19 @@ impl Scene {
     /// The object.
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).expect("numbers and names") + "\n"
+    }
+}
+
+impl ExtraAxis {
+    fn new(config: &MachineConfig, n: usize) -> Self {
+        let extra = &config.extra[n];
+        Self {
+            letter: extra.letter,
+            joint: config.guarded_joints() + n,
+            home: config.extra_home()[n],
+            min: extra.axis.min,
+            max: extra.axis.max,
+        }
     }
 }
 

@@ -141,9 +141,14 @@ pub struct ExtraAxis {
 }
 
 impl ExtraAxis {
+    /// Whether it turns.
+    pub fn is_rotary(&self) -> bool {
+        "ABC".contains(self.letter)
+    }
+
     /// Unit of its values, where lengths are in `length`.
     pub fn unit(&self, length: &'static str) -> &'static str {
-        if "ABC".contains(self.letter) { "degrees" } else { length }
+        if self.is_rotary() { "degrees" } else { length }
     }
 }
 

@@ -290,6 +290,16 @@ impl MachineConfig {
         world
     }
 
+    /// Values of the extra axes in a pose of LinuxCNC's, in joint order.
+    pub fn extra_of(&self, world: &World) -> Vec<f64> {
+        self.extra_axes.places().map(|place| world[place]).collect()
+    }
+
+    /// Their values at `[TRAJ]HOME`.
+    pub fn extra_home(&self) -> Vec<f64> {
+        self.extra_of(&self.world_home)
+    }
+
     /// What is told of a commanded pose of the tool: where axes carry something with their angles.
     pub fn told(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
         if self.chain.is_empty() {

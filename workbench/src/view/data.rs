@@ -6,7 +6,7 @@ use crate::program::course::{Abscissa, Sample, Thinned};
 use crate::read::machine::MachineConfig;
 use crate::read::models::Model;
 use crate::scene::Scene;
-use crate::view::track::{Point, Track};
+use crate::view::track::{Point, Track, VALUES};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use kinematics::{Letter, Limit, Part};
@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Raised when the page's code and its data belong together no longer.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Of a file with a shape; a page holds all of it.
 const MOST_BYTES: u64 = 20_000_000;
@@ -43,7 +43,7 @@ struct Mechanism {
     numbers: String,
     /// Names and units of limits, by [`key`].
     limits: BTreeMap<String, Named>,
-    /// Its tool vector without a tool.
+    /// The tool vector without a tool.
     tool: [f64; 3],
     /// Shapes of parts.
     shapes: Vec<Shape>,
@@ -76,6 +76,8 @@ struct Program {
     end: f64,
     /// Times and values of points, one column after the other.
     points: Columns<f64>,
+    /// How many of these values each mechanism has; those of the extra axes stand behind them.
+    of_mechanism: usize,
     /// Times at which lines begin, and the lines.
     lines: Columns<f64>,
     curves: Option<Curves>,
@@ -183,6 +185,7 @@ impl Data {
             text,
             end: track.end(),
             points: Columns::new(&columns, |value: &f64| value.to_le_bytes()),
+            of_mechanism: VALUES,
             lines: Columns::new(&lines, |value: &f64| value.to_le_bytes()),
             curves: course.map(|course| Curves::new(config, course)),
             report,
@@ -212,7 +215,7 @@ impl Mechanism {
             scene: Scene::new(config),
             numbers: BASE64_STANDARD.encode(bytes),
             limits: named(config),
-            tool: config.chain.machine_tool(&config.spindle).into(),
+            tool: config.spindle.into(),
             shapes: vec![],
         }
     }

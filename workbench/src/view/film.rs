@@ -7,10 +7,12 @@
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use std::ffi::OsStr;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::ops::Range;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// Browsers that this works with, as distributions call them.
 pub const BROWSERS: [&str; 4] =
@@ -24,6 +26,9 @@ pub const RATE: usize = 25;
 
 /// Browsers lay pixels into the page for this time of their own clock, which waits while they draw.
 const BUDGET: &str = "--virtual-time-budget=60000";
+
+/// Between two looks whether a browser has ended.
+const LOOK: Duration = Duration::from_millis(20);
 
 const SCHEME: &str = "data:image/png;base64,";
 
@@ -56,6 +61,21 @@ pub enum FilmError {
         /// The last line that it wrote.
         told: String,
     },
+    /// The browser does not end.
+    #[error(
+        "{} has not drawn {wanted} frames in {} s, and was ended: --browser-seconds allows more, --size makes them \
+         smaller",
+        browser.display(),
+        patience.as_secs_f64()
+    )]
+    Hangs {
+        /// The browser's file.
+        browser: PathBuf,
+        /// Frames asked for.
+        wanted: usize,
+        /// How long it had.
+        patience: Duration,
+    },
     /// ffmpeg ended with an error.
     #[error("ffmpeg made no video: {0}")]
     NoVideo(String),
@@ -75,6 +95,8 @@ pub struct Camera {
     pub size: [usize; 2],
     /// The view by its name on the page.
     pub view: String,
+    /// How long the browser may take for the frames that it draws at a time.
+    pub patience: Duration,
 }
 
 /// The browser that was asked for, or the first one there is.
@@ -95,7 +117,7 @@ impl Camera {
     /// Frames of a video of `all` frames as PNG files.
     ///
     /// # Errors
-    /// The browser cannot be started, or draws fewer.
+    /// The browser cannot be started, takes too long, or draws fewer.
     pub fn frames(&self, which: Range<usize>, all: usize) -> Result<Vec<Vec<u8>>, FilmError> {
         let wanted = which.len();
         let [width, height] = self.size;
@@ -117,8 +139,12 @@ impl Camera {
         }
         let profile = self.page.with_file_name("profile");
         command.arg(format!("--user-data-dir={}", profile.display())).arg(address);
+        let child = command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped());
+        let child = child.stderr(Stdio::piped()).spawn();
+        let child = child.map_err(|error| started(&self.browser, error))?;
+        let (browser, patience) = (self.browser.clone(), self.patience);
         let output =
-            command.stdin(Stdio::null()).output().map_err(|e| started(&self.browser, e))?;
+            ended(child, patience)?.ok_or(FilmError::Hangs { browser, wanted, patience })?;
         let text = String::from_utf8_lossy(&output.stdout);
         let frames = text.split(SCHEME).skip(1).map(|rest| {
             let end = rest.find(|c: char| !c.is_ascii_alphanumeric() && !"+/=".contains(c));
@@ -168,6 +194,41 @@ impl Camera {
     }
 }
 
+/// What a program, the leader of a process group, has written at its end; nothing where it takes longer, and is killed
+/// with its group.
+fn ended(mut child: Child, patience: Duration) -> Result<Option<Output>, io::Error> {
+    let group = rustix::process::Pid::from_child(&child);
+    let (mut out, mut told) = (child.stdout.take(), child.stderr.take());
+    std::thread::scope(|scope| {
+        let stdout = scope.spawn(move || read(out.as_mut()));
+        let stderr = scope.spawn(move || read(told.as_mut()));
+        let begun = Instant::now();
+        let status = loop {
+            match child.try_wait()? {
+                Some(status) => break Some(status),
+                None if begun.elapsed() > patience => break None,
+                None => std::thread::sleep(LOOK),
+            }
+        };
+        if status.is_none() {
+            // Where it has ended by itself in between, there is nobody to kill.
+            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+            child.wait()?;
+        }
+        let bytes = |reader: std::thread::ScopedJoinHandle<'_, _>| {
+            reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        let (stdout, stderr) = (bytes(stdout)?, bytes(stderr)?);
+        Ok(status.map(|status| Output { status, stdout, stderr }))
+    })
+}
+
+fn read(stream: Option<&mut impl Read>) -> Result<Vec<u8>, io::Error> {
+    let mut bytes = vec![];
+    stream.map_or(Ok(0), |stream| stream.read_to_end(&mut bytes))?;
+    Ok(bytes)
+}
+
 fn encoder(file: &Path) -> Result<Child, FilmError> {
     let mut command = Command::new("ffmpeg");
     command.args(["-hide_banner", "-loglevel", "error", "-y", "-f", "image2pipe", "-c:v", "png"]);
@@ -210,12 +271,28 @@ mod tests {
     #[test]
     fn a_browser_that_draws_nothing_is_told_with_its_last_words() {
         let page = PathBuf::from("/nowhere.html");
-        let camera =
-            Camera { browser: "/bin/false".into(), page, size: [10, 10], view: "3D".into() };
+        let camera = Camera {
+            browser: "/bin/false".into(),
+            page,
+            size: [10, 10],
+            view: "3D".into(),
+            patience: Duration::from_secs(60),
+        };
         let error = camera.frames(0..1, 1).unwrap_err().to_string();
         assert!(error.starts_with("/bin/false drew 0 of 1 frames"), "{error}");
         let camera = Camera { browser: "/nowhere".into(), ..camera };
         let error = camera.frames(0..1, 1).unwrap_err().to_string();
         assert!(error.starts_with("/nowhere: cannot be started"), "{error}");
+    }
+
+    #[test]
+    fn a_browser_that_does_not_end_is_ended_with_what_it_has_started() {
+        // The second process holds the pipes, as those of a browser do.
+        let mut command = Command::new("sh");
+        command.args(["-c", "sleep 600 & sleep 600"]).process_group(0);
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let begun = Instant::now();
+        assert!(ended(child, Duration::from_millis(200)).unwrap().is_none());
+        assert!(begun.elapsed() < Duration::from_secs(60));
     }
 }

@@ -19,7 +19,8 @@ const MOST_LINES: usize = 1_000_000;
 const OF_SIZE: f64 = 2e-5;
 const OF_ANGLE: f64 = 2e-3;
 
-/// Pose (x y z in machine units, a b c in degrees) and tool vector of one mechanism.
+/// The machine's own pose (x y z in machine units, a b c in degrees) and the tool vector in effect of one
+/// mechanism.
 pub const VALUES: usize = 9;
 
 /// A moment of a program.
@@ -27,7 +28,7 @@ pub const VALUES: usize = 9;
 pub struct Point {
     /// Seconds since the program was started.
     pub at: f64,
-    /// [`VALUES`] of each mechanism.
+    /// [`VALUES`] of each mechanism, then the values of the extra axes in joint order.
     pub values: Vec<f64>,
 }
 
@@ -48,8 +49,11 @@ impl Track {
     /// Of nothing yet.
     pub fn new(config: &MachineConfig) -> Self {
         let length = OF_SIZE * config.machine.size();
-        let of_one = (0..VALUES).map(|k| if (3..6).contains(&k) { OF_ANGLE } else { length });
-        let tolerance: Vec<f64> = config.mechanisms().flat_map(|_| of_one.clone()).collect();
+        let of = |is_angle| if is_angle { OF_ANGLE } else { length };
+        let of_one = (0..VALUES).map(|k| of((3..6).contains(&k)));
+        let of_extra = config.extra.iter().map(|extra| of(extra.is_rotary()));
+        let tolerance: Vec<f64> =
+            config.mechanisms().flat_map(|_| of_one.clone()).chain(of_extra).collect();
         Self {
             period: config.period,
             thinner: Thinner::new(&tolerance),
@@ -63,15 +67,16 @@ impl Track {
     /// Takes a servo cycle.
     pub fn see(&mut self, config: &MachineConfig, row: &Row) {
         let at = row.cycle as f64 * self.period;
-        let (pose, tool) = row.machine(config);
-        let mut values: Vec<f64> = pose.into_iter().chain(tool.iter().copied()).collect();
+        let (pose, _) = row.machine(config);
+        let mut values: Vec<f64> = pose.into_iter().chain(row.tool).collect();
         if config.second.is_some() {
             values.extend(row.second.pose.iter().chain(&row.second.tool));
         }
+        values.extend(config.extra_of(&row.extra.world));
         self.take(at, row.line, values);
     }
 
-    /// Takes a moment: its time in seconds, the line, and [`VALUES`] of each mechanism.
+    /// Takes a moment: its time in seconds, the line, and the values of a [`Point`].
     pub fn take(&mut self, at: f64, line: u32, values: Vec<f64>) {
         let is_new = self.lines.last().is_none_or(|(_, last)| *last != line);
         if is_new && self.lines.len() < MOST_LINES {

@@ -190,7 +190,9 @@ fn on_page(
     let mut way = Track::new(config);
     for moment in track {
         if let Some(pose) = moment.pose {
-            let values = pose.into_iter().chain(config.spindle.iter().copied()).collect();
+            // Extra axes are homed by themselves and shown at home.
+            let tool = config.spindle.iter().copied();
+            let values = pose.into_iter().chain(tool).chain(config.extra_home()).collect();
             way.take(moment.at, moment.group as u32 + 1, values);
         }
     }

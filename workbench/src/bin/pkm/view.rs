@@ -15,6 +15,7 @@ use pkm::view::track::Track;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// One page that shows the machine, and a program on it, in any browser
 ///
@@ -61,6 +62,9 @@ pub struct Arguments {
     /// The browser that draws them; without it the first of chromium and its like in PATH
     #[arg(long, value_name = "PROGRAM", value_hint = clap::ValueHint::ExecutablePath)]
     browser: Option<PathBuf>,
+    /// How long the browser may take for 50 frames
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = patience)]
+    browser_seconds: f64,
     #[command(flatten)]
     judging: Judging,
 }
@@ -74,6 +78,14 @@ const MOST_PIXELS: usize = 4096;
 fn seconds(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| *value >= 0.1 && *value <= LONGEST);
     value.ok_or_else(|| format!("expected 0.1 to {LONGEST} seconds"))
+}
+
+/// Longest wait for the browser, seconds: a day.
+const MOST_PATIENCE: f64 = 86_400.0;
+
+fn patience(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| *value >= 1.0 && *value <= MOST_PATIENCE);
+    value.ok_or_else(|| format!("expected 1 to {MOST_PATIENCE} seconds"))
 }
 
 /// Videos need even sides.
@@ -126,6 +138,7 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
         page: folder.path().join("page.html"),
         size: [arguments.size[0], arguments.size[1]],
         view: arguments.from.clone(),
+        patience: Duration::from_secs_f64(arguments.browser_seconds),
     };
     write_whole(&camera.page, page)?;
     if let Some(file) = &arguments.picture {
