@@ -39,8 +39,10 @@ fn the_drive_files_are_wired_whole() {
     };
     let bus = |_: usize| "SCALE = 10000\nDELAY = 3\n".to_string();
     let none = [""; 0];
+    // The hexapod has absolute encoders, and a step generator is none.
     let extra = ["pkmkins_vfd_analog.tcl", "pkmkins_coolant.tcl"];
-    assert_eq!(on_drives(&["pkmkins_mesa_step.tcl", extra[0], extra[1]], CARD, steps), none);
+    let found = on_drives(&["pkmkins_mesa_step.tcl", extra[0], extra[1]], CARD, steps);
+    assert!(found.len() == 6 && found.iter().all(|it| it.contains("counts steps")), "{found:?}");
     assert_eq!(on_drives(&["pkmkins_mesa_servo.tcl", "pkmkins_vfd_modbus.tcl"], CARD, servo), none);
     let ports = "[PARPORT]\nPORTS = 0x378 out 0x278 out\n[IO]\nESTOP_PIN = NONE\n";
     let found = on_drives(&["pkmkins_parport.tcl"], ports, port);
@@ -54,4 +56,23 @@ fn a_drive_file_without_its_keys_does_not_fit() {
     let found = on_drives(&["pkmkins_mesa_step.tcl"], "", |_| String::new());
     assert!(found.len() == 1 && found[0].contains("LinuxCNC's start ends here"), "{found:?}");
     assert!(found[0].contains("[HOSTMOT2]DRIVER is missing"), "{found:?}");
+}
+
+#[test]
+fn speeds_of_homing_that_linuxcnc_refuses_and_searches_the_wrong_way_are_told() {
+    let told = |from: &str, to: &str| {
+        let (_folder, config) = changed("linear-delta", |text| {
+            assert!(text.contains(from), "{from}");
+            text.replacen(from, to, 1)
+        });
+        let report = check(&config, |_| ()).unwrap();
+        let texts = report.findings.iter().map(|finding| finding.problem.message());
+        texts.collect::<Vec<String>>().join("\n")
+    };
+    let latch = told("HOME_LATCH_VEL = ", "HOME_LATCH_VEL = 0\n# ");
+    assert!(latch.contains("LinuxCNC homes no joint that searches without it"), "{latch}");
+    let search = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = 0\n# ");
+    assert!(search.contains("expected HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"), "{search}");
+    let away = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = -");
+    assert!(away.contains("near one end of") && away.contains("expected 20"), "{away}");
 }

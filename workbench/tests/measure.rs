@@ -534,6 +534,11 @@ fn a_proposal_is_written_whole_or_not_at_all() {
             "range = [0, 9]\nexpected = 20",
             "expected = 20: expected more than 0",
         ),
+        (
+            "size = [120, 120]",
+            "size = [120, 120]\nangles = [180, 0, 0]",
+            "object plate: its face looks away from the platform",
+        ),
         ("size = [120, 120]", "", "object 1 (plate): size = [X, Y]"),
         ("\"dial\"", "\"clock\"", "unknown variant `clock`"),
         (

@@ -8,6 +8,7 @@ use super::model::Frame;
 use super::plate::{Hole, Plate, PlateError, Unit};
 use super::program::unit_word;
 use super::propose::{decimals, words};
+use super::setup::{LOOKS_AWAY, looks_away};
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Pose, Vector3};
@@ -165,6 +166,9 @@ impl<'a> Maker<'a> {
                 "angles = {:?}: expected a face that looks up or down",
                 given.angles
             ));
+        }
+        if looks_away(&rotation, &(Vector3::from(given.tool) * scale + config.spindle)) {
+            return bad(format!("angles = {:?}: {LOOKS_AWAY}", given.angles));
         }
         let layout = config.machine.layout();
         if let Some(letter) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {

@@ -6,7 +6,7 @@ use super::model::Frame;
 use super::plate::Unit;
 use crate::files::{AtFile, Locate};
 use crate::read::machine::MachineConfig;
-use kinematics::{Pose, Vector3};
+use kinematics::{Matrix3, Pose, Vector3};
 use serde::Deserialize;
 use std::io;
 use std::path::Path;
@@ -122,8 +122,34 @@ impl Setup {
         let text = std::fs::read_to_string(file).at(file)?;
         let given: File = toml::from_str(&text).at(file)?;
         check(&given).at(file)?;
-        Ok(given.in_machine(config))
+        let setup = given.in_machine(config);
+        setup.check_sides().at(file)?;
+        Ok(setup)
     }
+
+    /// Refuses planes whose face the gauge would come to from behind, through the plane.
+    fn check_sides(&self) -> Result<(), BadSetup> {
+        let planes = self.objects.iter().zip(&self.extents);
+        let planes = planes.filter(|(_, extent)| matches!(extent, Extent::Plane(_)));
+        for (object, _) in planes {
+            if looks_away(&object.frame.rotation, &self.gauge.tool) {
+                return Err(BadSetup(format!("object {}: {LOOKS_AWAY}", object.name)));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is wrong with a face that looks away from the platform.
+pub(super) const LOOKS_AWAY: &str = "its face looks away from the platform, so that the tool would come through it: \
+     expected angles that turn +Z towards the platform ([0, 0, 0] below a tool that points down, [180, 0, 0] above one \
+     that points up), and the sign of tool as in the tool table";
+
+/// Whether the face of a frame, its +Z, looks the way that the tool points.
+pub(super) fn looks_away(rotation: &Matrix3<f64>, tool: &Vector3<f64>) -> bool {
+    // A dial gauge at an edge stands across its face.
+    const ACROSS: f64 = 0.5;
+    rotation.column(2).dot(tool) < -ACROSS * tool.norm()
 }
 
 /// Refuses what no gauge has.

@@ -376,17 +376,78 @@ impl Judge<'_> {
         let section = format!("JOINT_{n}");
         let searches = self.ini.number_or(&section, "HOME_SEARCH_VEL", 0.0)? != 0.0;
         let index = self.ini.first(&section, "HOME_USE_INDEX").is_some_and(is_yes);
+        self.latch(&section, searches, index)?;
+        self.search(&section)?;
+        self.absolute(n, &section)?;
         for (key, is_used, pin, what) in [
             ("HOME_SEARCH_VEL", searches, "home-sw-in", "a switch"),
             ("HOME_USE_INDEX", index, "index-enable", "an index pulse"),
         ] {
             let pin = format!("joint.{n}.{pin}");
             if is_used && self.wiring.beside(&pin).is_empty() {
-                let text =
-                    format!("homing waits for {what}, and no HAL file has {pin} on a signal");
+                let text = format!(
+                    "homing waits for {what}, and no HAL file has {pin} on a signal: with the files for drives \
+                     of pkmkins [{section}]HOME_SWITCH_PIN names a switch"
+                );
                 let error = crate::check::wiring::at_key(self.ini, &section, key, &text);
                 self.found.push((Severity::Error, error));
             }
+        }
+        Ok(())
+    }
+
+    /// Speeds of homing that LinuxCNC refuses to home with, and a search that leads away from its switch.
+    fn latch(&mut self, section: &str, searches: bool, index: bool) -> Result<(), IniError> {
+        let latch = self.ini.number_or(section, "HOME_LATCH_VEL", 0.0)?;
+        let text = if searches && latch == 0.0 {
+            "LinuxCNC homes no joint that searches without it: expected the speed at which it leaves the switch"
+        } else if !searches && latch != 0.0 && !index {
+            "LinuxCNC homes no joint with it alone: expected HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"
+        } else {
+            return Ok(());
+        };
+        let error = crate::check::wiring::at_key(self.ini, section, "HOME_LATCH_VEL", text);
+        self.found.push((Severity::Error, error));
+        Ok(())
+    }
+
+    /// A search that leads away from a switch near an end of the joint's range.
+    fn search(&mut self, section: &str) -> Result<(), IniError> {
+        /// Share of the range that is near an end.
+        const NEAR: f64 = 0.1;
+        let value = |key, default| self.ini.number_or(section, key, default);
+        let (search, offset) = (value("HOME_SEARCH_VEL", 0.0)?, value("HOME_OFFSET", 0.0)?);
+        let (low, high) = (value("MIN_LIMIT", -1e99)?, value("MAX_LIMIT", 1e99)?);
+        let share = (offset - low) / (high - low);
+        let leads_away = (share > 1.0 - NEAR && search < 0.0) || (share < NEAR && search > 0.0);
+        if leads_away {
+            let text = format!(
+                "the switch is at HOME_OFFSET = {offset}, near one end of {low} to {high}, and the search goes to the \
+                 other end: expected {}, unless the switch is on from there to that end",
+                -search
+            );
+            let error = crate::check::wiring::at_key(self.ini, section, "HOME_SEARCH_VEL", &text);
+            self.found.push((Severity::Warning, error));
+        }
+        Ok(())
+    }
+
+    /// An absolute encoder that is the count of a step generator: at LinuxCNC's start it is 0 wherever the
+    /// joint is.
+    fn absolute(&mut self, n: usize, section: &str) -> Result<(), IniError> {
+        const KEY: &str = "HOME_ABSOLUTE_ENCODER";
+        if self.ini.number_or(section, KEY, 0.0)? == 0.0 {
+            return Ok(());
+        }
+        let sources = self.wiring.beside(&format!("joint.{n}.motor-pos-fb"));
+        let counts =
+            sources.iter().find(|pin| pin.contains("stepgen.") && pin.ends_with("position-fb"));
+        if let Some(pin) = counts {
+            let text = format!(
+                "the feedback of joint {n} is {pin}, which counts steps from 0 wherever the joint is at the                  start: expected homing by a switch (HOME_SEARCH_VEL, HOME_LATCH_VEL, HOME_OFFSET), or the pin                  of an absolute encoder"
+            );
+            let error = crate::check::wiring::at_key(self.ini, section, KEY, &text);
+            self.found.push((Severity::Error, error));
         }
         Ok(())
     }
