@@ -662,7 +662,7 @@ mod tests {
 
     #[test]
     fn homing_without_its_switch_or_its_index_is_told() {
-        let more = "[JOINT_0]\nHOME_SEARCH_VEL = 5\nHOME_USE_INDEX = YES\n";
+        let more = "[JOINT_0]\nHOME_SEARCH_VEL = 5\nHOME_LATCH_VEL = 1\nHOME_USE_INDEX = YES\n";
         let found = told("own.hal", STEPS, more);
         assert!(
             found.len() == 2 && found.iter().all(|(severity, ..)| *severity == Severity::Error),
