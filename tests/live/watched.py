@@ -20,8 +20,9 @@ POSE = [f"pkmkins.{letter}" for letter in AXES]
 RATE = 20
 # Where it stands still, forward kinematics answers to their convergence criterion.
 FORWARD = 1e-9
-# A state that arrives is at most so old: an update, and what a busy computer adds.
-OLD_SECONDS = 0.3
+# A state that arrives is at most so old: an update, and what a busy computer adds. One that stands still is found by
+# every move that takes longer.
+OLD_SECONDS = 1
 # Every instruction of some servo cycles, one by one.
 COUNTING_SECONDS = 60
 
@@ -46,17 +47,18 @@ class Sampler(threading.Thread):
 
 
 def farthest(samples, events):
-    """How far the poses of events are at most from what the pins showed shortly before they came. Between two looks
-    at the pins these move: a pose may be as far from both, and not farther."""
+    """How far the coordinates of events are at most from what their pins showed shortly before they came. Pins are read
+    one after the other, and a busy computer puts time between them: each is compared for itself. Between two looks at
+    a pin it moves: a coordinate may be as far from both, and not farther."""
     times = [when for when, _ in samples]
     most = 0.0
     for at, state in events:
         # The look after the event too: it may have been read after the last one before.
         near = [pose for _, pose in samples[bisect(times, at - OLD_SECONDS):bisect(times, at) + 1]]
-        steps = [distance(a, b) for a, b in zip(near, near[1:])]
-        if steps and state["pose"]:
-            own = min(distance(pose, state["pose"]) for pose in near)
-            assert own <= max(steps) + FORWARD, f"{own} from all that the pins showed, which moved by {max(steps)} at most"
+        for pin, shown, seen in zip(POSE, state["pose"] or [], zip(*near)):
+            own = min(abs(shown - one) for one in seen)
+            step = max((abs(a - b) for a, b in zip(seen, seen[1:])), default=0.0)
+            assert own <= step + FORWARD, f"{pin}: {own} from all that it showed, which moved by {step} at most"
             most = max(most, own)
     return most
 
