@@ -322,6 +322,13 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     // One run, and of a gauge that is not as good as they say: chi-square tells.
     let (text, code) = calibrated(folder.path(), &shop.table(1, 60.0), &["--tolerance", "0.01"]);
     assert!(code != 0 && (text.contains("fit worse") || text.contains("do not agree")), "{text}");
+    // What the table expects, typed again: no gauge is that good.
+    let table = shop.table(1, 2.0);
+    let expected = (first_row(&table)..first_row(&table) + 30)
+        .fold(table.clone(), |typed, line| with_cell(&typed, line, 9, |_| cell(&table, line, 8)));
+    let (text, code) = calibrated(folder.path(), &expected, &["--tolerance", "0.1"]);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("nearer than the stated deviation of 2 um lets any be"), "{text}");
 }
 
 #[test]
@@ -441,6 +448,9 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
             table.replace("# object plate", "# object plate x"),
             "expected \"# object NAME X Y Z A B C\"".into(),
         ),
+        (table.replace("# tool 0 0 60", "# tool 0 0 61"), at(row(1), "pose 1 is not that of")),
+        (table.replace("# radius 0", "# radius 0.5"), at(row(1), "pose 1 is not that of")),
+        (table.replace("# gauge dial", "# gauge feeler"), at(row(1), "pose 1 is not that of")),
         (table.replace("pose,object,x", "pose;object;x"), "no column \"pose\"".into()),
         (table.replace(",reading,", ",value,"), "no column \"reading\"".into()),
     ];
@@ -450,6 +460,14 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
         assert!(told.contains(&expected), "{expected}: {told}");
         assert!(!folder.path().join("new.ini").exists(), "{expected}");
     }
+    // Whatever the machine is allowed to be: the other readings tell.
+    let in_mm = typed(row(7), &format!("{:.4}", number(row(7)) / 1e3));
+    let (told, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
+    assert_eq!(code, 2, "{told}");
+    assert!(
+        told.contains(&at(row(7), "")) && told.contains(" mm would be like the others"),
+        "{told}"
+    );
     // What a spreadsheet does to a table is no slip, and neither is a reading that is left out.
     let quoted: Vec<String> =
         lines

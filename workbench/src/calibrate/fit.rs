@@ -95,6 +95,14 @@ impl Fit {
         self.covariance[(k, k)].max(0.0).sqrt()
     }
 
+    /// The residual without whose reading the sum of squares would fall the most, and by how much.
+    pub(crate) fn foremost(&self) -> (usize, f64) {
+        let squares = judged(self).into_iter().map(|size| size.map_or(0.0, |size| size * size));
+        let (place, square) =
+            squares.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0));
+        (place, square / (self.noise * self.noise))
+    }
+
     /// Root mean square of the residuals.
     pub fn rms(&self) -> f64 {
         rms(&self.residuals)

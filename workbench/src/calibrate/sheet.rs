@@ -13,7 +13,7 @@
 //! # radius 0                      of its end
 //! # tool 0 0 60                   with the spindle offset
 //! # object plate 0 0 150 0 0 0    about where it is: X Y Z A B C
-//! # poses 8f3a 11c2               a checksum of each
+//! # poses 8f3a 11c2               a checksum of each, with what it was measured with
 //! pose,object,x,y,z,a,b,c,expected,reading,again
 //! 1,plate,0,0,150,0,0,0,500,498,499
 //! ```
@@ -47,6 +47,10 @@ const PLAUSIBLE: f64 = 5.0;
 
 /// Another unit is named where it brings the readings within this factor.
 const NEAR: f64 = 2.5;
+
+/// A reading is like the others that is within so many times what half of them are off, and far beyond the other.
+const USUAL: f64 = 5.0;
+const UNUSUAL: f64 = 20.0;
 
 /// How often the scatter of good readings is taken for that of bad ones.
 const FALSE_ALARM: f64 = 1e-3;
@@ -136,9 +140,9 @@ pub fn empty(config: &MachineConfig, gauge: &Gauge, objects: &[Object], stops: &
         let pose = placed(frame).to_degrees().map(|value| format!("{:.6}", value + 0.0));
         let _ = writeln!(text, "# object {name} {}", pose.join(" "));
     }
-    let sums = (1..)
-        .zip(stops)
-        .map(|(n, stop)| format!(" {:04x}", checksum(n, &objects[stop.object].name, &stop.at)));
+    let sums = (1..).zip(stops).map(|(n, stop)| {
+        format!(" {:04x}", checksum(gauge, n, &objects[stop.object].name, &stop.at))
+    });
     let _ = writeln!(text, "# poses{}", sums.collect::<String>());
     let row = |(n, stop): (usize, &Stop)| {
         let mut cells = vec![n.to_string(), objects[stop.object].name.clone()];
@@ -164,10 +168,12 @@ fn placed(frame: &Frame) -> Pose {
     Pose { position: frame.origin, angles: Vector3::new(a, b, c) }
 }
 
-/// Of a pose as its numbers say it, however they are written: FNV-1a, folded to 16 bits.
-fn checksum(number: usize, object: &str, at: &[f64; 6]) -> u16 {
-    let numbers = at.iter().flat_map(|x| ((x * 1e6).round() as i64).to_le_bytes());
-    let bytes = number.to_le_bytes().into_iter().chain(object.bytes()).chain(numbers);
+/// Of a pose as its numbers say it, however they are written, and of what goes there: FNV-1a, folded to 16 bits.
+fn checksum(gauge: &Gauge, number: usize, object: &str, at: &[f64; 6]) -> u16 {
+    let numbers = at.iter().chain(gauge.tool.iter()).chain([&gauge.radius]);
+    let numbers = numbers.flat_map(|x| ((x * 1e6).round() as i64).to_le_bytes());
+    let names = object.bytes().chain(gauge.kind.name().bytes());
+    let bytes = number.to_le_bytes().into_iter().chain(names).chain(numbers);
     let hash = bytes
         .fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
     (hash ^ (hash >> 16)) as u16
@@ -203,6 +209,7 @@ impl Sheet {
         let rows = rows(text, &gauge, &objects, &sums)?;
         let sheet = Self { gauge, objects, rows };
         sheet.check_unit()?;
+        sheet.check_units()?;
         Ok(sheet)
     }
 
@@ -241,6 +248,15 @@ impl Sheet {
             }
         }
         Ok((readings, axes.len()))
+    }
+
+    /// Whether readings are nearer to what the table expects than the gauge reads: once in a thousand times by chance,
+    /// whatever the machine is.
+    pub fn is_too_good(&self) -> bool {
+        let squares: Vec<f64> =
+            self.misses().map(|(_, _, miss)| (miss / self.gauge.deviation).powi(2)).collect();
+        let law = ChiSquared::new(squares.len().max(1) as f64);
+        law.is_ok_and(|law| squares.iter().sum::<f64>() < law.inverse_cdf(FALSE_ALARM))
     }
 
     /// How the second run agrees with the first, if there was one.
@@ -304,6 +320,42 @@ impl Sheet {
                 "readings are about {middle:.2e} of what the table expects in {own}: {way_out}"
             ),
         )
+    }
+
+    /// Refuses a reading that is far from what the table expects, as the others are not, and that would be among them
+    /// in another unit. The fit cannot tell: a machine as far from its drawing as its tolerances allow may show it.
+    fn check_units(&self) -> Result<(), BadLog> {
+        let mut misses: Vec<f64> = self.misses().map(|(_, _, miss)| miss.abs()).collect();
+        misses.sort_by(f64::total_cmp);
+        let Some(middle) = misses.get(misses.len() / 2) else { return Ok(()) };
+        let usual = middle.max(self.gauge.deviation);
+        let own = self.gauge.scale;
+        for (row, shown, miss) in self.misses().filter(|(_, _, miss)| miss.abs() > UNUSUAL * usual)
+        {
+            for scale in Scale::ALL.into_iter().filter(|scale| *scale != own) {
+                let meant = shown * scale.in_mm() / own.in_mm();
+                if (meant - row.stop.expected).abs() < USUAL * usual {
+                    return bad(
+                        row.line,
+                        format!(
+                            "{shown} {own} of pose {} is {:.4} {own} off what the table expects, half of all less than \
+                             {middle:.4}; {shown} {scale} would be like the others: type {} {own}",
+                            row.pose,
+                            miss.abs(),
+                            rounded(meant)
+                        ),
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Every reading and what it is off what the table expects.
+    fn misses(&self) -> impl Iterator<Item = (&Row, f64, f64)> {
+        self.rows.iter().flat_map(|row| {
+            row.shown.iter().map(move |shown| (row, *shown, shown - row.stop.expected))
+        })
     }
 
     /// Another unit in which a ratio to what is expected is near 1.
@@ -408,7 +460,7 @@ fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<V
         let cell = |k: usize| columns[k].and_then(|at| cells.get(at).copied()).unwrap_or_default();
         let number = pose_number(*line, cell(0), last, sums.len())?;
         last = number;
-        let stop = stop(*line, number, &cell, objects, sums)?;
+        let stop = stop(*line, number, &cell, (gauge, objects), sums)?;
         if let Some((has_second, other)) = again
             && has_second == cell(AGAIN).is_empty()
         {
@@ -491,7 +543,7 @@ fn stop<'a>(
     line: usize,
     number: usize,
     cell: &impl Fn(usize) -> &'a str,
-    objects: &[Object],
+    (gauge, objects): (&Gauge, &[Object]),
     sums: &[u16],
 ) -> Result<Stop, BadLog> {
     let Some(object) = objects.iter().position(|object| object.name == cell(1)) else {
@@ -504,16 +556,21 @@ fn stop<'a>(
     }
     let [x, y, z, a, b, c, expected] = numbers;
     let at = [x, y, z, a, b, c];
-    if checksum(number, cell(1), &at) != sums[number - 1] {
+    if checksum(gauge, number, cell(1), &at) != sums[number - 1] {
         return bad(
             line,
             format!(
-                "pose {number} is not that of the program: its numbers were changed or rounded; take the row \
-                 of the table as `pkm measure` wrote it"
+                "pose {number} is not that of the program: its numbers, or gauge, radius or tool above, were changed or \
+                 rounded; take them from the table as `pkm measure` wrote it"
             ),
         );
     }
     Ok(Stop { object, at, expected })
+}
+
+/// A number as it is typed.
+pub(crate) fn rounded(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
 }
 
 fn finite(line: usize, word: &str) -> Result<f64, BadLog> {

@@ -12,7 +12,7 @@ use super::gauge::Scale;
 use super::log::BadLog;
 use super::model::Model;
 use super::reading::Reading;
-use super::sheet::{Row, Sheet};
+use super::sheet::{Row, Sheet, rounded};
 use crate::read::machine::MachineConfig;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -240,10 +240,6 @@ fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
         }
     }
     found
-}
-
-fn rounded(value: f64) -> f64 {
-    (value * 1e6).round() / 1e6
 }
 
 /// Readings of one run in another order: the first of some rows typed last, or the last first; of two rows

@@ -61,6 +61,8 @@ pub struct Agreement {
     pub numbers: usize,
     /// What it exceeds once in a thousand times where both are as stated.
     pub most: f64,
+    /// The reading without which it would fall the most, and by how much.
+    pub foremost: (usize, f64),
 }
 
 /// What was found.
@@ -335,7 +337,7 @@ pub fn study(
         observe::improved(&model, &found.jacobian, found.noise),
     ];
     let unseen = observe::unseen(&model, &used, &found.jacobian);
-    let agreement = noise.map(|noise| agreement(&model, &found, noise));
+    let agreement = noise.map(|noise| agreement(&model, &readings, &found, noise));
     told(1.0);
     Ok(Study {
         as_drawn,
@@ -355,10 +357,16 @@ pub fn study(
     })
 }
 
-fn agreement(model: &Model, found: &Fit, noise: f64) -> Agreement {
+fn agreement(model: &Model, readings: &[Reading], found: &Fit, noise: f64) -> Agreement {
     let chi_square = chi_square(model, &found.residuals, &found.changes, noise);
     let numbers = found.residuals.len();
-    Agreement { chi_square, numbers, most: slips::most(numbers) }
+    let (place, share) = found.foremost();
+    let is_out = |i: &usize| found.outliers.iter().any(|outlier| outlier.reading == *i);
+    let mut rows = (0..readings.len())
+        .filter(|i| !is_out(i))
+        .flat_map(|i| std::iter::repeat_n(i, readings[i].measured.rows()));
+    let foremost = (rows.nth(place).unwrap_or_default(), share);
+    Agreement { chi_square, numbers, most: slips::most(numbers), foremost }
 }
 
 /// The readings that were not left out.

@@ -249,7 +249,7 @@ fn in_words(config: &MachineConfig, study: &Study) -> String {
             before.expected
         ),
     );
-    if let Some(Agreement { chi_square, numbers, most }) = study.agreement {
+    if let Some(Agreement { chi_square, numbers, most, .. }) = study.agreement {
         row(
             "agreement",
             format!(
@@ -355,12 +355,14 @@ fn others(config: &MachineConfig, study: &Study) -> Vec<String> {
     if study.held_out > HELD_OUT * expected_held_out(study) {
         all.push("readings that were not used are met much worse than those that were: measure at more places".into());
     }
-    if let Some(Agreement { chi_square, most, .. }) = study.agreement
+    if let Some(Agreement { chi_square, most, foremost, .. }) = study.agreement
         && chi_square > most
     {
+        let (number, share) = foremost;
         all.push(format!(
             "the readings fit worse than their deviations and --tolerance allow, chi-square {chi_square:.1} above \
-             {most:.1}: read again, state a larger deviation, or give a larger --tolerance"
+             {most:.1}, {share:.1} of it by {}: read again, state a larger deviation, or give a larger --tolerance",
+            readings[number].name
         ));
     }
     for typed in &study.typed {
@@ -369,11 +371,17 @@ fn others(config: &MachineConfig, study: &Study) -> Vec<String> {
     all
 }
 
-/// What the second run of a table says against the first.
+/// What a table says against itself: readings too good to be read, and the second run against the first.
 fn of_runs(sheet: &Sheet) -> Vec<String> {
     let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
-    let Some(found) = sheet.scatter() else { return vec![] };
     let mut all = vec![];
+    if sheet.is_too_good() {
+        all.push(format!(
+            "the readings are what the table expects, nearer than the stated deviation of {stated} {scale} lets any \
+             be: the column expected typed again, or a deviation that is too large"
+        ));
+    }
+    let Some(found) = sheet.scatter() else { return all };
     if found.is_more {
         all.push(format!(
             "two runs scatter by {:.3} {scale}, more than the deviation stated, {stated} {scale}: the larger one counts",
