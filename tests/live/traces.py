@@ -6,6 +6,8 @@ Plain calculation on recorded columns; nothing here talks to LinuxCNC.
 
 from typing import NamedTuple
 
+import numpy
+
 AXES = "xyzabc"
 
 # Machine units and degrees. Recorded and virtual commands are of the same arithmetic on the same
@@ -21,28 +23,38 @@ AROUND_TOOL_CHANGES = 5
 
 
 class Trace(NamedTuple):
-    """A row of every list for each servo cycle; a place is the pose in X Y Z A B C, then the joints."""
-    lines: list
-    places: list
-    on: list  # whether the drives are on
-    busy: list  # whether a tool change moves the joints
+    """A row of every array for each servo cycle; a place is the pose in X Y Z A B C, then the joints."""
+    lines: numpy.ndarray
+    places: numpy.ndarray
+    on: numpy.ndarray  # whether the drives are on
+    busy: numpy.ndarray  # whether a tool change moves the joints
 
     def until_off(self):
         """The cycles up to where the drives go off."""
-        last = self.on.index(False) if False in self.on else len(self.on)
+        last = first(~self.on, len(self.on))
         return Trace(*(column[:last] for column in self))
 
     def was_switched_off(self):
-        return False in self.on
+        return not self.on.all()
+
+
+def first(is_it, otherwise):
+    """Index of the first true one."""
+    found = numpy.flatnonzero(is_it)
+    return int(found[0]) if len(found) else otherwise
+
+
+def table(trace, columns, **options):
+    """Columns of what is left of an open file."""
+    return numpy.loadtxt(trace, delimiter=",", usecols=columns, ndmin=2, **options).reshape(-1, len(columns))
 
 
 def recorded(path):
     """What truth_run.py wrote."""
     with open(path) as trace:
-        next(trace)
-        rows = [line.rstrip("\n").split(",") for line in trace]
-    return Trace([int(row[0]) for row in rows], [list(map(float, row[3:])) for row in rows],
-                 [row[1] == "True" for row in rows], [row[2] == "True" for row in rows])
+        columns = range(next(trace).count(",") + 1)
+        rows = table(trace, columns, converters={n: lambda text: text == "True" for n in (1, 2)}, encoding="utf-8")
+    return Trace(rows[:, 0].astype(int), rows[:, 3:], rows[:, 1] == 1, rows[:, 2] == 1)
 
 
 def virtual(path, joints):
@@ -50,28 +62,23 @@ def virtual(path, joints):
     with open(path) as trace:
         names = next(trace).rstrip("\n").split(",")
         tool, joint, behind = (names.index(name) for name in ("tool_x", "joint_0", "feed"))
-        rows = [line.rstrip("\n").split(",") for line in trace]
-    offsets = [row[tool:behind] for row in rows]
-    places = [list(map(float, row[2:8] + row[joint:joint + joints])) for row in rows]
-    return Trace([int(row[1]) for row in rows], places,
-                 [True] * len(rows), [False, *(a != b for a, b in zip(offsets, offsets[1:]))])
+        rows = table(trace, [1, *range(2, 8), *range(joint, joint + joints), *range(tool, behind)])
+    places, offsets = rows[:, 1:7 + joints], rows[:, 7 + joints:]
+    busy = numpy.zeros(len(rows), bool)
+    busy[1:] = (offsets[1:] != offsets[:-1]).any(axis=1)
+    return Trace(rows[:, 0].astype(int), places, numpy.ones(len(rows), bool), busy)
 
 
 def is_apart(a, b):
-    return a != b and any(abs(x - y) > SAME for x, y in zip(a, b))
+    """Of two places, or of the rows of two arrays of them."""
+    return (abs(a - b) > SAME).any(axis=-1)
 
 
 def motions(places):
     """Longest stretches in which something moves, as first and last cycle: it stands in the first."""
-    found, begin = [], None
-    for n in range(1, len(places)):
-        moves = is_apart(places[n], places[n - 1])
-        if moves and begin is None:
-            begin = n - 1
-        elif not moves and begin is not None:
-            found.append((begin, n - 1))
-            begin = None
-    return found if begin is None else [*found, (begin, len(places) - 1)]
+    moves = is_apart(places[1:], places[:-1]).astype(int)
+    edges = numpy.diff(moves, prepend=0, append=0)
+    return [(int(begin), int(end)) for begin, end in zip(*(numpy.flatnonzero(edges == turn) for turn in (1, -1)))]
 
 
 def compared(live, offline, is_stopped=False):
@@ -116,9 +123,8 @@ def before_stop(ours, theirs):
 
 def difference(one, other):
     """Largest, and the first cycle beyond what counts as the same, else the last."""
-    apart = [max(abs(x - y) for x, y in zip(a, b)) if a != b else 0.0 for a, b in zip(one, other)]
-    beyond = (n for n, value in enumerate(apart) if not value <= SAME)
-    return max(apart, default=0.0), next(beyond, max(0, len(apart) - 1))
+    apart = numpy.max(abs(one - other), axis=1)
+    return float(apart.max(initial=0.0)), first(~(apart <= SAME), max(0, len(apart) - 1))
 
 
 def ratio(live, ours, offline, theirs):
@@ -129,36 +135,37 @@ def ratio(live, ours, offline, theirs):
 
 def peaks(places, stretches):
     """Longest way of each joint in a cycle."""
-    most = [0.0] * (len(places[0]) - len(AXES))
-    for begin, end in stretches:
-        for a, b in zip(places[begin:end], places[begin + 1:end + 1]):
-            most = [max(m, abs(y - x)) for m, x, y in zip(most, a[6:], b[6:])]
-    return most
+    joints = places[:, len(AXES):]
+    ways = [abs(numpy.diff(joints[begin:end + 1], axis=0)).max(axis=0, initial=0.0) for begin, end in stretches]
+    return numpy.max(ways, axis=0, initial=0.0).tolist() if ways else [0.0] * joints.shape[1]
+
+
+def largest(values, cycles, lines):
+    """Largest size of each column in some cycles, and the line of the first that has it."""
+    if not len(cycles):
+        return [[0, 0] for _ in values.T]
+    sizes = abs(values[cycles])
+    places = sizes.argmax(axis=0)
+    return [[float(sizes[place, n]), int(lines[cycles[place]])] for n, place in enumerate(places)]
 
 
 def figures(trace, period):
     """Peaks of the joints with their lines, and the line that moved last."""
     lines, places, _, busy = trace
-    last = len(lines)
-    quiet = [True] * last
-    for n in (n for n in range(last) if busy[n]):
-        for k in range(max(0, n - AROUND_TOOL_CHANGES), min(last, n + AROUND_TOOL_CHANGES)):
-            quiet[k] = False
-    found = {"stopped_line": stopped_line(trace), "speed": [], "acceleration": []}
-    for way in list(zip(*places))[6:]:
-        speed = [(b - a) / period for a, b in zip(way, way[1:])]
-        steps = [n for n in range(1, len(speed)) if quiet[n] and quiet[n + 1]]
-        fastest = max(steps, key=lambda n: abs(speed[n]), default=None)
-        changes = [n for n in steps if quiet[n - 1]]
-        hardest = max(changes, key=lambda n: abs(speed[n] - speed[n - 1]), default=None)
-        found["speed"].append([abs(speed[fastest]), lines[fastest]] if steps else [0, 0])
-        found["acceleration"].append(
-            [abs(speed[hardest] - speed[hardest - 1]) / period, lines[hardest]] if changes else [0, 0])
-    return found
+    quiet = numpy.ones(len(lines), bool)
+    around = numpy.flatnonzero(busy)[:, None] + numpy.arange(-AROUND_TOOL_CHANGES, AROUND_TOOL_CHANGES)
+    quiet[around[(around >= 0) & (around < len(lines))]] = False
+    speed = numpy.diff(places[:, len(AXES):], axis=0) / period
+    change = numpy.zeros_like(speed)
+    change[1:] = numpy.diff(speed, axis=0) / period
+    # A speed is of two cycles, its change of three.
+    steps = 1 + numpy.flatnonzero(quiet[1:-1] & quiet[2:])
+    return {"stopped_line": stopped_line(trace), "speed": largest(speed, steps, lines),
+            "acceleration": largest(change, steps[quiet[steps - 1]], lines)}
 
 
 def stopped_line(trace):
     """The line that moved last."""
-    places = trace.places
-    moved = (n for n in range(len(places) - 1, 0, -1) if places[n][:6] != places[n - 1][:6])
-    return trace.lines[next(moved, 0)]
+    poses = trace.places[:, :len(AXES)]
+    moved = numpy.flatnonzero((poses[1:] != poses[:-1]).any(axis=1))
+    return int(trace.lines[moved[-1] + 1 if len(moved) else 0])

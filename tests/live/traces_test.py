@@ -6,6 +6,8 @@ import sys
 import unittest
 from pathlib import Path
 
+import numpy
+
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import traces  # noqa: E402
 
@@ -25,7 +27,7 @@ def trace(pauses, change=None, off=None):
         cycle, column, by = change
         places[cycle][column] += by
     on = [off is None or n < off for n in range(len(places))]
-    return traces.Trace(list(range(len(places))), places, on, [False] * len(places))
+    return traces.Trace(numpy.arange(len(places)), numpy.array(places), numpy.array(on), numpy.zeros(len(places), bool))
 
 
 class Compared(unittest.TestCase):
@@ -43,13 +45,13 @@ class Compared(unittest.TestCase):
 
     def test_a_place_between_motions_counts(self):
         live, offline = trace([3, 5]), trace([3, 5])
-        for place in offline.places[10:]:
-            place[1] += 1e-6
+        offline.places[10:, 1] += 1e-6
         self.assertIn("motion 1", self.why(live, offline))
 
     def test_a_motion_of_another_length_differs(self):
         live, offline = trace([3]), trace([3])
-        offline.places.insert(6, [(a + b) / 2 for a, b in zip(offline.places[5], offline.places[6])])
+        between = (offline.places[5] + offline.places[6]) / 2
+        offline = offline._replace(places=numpy.insert(offline.places, 6, between, axis=0))
         self.assertIn("6 cycles, 7 in virtual time", self.why(live, offline))
 
     def test_a_motion_that_is_missing_differs(self):
@@ -59,7 +61,7 @@ class Compared(unittest.TestCase):
     def test_a_machine_that_stands_elsewhere_differs(self):
         self.assertEqual(self.why(trace([]), trace([])), "")
         here, there = trace([]), trace([])
-        there.places[:] = [[1e-6, *place[1:]] for place in there.places]
+        there.places[:, 0] = 1e-6
         self.assertEqual(self.why(here, there), "stands elsewhere")
 
     def test_what_comes_after_the_drives_are_off_does_not_count(self):
