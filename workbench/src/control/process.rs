@@ -46,6 +46,8 @@ pub struct Options {
     pub most_seconds: f64,
     /// Seconds in which nothing moves.
     pub most_standstill: f64,
+    /// Seconds of a processor that LinuxCNC may work without a cycle: none of them takes one.
+    pub most_work: f64,
     /// HAL files, of halcmd or of Tcl, that are carried out after those of the simulated machine: probes,
     /// other spindles, logic of one's own. Modules are looked for beside them first.
     pub hal: Vec<PathBuf>,
@@ -60,6 +62,7 @@ impl Default for Options {
         Self {
             most_seconds: 86_400.0,
             most_standstill: 600.0,
+            most_work: 20.0,
             hal: vec![],
             block: None,
             written: None,
@@ -177,7 +180,7 @@ impl<'a> Run<'a> {
         mut see: impl FnMut(&Row) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
-        let pulse = Pulse::new(from, self.milltask.id());
+        let pulse = Pulse::new(from, self.milltask.id(), options.most_work);
         let mut records = Records::new(
             BufReader::with_capacity(1 << 16, pulse),
             Columns {

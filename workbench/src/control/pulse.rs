@@ -9,9 +9,6 @@ use std::time::{Duration, Instant};
 /// Between two looks.
 const LOOK: Timespec = Timespec { tv_sec: 1, tv_nsec: 0 };
 
-/// Seconds of a processor that a run may work without a sign: none of its cycles takes a second.
-const MOST_WORK: f64 = 20.0;
-
 /// As long a run may be quiet without work, as on a computer that does something else.
 const MOST_REST: Duration = Duration::from_secs(120);
 
@@ -22,15 +19,17 @@ const TICKS: f64 = 100.0;
 pub struct Pulse {
     pipe: PipeReader,
     process: u32,
+    /// Seconds of a processor that it may work without a sign.
+    most_work: f64,
     /// What the process had worked, and when, at its last sign.
     work: f64,
     sign: Instant,
 }
 
 impl Pulse {
-    /// The pipe that this process writes to.
-    pub fn new(pipe: PipeReader, process: u32) -> Self {
-        Self { pipe, process, work: 0.0, sign: Instant::now() }
+    /// The pipe that this process writes to, and the seconds of a processor that it may work in between.
+    pub fn new(pipe: PipeReader, process: u32, most_work: f64) -> Self {
+        Self { pipe, process, most_work, work: 0.0, sign: Instant::now() }
     }
 
     fn has_something(&self) -> io::Result<bool> {
@@ -54,7 +53,8 @@ fn worked(process: u32) -> f64 {
 impl Read for Pulse {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         while !self.has_something()? {
-            if worked(self.process) - self.work > MOST_WORK || self.sign.elapsed() > MOST_REST {
+            if worked(self.process) - self.work > self.most_work || self.sign.elapsed() > MOST_REST
+            {
                 return Err(io::ErrorKind::TimedOut.into());
             }
         }

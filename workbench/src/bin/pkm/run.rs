@@ -71,8 +71,7 @@ impl Control {
             most_seconds: self.most_time,
             most_standstill: self.most_standstill,
             hal: self.hal.clone(),
-            block: None,
-            written: None,
+            ..Options::default()
         }
     }
 }
