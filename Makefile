@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -65,7 +65,7 @@ help:
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
 	@echo "                or the INI file of a machine of one's own: MACHINE=my-machine/my-machine.ini"
 	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
-	@echo "make test       every test, in less than 25 minutes"
+	@echo "make test       every test: a quarter of an hour on two cores"
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make test-bare  make demo and make test in a Debian with nothing else; SUITE=bookworm"
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
@@ -105,26 +105,50 @@ calibration-demo: install
 	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
 	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
 
-# Much of this keeps one core busy: linking the module, valgrind, HAL starting again and again.
-TWO := $(MAKE) --no-print-directory --jobs=2 --output-sync=line
+# Parts beside one another, each a chain of its own: what runs machines live waits most of the time, other parts
+# keep one core busy, and what is built keeps both. Where one fails the others go on.
+BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 
+# First what the others need; then machines live, and behind them, in the time that these leave, what needs no
+# real clock.
 test: setup
-	$(TWO) install prove counts test-programs
-	$(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	$(TWO) fuzz-short ini-cases
-	$(HOST_BUILD) --bin pkm --bin judge
-	$(TWO) test-live check-aside
-	tests/live/traces_test.py
-	tests/live/truth.py --live short
-	tests/viewer/scene_test.py target/host/pkm
-	$(MAKE) --no-print-directory test-page
-	$(MAKE) --no-print-directory setup-screen
+	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
+	$(BESIDE)=3 setup-more ini-cases built
+	$(BESIDE)=3 test-machines test-programs test-aside
+
+# apt runs once at a time.
+setup-more: setup
+	@$(MAKE) --no-print-directory setup-page
+	@$(MAKE) --no-print-directory setup-screen
+
+built: setup
+	$(HOST_BUILD) --lib --bin pkm --bin judge
+
+# Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
+# several machines.
+test-machines: setup
+	$(MAKE) --no-print-directory test-live
+	tests/live/truth.py --live short --alone --out build/truth-live
 	tests/viewer/screens.py --only $(THREE)
 	tests/viewer/live_test.py
-	tests/virtual/guarded.py --programs 100
-	$(HOST_BUILD) --lib --bin pkm
-	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
-	tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
+	$(MAKE) --no-print-directory test-page
+
+# Never before a machine that is live, which a priority alone does not make sure of.
+BEHIND := chrt --idle 0
+
+test-programs: setup
+	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
+
+# What needs cargo comes last: it would wait for the tests to be built.
+test-aside: setup
+	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
+	$(BEHIND) tests/live/traces_test.py
+	$(BEHIND) tests/live/truth.py
+	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
+	$(BEHIND) tests/virtual/guarded.py --programs 100
+	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
+	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
+	$(BEHIND) $(MAKE) --no-print-directory prove counts check
 
 # The page in a browser without a window.
 test-page: setup-page page-check
@@ -150,18 +174,10 @@ pictures:
 	$(HOST_BUILD) --bin pkm
 	docs/pictures/make.sh target/host/pkm
 
-# In the third of two cores that machines live leave, and never before them.
-check-aside:
-	chrt --idle 0 $(MAKE) --no-print-directory check
-
-test-programs: setup
-	$(CARGO) test --profile host $(LOCKED) --no-run --quiet
-
 fuzz-short: setup
 	fuzz/run.sh
 
-# With the module that is installed.
-ini-cases:
+ini-cases: install
 	tests/cases/ini/run.py
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """`pkm preflight` compared with LinuxCNC in virtual time, and that with the real LinuxCNC.
 
-    tests/live/truth.py [--live short|all] [--only EXPRESSION] [--out FOLDER]
+    tests/live/truth.py [--live short|all] [--alone] [--only EXPRESSION] [--out FOLDER]
 
 Each program is judged by `pkm preflight` and run by `pkm run`; ends in a table of what LinuxCNC did, in
 which line, and what was predicted. With --live all of them, or a handful, run in LinuxCNC itself as well,
-every servo cycle recorded, and a second table compares the two runs. Exit code 1 where LinuxCNC stops a program and it was
+every servo cycle recorded, and a second table compares the two runs; with --alone the other programs are
+left out. Exit code 1 where LinuxCNC stops a program and it was
 not predicted with its line, where something was predicted that did not come, where a peak is not as
 predicted, or where the two runs do anything else in any cycle of a motion.
 """
@@ -199,11 +200,15 @@ def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--live", choices=("short", "all"),
                            help="compare with LinuxCNC itself as well: a handful that take seconds each, or all")
+    arguments.add_argument("--alone", action="store_true", help="with --live: no programs but these")
     arguments.add_argument("--only", default="", help="programs whose machine and name match this expression")
     arguments.add_argument("--recorded", action="store_true",
                            help="compare with what --out holds of a live run, without running it again")
     arguments.add_argument("--out", type=Path, default=REPOSITORY / "build/truth", help="folder for the results")
-    return arguments.parse_args()
+    options = arguments.parse_args()
+    if options.alone and not options.live:
+        arguments.error("--alone: needs --live")
+    return options
 
 
 def main():
@@ -214,6 +219,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="pkmkins-truth-") as scratch:
         programs = chosen(options)
         beside = [p for p in programs if options.live == "all" or options.live and truth_programs.is_short(p)]
+        programs = beside if options.alone else programs
         kept = {name_of(p.machine, p.name) for p in beside}
         found = run_virtual(prepared(Path(scratch) / "virtual", programs), out / "virtual", kept)
         rows = [truth_judge.row(p, **found[name_of(p.machine, p.name)]) for p in programs]
