@@ -9,15 +9,13 @@ pub mod curve;
 pub mod cut;
 pub mod draw;
 pub mod dynamics;
-pub mod files;
-pub mod limits;
 pub mod new;
 pub mod panel;
 pub mod program;
-pub mod proof;
-pub mod read;
 pub mod rows;
 pub mod scene;
 pub mod stability;
 pub mod study;
 pub mod view;
+
+pub use machine::{files, limits, proof, read};

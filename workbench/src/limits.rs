@@ -8,10 +8,10 @@ use std::ops::ControlFlow;
 
 /// Centre lines of legs that are nearer than this share of the machine's size meet: no leg is
 /// thinner.
-pub(crate) const MEETING: f64 = 1e-3;
+pub const MEETING: f64 = 1e-3;
 
 /// The limits that a machine's file sets.
-pub(crate) fn of(config: &MachineConfig) -> Limits {
+pub fn of(config: &MachineConfig) -> Limits {
     let mut limits = Limits {
         tilt: config.tilt_limit.unwrap_or(0.0),
         conditioning: config.conditioning_limit,
@@ -191,12 +191,12 @@ pub fn range(config: &MachineConfig, limit: Limit, part: Part) -> Option<[f64; 2
 }
 
 /// Whether a limit is one number for both directions.
-pub(crate) fn is_either_way(limit: Limit) -> bool {
+pub fn is_either_way(limit: Limit) -> bool {
     is_of_feed(limit) || matches!(limit, Limit::BasePyramid | Limit::PlatformPyramid)
 }
 
 /// A limit that is not kept, as a sentence.
-pub(crate) fn sentence(config: &MachineConfig, margin: &Margin) -> String {
+pub fn sentence(config: &MachineConfig, margin: &Margin) -> String {
     let Margin { limit, part: of, value, .. } = *margin;
     let (name, unit, bound) =
         (part(config, limit, of), unit(config, limit, of), bound(config, margin));
@@ -221,7 +221,7 @@ pub fn is_of_feed(limit: Limit) -> bool {
 }
 
 /// The word of a limit in reports for machines.
-pub(crate) fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
+pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(match limit {
         Limit::Axis => "axis",
         Limit::Reach => "reach",
@@ -240,7 +240,7 @@ pub(crate) fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Erro
 }
 
 /// A value with as many digits as its size needs.
-pub(crate) fn shown(value: f64) -> String {
+pub fn shown(value: f64) -> String {
     match value.abs() >= 1e-3 || value == 0.0 {
         true => format!("{value:.3}"),
         false => format!("{value:.1e}"),

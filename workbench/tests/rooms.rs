@@ -28,6 +28,9 @@ const ROOMS: [(&str, &[&str]); 19] = [
     ("draw", &["curve", "cut", "dynamics", "files", "program", "read", "stability", "study"]),
 ];
 
+/// The files that list the rooms: each is a library of its own.
+const LIBRARIES: [&str; 2] = ["lib", "machine"];
+
 /// A file, by its room and its name; files of the library's own folder are rooms without names.
 type File = (String, String);
 
@@ -42,7 +45,7 @@ fn uses() -> BTreeMap<File, BTreeSet<File>> {
                 let own = (room.clone(), stem(&file));
                 uses.insert(own.clone(), named(&file, &own.0));
             }
-        } else if entry.is_file() && room != "lib" {
+        } else if entry.is_file() && !LIBRARIES.contains(&room.as_str()) {
             let own = (room, String::new());
             uses.insert(own.clone(), named(&entry, &own.0));
         }

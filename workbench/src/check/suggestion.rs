@@ -6,35 +6,11 @@ use crate::read::machine::MachineConfig;
 use kinematics::Letter;
 use std::fmt::Write;
 
-/// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
-const LIMIT_DIGITS: i32 = 3;
-
 pub(crate) fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
     let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
     let word =
         |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
     Letter::ALL.iter().filter(moved).map(word).collect::<Vec<_>>().join(" ")
-}
-
-impl AxisBox {
-    /// The pose at these shares of the extents.
-    pub fn at(&self, shares: [f64; 6]) -> [f64; 6] {
-        std::array::from_fn(|k| self.low[k] + shares[k] * (self.high[k] - self.low[k]))
-    }
-
-    /// Ends with few digits, inside this box.
-    pub(crate) fn rounded(&self) -> Self {
-        let mut rounded = *self;
-        for k in 0..6 {
-            let width = self.high[k] - self.low[k];
-            if width > 0.0 {
-                let grid = 10_f64.powi(LIMIT_DIGITS - width.log10().floor() as i32);
-                rounded.low[k] = (self.low[k] * grid).ceil() / grid;
-                rounded.high[k] = (self.high[k] * grid).floor() / grid;
-            }
-        }
-        rounded
-    }
 }
 
 /// Tilts and widths of their boxes, as a table; empty where there are none.

@@ -54,7 +54,29 @@ pub struct AxisBox {
     pub high: [f64; 6],
 }
 
+/// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
+const LIMIT_DIGITS: i32 = 3;
+
 impl AxisBox {
+    /// The pose at these shares of the extents.
+    pub fn at(&self, shares: [f64; 6]) -> [f64; 6] {
+        std::array::from_fn(|k| self.low[k] + shares[k] * (self.high[k] - self.low[k]))
+    }
+
+    /// Ends with few digits, inside this box.
+    pub fn rounded(&self) -> Self {
+        let mut rounded = *self;
+        for k in 0..6 {
+            let width = self.high[k] - self.low[k];
+            if width > 0.0 {
+                let grid = 10_f64.powi(LIMIT_DIGITS - width.log10().floor() as i32);
+                rounded.low[k] = (self.low[k] * grid).ceil() / grid;
+                rounded.high[k] = (self.high[k] * grid).floor() / grid;
+            }
+        }
+        rounded
+    }
+
     fn shrunk(&self, to: &[f64; 6], share: f64) -> Self {
         self.with_shares(to, [share; 2])
     }
@@ -88,7 +110,7 @@ pub fn range(config: &MachineConfig) -> AxisBox {
 ///
 /// # Errors
 /// Home itself is outside.
-pub(crate) fn find(
+pub fn find(
     config: &MachineConfig,
     within: &AxisBox,
     tilted: Option<&AxisBox>,
@@ -131,7 +153,7 @@ pub(crate) fn find(
 ///
 /// # Errors
 /// Home itself is outside.
-pub(crate) fn in_one_proof(
+pub fn in_one_proof(
     config: &MachineConfig,
     within: &AxisBox,
     enough: f64,
@@ -168,7 +190,7 @@ fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
 }
 
 /// Whether a box is proved with a tool offset.
-pub(crate) fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
 }
 

@@ -12,13 +12,13 @@ use kinematics::{Body, Fault, Segment, Vector3};
 
 /// What is known of the distance of two mechanisms on a way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Approach {
+pub struct Approach {
     /// In the middle.
-    pub(crate) distance: f64,
+    pub distance: f64,
     /// Nowhere less than this; minus infinity where nothing is known.
-    pub(crate) least: f64,
+    pub least: f64,
     /// The nearest parts in the middle.
-    pub(crate) bodies: [Body; 2],
+    pub bodies: [Body; 2],
 }
 
 /// An end of a line on a way run through in unit time.
@@ -89,7 +89,7 @@ fn ends(leg: &LegMiddle, spread: &Spread, seconds: Option<&SecondDerivatives>) -
 ///
 /// # Errors
 /// A pose in the middle has no joint values.
-pub(crate) fn approach(
+pub fn approach(
     reaches: [&Reach; 2],
     middles: [&[f64; 6]; 2],
     steps: [&[f64; 6]; 2],

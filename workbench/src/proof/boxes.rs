@@ -8,7 +8,7 @@ use crate::read::machine::MachineConfig;
 use kinematics::MAX_BOXES;
 
 /// Most cells of one proof.
-pub(crate) const MOST_CELLS: usize = 2_000_000;
+pub const MOST_CELLS: usize = 2_000_000;
 
 /// Poses on an axis limit must not stand on a face of their box: its share of the range.
 const WIDENED: f64 = 1e-3;
@@ -17,7 +17,7 @@ const WIDENED: f64 = 1e-3;
 ///
 /// # Errors
 /// A limit is missing.
-pub(crate) fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> {
+pub fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> {
     let (mut low, mut high) = ([0.0; 6], [0.0; 6]);
     for letter in config.machine.layout().coordinates().as_slice() {
         let (k, axis) = (letter.index(), &config.axes[letter.index()]);

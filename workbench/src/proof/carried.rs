@@ -19,11 +19,11 @@ use kinematics::{Carries, Chain, Fault, Link, Pose, Vector3, World};
 
 /// Poses of the machine that hold a whole move: the middle plus a sum of steps, each times a number
 /// from −1 to 1. Machine units and degrees.
-pub(crate) struct Enclosure {
+pub struct Enclosure {
     /// The machine's pose in the middle of the move.
-    pub(crate) middle: [f64; 6],
+    pub middle: [f64; 6],
     /// The tangent, and what the curve leaves it by along X, Y and Z.
-    pub(crate) steps: [[f64; 6]; 4],
+    pub steps: [[f64; 6]; 4],
 }
 
 impl Enclosure {
@@ -31,7 +31,7 @@ impl Enclosure {
     ///
     /// # Errors
     /// As [`Chain::to_machine`].
-    pub(crate) fn of(
+    pub fn of(
         chain: &Chain,
         middle: &World,
         step: &World,
@@ -47,7 +47,7 @@ impl Enclosure {
     }
 
     /// How far it reaches, with angles at an arm.
-    pub(crate) fn extent(&self, arm: f64) -> f64 {
+    pub fn extent(&self, arm: f64) -> f64 {
         let lengths = self.steps.iter().map(|step| Vector3::from_fn(|k, _| step[k]).norm());
         let turn: f64 = self.steps[0][3..].iter().map(|angle| angle.abs() * RADIANS).sum();
         2.0 * (lengths.sum::<f64>() + arm * turn)

@@ -33,7 +33,7 @@ pub struct Cell {
 
 impl Cell {
     /// From one corner to the opposite one.
-    pub(crate) fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
+    pub fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
         Self {
             middle: std::array::from_fn(|k| (low[k] + high[k]) / 2.0),
             half: std::array::from_fn(|k| (high[k] - low[k]) / 2.0),
@@ -41,7 +41,7 @@ impl Cell {
     }
 
     /// Both halves along one coordinate.
-    pub(crate) fn halves(&self, k: usize) -> [Self; 2] {
+    pub fn halves(&self, k: usize) -> [Self; 2] {
         let mut halves = [*self; 2];
         for (part, sign) in halves.iter_mut().zip([-1.0, 1.0]) {
             part.half[k] /= 2.0;
@@ -132,7 +132,7 @@ impl Reach<'_> {
     ///
     /// # Errors
     /// The pose in the middle has no joint values.
-    pub(crate) fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
+    pub fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
         self.way_within(middle, &[*step])
     }
 
@@ -141,7 +141,7 @@ impl Reach<'_> {
     ///
     /// # Errors
     /// The pose in the middle has no joint values.
-    pub(crate) fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
+    pub fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
         let middle = self.middle(middle)?;
         let spread = self.spread(steps.iter().copied());
         let seconds: Option<Vec<_>> =

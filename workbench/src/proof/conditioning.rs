@@ -23,7 +23,7 @@ pub fn at(config: &MachineConfig, pose: &[f64; 6]) -> Result<f64, Fault> {
 
 /// The worst pose of a box, searched for from the worst of those drawn in it: random steps that
 /// get smaller; the same numbers in every run. `value` has none for poses that do not count.
-pub(crate) fn worst(
+pub fn worst(
     within: &AxisBox,
     mut drawn: Vec<(f64, [f64; 6])>,
     value: impl Fn(&[f64; 6]) -> Option<f64>,

@@ -18,38 +18,38 @@ pub struct Interval {
 
 impl Interval {
     /// All numbers: nothing is known.
-    pub(crate) const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
+    pub const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
 
     /// 0.
-    pub(crate) const ZERO: Self = Self::point(0.0);
+    pub const ZERO: Self = Self::point(0.0);
 
     /// One number.
-    pub(crate) const fn point(x: f64) -> Self {
+    pub const fn point(x: f64) -> Self {
         Self { low: x, high: x }
     }
 
     /// Of two numbers in order.
-    pub(crate) const fn new(low: f64, high: f64) -> Self {
+    pub const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
     }
 
     /// All numbers that are no farther than `radius` from `middle`.
-    pub(crate) fn about(middle: f64, radius: f64) -> Self {
+    pub fn about(middle: f64, radius: f64) -> Self {
         Self::new(middle - radius, middle + radius)
     }
 
     /// Whether it is one number.
-    pub(crate) fn is_point(self) -> bool {
+    pub fn is_point(self) -> bool {
         self.low == self.high
     }
 
     /// Whether a number is in it.
-    pub(crate) fn contains(self, x: f64) -> bool {
+    pub fn contains(self, x: f64) -> bool {
         self.low <= x && x <= self.high
     }
 
     /// Largest magnitude; infinite where it is not known.
-    pub(crate) fn magnitude(self) -> f64 {
+    pub fn magnitude(self) -> f64 {
         let magnitude = self.low.abs().max(self.high.abs());
         if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
     }
@@ -60,12 +60,12 @@ impl Interval {
     }
 
     /// Products of equal numbers: never negative, unlike `self * self`.
-    pub(crate) fn squared(self) -> Self {
+    pub fn squared(self) -> Self {
         self.powi(2)
     }
 
     /// Products of `n` equal numbers.
-    pub(crate) fn powi(self, n: i32) -> Self {
+    pub fn powi(self, n: i32) -> Self {
         if n < 0 {
             return self.powi(-n).inverse();
         }
@@ -75,7 +75,7 @@ impl Interval {
     }
 
     /// 1 / self; everything where self may be 0.
-    pub(crate) fn inverse(self) -> Self {
+    pub fn inverse(self) -> Self {
         if self.low > 0.0 || self.high < 0.0 {
             Self::new(1.0 / self.high, 1.0 / self.low)
         } else {
@@ -84,22 +84,22 @@ impl Interval {
     }
 
     /// What is below 0 counts as 0.
-    pub(crate) fn sqrt(self) -> Self {
+    pub fn sqrt(self) -> Self {
         self.rising(|x| x.max(0.0).sqrt())
     }
 
     /// A function that never falls.
-    pub(crate) fn rising(self, of: impl Fn(f64) -> f64) -> Self {
+    pub fn rising(self, of: impl Fn(f64) -> f64) -> Self {
         Self::new(of(self.low), of(self.high))
     }
 
     /// Sines of angles in radians.
-    pub(crate) fn sin(self) -> Self {
+    pub fn sin(self) -> Self {
         self.wave(self.low.sin(), self.high.sin(), FRAC_PI_2)
     }
 
     /// Cosines of angles in radians.
-    pub(crate) fn cos(self) -> Self {
+    pub fn cos(self) -> Self {
         self.wave(self.low.cos(), self.high.cos(), 0.0)
     }
 
@@ -115,7 +115,7 @@ impl Interval {
     }
 
     /// Hyperbolic cosines.
-    pub(crate) fn cosh(self) -> Self {
+    pub fn cosh(self) -> Self {
         let (a, b) = (self.low.cosh(), self.high.cosh());
         Self::new(if self.contains(0.0) { 1.0 } else { a.min(b) }, a.max(b))
     }

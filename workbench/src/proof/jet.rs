@@ -14,7 +14,7 @@ pub struct Jet(pub [[Interval; 2]; 3]);
 
 impl Jet {
     /// A constant.
-    pub(crate) const fn constant(x: f64) -> Self {
+    pub const fn constant(x: f64) -> Self {
         Self::of(Interval::point(x))
     }
 
@@ -24,7 +24,7 @@ impl Jet {
     }
 
     /// A coordinate in `x`; whether it is the one that s moves, and that t moves.
-    pub(crate) fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
+    pub fn variable(x: Interval, along_s: bool, along_t: bool) -> Self {
         let mut jet = Self::of(x);
         let one = Interval::point(1.0);
         if along_s {
@@ -37,13 +37,13 @@ impl Jet {
     }
 
     /// ½ ∂_k ∂_k ∂_j f.
-    pub(crate) fn third(&self) -> Interval {
+    pub fn third(&self) -> Interval {
         self.0[2][1]
     }
 
     /// ∂_j f, for comparison with the core's Jacobian.
     #[cfg(test)]
-    pub(crate) fn slope(&self) -> Interval {
+    pub fn slope(&self) -> Interval {
         self.0[0][1]
     }
 
@@ -66,7 +66,7 @@ impl Jet {
     }
 
     /// Square root; unbounded where the value may be 0 or less.
-    pub(crate) fn sqrt(self) -> Self {
+    pub fn sqrt(self) -> Self {
         let x = self.0[0][0];
         if !(x.low > 0.0) {
             return self.composed([Interval::ALL; 4]);
@@ -79,7 +79,7 @@ impl Jet {
     }
 
     /// 1 / self; unbounded where the value may be 0.
-    pub(crate) fn inverse(self) -> Self {
+    pub fn inverse(self) -> Self {
         let over = self.0[0][0].inverse();
         let square = over.squared();
         let second = square * over * Interval::point(2.0);
@@ -88,14 +88,14 @@ impl Jet {
     }
 
     /// Its square.
-    pub(crate) fn squared(self) -> Self {
+    pub fn squared(self) -> Self {
         let mut out = self * self;
         out.0[0][0] = self.0[0][0].squared();
         out
     }
 
     /// Sine and cosine of an angle in radians.
-    pub(crate) fn sincos(self) -> (Self, Self) {
+    pub fn sincos(self) -> (Self, Self) {
         let x = self.0[0][0];
         let s = x.sin();
         let c = (x + Interval::point(std::f64::consts::FRAC_PI_2)).sin();
@@ -104,7 +104,7 @@ impl Jet {
 
     /// Angle of the direction (x, y), up to a constant; unbounded where the directions
     /// fill more than a half plane.
-    pub(crate) fn angle(y: Self, x: Self) -> Self {
+    pub fn angle(y: Self, x: Self) -> Self {
         // Tangent of the angle from the middle direction: the constant left out is its angle.
         let (a, b) = (x.0[0][0].middle(), y.0[0][0].middle());
         let (a, b) = (Self::constant(a), Self::constant(b));

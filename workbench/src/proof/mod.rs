@@ -2,10 +2,10 @@
 //! Statements about boxes of poses that hold for every pose in them.
 
 pub mod axis_box;
-pub(crate) mod between;
+pub mod between;
 mod bounds;
 pub mod boxes;
-pub(crate) mod carried;
+pub mod carried;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;
@@ -14,4 +14,4 @@ mod jet;
 pub mod one_to_one;
 pub mod reach;
 mod regular;
-pub(crate) mod spans;
+pub mod spans;

@@ -108,7 +108,7 @@ impl<'a> Prover<'a> {
     }
 
     /// Coordinates that the legs move, by number.
-    pub(crate) fn active(&self) -> &[usize] {
+    pub fn active(&self) -> &[usize] {
         &self.active
     }
 
@@ -116,7 +116,7 @@ impl<'a> Prover<'a> {
     ///
     /// # Errors
     /// The pose is out of reach.
-    pub(crate) fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
+    pub fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
         let jacobian = self
             .machine
             .at(&Pose::from_degrees(*pose), &Vector3::zeros())
@@ -440,7 +440,7 @@ const TOO_SLOW: Doubt = Doubt::Malformed("CONTRACTION and WEIGHT need more than 
 
 /// Steps that bring the iteration near enough to its end from anywhere in the box; `None`
 /// where they are too many, or one step says too little about the end.
-pub(crate) fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
+pub fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
     let width = |k: &usize| claim.region.high[*k] - claim.region.low[*k];
     let across = active.iter().map(|k| (claim.weight[*k] * width(k)).powi(2)).sum::<f64>().sqrt();
     let least = active.iter().map(|k| claim.weight[*k] * width(k)).reduce(f64::min).unwrap_or(0.0);
@@ -497,7 +497,7 @@ mod tests {
     ];
 
     fn config(name: &str) -> MachineConfig {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(name);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
         MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap()
     }
 

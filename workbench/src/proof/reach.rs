@@ -325,7 +325,7 @@ pub(super) fn lead(leg: &LegGeometry) -> f64 {
 }
 
 /// Pairs of legs, lower number first, that share no anchor.
-pub(crate) fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
+pub fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()
 }

@@ -30,7 +30,7 @@ pub struct Course {
 
 impl Course {
     /// All its values lie between these.
-    pub(crate) fn range(&self) -> (f64, f64) {
+    pub fn range(&self) -> (f64, f64) {
         let room = self.slope + self.second_derivative / 2.0 + self.rounding;
         (self.middle - room, self.middle + room)
     }
@@ -59,7 +59,7 @@ impl Span {
 
     /// The value keeps at least this distance from the ends of its range everywhere, negative
     /// beyond them; minus infinity where nothing is known.
-    pub(crate) fn room(&self) -> f64 {
+    pub fn room(&self) -> f64 {
         let [low, high] = self.margin.range;
         let room = (self.ends[0] - low).min(high - self.ends[1]);
         // What is not a number proves nothing.

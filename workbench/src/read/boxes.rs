@@ -53,7 +53,7 @@ pub fn read(ini: &Ini, load: &Load, place: &Place) -> Result<Vec<BoxSection>, In
 ///
 /// # Errors
 /// A box holds no numbers to compute with, or belongs to another geometry.
-pub(crate) fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
+pub fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
     for (k, section) in sections.iter().enumerate() {
         if !section.claim.region.is_valid() {
             return Err(Fault::with_value(Cause::BoxInvalid, k as f64));

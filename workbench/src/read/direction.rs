@@ -23,7 +23,7 @@ impl ToolDirection {
     }
 
     /// The other one.
-    pub(crate) const fn other(self) -> Self {
+    pub const fn other(self) -> Self {
         match self {
             Self::Down => Self::Up,
             Self::Up => Self::Down,
@@ -39,7 +39,7 @@ impl ToolDirection {
     }
 
     /// Where the tip is seen from the reference point.
-    pub(crate) const fn side(self) -> &'static str {
+    pub const fn side(self) -> &'static str {
         match self {
             Self::Down => "below",
             Self::Up => "above",
@@ -47,7 +47,7 @@ impl ToolDirection {
     }
 
     /// Sign of lengths.
-    pub(crate) const fn sign(self) -> &'static str {
+    pub const fn sign(self) -> &'static str {
         match self {
             Self::Down => "positive",
             Self::Up => "negative",

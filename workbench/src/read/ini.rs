@@ -341,7 +341,7 @@ impl Ini {
 
     /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
     /// it includes none.
-    pub(crate) fn expanded(&self) -> Option<&str> {
+    pub fn expanded(&self) -> Option<&str> {
         self.expanded.as_deref()
     }
 
@@ -351,27 +351,27 @@ impl Ini {
     }
 
     /// The file as it was named by the caller.
-    pub(crate) fn file(&self) -> &Path {
+    pub fn file(&self) -> &Path {
         &self.file
     }
 
     /// Names of all sections, in the order of the file.
-    pub(crate) fn sections(&self) -> impl Iterator<Item = &str> {
+    pub fn sections(&self) -> impl Iterator<Item = &str> {
         self.headings.iter().map(|(name, _)| name.as_str())
     }
 
     /// Every entry, in the order of the file.
-    pub(crate) fn entries(&self) -> impl Iterator<Item = &Entry> {
+    pub fn entries(&self) -> impl Iterator<Item = &Entry> {
         self.entries.iter()
     }
 
     /// First entry of this key that LinuxCNC's programs see.
-    pub(crate) fn first(&self, section: &str, key: &str) -> Option<&Entry> {
+    pub fn first(&self, section: &str, key: &str) -> Option<&Entry> {
         self.all(section, key).into_iter().find(|entry| !entry.hidden)
     }
 
     /// All entries of this key.
-    pub(crate) fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
+    pub fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
         self.entries.iter().filter(|e| e.section == section && e.key == key).collect()
     }
 
@@ -379,12 +379,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, and `expected` says what it should hold, or repeated.
-    pub(crate) fn require(
-        &self,
-        section: &str,
-        key: &str,
-        expected: &str,
-    ) -> Result<&Entry, IniError> {
+    pub fn require(&self, section: &str, key: &str, expected: &str) -> Result<&Entry, IniError> {
         self.only(section, key)?.ok_or_else(|| self.missing(section, key, expected))
     }
 
@@ -438,7 +433,7 @@ impl Ini {
     ///
     /// # Errors
     /// The first entry that does not belong into the section.
-    pub(crate) fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
+    pub fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
             if !keys.contains(&entry.key.as_str()) {
@@ -456,7 +451,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::check_section`].
-    pub(crate) fn check_keys<'a>(
+    pub fn check_keys<'a>(
         &self,
         section: &str,
         keys: impl Iterator<Item = &'a Key>,
@@ -468,7 +463,7 @@ impl Ini {
     ///
     /// # Errors
     /// It is missing and always needed, as [`Ini::numbers`], or a number is out of its range.
-    pub(crate) fn values<const N: usize>(
+    pub fn values<const N: usize>(
         &self,
         section: &str,
         key: &Key,
@@ -484,7 +479,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::values`].
-    pub(crate) fn require_values<const N: usize>(
+    pub fn require_values<const N: usize>(
         &self,
         section: &str,
         key: &Key,
@@ -501,7 +496,7 @@ impl Ini {
     ///
     /// # Errors
     /// It is missing, given twice or another word.
-    pub(crate) fn require_word(&self, section: &str, key: &Key) -> Result<usize, IniError> {
+    pub fn require_word(&self, section: &str, key: &Key) -> Result<usize, IniError> {
         let expected = format!("expected {}", key.expected());
         let entry = self.require(section, key.name, &expected)?;
         let Range::Word(words) = key.range else { return Err(self.refuse(entry, &expected)) };
@@ -513,7 +508,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::require_word`].
-    pub(crate) fn word(&self, section: &str, key: &Key) -> Result<Option<usize>, IniError> {
+    pub fn word(&self, section: &str, key: &Key) -> Result<Option<usize>, IniError> {
         match self.only(section, key.name)? {
             None => Ok(None),
             Some(_) => self.require_word(section, key).map(Some),
@@ -524,7 +519,7 @@ impl Ini {
     ///
     /// # Errors
     /// It is missing, given twice or no hash.
-    pub(crate) fn require_hash(&self, section: &str, key: &Key) -> Result<u32, IniError> {
+    pub fn require_hash(&self, section: &str, key: &Key) -> Result<u32, IniError> {
         let expected = format!("expected {}", key.expected());
         let entry = self.require(section, key.name, &expected)?;
         keys::hash(&entry.value).ok_or_else(|| self.refuse(entry, &expected))
@@ -534,7 +529,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::values`].
-    pub(crate) fn value(&self, section: &str, key: &Key) -> Result<Option<f64>, IniError> {
+    pub fn value(&self, section: &str, key: &Key) -> Result<Option<f64>, IniError> {
         Ok(self.values::<1>(section, key)?.map(|[value]| value))
     }
 
@@ -542,7 +537,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::require_values`].
-    pub(crate) fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
+    pub fn require_value(&self, section: &str, key: &Key) -> Result<f64, IniError> {
         self.require_values::<1>(section, key).map(|[value]| value)
     }
 
@@ -550,7 +545,7 @@ impl Ini {
     ///
     /// # Errors
     /// Not exactly `N` plain decimal numbers separated by blanks, or a repeated key.
-    pub(crate) fn numbers<const N: usize>(
+    pub fn numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
@@ -562,7 +557,7 @@ impl Ini {
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::numbers`].
-    pub(crate) fn require_numbers<const N: usize>(
+    pub fn require_numbers<const N: usize>(
         &self,
         section: &str,
         key: &str,
@@ -574,12 +569,7 @@ impl Ini {
     ///
     /// # Errors
     /// As [`Ini::numbers`].
-    pub(crate) fn number_or(
-        &self,
-        section: &str,
-        key: &str,
-        default: f64,
-    ) -> Result<f64, IniError> {
+    pub fn number_or(&self, section: &str, key: &str, default: f64) -> Result<f64, IniError> {
         Ok(self.numbers::<1>(section, key)?.map_or(default, |[value]| value))
     }
 
@@ -596,12 +586,12 @@ impl Ini {
     }
 
     /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
-    pub(crate) fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
+    pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
         entry.words().map(decimal).collect()
     }
 
     /// The error that refuses this entry.
-    pub(crate) fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
+    pub fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
         let found = match entry.continued {
             true => entry.line.text.split_once('=').map_or("", |(_, value)| value.trim()),
             false => entry.value.as_str(),
@@ -620,12 +610,12 @@ impl Ini {
     }
 
     /// The same, with the key as the part that is meant.
-    pub(crate) fn refuse_key(&self, entry: &Entry, expected: &str) -> IniError {
+    pub fn refuse_key(&self, entry: &Entry, expected: &str) -> IniError {
         self.refuse(entry, expected).at(&entry.line, &entry.key)
     }
 
     /// The error that refuses a section (the last of this name), or says that it is missing.
-    pub(crate) fn refuse_section(&self, section: &str, expected: &str) -> IniError {
+    pub fn refuse_section(&self, section: &str, expected: &str) -> IniError {
         match self.headings.iter().rfind(|(name, _)| name == section) {
             Some((_, line)) => {
                 self.error(section, "", Some(""), expected).at(line, line.text.trim())
@@ -647,13 +637,7 @@ impl Ini {
     }
 
     /// An error without a line.
-    pub(crate) fn error(
-        &self,
-        section: &str,
-        key: &str,
-        found: Option<&str>,
-        expected: &str,
-    ) -> IniError {
+    pub fn error(&self, section: &str, key: &str, found: Option<&str>, expected: &str) -> IniError {
         IniError(Box::new(Problem {
             file: self.file.clone(),
             line: None,
@@ -722,7 +706,7 @@ fn expected_numbers(count: usize) -> String {
 
 /// A plain decimal number: digits, a fraction, an exponent. No hex, nan or inf, no
 /// "5." or ".5": text that means the same to every reader of the file.
-pub(crate) fn decimal(word: &str) -> Option<f64> {
+pub fn decimal(word: &str) -> Option<f64> {
     let unsigned = word.strip_prefix(['+', '-']).unwrap_or(word);
     let (mantissa, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
     let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, "0"));

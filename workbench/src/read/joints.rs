@@ -43,7 +43,7 @@ impl JointKind {
     }
 
     /// Name of one such joint.
-    pub(crate) const fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Strut => "strut",
             Self::Carriage => "carriage",
@@ -65,7 +65,7 @@ impl JointKind {
     }
 
     /// What is measured of it.
-    pub(crate) const fn quantity(self) -> &'static str {
+    pub const fn quantity(self) -> &'static str {
         match self {
             Self::Strut => "length",
             Self::Carriage | Self::Table | Self::Extra => "position",

@@ -9,7 +9,7 @@ use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGe
 use kinematics::{LegGeometry, LegKind, Matrix3, Segment, Vector3};
 
 /// Motion of a leg's moving base anchor per joint unit, in base; `None` where it stands still.
-pub(crate) fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
+pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
     match leg.kind {
         LegKind::Strut(_) | LegKind::Ring(_) => None,
         LegKind::Slider(slider) => Some(Vector3::from(slider.guide).normalize()),
@@ -22,7 +22,7 @@ pub(crate) fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3
 }
 
 /// Where a leg ends on the platform, in its frame: on a ring at the point nearest to the base anchor.
-pub(crate) fn platform_anchor(
+pub fn platform_anchor(
     leg: &LegGeometry,
     segment: &Segment,
     rotation: &Matrix3<f64>,

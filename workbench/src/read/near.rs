@@ -97,7 +97,7 @@ fn most(name: &str) -> usize {
 }
 
 /// The known word that is nearest to a misspelt one, if any is near; none of a word that is known.
-pub(crate) fn word<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn word<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let upper = name.to_ascii_uppercase();
     let apart = |word: &str| strsim::osa_distance(&upper, word);
     let nearest = known.into_iter().min_by_key(|word| apart(word))?;
@@ -105,7 +105,7 @@ pub(crate) fn word<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
 }
 
 /// The section that a misspelt one was meant to be; none of one that is known, or that is like none.
-pub(crate) fn section(name: &str) -> Option<String> {
+pub fn section(name: &str) -> Option<String> {
     if SECTIONS.contains(&name) || STEMS.iter().any(|stem| is_one(name, stem)) {
         return None;
     }
@@ -142,13 +142,13 @@ fn known(section: &str) -> Option<&'static [&'static str]> {
 }
 
 /// Whether LinuxCNC reads this key.
-pub(crate) fn is_of_linuxcnc(section: &str, key: &str) -> bool {
+pub fn is_of_linuxcnc(section: &str, key: &str) -> bool {
     known(section).is_some_and(|known| known.contains(&key))
 }
 
 /// The key of one of LinuxCNC's sections that a misspelt one was meant to be; none where anything else may
 /// stand there.
-pub(crate) fn key(section: &str, key: &str) -> Option<&'static str> {
+pub fn key(section: &str, key: &str) -> Option<&'static str> {
     let known = known(section)?;
     match known.contains(&key) {
         true => None,

@@ -55,7 +55,7 @@ impl Place {
     }
 
     /// Section of its leg `n`, counted from 0.
-    pub(crate) fn leg_section(&self, n: usize) -> String {
+    pub fn leg_section(&self, n: usize) -> String {
         leg_section(self.first_leg + n)
     }
 
@@ -65,7 +65,7 @@ impl Place {
     }
 
     /// Section of the axis of one of its coordinates.
-    pub(crate) fn axis_section(&self, letter: Letter) -> String {
+    pub fn axis_section(&self, letter: Letter) -> String {
         format!("AXIS_{}", self.letter(letter))
     }
 
@@ -74,7 +74,8 @@ impl Place {
         format!("{}{k}", self.box_prefix())
     }
 
-    pub(crate) fn box_prefix(&self) -> &'static str {
+    /// What the names of these sections begin with.
+    pub fn box_prefix(&self) -> &'static str {
         if self.is_second { "SECOND_BOX_" } else { "BOX_" }
     }
 
@@ -84,7 +85,7 @@ impl Place {
     }
 
     /// A fault with the numbers that legs and joints have in the file.
-    pub(crate) fn counted(&self, fault: Fault) -> Fault {
+    pub fn counted(&self, fault: Fault) -> Fault {
         fault.counted_from(self.first_leg as u8, self.first_joint as u8)
     }
 }

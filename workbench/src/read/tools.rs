@@ -26,7 +26,7 @@ pub struct Tool {
 
 impl Tool {
     /// Number and offset for people.
-    pub(crate) fn name(&self) -> String {
+    pub fn name(&self) -> String {
         let words = self.letters.iter().zip(self.offset.iter());
         let words: Vec<String> =
             words.filter(|(_, x)| **x != 0.0).map(|(letter, x)| format!(" {letter}{x}")).collect();
@@ -34,7 +34,7 @@ impl Tool {
     }
 
     /// What is wrong with its length along the platform's Z, in the table of this machine.
-    pub(crate) fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
+    pub fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
         let letter = self.letters[2];
         let is_length = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
         let words = self.text.split(';').next().unwrap_or_default();
@@ -87,7 +87,7 @@ pub enum BadTool {
 ///
 /// # Errors
 /// See [`TableError`].
-pub(crate) fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
+pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
     let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
     let bytes = fs::read(file).at(file)?;
     let text = String::from_utf8_lossy(&bytes);
