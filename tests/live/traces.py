@@ -57,6 +57,14 @@ def virtual(path, joints):
                  [True] * len(rows), [False, *(a != b for a, b in zip(offsets, offsets[1:]))])
 
 
+def without(trace, letters):
+    """The same without the letters of extra axes: in virtual time they are those of their joints, which are
+    recorded in any case."""
+    places = [[0.0 if n < len(AXES) and AXES[n] in letters else value for n, value in enumerate(place)]
+              for place in trace.places]
+    return trace._replace(places=places)
+
+
 def is_apart(a, b):
     return a != b and any(abs(x - y) > SAME for x, y in zip(a, b))
 
