@@ -253,6 +253,49 @@ fn each_makes_the_moves_of_a_program_in_the_same_time() {
     assert!(seconds[0] > 60.0 && seconds[0] < 73.0, "{seconds:?}");
 }
 
+/// Blocks in which one mechanism stands last as long for it.
+#[test]
+fn one_that_stands_waits_for_the_other() {
+    let config = config(LATHE);
+    let file = program(&["G1 W2700", "G1 Z900", "G0 U-60 C5", "G1 X10 U0 W2600 C0", "G1 B3"]);
+    let found = [&config, &second()].map(|mechanism| {
+        let moves = moves_of(mechanism, &config, file.path()).unwrap();
+        replay(mechanism, &moves, 0.001).unwrap()
+    });
+    let [first, second] = found.each_ref().map(|replay| (replay.time, replay.poses));
+    assert!((first.0 - second.0).abs() < 1e-9 && first.1 == second.1, "{first:?} {second:?}");
+    assert_eq!(found.each_ref().map(|replay| replay.moves), [3, 3]);
+    // 100 mm each way at 40 mm/s, the rapid, 100 mm of W, and a turn.
+    assert!(first.0 > 3.0 * 100.0 / 40.0, "{first:?}");
+}
+
+/// A tool offset that changes at a tilt leads the platform along a line: where on it the two come too near
+/// is found, though the block after it would lead them apart.
+#[test]
+fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
+    let (config, second) = (config(LATHE), second());
+    let file = program(&["G1 Z1350 W2600 C20", "G43.1 U300", "G1 W3100"]);
+    let found = followed(&config, file.path());
+    let between = |told: &&pkm::program::findings::Break| told.limit == Rule::Mechanisms;
+    let told = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
+    assert_eq!(told.part, "the distance of leg 1 and leg 4");
+    let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);
+    let one = Pose::from_degrees([0.0, 450.0, 1350.0, 0.0, 0.0, 0.0]);
+    let one = config.machine.at(&one, &config.spindle).unwrap();
+    let distances = [0.0, 300.0].map(|x| {
+        let tool = second.spindle + Vector3::new(x, 0.0, 0.0);
+        Gap::between(&one, &second.machine.at(&tilted, &tool).unwrap()).distance
+    });
+    assert!(distances[0] > 200.0 && distances[1] < 130.0, "{distances:?}");
+    let by =
+        format!("as the tool offset changes before this move by {:.4} mm", 150.0 - distances[1]);
+    assert!(told.line == 5 && told.text.contains(&by), "{}, not {by}", told.text);
+    // With a change that leads away nothing is told.
+    let away =
+        followed(&config, program(&["G1 Z1350 W2600 C20", "G43.1 U-100", "G1 W3000"]).path());
+    assert!(!away.breaks.iter().any(|told| told.limit == Rule::Mechanisms), "{:?}", away.breaks);
+}
+
 #[test]
 fn a_workspace_beside_the_other_one_ends_where_the_clearance_is_lost() {
     let (first, second) = (config(LATHE), second());
