@@ -16,7 +16,7 @@ coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4
 -Cllvm-args=-sanitizer-coverage-trace-compares"
 # cargo splits its flags at blanks only.
 coverage=$(echo $coverage)
-mkdir -p artifacts target/corpus/core target/corpus/entry_points
+mkdir -p artifacts target/corpus/core target/corpus/layouts target/corpus/entry_points corpus/layouts
 
 # run TARGET FOLDER [OPTION...]
 run() {
@@ -28,9 +28,10 @@ run() {
 }
 
 if [ "${1:-}" != --minutes ]; then
-    rm -rf target/corpus/core/* target/corpus/entry_points/*
+    rm -rf target/corpus/core/* target/corpus/layouts/* target/corpus/entry_points/*
     RUSTFLAGS=$coverage cargo build --release --locked --quiet --target $target
     run core target -seed=1 -runs=20000
+    run layouts target -seed=1 -runs=20000
     run entry_points target -seed=1 -runs=5000
     exit 0
 fi
@@ -47,4 +48,5 @@ RUSTFLAGS="$flags -Clink-arg=-Wl,--export-dynamic" cargo build --release --locke
     --target $target --target-dir target/watched
 export PKMKINS_SO="$root/target/fuzz-module/$target/host/libpkmkins.so"
 run core target/watched -max_total_time=$seconds
+run layouts target/watched -max_total_time=$seconds
 run entry_points target/watched -max_total_time=$seconds

@@ -3,9 +3,9 @@
 //! arguments: it writes nothing but what it may, and success means finite numbers.
 #![no_main]
 
+use abi_tests::control::{Control, controls};
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::stub::PinDir;
-use abi_tests::subjects::{Subject, subjects};
 use fuzz::Bytes;
 use libfuzzer_sys::fuzz_target;
 use std::cell::LazyCell;
@@ -14,7 +14,7 @@ use std::cell::LazyCell;
 const UNTOUCHED: f64 = -7777.75;
 
 struct Loaded {
-    subject: Subject,
+    control: Control,
     module: Module,
     /// Pins that others set, in their order.
     inputs: Vec<String>,
@@ -29,14 +29,14 @@ pub extern "C" fn pkmkins_has_a_panic_path() -> ! {
 }
 
 thread_local! {
-    static LOADED: LazyCell<Vec<Loaded>> = LazyCell::new(|| subjects().into_iter().map(load).collect());
+    static LOADED: LazyCell<Vec<Loaded>> = LazyCell::new(|| controls().into_iter().map(load).collect());
 }
 
-fn load(subject: Subject) -> Loaded {
-    let module = subject.machine.module();
+fn load(control: Control) -> Loaded {
+    let module = control.module();
     let inputs =
         module.pins().iter().filter(|p| p.dir == PinDir::In).map(|p| p.name.clone()).collect();
-    Loaded { subject, module, inputs }
+    Loaded { control, module, inputs }
 }
 
 fn inverse(module: &Module, pose: &Pose, count: usize) -> Joints {
@@ -51,11 +51,14 @@ fn inverse(module: &Module, pose: &Pose, count: usize) -> Joints {
     joints
 }
 
-fn forward(module: &Module, joints: &Joints, seed: &Pose) {
+/// U V W that nothing moves are none of the module's.
+fn forward(Loaded { control, module, .. }: &Loaded, joints: &Joints, seed: &Pose) {
     let mut pose = *seed;
-    pose[6..].fill(UNTOUCHED);
+    let others = || (6..9).filter(|k| !control.moves(*k));
+    others().for_each(|k| pose[k] = UNTOUCHED);
     let code = module.forward_into(joints, &mut pose);
-    assert!(pose[6..].iter().all(|x| *x == UNTOUCHED), "wrote to u, v, w: {pose:?}");
+    assert!(others().all(|k| pose[k] == UNTOUCHED), "wrote to u, v, w: {pose:?}");
+    others().for_each(|k| pose[k] = 0.0);
     if code == 0 {
         assert!(pose.iter().all(|x| x.is_finite()), "{pose:?}");
     }
@@ -80,10 +83,13 @@ fn call(loaded: &Loaded, pose: &mut Pose, joints: &mut Joints, bytes: &mut Bytes
         }
         1 => module.apply(),
         2 => module.monitor(),
-        3 => pose[..6].iter_mut().for_each(|x| *x = bytes.number(*x, 10.0)),
+        3 => {
+            let is_asked = |k: &usize| *k < 6 || loaded.control.moves(*k);
+            (0..9).filter(is_asked).for_each(|k| pose[k] = bytes.number(pose[k], 10.0));
+        }
         4 => joints.iter_mut().for_each(|q| *q = bytes.number(*q, 10.0)),
-        5 => *joints = inverse(module, pose, loaded.subject.machine.joints()),
-        6 => forward(module, joints, pose),
+        5 => *joints = inverse(module, pose, loaded.control.joints()),
+        6 => forward(loaded, joints, pose),
         _ if bytes.byte() < 32 => {
             module.switch(i32::from(bytes.byte()) - 1);
         }
@@ -97,8 +103,8 @@ fuzz_target!(|data: &[u8]| {
         let loaded = &all[bytes.below(all.len())];
         // As it was at first, whatever the last run left.
         loaded.module.switch(0);
-        loaded.subject.machine.apply(&loaded.module);
-        let mut pose = loaded.subject.home();
+        loaded.control.apply(&loaded.module);
+        let mut pose = loaded.control.home();
         let mut joints = loaded.module.inverse(&pose).unwrap_or([0.0; 16]);
         for _ in 0..64 {
             if bytes.is_empty() {

@@ -4,10 +4,13 @@
 import os
 import subprocess
 import time
+from pathlib import Path
 from typing import NamedTuple
 
 import hal
 import linuxcnc
+
+import ini_edit
 
 KINDS = {
     linuxcnc.NML_ERROR: "error", linuxcnc.OPERATOR_ERROR: "error",
@@ -48,6 +51,7 @@ class Layout(NamedTuple):
     joints: range
     struts: list  # numbers of the legs that are struts
     letters: str  # that the kinematics move, in the order of the identity kinematics
+    second_home: list  # of a second mechanism, its letters with their values in [TRAJ]HOME
     home: list  # [TRAJ]HOME, a pose
     joint_home: list  # HOME of every joint
     is_home_whole: bool  # whether these have more than six decimals, or are whole numbers
@@ -60,12 +64,19 @@ class Layout(NamedTuple):
         groups = [group.split(":") for group in given.get("legs", "strut:6").split(",")]
         kinds = [kind for kind, count in groups for _ in range(int(count))]
         joints = range(int(ini.find("KINS", "JOINTS")))
-        home = [float(word) for word in ini.find("TRAJ", "HOME").split()[:len(AXES)]]
-        return cls(joints=joints, home=home + [0.0] * (len(AXES) - len(home)),
+        whole = [float(word) for word in ini.find("TRAJ", "HOME").split()]
+        others = ini_edit.second_letters(Path(os.environ["INI_FILE_NAME"]).read_text()).lower()
+        second_home = [(letter, value) for letter, value in zip("xyzabcuvw", whole) if letter in others]
+        home = whole[:len(AXES)]
+        return cls(joints=joints, second_home=second_home, home=home + [0.0] * (len(AXES) - len(home)),
                    joint_home=[float(ini.find(f"JOINT_{n}", "HOME")) for n in joints],
                    is_home_whole=all(len(ini.find(f"JOINT_{n}", "HOME").partition(".")[2]) != 6 for n in joints),
                    struts=[n for n, kind in enumerate(kinds) if kind == "strut"],
                    letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
+
+    def moved_home(self):
+        """Letters that legs and tables move, of both mechanisms, with their values at home."""
+        return [(letter, value) for letter, value in zip(AXES, self.home) if letter in self.letters] + self.second_home
 
 
 class Machine:

@@ -15,7 +15,7 @@ import ini_edit
 from unprivileged import clear_hal
 
 HERE = Path(__file__).resolve().parent
-DISPLAY_FILES = ("browsers.py", "display.py", "guard.py", "machine.py", "recorder.py", "scenarios.py", "truth_run.py",
+DISPLAY_FILES = ("browsers.py", "display.py", "guard.py", "ini_edit.py", "machine.py", "recorder.py", "scenarios.py", "truth_run.py",
                  "watched.py")
 START_SECONDS = 60  # LinuxCNC's start and end, on top of what the scenario may take
 

@@ -69,6 +69,14 @@ def virtual(path, joints):
     return Trace(rows[:, 0].astype(int), places, numpy.ones(len(rows), bool), busy)
 
 
+def without(trace, letters):
+    """The same without the letters of extra axes: in virtual time they are those of their joints, which are
+    recorded in any case."""
+    places = [[0.0 if n < len(AXES) and AXES[n] in letters else value for n, value in enumerate(place)]
+              for place in trace.places]
+    return trace._replace(places=places)
+
+
 def is_apart(a, b):
     """Of two places, or of the rows of two arrays of them."""
     return (abs(a - b) > SAME).any(axis=-1)

@@ -183,15 +183,9 @@ def judged_live(scratch, programs, found, out, is_recorded):
 
 # -------------------------------------------------------------------- both
 
-def carries(ini):
-    """Whether LinuxCNC's pose is not the machine's own, which these programs are drawn in."""
-    text = ini.read_text()
-    return "\n[CHAIN_" in text or "\nWORK_ON_PLATFORM" in text
-
-
 def chosen(options):
     configs = [truth_programs.Config(path) for path in sorted((REPOSITORY / "configs").iterdir())
-               if (path / f"{path.name}.ini").is_file() and not carries(path / f"{path.name}.ini")]
+               if (path / f"{path.name}.ini").is_file()]
     return [program for program in truth_programs.all_programs(configs, PKM)
             if re.search(options.only, f"{program.machine} {program.name}")]
 

@@ -139,9 +139,12 @@ def beside(job):
     for kind, outcome in (("live", live), ("in virtual time", offline)):
         if outcome is None or "failed" in outcome:
             return {**told, "why": f"not run {kind}: {(outcome or {}).get('failed', '')[:60]}"}
-    seen = traces.recorded(recorded)
+    machine = name.split(".")[0]
+    extra = ini_edit.extra_letters((REPOSITORY / "configs" / machine / f"{machine}.ini").read_text()).lower()
+    seen = traces.without(traces.recorded(recorded), extra)
     joints = len(seen.places[0]) - len(traces.AXES)
-    told.update(traces.compared(seen, traces.virtual(trace, joints), bool(live["errors"])))
+    offline_seen = traces.without(traces.virtual(trace, joints), extra)
+    told.update(traces.compared(seen, offline_seen, bool(live["errors"])))
     if not told["why"]:
         told["why"] = other_end(live, offline, seen)
     return {**told, "same": not told["why"]}

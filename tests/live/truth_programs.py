@@ -19,6 +19,7 @@ from typing import NamedTuple
 import ini_edit
 
 LETTERS = "XYZABC"
+ALL_LETTERS = "XYZABCUVW"
 NC_FILES = Path("/usr/share/linuxcnc/ncfiles")
 
 # Programs of LinuxCNC that are short enough, with the machine and the work offset that they run with.
@@ -39,9 +40,8 @@ LINUXCNC = [
 SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast"),
          "linear-delta": ("guarded",),
          "rotary-delta": ("short-rapids", "spindle", "bad-end"),
-         # After homing forward finds each of two poses to within its criterion, 2e-8 of home here; only the
-         # letters of the first are commanded in these programs.
-         "lathe-mirrored": ()}
+         "hexapod-rotary-table": ("carried-G64",),
+         "lathe-mirrored": ("both",)}
 SHORT_OF_OTHERS = ("short-rapids",)
 
 
@@ -73,9 +73,14 @@ class Config:
         others = passed + ini_edit.second_letters(self.text)
         self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in others]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
-        self.home = dict(zip(LETTERS, home + [0.0] * 6))
+        self.home = dict(zip(ALL_LETTERS, home + [0.0] * 9))
+        # Of the second mechanism.
+        self.others = ini_edit.second_letters(self.text)
+        # That carry the work, the tool or the legs: what is programmed is then not the machine's own pose.
+        self.carrying = re.findall(r"^\[CHAIN_(.)\]", self.text, re.M)
+        self.is_carried = bool(self.carrying) or bool(re.search(r"^WORK_ON_PLATFORM", self.text, re.M))
         self.low, self.high, self.fastest = ({
-            letter: float(self.value(f"AXIS_{letter}", key)) for letter in self.letters}
+            letter: float(self.value(f"AXIS_{letter}", key)) for letter in [*self.letters, *self.others, *self.carrying]}
             for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
         # Of legs and table.
         self.joints = int(self.value("KINS", "JOINTS")) - len(passed) - ini_edit.second_legs(self.text)
@@ -106,6 +111,16 @@ class Config:
             return None
         return [[float(value) for value in row] for row in found]
 
+    def replayed(self, pkm, text):
+        """Joint values of a program at a constant period, as lists by its lines."""
+        done = subprocess.run([pkm, "replay", self.file, "-", "--period", "0.01"], input=text, text=True,
+                              capture_output=True)
+        rows = {}
+        for row in csv.DictReader(io.StringIO(done.stdout)):
+            values = [float(row[f"joint_{n}"]) for n in range(self.joints)]
+            rows.setdefault(int(row["line"]), []).append(values)
+        return rows
+
     def between(self, share, letter):
         return self.low[letter] + share * (self.high[letter] - self.low[letter])
 
@@ -120,9 +135,13 @@ def all_programs(configs, pkm):
     programs = []
     for config in configs:
         programs += shipped(config)
-        for generated in (random_moves, short_rapids, circles, corners, far_rapids, too_fast, broken_middle,
-                          narrow_cone, bad_end):
+        # The second half looks for moves in the machine's own poses.
+        for generated in (random_moves, short_rapids, circles, corners, far_rapids, bad_end,
+                          *((carried, carried_too_fast, carried_middle) if config.is_carried
+                            else (too_fast, broken_middle, narrow_cone))):
             programs += generated(config, pkm)
+        if config.others:
+            programs += both(config)
     for name in ("hexapod", "linear-delta"):
         programs += misplaced(machines[name], pkm) + suggested_limits(machines[name], pkm)
     programs += [from_linuxcnc(*entry, machines[entry[1]]) for entry in LINUXCNC]
@@ -287,6 +306,89 @@ def too_fast(config, pkm):
     lines = [f"{config.start} G61", "M52 P0", f"G1 F{60 * 0.3 * config.speed:.3f} {words(ends[0])}",
              f"G1 F{slow:.3f} {words(ends[1])}", f"G1 F{fast:.3f} {words(ends[0])}"]
     return [Program("too-fast", config.name, "speed", "\n".join(lines + ["M2", ""]), (edit,))]
+
+
+def turning(config):
+    """The letter whose turn the legs follow: an axis that carries something, else a tilt of the work."""
+    return (config.carrying or ["B"])[0]
+
+
+def some_turn(config, share):
+    """A value of that letter, as a share of an eighth of a turn, or of three quarters of what its limits allow."""
+    letter = turning(config)
+    return share * min(45.0, 0.75 * min(config.high[letter], -config.low[letter]) / max(1.0, abs(share)))
+
+
+def carried(config, pkm):
+    """Straight moves and arcs in which what carries something turns along, in every mode of blending."""
+    made = []
+    for mode in ("G61", "G64", "G64 P0.05"):
+        draw = random.Random(f"carried {config.name}")
+        lines = [f"{config.start} {mode}", "M52 P0", f"F{60 * 0.1 * config.speed:.3f}"]
+        for n in range(10):
+            place = {l: config.home[l] + 0.15 * config.room * draw.uniform(-1, 1) for l in "XYZ"}
+            turn = f"{turning(config)}{some_turn(config, draw.uniform(-1, 1)):.4f}"
+            arc = f"G2 {words(place)} R{0.4 * config.room:.4f}"
+            lines.append(f"{arc if n % 3 == 2 else 'G1 ' + words(place)} {turn}")
+        home = words({l: config.home[l] for l in "XYZ"})
+        lines += [f"G1 {home} {turning(config)}0", f"G0 {turning(config)}{some_turn(config, 1):.4f}",
+                  f"G0 {turning(config)}0", "M2", ""]
+        made.append(Program(f"carried-{mode.replace(' ', '-')}", config.name, "carried", "\n".join(lines)))
+    return made
+
+
+def beside_home(config, draw):
+    """A place off what the letter turns about, as a line."""
+    place = {l: config.home[l] + 0.7 * config.room * draw.uniform(-1, 1) for l in "XYZ"}
+    return f"G1 F{60 * 0.1 * config.speed:.3f} {words(place)}"
+
+
+def carried_too_fast(config, pkm):
+    """A joint slower than what follows the turn asks for, on one line of three."""
+    letter, turn = turning(config), some_turn(config, 1)
+    fast = 60 * config.fastest[letter]
+    lines = [f"{config.start} G61", "M52 P0", beside_home(config, random.Random(f"fast {config.name}")),
+             f"G1 {letter}{turn:.4f} F{0.4 * fast:.3f}", f"G1 {letter}0 F{fast:.3f}", "M2", ""]
+    way = config.replayed(pkm, "\n".join(lines))[5]
+    speeds = [max(abs(b[j] - a[j]) for a, b in zip(way, way[1:])) / 0.01 for j in range(config.joints)]
+    joint = max(range(config.joints), key=speeds.__getitem__)
+    edit = {"section": f"JOINT_{joint}", "key": "MAX_VELOCITY", "lines": [f"MAX_VELOCITY = {0.7 * speeds[joint]:.6f}"]}
+    return [Program("carried-too-fast", config.name, "speed", "\n".join(lines), (edit,))]
+
+
+def carried_middle(config, pkm):
+    """A turn with both ends fine and a joint beyond its range between."""
+    draw, letter = random.Random(f"middle {config.name}"), turning(config)
+    feed = f"F{0.5 * 60 * config.fastest[letter]:.3f}"
+    for _ in range(30):
+        begin = some_turn(config, draw.choice((-2, -1, 1, 2)))
+        # The place comes after the first turn: from there on no pose of the second one was passed before.
+        lines = [f"{config.start} G61", "M52 P0", f"G1 {letter}{begin:.4f} {feed}", beside_home(config, draw),
+                 f"G1 {letter}{-begin:.4f} {feed}", f"G1 {letter}{begin:.4f}", "M2", ""]
+        rows = config.replayed(pkm, "\n".join(lines))
+        if 5 in rows and (found := bulge(config, rows[5], rows[3] + rows[4])):
+            joint, key, value = found
+            edit = {"section": f"JOINT_{joint}", "key": key, "lines": [f"{key} = {value:.6f}"]}
+            return [Program("carried-middle", config.name, "middle", "\n".join(lines), (edit,))]
+    raise RuntimeError(f"{config.name}: no turn with a joint farther out in its middle")
+
+
+def both(config):
+    """Moves in which both mechanisms go, one stands, and each has its own angle; then one too slow for it."""
+    draw = random.Random(f"both {config.name}")
+    letters = [*config.letters, *config.others]
+    lines = [config.start, "M52 P0", f"F{60 * 0.2 * config.speed:.3f}"]
+    for mode in ("G61", "G64", "G64 P0.05"):
+        lines.append(mode)
+        for n in range(6):
+            moved = (letters, config.letters, config.others)[n % 3]
+            place = {l: config.home[l] + 0.2 * (config.between(draw.random(), l) - config.home[l]) for l in moved}
+            lines.append(f"{'G0' if n == 5 else 'G1'} {words(place)}")
+    lines += [f"G1 {words({l: config.home[l] for l in letters})}", "M2", ""]
+    text = "\n".join(lines)
+    slow = {"section": f"JOINT_{config.joints}", "key": "MAX_VELOCITY",
+            "lines": [f"MAX_VELOCITY = {0.02 * config.speed:.6f}"]}
+    return [Program("both", config.name, "both", text), Program("second-too-fast", config.name, "speed", text, (slow,))]
 
 
 def narrow_cone(config, pkm):

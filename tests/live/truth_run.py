@@ -24,9 +24,8 @@ def truth(machine, out, programs, before):
     recorder = Recorder(machine.component, columns(machine.layout), PERIOD_NS)
     machine.start()
     recorder.start()
-    away, home = (" ".join(f"{letter.upper()}{value + beside}"
-                           for letter, value in zip(AXES, machine.layout.home)
-                           if letter in machine.layout.letters) for beside in (-BESIDE, 0.0))
+    away, home = (" ".join(f"{letter.upper()}{value + beside}" for letter, value in machine.layout.moved_home())
+                  for beside in (-BESIDE, 0.0))
     outcomes = {}
     for name, path, seconds in programs:
         for block in (*before, f"G53 G0 {away}", f"G53 G0 {home}"):

@@ -117,6 +117,7 @@ fn the_path_of_moves_goes_by_its_length() {
         file: 0,
         extra: false,
         second: None,
+        lasts: None,
         extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
     };

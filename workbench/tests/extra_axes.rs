@@ -8,6 +8,7 @@ use pkm::control::process::Options;
 use pkm::control::row::{Ending, Row};
 use pkm::program::interpreter;
 use pkm::program::preflight::{preflight, timed};
+use pkm::program::replay::replay;
 use std::ops::ControlFlow;
 
 const LATHE: &str = "lathe-counter-spindle";
@@ -51,6 +52,22 @@ fn the_counter_spindle_comes_and_goes_while_the_platform_stands() {
     let least = rows.iter().map(|row| values(row)[1]).fold(f64::INFINITY, f64::min);
     assert_eq!(least, 150.0);
     assert_eq!(rows.last().map(values), Some([0.0, 800.0]));
+}
+
+/// Where the counter-spindle alone goes, `pkm replay` lets the time pass that its axis needs.
+#[test]
+fn a_block_of_an_extra_axis_alone_takes_its_time() {
+    let config = config(LATHE);
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    std::fs::write(file.path(), "G21 G90 G94\nG1 Z950 F3000\nG0 W500\nG1 W400\nM2\n").unwrap();
+    let moves = interpreter::moves(&config, file.path(), None).unwrap();
+    let home = config.extra[1].joint.home;
+    // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis can do.
+    let rapid = (500.0 - home).abs() / config.max_linear_velocity;
+    let found = replay(&config, &moves, 0.001).unwrap();
+    // 50 mm of Z and 100 mm of W at 50 mm/s come on top.
+    assert!((found.time - rapid - 3.0).abs() < 0.002, "{} {rapid}", found.time);
+    assert_eq!(found.moves, 3);
 }
 
 #[test]

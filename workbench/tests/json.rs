@@ -75,6 +75,7 @@ const CASES: &[Case] = &[
     ("dynamics", "linear-delta.ini --study noise.toml --shake noise", "", 0),
     ("cut", "linear-delta.ini part.ngc --study study.toml", "", 0),
     ("workspace", "linear-delta.ini --bands 8 --grid 8", "", 0),
+    ("workspace", "PAIR --bands 8 --grid 8", "", 0),
     ("boxes", "linear-delta.ini", "", 0),
     ("random", "linear-delta.ini --seconds 5", "", 0),
     ("frames", "linear-delta.ini", "", 0),

@@ -28,6 +28,7 @@ fn rapid(line: u32, end: [f64; 6]) -> Move {
         file: 0,
         extra: false,
         second: None,
+        lasts: None,
         extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
     }

@@ -3,7 +3,7 @@
 
 use crate::control::run;
 use crate::shipped::{config, folder, ini};
-use kinematics::{Cause, Gap, Limit, Pose};
+use kinematics::{Cause, Gap, Limit, Pose, Vector3};
 use pkm::check::between;
 use pkm::check::report::check;
 use pkm::control::process::{self, Options};
@@ -15,6 +15,9 @@ use pkm::program::preflight::preflight;
 use pkm::program::replay::replay;
 use pkm::read::ini::Ini;
 use pkm::read::machine::MachineConfig;
+use pkm::study::body::{Body, Effort};
+use pkm::study::file::Study;
+use pkm::study::workspace::{Stand, Workspace};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -206,14 +209,12 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
                 let share = f64::from(n) / 200.0;
                 Pose::from_degrees(std::array::from_fn(|k| from[k] + share * (to[k] - from[k])))
             };
-            let one = config.machine.at(
-                &at(&from, &step.end),
-                &(config.spindle + kinematics::Vector3::from(step.tool)),
-            );
-            let other = second.machine.at(
-                &at(&beside_from, &beside.end),
-                &(second.spindle + kinematics::Vector3::from(beside.tool)),
-            );
+            let one = config
+                .machine
+                .at(&at(&from, &step.end), &(config.spindle + Vector3::from(step.tool)));
+            let other = second
+                .machine
+                .at(&at(&beside_from, &beside.end), &(second.spindle + Vector3::from(beside.tool)));
             least = least.min(Gap::between(&one.unwrap(), &other.unwrap()).distance - 150.0);
         }
         (from, beside_from) = (step.end, beside.end);
@@ -250,6 +251,138 @@ fn each_makes_the_moves_of_a_program_in_the_same_time() {
     assert!((seconds[0] - seconds[1]).abs() < 0.002, "{seconds:?}");
     // Without acceleration; LinuxCNC takes 73 s.
     assert!(seconds[0] > 60.0 && seconds[0] < 73.0, "{seconds:?}");
+}
+
+/// Blocks in which one mechanism stands last as long for it.
+#[test]
+fn one_that_stands_waits_for_the_other() {
+    let config = config(LATHE);
+    let file = program(&["G1 W2700", "G1 Z900", "G0 U-60 C5", "G1 X10 U0 W2600 C0", "G1 B3"]);
+    let found = [&config, &second()].map(|mechanism| {
+        let moves = moves_of(mechanism, &config, file.path()).unwrap();
+        replay(mechanism, &moves, 0.001).unwrap()
+    });
+    let [first, second] = found.each_ref().map(|replay| (replay.time, replay.poses));
+    assert!((first.0 - second.0).abs() < 1e-9 && first.1 == second.1, "{first:?} {second:?}");
+    assert_eq!(found.each_ref().map(|replay| replay.moves), [3, 3]);
+    // 100 mm each way at 40 mm/s, the rapid, 100 mm of W, and a turn.
+    assert!(first.0 > 3.0 * 100.0 / 40.0, "{first:?}");
+}
+
+/// A tool offset that changes at a tilt leads the platform along a line: where on it the two come too near
+/// is found, though the block after it would lead them apart.
+#[test]
+fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
+    let (config, second) = (config(LATHE), second());
+    let file = program(&["G1 Z1350 W2600 C20", "G43.1 U300", "G1 W3100"]);
+    let found = followed(&config, file.path());
+    let between = |told: &&pkm::program::findings::Break| told.limit == Rule::Mechanisms;
+    let told = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
+    assert_eq!(told.part, "the distance of leg 1 and leg 4");
+    let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);
+    let one = Pose::from_degrees([0.0, 450.0, 1350.0, 0.0, 0.0, 0.0]);
+    let one = config.machine.at(&one, &config.spindle).unwrap();
+    let distances = [0.0, 300.0].map(|x| {
+        let tool = second.spindle + Vector3::new(x, 0.0, 0.0);
+        Gap::between(&one, &second.machine.at(&tilted, &tool).unwrap()).distance
+    });
+    assert!(distances[0] > 200.0 && distances[1] < 130.0, "{distances:?}");
+    let by =
+        format!("as the tool offset changes before this move by {:.4} mm", 150.0 - distances[1]);
+    assert!(told.line == 5 && told.text.contains(&by), "{}, not {by}", told.text);
+    // With a change that leads away nothing is told.
+    let away =
+        followed(&config, program(&["G1 Z1350 W2600 C20", "G43.1 U-100", "G1 W3000"]).path());
+    assert!(!away.breaks.iter().any(|told| told.limit == Rule::Mechanisms), "{:?}", away.breaks);
+}
+
+#[test]
+fn a_workspace_beside_the_other_one_ends_where_the_clearance_is_lost() {
+    let (first, second) = (config(LATHE), second());
+    let space =
+        |config| Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
+    let home = first.home_pose().position;
+    let beside = [Stand::Home, Stand::Anywhere]
+        .map(|stand| space(&first).beside(&first, &second, stand).unwrap());
+    let alone = space(&first);
+    let exit = |space: &Workspace, way: Vector3<f64>| space.ray(&home, &way, 5.0);
+    // Carriages of both run on one rail, and Z moves one of them.
+    let gap = |one: &Pose, other: &Pose| {
+        let [one, other] = [(&first, one), (&second, other)]
+            .map(|(config, pose)| config.machine.at(pose, &config.spindle).unwrap());
+        Gap::between(&one, &other).distance
+    };
+    let ray = exit(&beside[0], Vector3::z());
+    let expected = gap(&first.home_pose(), &second.home_pose()) - 150.0;
+    assert!((ray.exit() - expected).abs() < 1e-6 && ray.limit.is_between, "{ray:?} {expected}");
+    assert!(exit(&alone, Vector3::z()).exit() > expected + 50.0);
+    assert_eq!(exit(&beside[0], -Vector3::z()), exit(&alone, -Vector3::z()));
+    // Wherever the other one stands is never more; from the far end of Z on, where that is inside.
+    let from = beside[1].place_inside().expect("a corner is clear of it");
+    let ray = beside[1].ray(&from, &Vector3::z(), 5.0);
+    let end = Pose { position: from + Vector3::z() * ray.exit(), angles: Vector3::zeros() };
+    let axes = &second.axes;
+    let corners = (0..16).map(|n| {
+        let side = |bit: usize, k: usize| if n >> bit & 1 == 0 { axes[k].min } else { axes[k].max };
+        Pose::from_degrees([side(0, 0), side(1, 1), side(2, 2), 0.0, side(3, 4), 0.0])
+    });
+    let reached = corners.filter(|pose| second.machine.inverse(pose, &second.spindle).is_ok());
+    let least = reached.map(|pose| gap(&end, &pose)).fold(f64::INFINITY, f64::min);
+    assert!((least - 150.0).abs() < 1e-6 && ray.limit.is_between, "{least} {ray:?}");
+    let volumes = [&alone, &beside[0], &beside[1]].map(|space| {
+        let effort = Effort { bands: 16, step: space.extent() / 100.0, grid: 8, progress: &|_| () };
+        Body::seen(space, from, &effort).unwrap().volume()
+    });
+    println!(
+        "alone {:.0}, beside the other at home {:.0}, anywhere {:.0}",
+        volumes[0], volumes[1], volumes[2]
+    );
+    assert!(volumes[0] > 1.05 * volumes[1] && volumes[1] > 1.05 * volumes[2], "{volumes:?}");
+}
+
+#[test]
+fn workspace_shows_each_alone_and_beside_the_other() {
+    let lathe = ini(LATHE);
+    let pkm = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_pkm"));
+        let done = command.arg("workspace").args(arguments).output().unwrap();
+        (
+            done.status.code(),
+            String::from_utf8(done.stdout).unwrap(),
+            String::from_utf8(done.stderr).unwrap(),
+        )
+    };
+    let lathe = lathe.to_str().unwrap();
+    let coarse = ["--bands", "8", "--grid", "20"];
+    let (code, out, err) = pkm(&[&[lathe, "--format", "json"], &coarse[..]].concat());
+    assert_eq!(code, Some(0), "{err}");
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let [first, second] = found["mechanisms"].as_array().unwrap().as_slice() else {
+        panic!("{found}")
+    };
+    for mechanism in [first, second] {
+        let volume = |found: &serde_json::Value| found["volume_by_grid"].as_f64().unwrap();
+        let shares = [&mechanism["beside_home"], &mechanism["beside_anywhere"]]
+            .map(|beside| volume(beside) / volume(mechanism));
+        assert!(shares[0] < 0.95 && shares[1] < 0.8 * shares[0], "{shares:?}");
+        assert!(mechanism["beside_home"]["ended_by_the_other"].as_f64().unwrap() > 0.0);
+    }
+    // They are mirror images, and so is what they leave each other.
+    let apart = first["beside_home"]["volume_by_boundary"].as_f64().unwrap()
+        / second["beside_home"]["volume_by_boundary"].as_f64().unwrap();
+    assert!((apart - 1.0).abs() < 0.02, "{apart}");
+    let one = ini("four-rod-lathe");
+    for (arguments, told) in [
+        (vec![lathe, "--csv", "any.csv"], "--mechanism 1 or 2"),
+        (vec![lathe, "--beside", "home"], "--mechanism"),
+        (
+            vec![one.to_str().unwrap(), "--mechanism", "1", "--beside", "home"],
+            "the file has one mechanism",
+        ),
+    ] {
+        let (code, _, err) = pkm(&arguments);
+        assert!(code == Some(2) && err.contains(told), "{arguments:?}: {err}");
+    }
 }
 
 #[test]

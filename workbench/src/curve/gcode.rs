@@ -240,6 +240,7 @@ impl<'a> Writer<'a> {
             file: 0,
             extra: false,
             second: None,
+            lasts: None,
             extra_end: [0.0; MAX_EXTRA],
             spindle: Spindle::Unknown,
         });

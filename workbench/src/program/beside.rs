@@ -55,8 +55,10 @@ fn seconds(
     duration(first, of_first, &lead).max(duration(second, of_second, &follow))
 }
 
-/// Gives a move the feed with which it takes these seconds.
+/// Gives a move these seconds, which pass for a mechanism that stands as well, and the feed that comes to
+/// them.
 fn lasting(step: &mut Move, from: &[f64; 6], seconds: f64) {
+    step.lasts = Some(seconds);
     let norm =
         |k: std::ops::Range<usize>| k.map(|k| (step.end[k] - from[k]).powi(2)).sum::<f64>().sqrt();
     let (linear, angular) = (norm(0..3), norm(3..6));

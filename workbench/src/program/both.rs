@@ -2,8 +2,9 @@
 //! Programs of two mechanisms: each followed for itself, and the distance between them.
 //!
 //! Both run through a move at the same time, so that their distance is followed as that of two legs of
-//! one machine is: a piece whose distance is not proved is halved, the earlier half first. Where a tool
-//! offset changes while a platform is tilted, only the end of that change is judged.
+//! one machine is: a piece whose distance is not proved is halved, the earlier half first. A tool offset that
+//! changes while a platform is tilted leads that platform along a line, which is followed as a move. Where
+//! both change in one block nobody knows which comes first, and only the end is judged.
 
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
@@ -13,7 +14,7 @@ use crate::program::interpreter::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
-use kinematics::{Body, Fault, Part, Vector3};
+use kinematics::{Body, Fault, Part, Pose, Vector3};
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size.
 const SHORTEST: f64 = 1e-6;
@@ -131,6 +132,8 @@ struct Leg<'a> {
     step: &'a Move,
     from: [[f64; 6]; 2],
     delta: [[f64; 6]; 2],
+    /// When it is made, for messages.
+    when: &'static str,
 }
 
 impl Leg<'_> {
@@ -164,16 +167,33 @@ impl<'a> Between<'a> {
 
     fn see(&mut self, step: &Move) {
         let Some(beside) = step.second.filter(|_| self.fault.is_none()) else { return };
+        self.follow_tools(step, [step.tool, beside.tool]);
         self.change_tools([step.tool, beside.tool]);
         if self.fault.is_some() {
             return;
         }
         let ends = [step.end, beside.end];
         let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
-        self.follow(&Leg { step, from: self.at, delta });
+        self.follow(&Leg { step, from: self.at, delta, when: "on this move" });
         self.length += length(&delta[0]);
         self.at = ends;
         self.number += 1;
+    }
+
+    /// Follows the platform that another tool offset shifts. With the tip at t it is at t − o + R o: as o goes
+    /// on by d, it goes by (R − 1) d, as it would by that move with the old tool.
+    fn follow_tools(&mut self, step: &Move, tools: [[f64; 3]; 2]) {
+        let shift = |i: usize| {
+            let change = self.configs[i].spindle + Vector3::from(tools[i]) - self.tools[i];
+            Pose::from_degrees(self.at[i]).rotation() * change - change
+        };
+        let shifts = [shift(0), shift(1)];
+        let is_moved = shifts.map(|shift| shift.norm() > SHORTEST * self.configs[0].machine.size());
+        if is_moved[0] != is_moved[1] {
+            let delta = shifts.map(|shift| [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0]);
+            let when = "as the tool offset changes before this move";
+            self.follow(&Leg { step, from: self.at, delta, when });
+        }
     }
 
     fn change_tools(&mut self, tools: [[f64; 3]; 2]) {
@@ -255,10 +275,8 @@ impl<'a> Between<'a> {
         let text = match (self.configs[0].mechanism_clearance, worst < 0.0) {
             (None, _) => format!("{part} falls to nothing: they meet"),
             (Some(limit), true) => {
-                format!(
-                    "{part} leaves its limit of {limit} {unit}, on this move by {:.4} {unit}",
-                    -worst
-                )
+                let when = leg.when;
+                format!("{part} leaves its limit of {limit} {unit}, {when} by {:.4} {unit}", -worst)
             }
             (Some(limit), false) => format!("{part} touches its limit of {limit} {unit}"),
         };

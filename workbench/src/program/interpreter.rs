@@ -75,6 +75,8 @@ pub struct Move {
     pub extra: bool,
     /// The same move of the second mechanism, in its own coordinates, where the machine has two.
     pub second: Option<Beside>,
+    /// Seconds that it takes, where another mechanism has a part in them.
+    pub lasts: Option<f64>,
     /// Values of the extra axes at its end, in joint order: machine units and degrees.
     pub extra_end: [f64; MAX_EXTRA],
     /// The spindle during the move, where [`with_spindle`] asked for it.
@@ -282,6 +284,7 @@ impl<'a, R: Read> Records<'a, R> {
                 file: 0,
                 extra: false,
                 second: None,
+                lasts: None,
                 extra_end: [0.0; MAX_EXTRA],
                 spindle: Spindle::default(),
             },
@@ -330,6 +333,8 @@ impl<'a, R: Read> Records<'a, R> {
             _ => MoveKind::Probe,
         };
         self.next.line = line;
+        // What leads to home before the program is no motion of its own.
+        self.next.extra &= line > 0;
         let (config, axes) = (self.config, self.axes);
         let own = |k: usize| if axes[k] { place[config.place.places[k]] } else { config.start[k] };
         self.next.end = std::array::from_fn(own);
@@ -530,9 +535,12 @@ fn init_codes(config: &MachineConfig, block: Option<&str>) -> Vec<String> {
     codes
 }
 
-/// Home in LinuxCNC's letters: its own, and that of another mechanism.
+/// Home in LinuxCNC's letters: its own, that of another mechanism, and HOME of the extra axes' joints.
 fn world_home(config: &MachineConfig) -> [f64; 9] {
     let mut world = config.world_home;
+    for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+        world[place] = axis.joint.home;
+    }
     let letters = Letter::ALL.into_iter().zip(config.start);
     let is_own =
         |letter: Letter| !config.place.is_second || !config.machine.layout().is_held(letter);

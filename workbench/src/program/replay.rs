@@ -180,6 +180,9 @@ pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
 
 /// The same of a move by these amounts of LinuxCNC's whole pose.
 fn seconds(config: &MachineConfig, delta: &World, step: &Move) -> f64 {
+    if let Some(seconds) = step.lasts {
+        return seconds;
+    }
     let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
     let angular = norm(&delta[3..6]);
     // A tool offset leaves rounding of X Y Z where they stay.
@@ -235,7 +238,7 @@ impl<'a> Player<'a> {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
-            extra: [0.0; MAX_EXTRA],
+            extra: std::array::from_fn(|i| config.extra.get(i).map_or(0.0, |axis| axis.joint.home)),
             // Where an axis carries something, axis limits are none of the machine's own pose.
             limits: match config.chain.is_empty() {
                 true => limits::of(config),
@@ -309,15 +312,16 @@ impl<'a> Player<'a> {
         }
         self.ahead -= duration;
         self.note_end(step)?;
+        let is_moved = (from, began) != (step.end, step.extra_end);
         (self.at, self.extra) = (step.end, step.extra_end);
         self.line = step.line;
-        self.result.moves += usize::from(duration > 0.0);
+        self.result.moves += usize::from(is_moved && duration > 0.0);
         Ok(())
     }
 
-    /// Seconds of a move, in which axes that carry something count.
+    /// Seconds of a move, in which extra axes count.
     fn seconds(&self, from: &[f64; 6], step: &Move) -> f64 {
-        if self.config.chain.is_empty() {
+        if self.config.extra_axes.is_empty() {
             return duration(self.config, from, step);
         }
         let begin = self.config.world(from, &self.extra);
@@ -569,6 +573,7 @@ mod tests {
             file: 0,
             extra: false,
             second: None,
+            lasts: None,
             extra_end: [0.0; MAX_EXTRA],
             spindle: Spindle::Unknown,
         }

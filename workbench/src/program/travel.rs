@@ -106,6 +106,7 @@ impl Stand {
             tool: offset(config, 0),
             file: 0,
             extra: false,
+            lasts: None,
             second: config.second.as_deref().map(beside),
             extra_end,
             spindle: Spindle::Unknown,

@@ -12,7 +12,7 @@ use crate::read::joints::JointKind;
 use crate::read::machine::MachineConfig;
 use crate::study::file;
 use kinematics::{
-    At, Cause, Fault, LegKind, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
+    At, Cause, Fault, Gap, LegKind, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
 };
 use std::f64::consts::PI;
 use std::fmt;
@@ -29,11 +29,18 @@ pub struct Border {
     pub part: Part,
     /// Whether it is the lower end of the range that is left.
     pub is_low: bool,
+    /// Whether it is the distance from another mechanism, which is none of the machine's own limits.
+    pub is_between: bool,
 }
 
 impl Border {
     /// That nothing is reached beyond.
-    const UNREACHED: Self = Self { limit: Limit::Reach, part: Part::Whole, is_low: true };
+    const UNREACHED: Self =
+        Self { limit: Limit::Reach, part: Part::Whole, is_low: true, is_between: false };
+
+    /// That another mechanism is too near.
+    const BETWEEN: Self =
+        Self { limit: Limit::Clearance, part: Part::Whole, is_low: true, is_between: true };
 
     fn of_fault(fault: &Fault) -> Self {
         let part = fault.number().map_or(Part::Whole, |leg| Part::Leg(leg.into()));
@@ -41,17 +48,19 @@ impl Border {
             Cause::DeadPoint => Limit::DeadPoint,
             _ => Limit::Reach,
         };
-        Self { limit, part, is_low: true }
+        Self { limit, part, ..Self::UNREACHED }
     }
 
     fn of_margin(margin: &Margin) -> Self {
         let Margin { limit, part, value, range } = *margin;
-        Self { limit, part, is_low: value < range[0] && !limits::is_either_way(limit) }
+        let is_low = value < range[0] && !limits::is_either_way(limit);
+        Self { limit, part, is_low, is_between: false }
     }
 
     /// Name of its kind.
     pub(crate) const fn kind(&self) -> &'static str {
         match (self.limit, self.is_low) {
+            _ if self.is_between => "the other mechanism too near",
             (Limit::Reach, _) => "out of reach",
             (Limit::JointRange, true) => "joint at its lowest",
             (Limit::JointRange, false) => "joint at its highest",
@@ -61,6 +70,9 @@ impl Border {
 
     /// Kinds of borders in one order.
     pub(crate) fn rank(&self) -> (usize, bool) {
+        if self.is_between {
+            return (Limit::ALL.len(), false);
+        }
         (self.limit.index(), self.limit == Limit::JointRange && !self.is_low)
     }
 }
@@ -127,12 +139,32 @@ pub struct Workspace<'a> {
     tool: Vector3<f64>,
     /// A B C in radians.
     orientations: Vec<Vector3<f64>>,
+    other: Option<Other<'a>>,
+}
+
+/// Another mechanism on the same base, and where it stands.
+struct Other<'a> {
+    config: &'a MachineConfig,
+    poses: Vec<Pose>,
+    /// Smallest distance that is kept.
+    clearance: f64,
+}
+
+/// Where the other one of two mechanisms may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stand {
+    /// At home.
+    Home,
+    /// At home, and in every corner of its axis limits that it can take, one after another.
+    Anywhere,
 }
 
 /// A machine that is moved from place to place in the same memory.
 pub struct Probe<'a> {
     workspace: &'a Workspace<'a>,
     at: At<'a>,
+    /// The other mechanism at each of its poses, with the corners of a box that holds it.
+    others: Vec<(At<'a>, [Vector3<f64>; 2])>,
 }
 
 /// What is seen along a ray.
@@ -195,7 +227,30 @@ impl<'a> Workspace<'a> {
             limits,
             tool,
             orientations: orientations.into_iter().map(radians).collect(),
+            other: None,
         })
+    }
+
+    /// Also keeps `[PKM]MECHANISM_CLEARANCE` from the other mechanism of `whole`, a file with two, at each
+    /// pose that it may stand at, without a tool.
+    ///
+    /// # Errors
+    /// The other one cannot be at home.
+    pub fn beside(
+        mut self,
+        whole: &MachineConfig,
+        other: &'a MachineConfig,
+        stand: Stand,
+    ) -> Result<Self, NoWorkspace> {
+        other.machine.inverse(&other.home_pose(), &other.spindle)?;
+        let mut poses = vec![other.home_pose()];
+        if stand == Stand::Anywhere {
+            poses.extend(corners(other).into_iter().map(Pose::from_degrees));
+            poses.retain(|pose| other.machine.inverse(pose, &other.spindle).is_ok());
+        }
+        let clearance = limits::least_distance_between(whole);
+        self.other = Some(Other { config: other, poses, clearance });
+        Ok(self)
     }
 
     /// Whether a position keeps the limits in every orientation.
@@ -208,7 +263,21 @@ impl<'a> Workspace<'a> {
 
     /// To check many positions.
     pub(crate) fn probe(&self) -> Probe<'_> {
-        Probe { workspace: self, at: self.machine.nowhere() }
+        let others = self.other.iter().flat_map(|other| {
+            let at = |pose| other.config.machine.at(pose, &other.config.spindle).ok();
+            other.poses.iter().filter_map(at)
+        });
+        let corners = others.clone().map(|at| corners_of(&at));
+        let others = others.zip(corners).collect();
+        Probe { workspace: self, at: self.machine.nowhere(), others }
+    }
+
+    /// Home, or where that is not within the limits the first corner of the axis limits that is.
+    pub fn place_inside(&self) -> Option<Vector3<f64>> {
+        let corners = corners(self.config).into_iter();
+        let places = corners.map(|[x, y, z, ..]| Vector3::new(x, y, z));
+        let mut all = std::iter::once(self.config.home_pose().position).chain(places);
+        all.find(|place| self.check(place).is_ok())
     }
 
     /// No position within the limits is farther than this from another one, by the machine's size.
@@ -256,13 +325,55 @@ impl Probe<'_> {
     /// # Errors
     /// As there.
     pub(crate) fn check(&mut self, position: &Vector3<f64>) -> Result<(), Border> {
-        let Self { workspace, at } = self;
+        let Self { workspace, at, others } = self;
         workspace.orientations.iter().try_for_each(|angles| {
             let pose = Pose { position: *position, angles: *angles };
             at.move_to(&pose, &workspace.tool).map_err(|fault| Border::of_fault(&fault))?;
-            at.check(&workspace.limits).map_err(|margin| Border::of_margin(&margin))
+            at.check(&workspace.limits).map_err(|margin| Border::of_margin(&margin))?;
+            let Some(Other { clearance, .. }) = workspace.other else { return Ok(()) };
+            let own = corners_of(at);
+            let near = |(_, other): &&(At, [Vector3<f64>; 2])| {
+                let apart = (own[0] - other[1]).sup(&(other[0] - own[1]));
+                !(apart.max() >= clearance)
+            };
+            let is_near = |(other, _): &(At, _)| !(Gap::between(at, other).distance >= clearance);
+            match others.iter().filter(near).any(is_near) {
+                true => Err(Border::BETWEEN),
+                false => Ok(()),
+            }
         })
     }
+}
+
+/// Corners of a box that holds the legs, and with them the platform, at a pose.
+fn corners_of(at: &At) -> [Vector3<f64>; 2] {
+    let legs = at.segments().iter().take(at.layout().legs());
+    let ends = legs.flat_map(|leg| [leg.base, leg.platform]);
+    ends.fold([f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat), |[low, high], end| {
+        [low.inf(&end), high.sup(&end)]
+    })
+}
+
+/// Every corner of a machine's axis limits: X Y Z in machine units, A B C in degrees.
+fn corners(config: &MachineConfig) -> Vec<[f64; 6]> {
+    let mut all = vec![config.home];
+    for (k, axis) in config.axes.iter().enumerate() {
+        let ends = [axis.min, axis.max].into_iter().filter(|end| end.is_finite());
+        let is_held = config.machine.layout().is_held(Letter::ALL[k]);
+        let ends: Vec<f64> = if is_held { vec![] } else { ends.collect() };
+        if !ends.is_empty() {
+            let moved = |pose: &[f64; 6]| {
+                let pose = *pose;
+                ends.clone().into_iter().map(move |end| {
+                    let mut pose = pose;
+                    pose[k] = end;
+                    pose
+                })
+            };
+            all = all.iter().flat_map(moved).collect();
+        }
+    }
+    all
 }
 
 /// Where the limits are crossed between two places, and what is broken on the outer side.

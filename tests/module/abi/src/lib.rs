@@ -3,17 +3,21 @@
 //! stub HAL around it, beside LinuxCNC's own modules in the same process.
 //!
 //! [`module::Module`] is one loaded module with its pins; [`machines`] holds hexapods,
-//! [`parallel`] any machine, [`subjects`] one of each kind with its workspace;
+//! [`parallel`] any machine, [`subjects`] one of each kind with its workspace; [`carrying`] adds axes that
+//! carry something, [`pair`] a second mechanism, and a [`control`] is any of these as LinuxCNC sees it;
 //! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
 //! usable as a reference; [`tracker`] what forward must find;
 //! [`limit`] what arithmetic alone would take; [`tolerances`] every
 //! number that a test compares with.
 
+pub mod carrying;
+pub mod control;
 pub mod geometry;
 pub mod limit;
 pub mod machines;
 pub mod module;
 pub mod nut;
+pub mod pair;
 pub mod parallel;
 pub mod random;
 pub mod sequence;

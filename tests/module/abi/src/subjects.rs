@@ -107,7 +107,8 @@ pub fn four_rod_lathe() -> Parallel {
     Parallel::new(legs, "XYZB", LATHE_HOME)
 }
 
-fn four_rod_lathe_pose(random: &mut Random) -> Pose {
+/// A pose of its workspace.
+pub fn four_rod_lathe_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 450.0, 1000.0, 0.0, 0.0, 0.0], [120.0, 70.0, 400.0, 0.0, 20.0, 0.0])
 }
 

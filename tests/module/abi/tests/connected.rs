@@ -14,15 +14,15 @@ use abi_tests::tracker::connected_pose;
 const HOME: Pose = [0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 #[derive(Default, Debug)]
-struct Count {
-    right: u32,
+pub struct Count {
+    pub right: u32,
     refused: u32,
     refused_though_connected: u32,
-    wrong: u32,
+    pub wrong: u32,
 }
 
 impl Count {
-    fn add(&mut self, found: Result<Pose, i32>, right: Option<&Pose>, machine: &Parallel) {
+    pub fn add(&mut self, found: Result<Pose, i32>, right: Option<&Pose>, machine: &Parallel) {
         let same = |found: &Pose, right: &Pose| {
             distance(found, right, machine.radius()) <= WRONG_REL * machine.size()
         };
@@ -65,14 +65,17 @@ fn forward_from_home_returns_the_connected_pose_or_fails() {
     }
 }
 
+/// Whether a machine has as many legs as coordinates, and no table.
+pub fn is_square(machine: &Parallel) -> bool {
+    machine.table.is_empty() && machine.coordinates.len() == machine.legs.len()
+}
+
 /// Joints of poses up to three times as far from home as the workspace reaches, of every
 /// machine with as many legs as coordinates.
 #[test]
 fn rods_and_cranks_too_return_the_connected_pose_or_fail() {
-    let square = |machine: &Parallel| {
-        machine.table.is_empty() && machine.coordinates.len() == machine.legs.len()
-    };
-    for subject in subjects().iter().filter(|s| square(&s.machine) && s.machine.tool == [0.0; 3]) {
+    for subject in subjects().iter().filter(|s| is_square(&s.machine) && s.machine.tool == [0.0; 3])
+    {
         let (machine, home) = (&subject.machine, subject.home());
         let module = machine.module();
         let mut random = Random::new(16);

@@ -25,6 +25,7 @@ mod rods;
 mod singular;
 mod start;
 mod switching;
+mod through;
 mod tool_change;
 mod tool_offset;
 mod workspace;

@@ -2,10 +2,11 @@
 //! The calls that are counted: what a servo step asks for, and what was searched for to be
 //! hard. The search runs at full speed and counts solves; valgrind then counts instructions.
 
+use abi_tests::control::{Control, in_a_chain, on_one_guide};
 use abi_tests::machines::{one_servo_step_from, paper_004};
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::random::Random;
-use abi_tests::subjects::{Subject, subjects};
+use abi_tests::subjects::subjects;
 use kinematics::{Cause, MAX_ITERATIONS};
 use std::collections::BTreeSet;
 
@@ -76,6 +77,14 @@ const HARD: usize = 40;
 const ROWS: usize = 6;
 const CUTS: usize = 12;
 
+/// Letters of LinuxCNC's pose.
+const LETTERS: usize = 9;
+
+/// Whether a letter is a length; the others are angles.
+fn is_length(letter: usize) -> bool {
+    !(3..6).contains(&letter)
+}
+
 /// Cycles of a tool change: five at rest, the survey of 65 places, four a cycle, and some of
 /// the way itself. Changes in the usual case, and at wild poses.
 const CHANGE: u32 = 26;
@@ -91,84 +100,88 @@ const EVERY_HOLD: u32 = 300;
 /// next to each other, with a singular pose between.
 const HALVINGS: usize = 40;
 
-/// Every kind of leg, with and without a lead, least squares, and eight legs.
-pub fn machines() -> Vec<Subject> {
+/// Every kind of leg, with and without a lead, least squares, and eight legs; then a chain, and two
+/// mechanisms, each of which is here alone as well.
+pub fn machines() -> Vec<Control> {
     let mut struts = subjects();
     let plain = abi_tests::machines::Hexapod { lead: 0.0, ..paper_004() };
     struts[1].name = "hexapod of paper 004, lead 0";
     struts[1].machine = plain.into();
-    struts.retain(|s| !matches!(s.name, "laboratory hexapod" | "four-rod lathe" | "tripod"));
+    struts.retain(|s| !matches!(s.name, "laboratory hexapod" | "tripod"));
     struts.retain(|s| !matches!(s.name, "pyramid with a tool" | "linear delta"));
     struts.retain(|s| s.name != "rings, struts and carriages");
-    struts
+    let alone = struts.into_iter().map(Control::Alone);
+    alone.chain([in_a_chain(), on_one_guide()]).collect()
 }
 
 /// A machine as it is searched: frozen by its first call, no monitor beside it.
-pub fn unmonitored(subject: &Subject) -> Module {
-    let module = subject.machine.loaded();
-    subject.machine.wire(&module);
-    module.inverse(&subject.home()).expect("home");
+pub fn unmonitored(control: &Control) -> Module {
+    let module = control.loaded();
+    control.wire(&module);
+    module.inverse(&control.home()).expect("home");
     module
 }
 
-/// A machine with a box about home whose steps are so short that they lead nowhere.
-pub fn searching(subject: &Subject) -> Module {
-    let machine = &subject.machine;
-    let hash = machine.module().get("geometry-hash");
-    let module = machine.loaded_with_boxes(1);
-    let home = subject.home();
-    for (i, letter) in ["x", "y", "z", "a", "b", "c"].into_iter().enumerate() {
-        if !module.has(&format!("box.0.matrix.{letter}.0")) {
-            continue;
+/// A machine with a box about home whose steps are so short that they lead nowhere, for each mechanism.
+pub fn searching(control: &Control) -> Module {
+    let plain = control.module();
+    let module = control.loaded_with_boxes(1);
+    for (machine, stem) in control.mechanisms().into_iter().zip(["", "second."]) {
+        let home = machine.home.expect("every machine has a reference pose");
+        for (i, letter) in ["x", "y", "z", "a", "b", "c"].into_iter().enumerate() {
+            if !module.has(&format!("{stem}box.0.matrix.{letter}.0")) {
+                continue;
+            }
+            let half = if i < 3 { 0.02 * machine.size() } else { 3.0 };
+            module.set(&format!("{stem}box.0.low.{letter}"), home[i] - half);
+            module.set(&format!("{stem}box.0.high.{letter}"), home[i] + half);
+            for n in 0..machine.legs.len() {
+                let sign = if (i + n) % 2 == 0 { 1.0 } else { -1.0 };
+                module.set(&format!("{stem}box.0.matrix.{letter}.{n}"), sign * 1e-6);
+            }
         }
-        let half = if i < 3 { 0.02 * machine.size() } else { 3.0 };
-        module.set(&format!("box.0.low.{letter}"), home[i] - half);
-        module.set(&format!("box.0.high.{letter}"), home[i] + half);
-        for n in 0..machine.legs.len() {
-            let sign = if (i + n) % 2 == 0 { 1.0 } else { -1.0 };
-            module.set(&format!("box.0.matrix.{letter}.{n}"), sign * 1e-6);
-        }
+        module.set(&format!("{stem}box.0.steps"), 4096.0);
+        let hash = plain.get(&format!("{stem}geometry-hash"));
+        module.set(&format!("{stem}box.0.geometry"), hash);
     }
-    module.set("box.0.steps", 4096.0);
-    module.set("box.0.geometry", hash);
-    assert!(machine.apply(&module), "{:?}", module.messages());
+    assert!(control.apply(&module), "{:?}", module.messages());
     module
 }
 
 /// All calls of all machines; the same every time.
-pub fn all(machines: &[Subject]) -> Vec<Case> {
-    machines.iter().enumerate().flat_map(|(i, subject)| Search::new(i, subject).cases()).collect()
+pub fn all(machines: &[Control]) -> Vec<Case> {
+    machines.iter().enumerate().flat_map(|(i, control)| Search::new(i, control).cases()).collect()
 }
 
 struct Search<'a> {
     machine: usize,
-    subject: &'a Subject,
+    control: &'a Control,
     module: Module,
     random: Random,
 }
 
 impl<'a> Search<'a> {
-    fn new(machine: usize, subject: &'a Subject) -> Self {
-        let module = unmonitored(subject);
-        Self { machine, subject, module, random: Random::new(91) }
+    fn new(machine: usize, control: &'a Control) -> Self {
+        let module = unmonitored(control);
+        Self { machine, control, module, random: Random::new(91) }
     }
 
     fn cases(mut self) -> Vec<Case> {
-        let mut cases = vec![self.case(Call::Freezing, Aim::Worst, self.subject.home())];
+        let mut cases = vec![self.case(Call::Freezing, Aim::Worst, self.control.home())];
         for _ in 0..TYPICAL {
-            let pose = (self.subject.sample)(&mut self.random);
+            let pose = self.control.sample(&mut self.random);
             cases.push(self.case(Call::Inverse, Aim::Typical, pose));
             cases.push(self.case(Call::Jacobian, Aim::Typical, pose));
             cases.push(self.motion(Aim::Typical, pose, 1.0, USUAL_HOLD));
             cases.push(self.servo_step(pose));
         }
         for _ in 0..CHANGES {
-            let pose = (self.subject.sample)(&mut self.random);
+            let pose = self.control.sample(&mut self.random);
             cases.extend(self.change(Aim::Typical, pose));
         }
         let mut random = Random::new(92);
         for _ in 0..SEARCHES {
-            let pose = (self.subject.sample)(&mut random);
+            let pose = self.control.sample(&mut random);
             let joints = self.module.inverse(&pose).expect("a pose of the workspace");
             cases.push(Case { joints, ..self.case(Call::Searching, Aim::Worst, pose) });
         }
@@ -196,12 +209,23 @@ impl<'a> Search<'a> {
         Case { machine, call, aim, pose, joints: [0.0; 16], limit, solves: 0 }
     }
 
+    /// A pose one servo step away, in U V W as well where something moves them.
+    fn near(&mut self, pose: &Pose) -> Pose {
+        let size = self.control.size();
+        let mut near = one_servo_step_from(pose, size, &mut self.random);
+        if (6..LETTERS).any(|i| self.control.moves(i)) {
+            let go = one_servo_step_from(&[0.0; 9], size, &mut self.random);
+            (6..LETTERS).for_each(|i| near[i] += go[i - 6]);
+        }
+        near
+    }
+
     /// Forward one servo step away.
     fn servo_step(&mut self, pose: Pose) -> Case {
-        let near = one_servo_step_from(&pose, self.subject.machine.size(), &mut self.random);
+        let near = self.near(&pose);
         let mut seed = pose;
-        for (i, value) in seed.iter_mut().enumerate().take(6) {
-            if self.subject.machine.moves(i) {
+        for (i, value) in seed.iter_mut().enumerate() {
+            if self.control.moves(i) {
                 *value = near[i];
             }
         }
@@ -211,10 +235,10 @@ impl<'a> Search<'a> {
 
     /// A motion at a pose, by `far` servo steps in a cycle.
     fn motion(&mut self, aim: Aim, pose: Pose, far: f64, limit: u32) -> Case {
-        let near = one_servo_step_from(&pose, self.subject.machine.size(), &mut self.random);
+        let near = self.near(&pose);
         let mut case = Case { limit, ..self.case(Call::Monitor, aim, pose) };
-        for (i, step) in case.joints.iter_mut().enumerate().take(6) {
-            if self.subject.machine.moves(i) {
+        for (i, step) in case.joints.iter_mut().enumerate().take(LETTERS) {
+            if self.control.moves(i) {
                 *step = far * (near[i] - pose[i]);
             }
         }
@@ -225,7 +249,7 @@ impl<'a> Search<'a> {
     fn change(&mut self, aim: Aim, pose: Pose) -> Vec<Case> {
         let mut case = self.case(Call::ToolChange, aim, pose);
         for value in case.joints.iter_mut().take(3) {
-            *value = self.random.within(self.subject.machine.size() / 15.0);
+            *value = self.random.within(self.control.size() / 15.0);
         }
         (0..CHANGE).map(|limit| Case { limit, ..case.clone() }).collect()
     }
@@ -233,17 +257,18 @@ impl<'a> Search<'a> {
     /// Poses that nobody should ask for.
     fn wild(&mut self) -> Vec<Pose> {
         let mut wild = vec![[f64::NAN; 9], [f64::INFINITY; 9], [0.0; 9]];
-        let size = self.subject.machine.size();
+        let size = self.control.size();
         for _ in 0..WILD {
-            let mut pose = (self.subject.sample)(&mut self.random);
-            for i in (0..6).filter(|i| self.subject.machine.moves(*i)) {
-                pose[i] += self.random.within(if i < 3 { 0.5 * size } else { 60.0 });
+            let mut pose = self.control.sample(&mut self.random);
+            for i in (0..LETTERS).filter(|i| self.control.moves(*i)) {
+                let far = if is_length(i) { 0.5 * size } else { 60.0 };
+                pose[i] += self.random.within(far);
             }
             wild.push(pose);
         }
-        for i in (0..6).filter(|i| self.subject.machine.moves(*i)) {
+        for i in (0..LETTERS).filter(|i| self.control.moves(*i)) {
             for value in self.odd(i, size) {
-                let mut pose = self.subject.home();
+                let mut pose = self.control.home();
                 pose[i] = value;
                 wild.push(pose);
             }
@@ -255,7 +280,7 @@ impl<'a> Search<'a> {
     fn odd(&mut self, coordinate: usize, size: f64) -> Vec<f64> {
         let small = [f64::NAN, f64::NEG_INFINITY, 5e-324, 1e-310, -0.0, 1e-30];
         let large: Vec<f64> = match coordinate {
-            0..3 => vec![3.0 * size, -100.0 * size, 1e15 * size, 1e300],
+            _ if is_length(coordinate) => vec![3.0 * size, -100.0 * size, 1e15 * size, 1e300],
             // Near whole quarter turns the argument cancels, far from 0 it is reduced in parts.
             _ => vec![
                 89.999_999,
@@ -280,10 +305,10 @@ impl<'a> Search<'a> {
     fn hard(&mut self, wild: &[Pose]) -> Vec<Case> {
         let mut cases = Vec::new();
         let mut noisy = Vec::new();
-        let home = self.subject.home();
+        let home = self.control.home();
         for pose in wild {
             cases.extend(self.edge(&home, pose));
-            let (from, to) = ((self.subject.sample)(&mut self.random), *pose);
+            let (from, to) = (self.control.sample(&mut self.random), *pose);
             cases.extend(self.edge(&from, &to));
             noisy.extend(self.noisy(&from, &home));
         }
@@ -343,7 +368,7 @@ impl<'a> Search<'a> {
     fn noisy(&mut self, pose: &Pose, seed: &Pose) -> Option<Case> {
         let mut joints = self.module.inverse(pose).ok()?;
         let share = self.random.between(0.0, 0.1);
-        for (i, joint) in joints.iter_mut().enumerate().take(self.subject.machine.joints()) {
+        for (i, joint) in joints.iter_mut().enumerate().take(self.control.joints()) {
             *joint *= 1.0 + share * if i % 2 == 0 { 1.0 } else { -1.0 };
         }
         Some(self.forward(joints, *seed))
@@ -351,11 +376,11 @@ impl<'a> Search<'a> {
 
     /// NaN, infinity and denormals in a joint or in the seed.
     fn broken(&self) -> Vec<Case> {
-        let home = self.subject.home();
+        let home = self.control.home();
         let joints = self.module.inverse(&home).expect("home");
         let mut cases = vec![self.forward(joints, [f64::NAN; 9]), self.forward([0.0; 16], home)];
         for value in [f64::NAN, f64::INFINITY, 5e-324, 1e300] {
-            for joint in 0..self.subject.machine.joints() {
+            for joint in 0..self.control.joints() {
                 let mut joints = joints;
                 joints[joint] = value;
                 cases.push(self.forward(joints, home));

@@ -3,9 +3,9 @@
 //! to guard, a geometry to freeze, a tool that changes at a tilt.
 
 use crate::cases::{Aim, Case};
+use abi_tests::control::Control;
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::parallel::Kind;
-use abi_tests::subjects::Subject;
 
 /// Seconds of a servo cycle.
 const PERIOD: f64 = 1e-3;
@@ -17,9 +17,9 @@ const GOING_ON: u32 = BEGINNING + 9;
 /// A motion up to the case's pose, by the case's step in each cycle: one that goes on in the usual
 /// case; else one that has just begun, with all places to be looked at. Every limit is
 /// set and none of those that would spare the rest is met, so that all of them are compared.
-pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
+pub fn move_on(case: &Case, control: &Control, module: &Module) {
     stand_still(module);
-    set_limits(subject, module);
+    set_limits(control, module);
     let speed = case.joints.iter().take(3).map(|step| step * step).sum::<f64>().sqrt() / PERIOD;
     for pin in ["requested-vel", "current-vel"] {
         module.set(pin, speed);
@@ -29,7 +29,7 @@ pub fn move_on(case: &Case, subject: &Subject, module: &Module) {
     let cycles = if case.aim == Aim::Typical { GOING_ON } else { BEGINNING };
     for back in (0..cycles).rev().map(f64::from) {
         let mut pose = case.pose;
-        for (value, step) in pose.iter_mut().zip(&case.joints).take(6) {
+        for (value, step) in pose.iter_mut().zip(&case.joints) {
             *value -= back * step;
         }
         // A little off the straight line, so that the way ahead is a circle.
@@ -52,9 +52,10 @@ fn stand_still(module: &Module) {
 }
 
 /// Whether all legs are struts, and the axes of their cardan joints are known.
-fn has_pyramids(subject: &Subject) -> bool {
+fn has_pyramids(control: &Control) -> bool {
     let is_known = |axis: &[f64; 3]| axis.iter().any(|value| *value != 0.0);
-    subject.machine.legs.iter().all(|leg| match &leg.kind {
+    let mut legs = control.mechanisms().into_iter().flat_map(|machine| &machine.legs);
+    legs.all(|leg| match &leg.kind {
         Kind::Strut { base_axis, platform_axis, .. } => {
             is_known(base_axis) && is_known(platform_axis)
         }
@@ -62,25 +63,32 @@ fn has_pyramids(subject: &Subject) -> bool {
     })
 }
 
-fn set_limits(subject: &Subject, module: &Module) {
-    let size = subject.machine.size();
+fn set_limits(control: &Control, module: &Module) {
+    let size = control.size();
     module.set("linear-acceleration", size);
     module.set("angular-acceleration", 100.0);
     module.set("rod-clearance", 1e-12 * size);
     module.set("tilt-limit", 180.0);
-    for n in 0..subject.machine.legs.len() {
+    if module.has("mechanism-clearance") {
+        module.set("mechanism-clearance", 1e-12 * size);
+    }
+    let legs: usize = control.mechanisms().iter().map(|machine| machine.legs.len()).sum();
+    for n in 0..legs {
         module.set(&format!("base-cone.{n}"), 180.0);
         module.set(&format!("platform-cone.{n}"), 180.0);
         for way in ["base-pyramid", "platform-pyramid"] {
             // A leg without an axis, or a machine without a reference pose, keeps none.
-            let limit = if has_pyramids(subject) { 180.0 } else { 0.0 };
+            let limit = if has_pyramids(control) { 180.0 } else { 0.0 };
             module.set(&format!("{way}.{n}.about"), limit);
             module.set(&format!("{way}.{n}.across"), limit);
         }
     }
-    for n in 0..subject.machine.joints() {
-        module.set(&format!("max-velocity.{n}"), size);
-        module.set(&format!("max-acceleration.{n}"), 6.0 * size);
+    for n in 0..control.joints() {
+        // Extra axes have none: LinuxCNC keeps their limits itself.
+        if module.has(&format!("max-velocity.{n}")) {
+            module.set(&format!("max-velocity.{n}"), size);
+            module.set(&format!("max-acceleration.{n}"), 6.0 * size);
+        }
     }
 }
 
@@ -93,24 +101,28 @@ fn servo_cycle(module: &Module, pose: &Pose) {
 }
 
 /// One cycle of a change of the tool at the case's pose; in the first it is asked for.
-pub fn change_tool(case: &Case, subject: &Subject, module: &Module) {
+pub fn change_tool(case: &Case, control: &Control, module: &Module) {
     if case.limit == 0 {
-        begin_change(case, subject, module);
+        begin_change(case, control, module);
     }
     servo_cycle(module, &case.pose);
 }
 
-fn begin_change(case: &Case, subject: &Subject, module: &Module) {
+fn begin_change(case: &Case, control: &Control, module: &Module) {
     let offset = |joints: &Joints| {
-        for (pin, value) in ["tool-offset-x", "tool-offset-y", "tool-offset"].iter().zip(joints) {
-            module.set(pin, *value);
+        // Of a second mechanism at the same time.
+        for stem in ["", "second."].into_iter().take(control.mechanisms().len()) {
+            let pins = ["tool-offset-x", "tool-offset-y", "tool-offset"];
+            for (pin, value) in pins.into_iter().zip(joints) {
+                module.set(&format!("{stem}{pin}"), *value);
+            }
         }
     };
     // Taken at once with the machine off.
     module.set("machine-on", 0.0);
     offset(&[0.0; 16]);
     stand_still(module);
-    set_limits(subject, module);
+    set_limits(control, module);
     module.set("machine-on", 1.0);
     for _ in 0..2 {
         servo_cycle(module, &case.pose);
@@ -120,12 +132,12 @@ fn begin_change(case: &Case, subject: &Subject, module: &Module) {
 }
 
 /// A geometry to freeze and a fault to tell.
-pub fn make_busy(case: &Case, subject: &Subject) -> Module {
-    let module = subject.machine.module();
+pub fn make_busy(case: &Case, control: &Control) -> Module {
+    let module = control.module();
     module.set("apply", 0.0);
     module.monitor();
-    let joints = module.inverse(&subject.home()).expect("home");
-    let _ = module.forward(&joints, &subject.home());
+    let joints = module.inverse(&control.home()).expect("home");
+    let _ = module.forward(&joints, &control.home());
     let _ = module.inverse(&case.pose);
     let _ = module.inverse(&[f64::NAN; 9]);
     module.set("apply", 1.0);

@@ -280,6 +280,10 @@ const PAGES: &[Page] = &[
                 "pkm workspace hexapod.ini --tilt 15 --mesh body.obj",
                 "with every tilt up to 15 degrees",
             ),
+            (
+                "pkm workspace lathe.ini --mechanism 1 --beside home --plots .",
+                "of two mechanisms, with the other one at home",
+            ),
         ],
         &["check", "rods", "docs/pkm.md"],
     ),

@@ -186,7 +186,8 @@ struct MachineFile {
     #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
     machine: PathBuf,
     /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
-    /// C; without it check, boxes, run, preflight and travel look at both, and all others at the first
+    /// C; without it check, boxes, run, preflight, travel and workspace look at both, and all others at
+    /// the first
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
     mechanism: Option<u8>,
 }
@@ -203,17 +204,38 @@ impl MachineFile {
         let file = self.machine.display();
         match (self.mechanism, second) {
             (Some(2), Some(second)) => return Ok(*second),
-            (Some(2), None) => {
-                return Err(failure::refused(format!(
-                    "--mechanism 2: {file} has one mechanism; second= in [KINS]KINEMATICS gives another"
-                )));
-            }
+            (Some(2), None) => return Err(self.has_one()),
             (None, Some(_)) => failure::tell_error(&format!(
                 "{file} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second"
             )),
             _ => {}
         }
         Ok(config)
+    }
+
+    /// Everything that the file describes.
+    fn read_whole(&self) -> Result<MachineConfig, Failure> {
+        Ok(MachineConfig::read(&self.machine)?)
+    }
+
+    /// Of `whole`, the mechanism of this number, and the other one, if there are two.
+    fn of<'a>(
+        &self,
+        whole: &'a MachineConfig,
+        number: Option<u8>,
+    ) -> Result<(&'a MachineConfig, Option<&'a MachineConfig>), Failure> {
+        match (number, whole.second.as_deref()) {
+            (Some(2), Some(second)) => Ok((second, Some(whole))),
+            (Some(2), None) => Err(self.has_one()),
+            (_, second) => Ok((whole, second)),
+        }
+    }
+
+    fn has_one(&self) -> Failure {
+        failure::refused(format!(
+            "--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another",
+            self.machine.display()
+        ))
     }
 
     /// Both mechanisms, of which the first has the second beside it, or the one that is named.

@@ -169,6 +169,7 @@ fn moved(step: &Step, tool: [f64; 3], feed: f64) -> Move {
         file: 0,
         extra: false,
         second: None,
+        lasts: None,
         extra_end: Default::default(),
         spindle: Spindle::Unknown,
     }

@@ -10,9 +10,10 @@ use pkm::draw::workspace::of_workspace;
 use pkm::files::write_whole;
 use pkm::read::machine::MachineConfig;
 use pkm::study::body::{Body, Counted, Effort, counted, csv, obj};
+use pkm::study::file::Study;
 use pkm::study::slice::{Plane, Slice};
-use pkm::study::workspace::{Border, Ray, Workspace, tilts};
-use serde_json::json;
+use pkm::study::workspace::{Border, Ray, Stand, Workspace, tilts};
+use serde_json::{Value, json};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -35,6 +36,10 @@ const STEPS: f64 = 300.0;
 /// the volume by the boundary and by counting a grid, which limit ends which share of the
 /// directions, and of each slice its area and the angles between which it is seen from the
 /// machine's origin. What is thinner than a step along a ray can be missed.
+///
+/// Of two mechanisms each is looked at: alone, with the other one at home, and wherever that one
+/// stands: at home and, one after another, in the corners of its axis limits that it can take.
+/// [PKM]MECHANISM_CLEARANCE is kept from its rods and platform.
 ///
 ///     [legs]
 ///     rod_diameter_mm = 30
@@ -64,6 +69,10 @@ pub struct Arguments {
     /// Every place has to allow a level platform and this tilt in every direction
     #[arg(long, value_name = "DEGREES", conflicts_with = "orientation")]
     tilt: Option<f64>,
+    /// Of two mechanisms, with --mechanism: keeps MECHANISM_CLEARANCE from the other one, which is at
+    /// home, or anywhere (home and the corners of its axis limits)
+    #[arg(long, value_name = "STAND", value_enum, requires = "mechanism")]
+    beside: Option<Beside>,
     /// A slice: xy, xz, yz, or a normal such as 1,1,0; may be given several times
     #[arg(long, value_name = "PLANE", default_values = ["xz", "yz"])]
     plane: Vec<String>,
@@ -87,20 +96,47 @@ pub struct Arguments {
     plots: Option<PathBuf>,
 }
 
+/// Where the other one of two mechanisms stands.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Beside {
+    Home,
+    Anywhere,
+}
+
+impl Beside {
+    fn stand(self) -> Stand {
+        match self {
+            Self::Home => Stand::Home,
+            Self::Anywhere => Stand::Anywhere,
+        }
+    }
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let whole = arguments.machine.read_whole()?;
     let study = arguments.study.read()?;
-    let orientations = orientations(arguments, &config)?;
-    let planes = planes(&arguments.plane)?;
-    let tool = arguments.tool.vector(&config);
-    let workspace = Workspace::new(&config, tool, orientations, &study)?;
-    let from = match arguments.from.as_deref() {
-        Some(from) => Vector3::from_column_slice(from),
-        None => config.home_pose().position,
-    };
     // 0: as many as there are processors.
     let threads = arguments.threads.map_or(0, NonZero::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let (meant, other) = match arguments.machine.mechanism {
+        None if whole.second.is_some() => return both(arguments, &whole, &study, &pool),
+        meant => arguments.machine.of(&whole, meant)?,
+    };
+    let mut workspace = workspace(arguments, meant, &study)?;
+    if let Some(beside) = arguments.beside {
+        let text = "--beside: the file has one mechanism; leave it out";
+        let other = other.ok_or_else(|| refused(text))?;
+        workspace = workspace.beside(&whole, other, beside.stand())?;
+    }
+    let planes = planes(&arguments.plane)?;
+    let from = match arguments.from.as_deref() {
+        Some(from) => Vector3::from_column_slice(from),
+        // Home need not be clear of the other mechanism.
+        None if arguments.beside.is_some() => {
+            workspace.place_inside().unwrap_or(meant.home_pose().position)
+        }
+        None => meant.home_pose().position,
+    };
     let start = Instant::now();
     let seen = pool.install(|| look(arguments, &workspace, from, planes))?;
     let seconds = start.elapsed().as_secs_f64();
@@ -109,17 +145,20 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &csv(body))?;
     }
     if let Some(file) = &arguments.mesh {
-        write_whole(file, &obj(config.length_unit(), &body.mesh()))?;
+        write_whole(file, &obj(meant.length_unit(), &body.mesh()))?;
     }
     if let Some(folder) = &arguments.plots {
         // From its middle, where that is inside, all sides are seen alike.
         let step = workspace.extent() / STEPS;
         let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &|_| () };
         let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
-        let plots = of_workspace(&config, pictured.as_ref().unwrap_or(body), slices)?;
+        let plots = of_workspace(meant, pictured.as_ref().unwrap_or(body), slices)?;
         Plot::write_all(&plots, folder)?;
     }
-    tell(&config, &workspace, &seen)?;
+    let mut out = output::people();
+    let answer = tell(&mut out, meant, &workspace, &seen)?;
+    out.flush()?;
+    output::answer(&answer)?;
     let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
     let looked = (body.looked() + counted.points + rays) as f64;
     output::remark(&format!(
@@ -128,6 +167,107 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         pool.current_num_threads()
     ));
     Ok(Verdict::Fits)
+}
+
+fn workspace<'a>(
+    arguments: &Arguments,
+    config: &'a MachineConfig,
+    study: &Study,
+) -> Result<Workspace<'a>, Failure> {
+    let orientations = orientations(arguments, config)?;
+    Ok(Workspace::new(config, arguments.tool.vector(config), orientations, study)?)
+}
+
+/// Each of two mechanisms: alone, and with the other one at home and anywhere.
+fn both(
+    arguments: &Arguments,
+    whole: &MachineConfig,
+    study: &Study,
+    pool: &rayon::ThreadPool,
+) -> Result<Verdict, Failure> {
+    if arguments.from.is_some()
+        || arguments.csv.is_some()
+        || arguments.mesh.is_some()
+        || arguments.plots.is_some()
+    {
+        let text =
+            "--from, --csv, --mesh and --plots are of one mechanism: --mechanism 1 or 2 says which";
+        return Err(refused(text));
+    }
+    let mut out = output::people();
+    let mut answers = vec![];
+    for number in [1, 2] {
+        let (meant, other) = arguments.machine.of(whole, Some(number))?;
+        let other = other.expect("a file with two mechanisms");
+        writeln!(
+            out,
+            "{}",
+            ["The first mechanism", "\nThe second mechanism"][usize::from(number) - 1]
+        )?;
+        let alone = workspace(arguments, meant, study)?;
+        let home = meant.home_pose().position;
+        let seen = pool.install(|| look(arguments, &alone, home, planes(&arguments.plane)?))?;
+        let mut answer = tell(&mut out, meant, &alone, &seen)?;
+        for (beside, key, name) in [
+            (Beside::Home, "beside_home", "the other one at home"),
+            (Beside::Anywhere, "beside_anywhere", "wherever the other one stands"),
+        ] {
+            let shared =
+                workspace(arguments, meant, study)?.beside(whole, other, beside.stand())?;
+            answer[key] = match shared.place_inside() {
+                Some(from) => {
+                    let seen = pool.install(|| look(arguments, &shared, from, vec![]))?;
+                    tell_beside(&mut out, meant, &seen, name)?
+                }
+                None => {
+                    writeln!(
+                        out,
+                        "  {name}: neither home nor a corner of the axis limits is clear of it"
+                    )?;
+                    Value::Null
+                }
+            };
+        }
+        answers.push(answer);
+    }
+    out.flush()?;
+    output::answer(&json!({ "machine": whole.file, "mechanisms": answers }))?;
+    Ok(Verdict::Fits)
+}
+
+/// What is left beside another mechanism.
+fn tell_beside(
+    out: &mut impl Write,
+    config: &MachineConfig,
+    seen: &Seen,
+    name: &str,
+) -> Result<Value, Failure> {
+    let (unit, [boundary, grid]) =
+        (config.length_unit(), [seen.body.volume(), seen.counted.volume]);
+    let from = &seen.body.from;
+    let share: f64 = seen
+        .body
+        .shares()
+        .iter()
+        .filter(|(limit, _)| limit.is_between)
+        .map(|(_, share)| share)
+        .sum();
+    writeln!(
+        out,
+        "  {name}: {boundary:.3} {unit}^3 by the boundary, {grid:.3} on a grid; it ends {:.1} % of the \
+         directions from X{} Y{} Z{}",
+        100.0 * share,
+        from.x,
+        from.y,
+        from.z
+    )?;
+    Ok(json!({
+        "from": [from.x, from.y, from.z],
+        "volume_by_boundary": boundary,
+        "volume_by_grid": grid,
+        "grid_points": seen.counted.points,
+        "ended_by_the_other": share,
+    }))
 }
 
 /// What was looked at.
@@ -182,10 +322,15 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
     names.iter().map(plane).collect()
 }
 
-fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<(), Failure> {
+/// Tells people; what programs get.
+fn tell(
+    out: &mut impl Write,
+    config: &MachineConfig,
+    workspace: &Workspace,
+    seen: &Seen,
+) -> Result<Value, Failure> {
     let Seen { body, counted, slices } = seen;
     let unit = config.length_unit();
-    let mut out = output::people();
     let from = &body.from;
     let mut ways = vec![];
     writeln!(out, "{} from X{} Y{} Z{}", config.file.display(), from.x, from.y, from.z)?;
@@ -227,12 +372,11 @@ fn tell(config: &MachineConfig, workspace: &Workspace, seen: &Seen) -> Result<()
     for (limit, share) in body.shares() {
         writeln!(out, "  {:>13.1} %  {limit}", 100.0 * share)?;
     }
-    out.flush()?;
     let slice = |slice: &Slice| json!({ "plane": slice.plane.name, "area": slice.area(), "seen_between_deg": slice.sector() });
     let shares = body.shares();
     let share =
         |(limit, share): &(Border, f64)| json!({ "limit": limit.to_string(), "share": share });
-    output::answer(&json!({
+    Ok(json!({
         "machine": config.file,
         "from": [from.x, from.y, from.z],
         "ways": ways,

@@ -9,8 +9,8 @@
 //! sub-step around it), and the most that all the rest costs. So often the one and once the other
 //! is more than any call can take.
 
+use abi_tests::control::Control;
 use abi_tests::module::Module;
-use abi_tests::subjects::Subject;
 use kinematics::{Cause, MAX_ITERATIONS};
 use prove::callgrind::{counted, run};
 use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
@@ -121,7 +121,7 @@ fn main() -> ExitCode {
 
 type Table = BTreeMap<(usize, Call), Found>;
 
-fn count() -> Result<(Vec<Subject>, Table), String> {
+fn count() -> Result<(Vec<Control>, Table), String> {
     let machines = machines();
     let cases = all(&machines);
     let scratch = Scratch::new()?;
@@ -134,7 +134,10 @@ fn count() -> Result<(Vec<Subject>, Table), String> {
         return Err(format!("valgrind counted {} of {} calls", counts.len(), cases.len()));
     }
     let counted: Vec<(Case, u64)> = cases.into_iter().zip(counts).collect();
-    Ok((machines, table(&counted)))
+    let mut table = table(&counted);
+    bound_pairs(&machines, &mut table);
+    bound_surveys(&mut table);
+    Ok((machines, table))
 }
 
 /// A folder of its own, which goes at the end.
@@ -161,15 +164,15 @@ fn measure(list: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(list).map_err(|e| e.to_string())?;
     for (n, line) in text.lines().enumerate() {
         let case = Case::from_line(line).ok_or_else(|| format!("line {n} is no case"))?;
-        let subject = &machines[case.machine];
+        let control = &machines[case.machine];
         let module =
             modules.entry((case.machine, Beside::of(&case))).or_insert_with_key(|(_, beside)| {
                 match beside {
-                    Beside::Nothing => unmonitored(subject),
-                    Beside::Monitor | Beside::ToolChange => subject.machine.module(),
+                    Beside::Nothing => unmonitored(control),
+                    Beside::Monitor | Beside::ToolChange => control.module(),
                 }
             });
-        make(&case, subject, module);
+        make(&case, control, module);
     }
     Ok(())
 }
@@ -194,7 +197,7 @@ impl Beside {
 }
 
 /// One call, counted.
-fn make(case: &Case, subject: &Subject, module: &Module) {
+fn make(case: &Case, control: &Control, module: &Module) {
     match case.call {
         Call::Inverse => {
             let mut joints = [0.0; 16];
@@ -209,25 +212,25 @@ fn make(case: &Case, subject: &Subject, module: &Module) {
             let _ = counted(|| module.jacobian(&case.joints, &case.pose));
         }
         Call::Monitor => {
-            move_on(case, subject, module);
+            move_on(case, control, module);
             counted(|| module.monitor());
         }
         Call::ToolChange => {
-            change_tool(case, subject, module);
+            change_tool(case, control, module);
             counted(|| module.monitor());
         }
         Call::Applying => {
-            let module = make_busy(case, subject);
+            let module = make_busy(case, control);
             counted(|| module.monitor());
         }
         Call::Freezing => {
-            let module = subject.machine.loaded();
-            subject.machine.wire(&module);
+            let module = control.loaded();
+            control.wire(&module);
             let mut joints = [0.0; 16];
             counted(|| module.inverse_into(&case.pose, &mut joints));
         }
         Call::Searching => {
-            let (module, mut world) = (searching(subject), subject.home());
+            let (module, mut world) = (searching(control), control.home());
             let code = counted(|| module.forward_into(&case.joints, &mut world));
             assert_eq!(code, Cause::Searching.code(), "the search ends early");
         }
@@ -250,8 +253,26 @@ fn table(counted: &[(Case, u64)]) -> Table {
             found.solving = Some(solving);
         }
     }
-    bound_surveys(&mut table);
     table
+}
+
+/// A call of two mechanisms may take all solves of both, and no call that was found takes the dearest of
+/// both at once: what each needs alone is added up.
+fn bound_pairs(machines: &[Control], table: &mut Table) {
+    for (machine, control) in machines.iter().enumerate() {
+        let Control::Pair(_, two) = control else { continue };
+        let of_each = [&two.first, &two.second].map(|subject| {
+            let alone = machines.iter().position(|other| other.name() == subject.name);
+            let alone = alone.expect("both are counted alone as well");
+            table[&(alone, Call::Forward)].solving.clone().expect("of forward")
+        });
+        let found = table.get_mut(&(machine, Call::Forward));
+        if let Some(solving) = found.and_then(|found| found.solving.as_mut()) {
+            let sum = |of: fn(&Solving) -> u64| of_each.iter().map(of).sum::<u64>();
+            solving.each = solving.each.max(sum(|solving| solving.each));
+            solving.rest = solving.rest.max(sum(|solving| solving.rest));
+        }
+    }
 }
 
 /// The survey of a tool change calls forward: whatever of that is among the worst found, the most
@@ -329,12 +350,12 @@ fn path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("counts.toml")
 }
 
-fn write((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> {
+fn write((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> {
     let wide = |count: u64| (count as f64 * MARGIN).ceil() as u64;
     let bound = table
         .iter()
         .map(|((machine, call), found)| Bound {
-            machine: machines[*machine].name.into(),
+            machine: machines[*machine].name().into(),
             call: name(*call).into(),
             typical: wide(found.typical),
             worst: wide(found.bound()),
@@ -346,7 +367,7 @@ fn write((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> 
     Ok(ExitCode::SUCCESS)
 }
 
-fn show(machines: &[Subject], table: &Table) {
+fn show(machines: &[Control], table: &Table) {
     println!("| machine | call | typical | worst found | solves | each | rest | cannot exceed |");
     println!("|---|---|--:|--:|--:|--:|--:|--:|");
     for ((machine, call), found) in table {
@@ -357,7 +378,7 @@ fn show(machines: &[Subject], table: &Table) {
         let typical = if found.typical == 0 { "–".into() } else { found.typical.to_string() };
         println!(
             "| {} | {} | {typical} | {} | {solving} | {} |",
-            machines[*machine].name,
+            machines[*machine].name(),
             name(*call),
             found.worst,
             if found.bound() == found.worst { "–".into() } else { found.bound().to_string() },
@@ -365,11 +386,11 @@ fn show(machines: &[Subject], table: &Table) {
     }
 }
 
-fn judge((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> {
+fn judge((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> {
     show(machines, table);
     let text = std::fs::read_to_string(path()).map_err(|e| e.to_string())?;
     let bounds: Bounds = toml::from_str(&text).map_err(|e| format!("counts.toml: {e}"))?;
-    let names: Vec<&str> = machines.iter().map(|machine| machine.name).collect();
+    let names: Vec<&str> = machines.iter().map(|machine| machine.name()).collect();
     let complaints = complaints(&names, table, &bounds.bound);
     for complaint in &complaints {
         println!("counts: {complaint}");
