@@ -423,6 +423,19 @@ fn a_tool_change_of_one_at_a_tilt_moves_that_one_and_holds_both() {
 }
 
 #[test]
+fn a_tool_offset_that_linuxcnc_hands_over_is_xyz_for_the_first_and_uvw_for_the_second() {
+    let module = mirrored().module();
+    let tool = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0];
+    assert_eq!(module.set_tool(Some(&tool)), 0);
+    module.monitor();
+    let shown =
+        |stem: &str| ["x", "y", "z"].map(|l| module.get(&format!("{stem}tool-offset-eff-{l}")));
+    module.monitor();
+    assert_eq!(shown(""), [1.0, 2.0, 3.0]);
+    assert_eq!(shown("second."), [4.0, 5.0, 6.0]);
+}
+
+#[test]
 fn the_feed_is_that_of_the_slower_one() {
     let two = mirrored();
     let module = two.module();
