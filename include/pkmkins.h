@@ -184,7 +184,7 @@ enum pkmkins_cause {
 };
 
 
-#if !defined(KINEMATICS_H)
+#if !(defined(KINEMATICS_H) || defined(__LINUXCNC_KINEMATICS_H))
 // LinuxCNC's kinds of kinematics.
 typedef enum KinematicsKind {
   KINEMATICS_IDENTITY = 1,
@@ -194,7 +194,7 @@ typedef enum KinematicsKind {
 } KinematicsKind;
 #endif
 
-#if !defined(POSEMATH_H)
+#if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
 // LinuxCNC's PmCartesian.
 typedef struct PmCartesian {
   double x;
@@ -203,7 +203,7 @@ typedef struct PmCartesian {
 } PmCartesian;
 #endif
 
-#if !defined(EMCPOS_H)
+#if !(defined(EMCPOS_H) || defined(__LINUXCNC_EMCPOS_H))
 // LinuxCNC's EmcPose: machine units and degrees.
 typedef struct EmcPose {
   struct PmCartesian tran;
@@ -216,17 +216,17 @@ typedef struct EmcPose {
 } EmcPose;
 #endif
 
-#if !defined(KINEMATICS_H)
+#if !(defined(KINEMATICS_H) || defined(__LINUXCNC_KINEMATICS_H))
 // Flags that LinuxCNC passes; not read.
 typedef unsigned long KINEMATICS_FORWARD_FLAGS;
 #endif
 
-#if !defined(KINEMATICS_H)
+#if !(defined(KINEMATICS_H) || defined(__LINUXCNC_KINEMATICS_H))
 // Flags that LinuxCNC passes; not read.
 typedef unsigned long KINEMATICS_INVERSE_FLAGS;
 #endif
 
-#if !defined(POSEMATH_H)
+#if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
 // What LinuxCNC calls PmRotationMatrix: three column vectors.
 typedef struct RotationColumns {
   struct PmCartesian x;
@@ -235,12 +235,12 @@ typedef struct RotationColumns {
 } RotationColumns;
 #endif
 
-#if !defined(POSEMATH_H)
+#if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
 // An alias, because LinuxCNC's type has no tag.
 typedef struct RotationColumns PmRotationMatrix;
 #endif
 
-#if !defined(KINEMATICS_H)
+#if !(defined(KINEMATICS_H) || defined(__LINUXCNC_KINEMATICS_H))
 // An alias, because LinuxCNC's type has no tag.
 typedef enum KinematicsKind KINEMATICS_TYPE;
 #endif
@@ -321,6 +321,19 @@ int kinematicsSwitchable(void);
 
 // Switches to kinematics 0 (machine) or 1 (identity). Returns 0, or a negative code.
 int kinematicsSwitch(int switchkins_type);
+
+// What kinematics `ktype` is: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
+// KINSTYPE_IDENTITY (1) for the identity, and −1 for kinematics that the module does not have.
+int kinematicsTypeFlags(int ktype);
+
+// Takes the tool offset that LinuxCNC has in effect, as a request: the monitor brings it into effect as
+// one of the pins, which are not read any more. U V W are for the second mechanism, if there is one.
+//
+// Returns 0, or −1 for a null pointer.
+//
+// # Safety
+// `tool` must be null or valid.
+int kinematicsSetTool(const struct EmcPose *tool);
 
 // Loads the component: parameters, pins, state. Returns 0, or a negative errno.
 int rtapi_app_main(void);

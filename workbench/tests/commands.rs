@@ -155,6 +155,19 @@ exit 2
 
 "#]]
     );
+    let first = "[KINS]\nKINEMATICS = pkmkins sparm=identityfirst\nJOINTS = 6\n";
+    assert_data_eq!(
+        Bench::new().with("first.ini", first).answer("check first.ini", ""),
+        str![[r#"
+error: [KINS]KINEMATICS = pkmkins sparm=identityfirst
+ --> first.ini:2:14
+  |
+2 | KINEMATICS = pkmkins sparm=identityfirst
+  |              ^^^^^^^^^^^^^^^^^^^^^^^^^^^ pkm judges a machine that LinuxCNC starts in its own kinematics, and sparm=identityfirst starts it in the identity: expected a copy of the file without sparm=, the machine is the same
+exit 2
+
+"#]]
+    );
     let bench = Bench::new().spoilt("[LEG_1]", "[LEG_7]");
     assert_data_eq!(
         bench.answer("check linear-delta.ini", ""),

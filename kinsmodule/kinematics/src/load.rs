@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS
-//! axes=LETTERS boxes=COUNT`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
+//! axes=LETTERS boxes=COUNT sparm=identityfirst`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
 //! second_coordinates=LETTERS second_angles=LETTERS second_boxes=COUNT`.
 
 use crate::boxes::MAX_BOXES;
@@ -23,6 +23,7 @@ pub struct Load {
     second: Option<Beside>,
     /// Whether the mechanism is alone: no extra axis, no second mechanism.
     is_plain: bool,
+    is_identity_first: bool,
 }
 
 /// The second mechanism.
@@ -51,7 +52,15 @@ impl Load {
         };
         let table = Letters::parse(table.unwrap_or(b"")).ok_or(LoadError::TableWrong)?;
         let layout = Layout::new(count, coordinates, table)?;
-        Ok(Self { kinds, layout, extra: ExtraAxes::NONE, boxes: 0, second: None, is_plain: true })
+        Ok(Self {
+            kinds,
+            layout,
+            extra: ExtraAxes::NONE,
+            boxes: 0,
+            second: None,
+            is_plain: true,
+            is_identity_first: false,
+        })
     }
 
     /// With a second mechanism of these legs, coordinates and letters of its angles, see [`Second`];
@@ -112,6 +121,33 @@ impl Load {
         Ok(Self { boxes: boxes_of(text)?, ..self })
     }
 
+    /// With what LinuxCNC's modules call `sparm`: `identityfirst` makes the identity kinematics
+    /// number 0 and those of the machine number 1; `None` or empty = the other way round. To be asked
+    /// for last.
+    ///
+    /// # Errors
+    /// [`LoadError::SparmUnknown`] of another text; [`LoadError::IdentityImpossible`].
+    pub fn with_sparm(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
+        match given(text) {
+            None => Ok(self),
+            Some(b"identityfirst") if !self.has_identity() => Err(LoadError::IdentityImpossible),
+            Some(b"identityfirst") => Ok(Self { is_identity_first: true, ..self }),
+            Some(_) => Err(LoadError::SparmUnknown),
+        }
+    }
+
+    /// Whether the identity kinematics are number 0, with which LinuxCNC starts.
+    pub fn is_identity_first(&self) -> bool {
+        self.is_identity_first
+    }
+
+    /// Whether there are identity kinematics: a letter for each joint.
+    pub fn has_identity(&self) -> bool {
+        let of_second =
+            self.second().is_none_or(|second| second.layout().joint_letters().is_some());
+        of_second && self.layout.joint_letters().is_some()
+    }
+
     /// Number of boxes for the start without a seed.
     pub fn boxes(&self) -> usize {
         self.boxes
@@ -142,7 +178,8 @@ impl Load {
     pub fn of_second(&self) -> Option<Self> {
         let Beside { kinds, letters, boxes } = self.second?;
         let (layout, extra) = (*letters.layout(), ExtraAxes::NONE);
-        Some(Self { kinds, layout, extra, boxes, second: None, is_plain: true })
+        let is_identity_first = self.is_identity_first;
+        Some(Self { kinds, layout, extra, boxes, second: None, is_plain: true, is_identity_first })
     }
 
     /// Places in LinuxCNC's pose that belong neither to legs nor to table of the first mechanism.
@@ -278,6 +315,28 @@ mod tests {
     }
 
     #[test]
+    fn the_identity_kinematics_may_come_first_where_each_joint_has_a_letter() {
+        let hexapod = legs("").unwrap();
+        for (text, first) in
+            [(None, false), (Some(&b""[..]), false), (Some(b"identityfirst"), true)]
+        {
+            assert_eq!(hexapod.with_sparm(text).unwrap().is_identity_first(), first, "{text:?}");
+        }
+        for text in [&b"identity"[..], b"identityfirst,", b"IDENTITYFIRST", b"0"] {
+            assert_eq!(hexapod.with_sparm(Some(text)), Err(LoadError::SparmUnknown));
+        }
+        let first = Load::parse(Some(b"slider:4"), Some(b"XYZB"), None).unwrap();
+        let pair =
+            |coordinates| first.with_second(Some(b"slider:3"), Some(coordinates), None).unwrap();
+        let sparm = Some(&b"identityfirst"[..]);
+        assert!(pair(b"XYZ").with_sparm(sparm).unwrap().of_second().unwrap().is_identity_first());
+        let pyramid = Load::parse(Some(b"slider:4"), Some(b"ZAB"), Some(b"XY")).unwrap();
+        for held in [pyramid, pair(b"XZ")] {
+            assert_eq!(held.with_sparm(sparm), Err(LoadError::IdentityImpossible));
+        }
+    }
+
+    #[test]
     fn every_reason_names_what_to_write() {
         for (error, told) in [
             (LoadError::LegsMalformed, "legs="),
@@ -295,6 +354,8 @@ mod tests {
             (LoadError::SecondAngles, "second_angles="),
             (LoadError::SecondTaken, "second_angles="),
             (LoadError::SecondAlone, "second="),
+            (LoadError::SparmUnknown, "sparm=identityfirst"),
+            (LoadError::IdentityImpossible, "sparm=identityfirst"),
         ] {
             assert!(error.text().contains(told), "{error:?}");
         }

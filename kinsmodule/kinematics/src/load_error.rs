@@ -35,6 +35,10 @@ pub enum LoadError {
     SecondTaken,
     /// A parameter of the second mechanism without `second`.
     SecondAlone,
+    /// `sparm` is neither empty nor `identityfirst`.
+    SparmUnknown,
+    /// `sparm=identityfirst` where no letter belongs to each joint.
+    IdentityImpossible,
 }
 
 impl LoadError {
@@ -79,6 +83,10 @@ impl LoadError {
             }
             Self::SecondAlone => {
                 "second_...= needs second=KIND:COUNT, the legs of the second mechanism"
+            }
+            Self::SparmUnknown => "sparm= is empty, or sparm=identityfirst",
+            Self::IdentityImpossible => {
+                "sparm=identityfirst needs as many coordinates as legs: each joint then has a letter"
             }
         }
     }

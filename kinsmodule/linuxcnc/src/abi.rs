@@ -18,7 +18,7 @@ use kinematics::{
 };
 
 /// LinuxCNC's kinds of kinematics.
-#[cfg(not(kinematics_h))]
+#[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
 #[repr(C)]
 pub enum KinematicsKind {
     KINEMATICS_IDENTITY = 1,
@@ -28,15 +28,15 @@ pub enum KinematicsKind {
 }
 
 /// An alias, because LinuxCNC's type has no tag.
-#[cfg(not(kinematics_h))]
+#[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
 pub type KINEMATICS_TYPE = KinematicsKind;
 
 /// Flags that LinuxCNC passes; not read.
-#[cfg(not(kinematics_h))]
+#[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
 pub type KINEMATICS_FORWARD_FLAGS = c_ulong;
 
 /// Flags that LinuxCNC passes; not read.
-#[cfg(not(kinematics_h))]
+#[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
 pub type KINEMATICS_INVERSE_FLAGS = c_ulong;
 
 /// Rows of the Jacobian that LinuxCNC provides: EMCMOT_MAX_JOINTS.
@@ -51,7 +51,7 @@ const _: () = assert!(MAX_LEGS + MAX_EXTRA <= ROWS);
 // joints of a module with two are not more than those of one.
 
 /// LinuxCNC's PmCartesian.
-#[cfg(not(posemath_h))]
+#[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PmCartesian {
@@ -61,7 +61,7 @@ pub struct PmCartesian {
 }
 
 /// LinuxCNC's EmcPose: machine units and degrees.
-#[cfg(not(emcpos_h))]
+#[cfg(not(any(emcpos_h, linuxcnc_emcpos_h)))]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct EmcPose {
@@ -75,7 +75,7 @@ pub struct EmcPose {
 }
 
 /// What LinuxCNC calls PmRotationMatrix: three column vectors.
-#[cfg(not(posemath_h))]
+#[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct RotationColumns {
@@ -85,7 +85,7 @@ pub struct RotationColumns {
 }
 
 /// An alias, because LinuxCNC's type has no tag.
-#[cfg(not(posemath_h))]
+#[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 pub type PmRotationMatrix = RotationColumns;
 
 const _: () = assert!(size_of::<EmcPose>() == 9 * size_of::<f64>());
@@ -526,6 +526,41 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
     }
 }
 
+/// What kinematics `ktype` is: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
+/// KINSTYPE_IDENTITY (1) for the identity, and −1 for kinematics that the module does not have.
+#[unsafe(no_mangle)]
+pub extern "C" fn kinematicsTypeFlags(ktype: c_int) -> c_int {
+    // SAFETY: LinuxCNC asks from its servo thread, or while none runs.
+    let kind = unsafe { module() }.and_then(|module| module.kind_numbered(ktype));
+    match kind {
+        Some(Kind::Identity) => 1,
+        Some(Kind::Machine) => 2,
+        None => -1,
+    }
+}
+
+/// Takes the tool offset that LinuxCNC has in effect, as a request: the monitor brings it into effect as
+/// one of the pins, which are not read any more. U V W are for the second mechanism, if there is one.
+///
+/// Returns 0, or −1 for a null pointer.
+///
+/// # Safety
+/// `tool` must be null or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsSetTool(tool: *const EmcPose) -> c_int {
+    // SAFETY: LinuxCNC passes its pose, from its servo thread, or while none runs.
+    let (tool, module) = unsafe { (tool.as_ref(), module()) };
+    let (Some(EmcPose { tran, u, v, w, .. }), Some(module)) = (tool, module) else {
+        return -1;
+    };
+    module.request_tool([tran.x, tran.y, tran.z]);
+    // SAFETY: this reference is the only one.
+    if let Some(Pair { second, .. }) = unsafe { pair(module) } {
+        second.request_tool([*u, *v, *w]);
+    }
+    0
+}
+
 /// The HAL function `pkmkins.monitor`, to be added to the thread of the motion controller.
 ///
 /// # Safety
@@ -548,7 +583,7 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
 }
 
 /// The load parameters, by name.
-const PARAMETERS: [(&str, &load::Parameter); 9] = [
+const PARAMETERS: [(&str, &load::Parameter); 10] = [
     ("legs", &load::LEGS),
     ("coordinates", &load::COORDINATES),
     ("table", &load::TABLE),
@@ -558,16 +593,18 @@ const PARAMETERS: [(&str, &load::Parameter); 9] = [
     ("second_coordinates", &load::SECOND_COORDINATES),
     ("second_angles", &load::SECOND_ANGLES),
     ("second_boxes", &load::SECOND_BOXES),
+    ("sparm", &load::SPARM),
 ];
 
 fn parsed(parameters: [Option<&[u8]>; PARAMETERS.len()]) -> Result<Load, LoadError> {
     let [legs, coordinates, table, axes, boxes, second @ ..] = parameters;
-    let [second, second_coordinates, second_angles, second_boxes] = second;
+    let [second, second_coordinates, second_angles, second_boxes, sparm] = second;
     Load::parse(legs, coordinates, table)?
         .with_second(second, second_coordinates, second_angles)?
         .with_axes(axes)?
         .with_boxes(boxes)?
-        .with_second_boxes(second_boxes)
+        .with_second_boxes(second_boxes)?
+        .with_sparm(sparm)
 }
 
 /// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
@@ -680,9 +717,9 @@ fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
 fn refuse_load(error: LoadError, parameters: [Option<&CStr>; PARAMETERS.len()]) {
     let mut message = text!["pkmkins: refused"];
     for ((name, _), value) in PARAMETERS.iter().zip(parameters) {
-        // Those of a second mechanism only where they are given.
-        let is_first = !name.starts_with("second");
-        if is_first || value.is_some() {
+        // Those of a second mechanism and sparm only where they are given.
+        let is_seldom = name.starts_with("second") || *name == "sparm";
+        if !is_seldom || value.is_some() {
             message.push(" ");
             message.push(*name);
             message.push("=");

@@ -1,5 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's HAL and RTAPI: the calls this module makes, and typed pins.
+//!
+//! Pins are made and accessed as the HAL does it that the module is built for: by [`pointers`], or by
+//! [`references`]. Everything else is the same in both.
+
+#[cfg(not(hal_references))]
+mod pointers;
+#[cfg(hal_references)]
+mod references;
 
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_char, c_int, c_long, c_void};
@@ -25,30 +33,6 @@ unsafe extern "C" {
     fn hal_exit(component: c_int) -> c_int;
     fn hal_ready(component: c_int) -> c_int;
     fn hal_malloc(size: c_long) -> *mut c_void;
-    fn hal_pin_float_new(
-        name: *const c_char,
-        direction: c_int,
-        pin: *mut *mut f64,
-        component: c_int,
-    ) -> c_int;
-    fn hal_pin_bit_new(
-        name: *const c_char,
-        direction: c_int,
-        pin: *mut *mut bool,
-        component: c_int,
-    ) -> c_int;
-    fn hal_pin_u32_new(
-        name: *const c_char,
-        direction: c_int,
-        pin: *mut *mut u32,
-        component: c_int,
-    ) -> c_int;
-    fn hal_pin_s32_new(
-        name: *const c_char,
-        direction: c_int,
-        pin: *mut *mut i32,
-        component: c_int,
-    ) -> c_int;
     fn hal_export_funct(
         name: *const c_char,
         function: unsafe extern "C" fn(*mut c_void, c_long),
@@ -132,39 +116,28 @@ impl Component {
     }
 }
 
-/// A value that HAL can hold, and the call that makes a pin of it.
+/// A value that HAL can hold: how a pin of it is made, read and written. `build.rs` chooses one of two
+/// implementations.
 pub trait PinValue: Copy {
+    /// Makes a pin with its first value.
+    ///
     /// # Safety
-    /// `pin` must point to HAL memory that outlives the component.
+    /// The name must end with a zero; `pin` must point to HAL memory that outlives the component.
     unsafe fn create(
         name: *const c_char,
         direction: c_int,
         pin: *mut *mut Self,
         component: c_int,
+        value: Self,
     ) -> c_int;
-}
 
-macro_rules! pin_value {
-    ($($type:ty => $call:ident;)*) => {$(
-        impl PinValue for $type {
-            unsafe fn create(
-                name: *const c_char,
-                direction: c_int,
-                pin: *mut *mut Self,
-                component: c_int,
-            ) -> c_int {
-                // SAFETY: passed on to the caller.
-                unsafe { $call(name, direction, pin, component) }
-            }
-        }
-    )*};
-}
+    /// # Safety
+    /// `pin` must be what HAL has put into a pin of this type.
+    unsafe fn read(pin: *mut Self) -> Self;
 
-pin_value! {
-    f64 => hal_pin_float_new;
-    bool => hal_pin_bit_new;
-    u32 => hal_pin_u32_new;
-    i32 => hal_pin_s32_new;
+    /// # Safety
+    /// As [`PinValue::read`].
+    unsafe fn write(pin: *mut Self, value: Self);
 }
 
 /// A HAL pin. LinuxCNC changes the pointer when the pin is netted. So the pointer
@@ -191,10 +164,10 @@ impl<T: PinValue> Pin<T> {
                 direction as c_int,
                 self.0.get(),
                 component.0,
+                value,
             )
-        })?;
-        self.set(value);
-        Ok(())
+        })
+        .map(|_| ())
     }
 
     /// Makes this, which is no pin of its own, stand for another one: to be done before each use,
@@ -209,12 +182,12 @@ impl<T: PinValue> Pin<T> {
     pub fn get(&self) -> T {
         // SAFETY: HAL keeps the pointer valid from creation on; volatile because other
         // threads write it.
-        unsafe { self.0.get().read_volatile().read_volatile() }
+        unsafe { T::read(self.0.get().read_volatile()) }
     }
 
     #[inline]
     pub fn set(&self, value: T) {
         // SAFETY: as in `get`.
-        unsafe { self.0.get().read_volatile().write_volatile(value) }
+        unsafe { T::write(self.0.get().read_volatile(), value) }
     }
 }

@@ -126,6 +126,15 @@ string_parameter!(
     c"number of its workspace boxes, as boxes"
 );
 
+string_parameter!(
+    sparm,
+    SPARM,
+    rtapi_info_address_sparm,
+    rtapi_info_type_sparm,
+    rtapi_info_description_sparm,
+    c"identityfirst: the identity kinematics are number 0, with which LinuxCNC starts"
+);
+
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 static rtapi_info_license: Shared<*const c_char> = Shared(c"GPL".as_ptr());
@@ -145,6 +154,8 @@ exported_names! {
     EXPORT_TYPE: 15 = b"kinematicsType\0";
     EXPORT_SWITCHABLE: 21 = b"kinematicsSwitchable\0";
     EXPORT_SWITCH: 17 = b"kinematicsSwitch\0";
+    EXPORT_TYPE_FLAGS: 20 = b"kinematicsTypeFlags\0";
+    EXPORT_SET_TOOL: 18 = b"kinematicsSetTool\0";
     EXPORT_JACOBIAN: 19 = b"kinematicsJacobian\0";
     EXPORT_TOOL_FRAME: 20 = b"kinematicsToolFrame\0";
     EXPORT_WORK_FRAME: 20 = b"kinematicsWorkFrame\0";

@@ -8,7 +8,7 @@
 
 use crate::between::Between;
 use crate::module::{Kind, Module};
-use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose, World};
+use kinematics::{Cause, Fault, Jacobian, Joints, Letter, MAX_JOINTS, Pose, World};
 
 /// The two.
 pub struct Pair<'a> {
@@ -90,7 +90,10 @@ impl Pair<'_> {
         let of_second = jacobian(self.second, &second)?;
         let count = self.first.layout().joints();
         for (out, row) in rows.iter_mut().zip(of_first.row_iter()).take(count) {
-            out.iter_mut().zip(row.iter()).for_each(|(to, value)| *to = *value);
+            // A letter that the first one holds is the second one's, an extra axis', or nobody's.
+            for ((to, value), letter) in out.iter_mut().zip(row.iter()).zip(Letter::ALL) {
+                *to = if self.first.layout().is_held(letter) { 0.0 } else { *value };
+            }
         }
         let letters = self.first.load().second();
         let own = rows.iter_mut().skip(count).zip(of_second.row_iter());

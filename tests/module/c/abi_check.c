@@ -50,7 +50,7 @@ _Static_assert(sizeof(KINEMATICS_FORWARD_FLAGS) == sizeof(unsigned long), "forwa
 _Static_assert(sizeof(KINEMATICS_INVERSE_FLAGS) == sizeof(unsigned long), "inverse flags");
 
 // What LinuxCNC calls, once more in its own words: these are compared even when
-// its headers are absent, and the three that its 2.9 headers do not have yet.
+// its headers are absent, and those that its 2.9 headers do not have yet.
 extern int kinematicsForward(const double *joint, struct EmcPose *world,
                              const KINEMATICS_FORWARD_FLAGS *fflags,
                              KINEMATICS_INVERSE_FLAGS *iflags);
@@ -66,6 +66,8 @@ extern int kinematicsToolFrame(const double *joint, PmRotationMatrix *rot,
                                const KINEMATICS_FORWARD_FLAGS *fflags);
 extern int kinematicsWorkFrame(const double *joint, PmRotationMatrix *rot,
                                const KINEMATICS_FORWARD_FLAGS *fflags);
+extern int kinematicsTypeFlags(int ktype);
+extern int kinematicsSetTool(const EmcPose *tool);
 
 // run.sh plants one mismatch at a time here and expects the compiler to object.
 #ifdef PLANT
@@ -163,6 +165,12 @@ int main(int argc, char **argv)
     bad += check(CALL(kinematicsSwitchable)() == 1, "kinematicsSwitchable");
     bad += round_trip();
     bad += refuses_null();
+    bad += check(CALL(kinematicsTypeFlags)(0) == 2 && CALL(kinematicsTypeFlags)(1) == 1
+                     && CALL(kinematicsTypeFlags)(2) == -1,
+                 "kinematicsTypeFlags");
+    const EmcPose tool = {{1.0, 2.0, 3.0}, 0, 0, 0, 0, 0, 0};
+    bad += check(CALL(kinematicsSetTool)(&tool) == 0 && CALL(kinematicsSetTool)(NULL) == -1,
+                 "kinematicsSetTool");
     bad += check(CALL(kinematicsSwitch)(1) == 0, "kinematicsSwitch");
     stop();
     world_free(world);

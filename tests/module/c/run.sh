@@ -71,6 +71,17 @@ $cc -std=gnu11 -Wall -Wextra -Werror -fvisibility=hidden -shared -fPIC -DRTAPI -
     "$root/tests/module/stub_hal/stub_hal.c" -o "$work/stub_hal.so"
 "$work/abi_check" "$work/stub_hal.so" "$module"
 
+# Pins by the header's own accessors, where the module is built for the same HAL as the header.
+constructor=hal_pin_float_new
+grep -q 'hal_pin_new_real(' "$headers/hal.h" && constructor=hal_pin_new_real
+if nm -D --undefined-only "$module" | grep -qw "$constructor"; then
+    $cc -std=gnu11 -Wall -Wextra -Werror -g -DRTAPI -isystem "$headers" \
+        "$here/hal_check.c" -o "$work/hal_check" -ldl -lm
+    "$work/hal_check" "$work/stub_hal.so" "$module"
+else
+    echo "not judged: pins beside $headers/hal.h, for which the module is not built"
+fi
+
 # The same client watched by the sanitizers: it owns every byte the module may write.
 compile "$root/include" "$work/watched" -fsanitize=address,undefined -fno-sanitize-recover=all
 ASAN_OPTIONS=detect_leaks=0 "$work/watched" "$work/stub_hal.so" "$module" >/dev/null

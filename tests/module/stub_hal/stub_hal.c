@@ -34,7 +34,7 @@ struct pin {
     char name[HAL_NAME_LEN + 1];
     hal_type_t type;
     int dir;
-    union { double f; rtapi_s32 s; rtapi_u32 u; bool b; } value;
+    union { double f; rtapi_s32 s; rtapi_u32 u; bool b; rtapi_u64 all; } value;
     void *parameter;
 };
 
@@ -271,6 +271,33 @@ PIN_CONSTRUCTORS(bit, BIT)
 PIN_CONSTRUCTORS(float, FLOAT)
 PIN_CONSTRUCTORS(u32, U32)
 PIN_CONSTRUCTORS(s32, S32)
+
+// Those of LinuxCNC 2.10, also beside the header of an older one: which HAL a module is built for is
+// not the stub's affair.
+#ifndef HAL_REAL
+typedef struct stub_reference *hal_bool_t, *hal_real_t, *hal_sint_t, *hal_uint_t;
+typedef hal_pin_dir_t hal_pdir_t;
+#endif
+
+#define REFERENCE_CONSTRUCTOR(kind, reference, value_type, KIND, write)                    \
+    EXPORT int hal_pin_new_##kind(int comp_id, hal_pdir_t dir, reference *pin,             \
+                                  value_type value, const char *fmt, ...)                  \
+    {                                                                                      \
+        char name[2 * HAL_NAME_LEN];                                                       \
+        va_list args;                                                                      \
+        va_start(args, fmt);                                                               \
+        vsnprintf(name, sizeof name, fmt, args);                                           \
+        va_end(args);                                                                      \
+        int code = hal_pin_new(name, HAL_##KIND, (hal_pin_dir_t)dir, (void **)pin, comp_id); \
+        if (code == 0)                                                                     \
+            write;                                                                         \
+        return code;                                                                       \
+    }
+
+REFERENCE_CONSTRUCTOR(bool, hal_bool_t, bool, BIT, *(rtapi_u64 *)*pin = value)
+REFERENCE_CONSTRUCTOR(real, hal_real_t, double, FLOAT, *(double *)*pin = value)
+REFERENCE_CONSTRUCTOR(ui32, hal_uint_t, rtapi_u32, U32, *(rtapi_u64 *)*pin = value)
+REFERENCE_CONSTRUCTOR(si32, hal_sint_t, rtapi_s32, S32, *(rtapi_s64 *)*pin = value)
 
 EXPORT int hal_export_funct(const char *name, void (*funct)(void *, long), void *arg,
                             int uses_fp, int reentrant, int comp_id)

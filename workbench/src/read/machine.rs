@@ -36,6 +36,10 @@ const PARAMETERS: [&str; 9] = [
     "second_boxes",
 ];
 
+/// Why a file with `sparm=` is not judged.
+const IDENTITY_FIRST: &str = "pkm judges a machine that LinuxCNC starts in its own kinematics, and sparm=identityfirst \
+     starts it in the identity: expected a copy of the file without sparm=, the machine is the same";
+
 /// Those that may be given without a value.
 const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
 
@@ -392,6 +396,9 @@ fn load(ini: &Ini) -> Result<Load, IniError> {
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
+    }
+    if words.clone().any(|word| word.starts_with("sparm=")) {
+        return Err(ini.refuse(entry, IDENTITY_FIRST));
     }
     let mut given: [Option<&[u8]>; PARAMETERS.len()] = [None; PARAMETERS.len()];
     for word in words {

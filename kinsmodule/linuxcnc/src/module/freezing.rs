@@ -118,7 +118,7 @@ impl Module {
         self.pins.geometry_hash.set(hash);
         self.pins.geometry_changed.set(false);
         self.take_chain(machine.size());
-        let tool = self.pins.tool(given.spindle_offset);
+        let tool = self.requested_tool(given.spindle_offset);
         if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
         }

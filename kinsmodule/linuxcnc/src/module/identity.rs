@@ -3,13 +3,35 @@
 
 use super::Module;
 use crate::crossing::Crossing;
-use kinematics::{Cause, Fault, Jacobian, Joints, Letter, MAX_JOINTS, Pose, World};
+use kinematics::{Cause, Fault, Jacobian, Joints, Letter, Load, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Machine,
     Identity,
+}
+
+impl Kind {
+    /// The kinematics with which LinuxCNC starts.
+    pub(super) fn first(load: &Load) -> Self {
+        if load.is_identity_first() { Self::Identity } else { Self::Machine }
+    }
+
+    /// The kinematics of a number that there may be.
+    fn numbered(number: i32, load: &Load) -> Option<Self> {
+        match number {
+            0 => Some(Self::first(load)),
+            1 if load.is_identity_first() => Some(Self::Machine),
+            1 => Some(Self::Identity),
+            _ => None,
+        }
+    }
+
+    /// Its number.
+    fn number(self, load: &Load) -> usize {
+        usize::from(self != Self::first(load))
+    }
 }
 
 /// What a switch of the kinematics leads to.
@@ -21,7 +43,7 @@ pub struct Asked {
 }
 
 impl Module {
-    /// Changes the kinematics: 0 the machine, 1 identity. Where it is refused, nothing changes.
+    /// Changes the kinematics: 0 the machine, 1 identity, or the other way round. Where it is refused, nothing changes.
     pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
         let asked = self.asked(number);
         let asked = self.switch_granted(asked)?;
@@ -60,7 +82,7 @@ impl Module {
             }
         }
         self.kind = kind;
-        self.pins.show_type(kind);
+        self.pins.show_type(kind.number(&self.load));
     }
 
     /// The pose to which the identity kinematics have moved the joints, if they have.
@@ -77,12 +99,18 @@ impl Module {
         Ok(Some(machine.forward(&joints, &last, &self.tool.of_machine(), &solver)?.pose))
     }
 
+    /// The kinematics of a number, if the module has them.
+    pub fn kind_numbered(&self, number: i32) -> Option<Kind> {
+        self.kind_of(number).ok()
+    }
+
     fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
-        match number {
-            0 => Ok(Kind::Machine),
-            1 if self.layout().joint_letters().is_some() => Ok(Kind::Identity),
-            1 => Err(Cause::IdentityImpossible.into()),
-            _ => Err(Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number))),
+        match Kind::numbered(number, &self.load) {
+            Some(Kind::Identity) if !self.load.has_identity() => {
+                Err(Cause::IdentityImpossible.into())
+            }
+            Some(kind) => Ok(kind),
+            None => Err(Fault::with_value(Cause::KinematicsTypeUnknown, f64::from(number))),
         }
     }
 

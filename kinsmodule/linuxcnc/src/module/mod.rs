@@ -26,6 +26,7 @@ use freezing::Frozen;
 use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
 use report::Reports;
 use seeds::Seeds;
+use tool_offset::SentTool;
 
 /// State between calls, of one mechanism.
 pub struct Module {
@@ -59,6 +60,7 @@ pub struct Module {
     /// A joint's feedback that is no number, in the last forward.
     lost: Option<Fault>,
     tool: Tool,
+    sent_tool: SentTool,
     correction: Correction,
     calls: Calls,
     seeds: Seeds,
@@ -84,12 +86,13 @@ impl Module {
             apply_was: false,
             apply_used: false,
             machine_was_on: false,
-            kind: Kind::Machine,
+            kind: Kind::first(&load),
             identity_joints: None,
             pose_is_unknown: false,
             refused: false,
             lost: None,
             tool: Tool::new(),
+            sent_tool: SentTool::new(),
             correction: Correction::NONE,
             calls: Calls::default(),
             seeds: Seeds::new(),
@@ -170,7 +173,7 @@ impl Module {
     #[inline(always)]
     fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
-        let request = self.pins.tool(frozen.given.spindle_offset);
+        let request = self.requested_tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
             frozen.machine.inverse_into(pose, &tool, joints)?;
             self.correction.add(joints);

@@ -15,6 +15,7 @@ impl Module {
         self.watch_apply();
         self.watch_reset();
         let commanded = self.calls.end_cycle();
+        self.watch_tool_pins();
         self.advance_tool(commanded, seconds);
         self.advance_correction(seconds);
         self.watch_geometry();

@@ -3,10 +3,61 @@
 
 use super::Module;
 use super::freezing::Frozen;
+use crate::hal::print_error;
 use crate::tool::{Cycle, NOTICEABLE, shift};
-use kinematics::{Cause, Fault, Pose, Vector3};
+use kinematics::{Cause, Fault, Pose, Vector3, text};
+
+/// Cycles for which pins may differ from what LinuxCNC hands over: it sets its own pins later in a cycle,
+/// and what is netted to them through another component is later by some more.
+const LATE_CYCLES: u32 = 1000;
+
+/// The tool offset that LinuxCNC hands over, where it does.
+pub(super) struct SentTool {
+    offset: Option<Vector3<f64>>,
+    /// For so many cycles the pins have differed from it.
+    differing: u32,
+}
+
+impl SentTool {
+    pub(super) const fn new() -> Self {
+        Self { offset: None, differing: 0 }
+    }
+
+    /// Counts a cycle; returns whether the pins have just differed for too long, once.
+    fn is_contradicted_by(&mut self, pins: &Vector3<f64>) -> bool {
+        match self.offset {
+            _ if self.differing > LATE_CYCLES => return false,
+            Some(offset) if offset != *pins => self.differing += 1,
+            _ => self.differing = 0,
+        }
+        self.differing > LATE_CYCLES
+    }
+}
 
 impl Module {
+    /// Takes a request that replaces the one of the pins, from now on.
+    pub fn request_tool(&mut self, offset: [f64; 3]) {
+        self.sent_tool.offset = Some(offset.into());
+    }
+
+    /// The requested tool vector o, with the spindle offset in force.
+    #[inline(always)]
+    pub(super) fn requested_tool(&self, spindle_offset: f64) -> Vector3<f64> {
+        let mut tool = self.sent_tool.offset.unwrap_or_else(|| self.pins.tool());
+        tool.z += spindle_offset;
+        tool
+    }
+
+    /// Reports pins that are not read although they say something else: once.
+    pub(super) fn watch_tool_pins(&mut self) {
+        if self.sent_tool.offset.is_some() && self.sent_tool.is_contradicted_by(&self.pins.tool()) {
+            print_error(&text![
+                "pkmkins: LinuxCNC hands over its tool offset, and the tool-offset pins differ from it: \
+                 they are not read. Net them to motion.tooloffset"
+            ]);
+        }
+    }
+
     /// The tool offset to compute with.
     ///
     /// A request takes effect at once with the machine off and before any pose is known.
@@ -15,7 +66,7 @@ impl Module {
     #[inline(always)]
     pub(super) fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.offset());
-        let request = self.pins.tool(frozen.given.spindle_offset);
+        let request = self.requested_tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
             return Ok(tool);
         }
@@ -82,7 +133,7 @@ impl Module {
         let Some(Frozen { machine, given }) = &self.frozen else {
             return Ok(());
         };
-        let request = self.pins.tool(given.spindle_offset);
+        let request = self.requested_tool(given.spindle_offset);
         if self.tool.is_at(&request) {
             return Ok(());
         }
@@ -118,7 +169,7 @@ impl Module {
     /// Takes the tool offset that forward has to use.
     #[inline(always)]
     pub(super) fn retool_for_forward(&mut self) -> Result<(), Fault> {
-        let request = self.pins.tool(self.frozen()?.given.spindle_offset);
+        let request = self.requested_tool(self.frozen()?.given.spindle_offset);
         if self.tool.has(&request) {
             return Ok(());
         }

@@ -17,7 +17,6 @@ pub use jog::JogPins;
 pub use maker::{Maker, Place};
 
 use crate::hal::{Component, Direction, HalError, Pin};
-use crate::module::Kind as Kinematics;
 use crate::tool::JointLimits;
 use chain::ChainPins;
 pub use correction::CorrectionPins;
@@ -281,13 +280,9 @@ impl Pins {
         (pins.given(layout), pins.geometry.get())
     }
 
-    /// The requested tool vector o, with the spindle offset in force.
-    pub fn tool(&self, spindle_offset: f64) -> Vector3<f64> {
-        Vector3::new(
-            self.tool_offset_x.get(),
-            self.tool_offset_y.get(),
-            spindle_offset + self.tool_offset.get(),
-        )
+    /// The requested tool offset.
+    pub fn tool(&self) -> Vector3<f64> {
+        Vector3::new(self.tool_offset_x.get(), self.tool_offset_y.get(), self.tool_offset.get())
     }
 
     /// Limits of the joints, live, with room for their corrections; those beyond the last joint are none.
@@ -385,9 +380,10 @@ impl Pins {
         }
     }
 
-    pub fn show_type(&self, kind: Kinematics) {
+    /// Shows the number of the kinematics in force.
+    pub fn show_type(&self, number: usize) {
         for (n, pin) in self.is_type.iter().enumerate() {
-            pin.set(n == kind as usize);
+            pin.set(n == number);
         }
     }
 }

@@ -34,6 +34,7 @@ type JacobianFn =
 type FrameFn = unsafe extern "C" fn(*const f64, *mut Columns, *const c_ulong) -> c_int;
 type PlainFn = unsafe extern "C" fn() -> c_int;
 type SwitchFn = unsafe extern "C" fn(c_int) -> c_int;
+type SetToolFn = unsafe extern "C" fn(*const Pose) -> c_int;
 
 struct Entry {
     forward: ForwardFn,
@@ -45,6 +46,8 @@ struct Entry {
     jacobian: Option<JacobianFn>,
     tool_frame: Option<FrameFn>,
     work_frame: Option<FrameFn>,
+    type_flags: Option<SwitchFn>,
+    set_tool: Option<SetToolFn>,
 }
 
 /// Why a module was not loaded.
@@ -217,6 +220,25 @@ impl Module {
         unsafe { (self.entry.switch)(kind) }
     }
 
+    /// `kinematicsTypeFlags`.
+    /// # Panics
+    /// If the module does not export it.
+    pub fn type_flags(&self, kind: i32) -> i32 {
+        let call = self.entry.type_flags.expect("kinematicsTypeFlags is exported");
+        // SAFETY: plain number, module started.
+        unsafe { call(kind) }
+    }
+
+    /// `kinematicsSetTool`; `None` as a null pointer.
+    /// # Panics
+    /// If the module does not export it.
+    pub fn set_tool(&self, tool: Option<&Pose>) -> i32 {
+        self.world.enter();
+        let call = self.entry.set_tool.expect("kinematicsSetTool is exported");
+        // SAFETY: null, or a live object of the size LinuxCNC uses.
+        unsafe { call(tool.map_or(std::ptr::null(), std::ptr::from_ref)) }
+    }
+
     /// `kinematicsInverse` into the caller's joints.
     pub fn inverse_into(&self, pose: &Pose, joints: &mut Joints) -> i32 {
         self.world.enter();
@@ -364,6 +386,8 @@ impl Entry {
             jacobian: function!(object, "kinematicsJacobian", JacobianFn),
             tool_frame: function!(object, "kinematicsToolFrame", FrameFn),
             work_frame: function!(object, "kinematicsWorkFrame", FrameFn),
+            type_flags: function!(object, "kinematicsTypeFlags", SwitchFn),
+            set_tool: function!(object, "kinematicsSetTool", SetToolFn),
         })
     }
 }

@@ -39,6 +39,7 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("second_coordinates", "XYZ", "second_coordinates=XYZ"),
     ("second_angles", "C", "second_angles=C"),
     ("second_boxes", "1", "second_boxes=1"),
+    ("sparm", "identity", "sparm=identity:"),
 ];
 
 /// Second mechanisms beside slider:4 with XYZB that must be refused: legs, coordinates, angles, and a
@@ -207,7 +208,7 @@ fn a_long_parameter_is_refused_and_not_copied_beyond_its_buffer() {
 
 #[test]
 fn an_unknown_parameter_has_no_symbol_to_be_written_to() {
-    let error = Module::try_pkmkins(&[("sparm", "x")]).err().expect("refused");
+    let error = Module::try_pkmkins(&[("kinstype", "x")]).err().expect("refused");
     assert_eq!(error.code, 0, "rtapi_app itself refuses it: {error:?}");
 }
 
@@ -223,7 +224,7 @@ fn the_module_is_of_type_both_and_switchable() {
 fn parameters_and_licence_are_described_for_rtapi_app() {
     let module = Module::pkmkins(&[]);
     assert_eq!(module.text("rtapi_info_license").as_deref(), Some("GPL"));
-    for parameter in ["legs", "coordinates", "table", "boxes", "second", "second_angles"] {
+    for parameter in ["legs", "coordinates", "table", "boxes", "second", "second_angles", "sparm"] {
         let kind = module.text(&format!("rtapi_info_type_{parameter}"));
         assert_eq!(kind.as_deref(), Some("s"), "{parameter}");
         let description = module.text(&format!("rtapi_info_description_{parameter}"));

@@ -229,6 +229,10 @@ fn the_jacobian_has_the_rows_of_both_in_their_own_columns() {
         });
         let count = two.first.machine.joints();
         let mut expected = own[0];
+        // A letter that the first holds moves none of its joints, whosever it is.
+        for column in (0..6).filter(|c| !two.first.machine.moves(*c)) {
+            expected[..count].iter_mut().for_each(|row| row[column] = 0.0);
+        }
         for (row, of_second) in expected[count..].iter_mut().zip(own[1]) {
             for (value, place) in of_second.iter().zip(two.places()) {
                 place.into_iter().for_each(|place| row[place] = *value);
@@ -298,6 +302,19 @@ fn a_tool_change_of_one_at_a_tilt_moves_that_one_and_holds_both() {
     assert!((4..8).all(|j| (after[j] - before[j]).abs() > 0.1), "{after:?} {before:?}");
     assert_eq!(module.get("second.tool-offset-eff-x"), 100.0);
     assert!(!module.is_on("feed-inhibit"));
+}
+
+#[test]
+fn a_tool_offset_that_linuxcnc_hands_over_is_xyz_for_the_first_and_uvw_for_the_second() {
+    let module = mirrored().module();
+    let tool = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0];
+    assert_eq!(module.set_tool(Some(&tool)), 0);
+    module.monitor();
+    let shown =
+        |stem: &str| ["x", "y", "z"].map(|l| module.get(&format!("{stem}tool-offset-eff-{l}")));
+    module.monitor();
+    assert_eq!(shown(""), [1.0, 2.0, 3.0]);
+    assert_eq!(shown("second."), [4.0, 5.0, 6.0]);
 }
 
 #[test]

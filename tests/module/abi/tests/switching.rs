@@ -50,6 +50,59 @@ fn types_that_do_not_exist_are_refused_and_change_nothing() {
     assert_eq!(module.inverse(&POSE), joints);
 }
 
+/// KINSTYPE_IDENTITY and KINSTYPE_PRIMARY of LinuxCNC's kinematics.h, and what it takes for no such type.
+const IDENTITY: i32 = 1;
+const PRIMARY: i32 = 2;
+const NONE: i32 = -1;
+
+fn flags(module: &Module) -> [i32; 5] {
+    [0, 1, 2, -1, i32::MAX].map(|kind| module.type_flags(kind))
+}
+
+#[test]
+fn the_types_say_what_they_are_whichever_is_in_force() {
+    let module = paper_004().module();
+    for kind in [0, 1] {
+        assert_eq!(module.switch(kind), 0);
+        assert_eq!(flags(&module), [PRIMARY, IDENTITY, NONE, NONE, NONE]);
+    }
+    for machine in [pyramid(), octopod()] {
+        assert_eq!(flags(&machine.module()), [PRIMARY, NONE, NONE, NONE, NONE]);
+    }
+}
+
+#[test]
+fn with_identityfirst_type_0_is_the_identity_and_type_1_the_machine() {
+    let machine = paper_004();
+    let expected = machine.module().inverse(&POSE).expect("a pose of the workspace");
+    let module = Module::pkmkins(&[("sparm", "identityfirst")]);
+    machine.wire(&module);
+    module.apply();
+    assert_eq!(flags(&module), [IDENTITY, PRIMARY, NONE, NONE, NONE]);
+    assert_eq!(types(&module), [true, false, false]);
+    let joints = module.inverse(&POSE).expect("identity knows no limit");
+    assert_eq!(joints[..6], POSE[..6]);
+    module.forward(&expected, &POSE).expect("joints are letters");
+    assert_eq!(module.switch(1), 0, "{:?}", module.messages());
+    assert_eq!(types(&module), [false, true, false]);
+    assert_eq!(module.inverse(&POSE), Err(Cause::PoseUnknown.code()), "not before forward");
+    let found = module.forward(&expected, &[0.0; 9]).expect("from the pose given as home");
+    assert!(distance(&found, &POSE, machine.radius()) <= WRONG_REL * machine.size(), "{found:?}");
+    assert_eq!(module.inverse(&POSE), Ok(expected));
+    assert_eq!(module.switch(0), 0);
+    assert_eq!(types(&module), [true, false, false]);
+    assert_eq!(module.inverse(&POSE).map(|joints| joints[0]), Ok(POSE[0]));
+    assert_ne!(module.switch(2), 0);
+}
+
+#[test]
+fn identityfirst_is_refused_where_legs_exceed_coordinates() {
+    let given =
+        [("legs", "slider:4"), ("coordinates", "ZAB"), ("table", "XY"), ("sparm", "identityfirst")];
+    let said = Module::try_pkmkins(&given).err().expect("refused").messages.join(" ");
+    assert!(said.contains("sparm=identityfirst") && said.contains("coordinates"), "{said}");
+}
+
 /// A seed that LinuxCNC has got from its home pose, not from joint values.
 fn found_after(module: &Module) {
     let joints = paper_004().module().inverse(&POSE).expect("a pose of the workspace");

@@ -496,3 +496,60 @@ fn whatever_is_asked_for_forward_follows_the_joints() {
         assert!(off < SAME_COMPONENT, "cycle {from}: {pose:?} from {joints:?}");
     }
 }
+
+/// LinuxCNC's own call hands the offset over before the pins change, and the pins follow.
+#[test]
+fn an_offset_that_linuxcnc_hands_over_goes_the_way_of_one_on_the_pins() {
+    let by_pins = hexapod();
+    let mut thread = Thread::at(&by_pins, TILTED);
+    request(&by_pins, LONG);
+    thread.settle().expect("a change within reach");
+    let joints = thread.joints;
+
+    let by_call = hexapod();
+    let mut thread = Thread::at(&by_call, TILTED);
+    assert_eq!(by_call.set_tool(Some(&sent(LONG))), 0);
+    request(&by_call, LONG);
+    thread.settle().expect("a change within reach");
+    assert_eq!(in_effect(&by_call), LONG);
+    assert_eq!(thread.joints, joints, "cycle by cycle");
+    let (speed, acceleration) = thread.shares(&USUAL);
+    assert!(speed <= 1.0 && acceleration <= 1.0 + LIMIT_ROUNDING, "{speed}, {acceleration}");
+    assert_eq!(said(&by_call), "");
+}
+
+fn sent(tool: [f64; 3]) -> Pose {
+    let [x, y, z] = tool;
+    [x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+}
+
+#[test]
+fn what_linuxcnc_hands_over_counts_and_pins_that_contradict_it_are_told_once() {
+    let module = hexapod();
+    let mut thread = Thread::at(&module, TILTED);
+    assert_eq!(module.set_tool(Some(&sent([0.0; 3]))), 0);
+    request(&module, LONG);
+    thread.cycles(1000);
+    assert_eq!((in_effect(&module), said(&module)), ([0.0; 3], String::new()));
+    thread.cycles(3000);
+    assert_eq!(in_effect(&module), [0.0; 3]);
+    let messages = module.messages();
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(messages[0].text.contains("motion.tooloffset"), "{messages:?}");
+}
+
+#[test]
+fn no_offset_handed_over_changes_nothing_and_one_that_is_no_number_is_refused() {
+    let module = hexapod();
+    let mut thread = Thread::at(&module, TILTED);
+    assert_eq!(module.set_tool(None), -1);
+    request(&module, LONG);
+    thread.settle().expect("the pins still count");
+    assert_eq!(in_effect(&module), LONG);
+    let before = module.inverse(&TILTED);
+    assert_eq!(module.set_tool(Some(&sent([0.0, f64::NAN, 0.0]))), 0);
+    assert_eq!(thread.cycle(), Err(Cause::ToolNotFinite.code()));
+    assert_eq!(module.set_tool(Some(&sent(LONG))), 0);
+    thread.cycles(3);
+    assert_eq!(module.inverse(&TILTED), before);
+}

@@ -65,6 +65,7 @@ struct Proved<'a> {
 
 /// All checks.
 pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
+    let contract = &contract.of(&built.imports);
     let mut graph = Graph::new(built);
     let proved: Vec<Proved> = contract
         .entry
@@ -168,7 +169,7 @@ fn imports(built: &Built, contract: &Contract) -> Check {
 
 /// LinuxCNC refuses a module of which it cannot find every symbol.
 fn missing(built: &Built, contract: &Contract, version: &Version) -> Check {
-    let Version { version, exports } = version;
+    let Version { version, exports, .. } = version;
     let complaints: Vec<String> = contract
         .import
         .iter()

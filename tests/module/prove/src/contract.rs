@@ -2,6 +2,7 @@
 //! What the module promises: a table that people read and extend.
 
 use serde::Deserialize;
+use std::collections::BTreeSet;
 
 /// When a function runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -43,6 +44,16 @@ pub enum Provider {
     C,
 }
 
+/// How LinuxCNC makes pins; the module is built for one of the two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Hal {
+    /// A pointer to a value of the pin's type: LinuxCNC 2.9, and still 2.10.
+    Pointers,
+    /// A reference to 64 bits with getters and setters: LinuxCNC 2.10.
+    References,
+}
+
 /// A symbol of another library.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +65,8 @@ pub struct Import {
     pub from: Provider,
     /// `run`: may be called in the servo thread.
     pub when: When,
+    /// Only of a module that is built for this HAL.
+    pub hal: Option<Hal>,
     /// Why it is needed, and why it does no harm.
     pub reason: String,
 }
@@ -64,6 +77,9 @@ pub struct Import {
 pub struct Version {
     /// Its first two numbers.
     pub version: String,
+    /// What it offers; none: the module has no pins.
+    #[serde(default)]
+    pub hal: Vec<Hal>,
     /// Symbols of HAL and RTAPI that it exports to realtime modules.
     pub exports: Vec<String>,
 }
@@ -88,5 +104,20 @@ impl Contract {
     /// The place of the mistake in words.
     pub fn parse(text: &str) -> Result<Contract, String> {
         toml::from_str(text).map_err(|error| error.to_string())
+    }
+
+    /// What is promised of a module with these imports: of the HAL that it is built for.
+    #[must_use]
+    pub fn of(&self, imports: &BTreeSet<String>) -> Contract {
+        let own = self.import.iter().find(|i| i.hal.is_some() && imports.contains(&i.name));
+        let hal = own.and_then(|i| i.hal);
+        let is_own = |import: &Import| import.hal.is_none() || import.hal == hal;
+        let loads = |version: &Version| hal.is_none_or(|hal| version.hal.contains(&hal));
+        Contract {
+            entry: self.entry.clone(),
+            data: self.data.clone(),
+            import: self.import.iter().filter(|i| is_own(i)).cloned().collect(),
+            linuxcnc: self.linuxcnc.iter().filter(|v| loads(v)).cloned().collect(),
+        }
     }
 }

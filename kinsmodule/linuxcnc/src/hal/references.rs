@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The HAL of LinuxCNC 2.10: a pin is a reference to 64 bits, of which each type has its way to be read
+//! and written.
+//!
+//! LinuxCNC's header has these ways as inline functions, which a library cannot import. They are
+//! written here once more, and `tests/module/c` compares them with the header's own.
+//!
+//! Whole numbers have 32 bits: HAL nets a pin only with signals of its type, and those of other modules
+//! have 32 as well until LinuxCNC changes all of them.
+
+use super::PinValue;
+use core::ffi::{c_char, c_int};
+
+unsafe extern "C" {
+    fn hal_pin_new_real(
+        component: c_int,
+        direction: c_int,
+        pin: *mut *mut f64,
+        value: f64,
+        format: *const c_char,
+        ...
+    ) -> c_int;
+    fn hal_pin_new_bool(
+        component: c_int,
+        direction: c_int,
+        pin: *mut *mut bool,
+        value: bool,
+        format: *const c_char,
+        ...
+    ) -> c_int;
+    fn hal_pin_new_ui32(
+        component: c_int,
+        direction: c_int,
+        pin: *mut *mut u32,
+        value: u32,
+        format: *const c_char,
+        ...
+    ) -> c_int;
+    fn hal_pin_new_si32(
+        component: c_int,
+        direction: c_int,
+        pin: *mut *mut i32,
+        value: i32,
+        format: *const c_char,
+        ...
+    ) -> c_int;
+}
+
+/// The type, the call that makes its pin, the part of the 64 bits that is read, and what is written.
+macro_rules! pin_value {
+    ($($type:ty => $call:ident, $part:ty => $read:expr, $whole:ty => $write:expr;)*) => {$(
+        impl PinValue for $type {
+            unsafe fn create(
+                name: *const c_char,
+                direction: c_int,
+                pin: *mut *mut Self,
+                component: c_int,
+                value: Self,
+            ) -> c_int {
+                // SAFETY: passed on to the caller; "%s" takes one string.
+                unsafe { $call(component, direction, pin, value, c"%s".as_ptr(), name) }
+            }
+
+            #[inline]
+            unsafe fn read(pin: *mut Self) -> Self {
+                let read: fn($part) -> Self = $read;
+                // SAFETY: passed on to the caller.
+                read(unsafe { pin.cast::<$part>().read_volatile() })
+            }
+
+            #[inline]
+            unsafe fn write(pin: *mut Self, value: Self) {
+                let whole: fn(Self) -> $whole = $write;
+                // SAFETY: the caller vouches for the 64 bits of a pin.
+                unsafe { pin.cast::<$whole>().write_volatile(whole(value)) }
+            }
+        }
+    )*};
+}
+
+pin_value! {
+    f64 => hal_pin_new_real, f64 => |value| value, f64 => |value| value;
+    bool => hal_pin_new_bool, u8 => |byte| byte != 0, u64 => u64::from;
+    u32 => hal_pin_new_ui32, u32 => |value| value, u64 => u64::from;
+    i32 => hal_pin_new_si32, i32 => |value| value, i64 => i64::from;
+}
