@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 pub(crate) const MEETING: f64 = 1e-3;
 
 /// The limits that a machine's file sets.
-pub(crate) fn of(config: &MachineConfig) -> Limits {
+pub fn of(config: &MachineConfig) -> Limits {
     let mut limits = Limits {
         tilt: config.tilt_limit.unwrap_or(0.0),
         conditioning: config.conditioning_limit,
