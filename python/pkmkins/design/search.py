@@ -12,7 +12,7 @@ from pymoo.core.evaluator import Evaluator
 from pymoo.core.problem import Problem
 from pymoo.operators.sampling.lhs import LHS
 from pymoo.problems.static import StaticProblem
-from scipy.stats.qmc import Sobol
+from scipy.stats.qmc import Halton
 
 from .engine import Serial
 from .record import Record
@@ -40,12 +40,12 @@ def design(study, results, *, engine=None, progress=lambda *_: None):
 def sample(study, results, shard, *, engine=None, progress=lambda *_: None):
     """Judges one part of a plain sample: number `shard[0]` of `shard[1]`, each with a file of its own.
 
-    The sample is Sobol's sequence over the ranges, as many points as the study has candidates; `merge` puts the
+    The sample is Halton's sequence over the ranges, as many points as the study has candidates; `merge` puts the
     files together.
     """
     engine = engine or Serial()
     number, count = shard
-    points = Sobol(len(study.ranges), rng=study.seed).random(study.candidates)
+    points = Halton(len(study.ranges), rng=study.seed).random(study.candidates)
     low, high = _bounds(study)
     mine = (low + points * (high - low))[number - 1 :: count]
     with Record(results, study) as record:
