@@ -18,7 +18,7 @@ def preflight(machine, program, *options):
     `machine` and `program` are files, `options` further words of the command line. `fits` is True, False,
     or None where that could not be judged.
     """
-    return _asked("preflight", machine, program, *options)
+    return asked("preflight", machine, program, *options)
 
 
 def calibrate(machine, *files):
@@ -27,7 +27,7 @@ def calibrate(machine, *files):
     `files` are logs, tables of readings, and further words of the command line, such as
     `"--plate", "plate.toml", "--write", "new.ini"`.
     """
-    return _asked("calibrate", machine, *files)
+    return asked("calibrate", machine, *files)
 
 
 def pkm():
@@ -38,7 +38,8 @@ def pkm():
     return found
 
 
-def _asked(*words):
+def asked(*words):
+    """The answer of a subcommand of `pkm` as a dictionary, as docs/json.md describes it."""
     words = [os.fspath(word) if isinstance(word, Path) else str(word) for word in words]
     run = subprocess.run([pkm(), "--format", "json", *words], capture_output=True, text=True)
     try:

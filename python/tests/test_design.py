@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("pymoo")
 
-from pkmkins.design import Study, StudyError, design, judge, write_machine  # noqa: E402
+from pkmkins.design import Study, StudyError, design, judge, scatter, write_machine  # noqa: E402
 from pkmkins.design.command import main  # noqa: E402
 from pkmkins.design.engine import Cluster, Processes  # noqa: E402
 from pkmkins.design.record import RecordError  # noqa: E402
@@ -172,6 +172,17 @@ def test_unknown_kinds_and_dimensions_are_refused(study):
         judge(Study.parse(STUDY.replace('kind = "hexapod"', 'kind = "heptapod"')), [400, 15, 180])
     with pytest.raises(ValueError, match="a hexapod has no such value"):
         judge(Study.parse(STUDY.replace("base_radius =", "base_width =")), [400, 15, 180])
+
+
+def test_inaccuracies_of_making_scatter_as_the_slope_says():
+    """Across the kink of the tripod's stiffness both sides have slopes that are known: 3 k cos² s, 3/2 k sin² s."""
+    study, far = Study.parse(TRIPOD), 800.0
+    spread = scatter(study, [far], 1.0, 0.0)
+    slope = -2 * 3 * 10_000 * 400**2 * far / (far**2 + 400**2) ** 2
+    assert spread.fitting == 1
+    # 64 draws know a standard deviation to a tenth; three of them.
+    assert spread.deviation[0] == pytest.approx(abs(slope), rel=0.3)
+    assert scatter(study, [far], 0.0, 0.0).deviation == (0.0,)
 
 
 def test_the_chosen_machine_is_written_checked_and_has_the_box(study, tmp_path):

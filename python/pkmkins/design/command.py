@@ -2,6 +2,7 @@
 """The command `pkm design`, which finds this program as `pkm-design`."""
 
 import argparse
+import json
 import sys
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ from ..command import CommandFailed
 from .engine import Cluster, EngineError, Processes, Serial
 from .record import RecordError
 from .result import write_machine
+from .scatter import scatter
 from .search import design, merge, sample
 from .study import OBJECTIVES, Study, StudyError
 
@@ -56,9 +58,17 @@ def _parser():
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a scheduler of Dask, such as tcp://host:8786")
     parser.add_argument("--shard", metavar="K/N", type=_shard, help="judge part K of N of a plain sample instead")
     parser.add_argument("--merge", metavar="FILE", nargs="+", type=Path, help="put files of judgements together")
+    parser.add_argument(
+        "--tolerance",
+        metavar=("LENGTH", "DEGREES"),
+        nargs=2,
+        type=_deviation,
+        help="also what is left of the chosen machine when lengths and angles are off by these standard deviations",
+    )
     parser.add_argument("--csv", metavar="FILE.csv", type=Path, help="also the front as CSV")
     parser.add_argument("--page", metavar="FILE.html", type=Path, help="also the front as a page")
     parser.add_argument("--write", metavar="FOLDER", type=Path, help="also the chosen machine as a configuration")
+    parser.add_argument("--format", choices=["text", "json"], default="text", help="text for people or JSON for programs")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.add_argument("--version", action="version", version=f"pkmkins {VERSION}")
     return parser
@@ -68,6 +78,16 @@ def _count(text):
     if not text.isdecimal() or not 1 <= int(text) <= 1024:
         raise argparse.ArgumentTypeError(f"{text}: expected 1 to 1024")
     return int(text)
+
+
+def _deviation(text):
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: expected a number of 0 or more")
+    return value
 
 
 def _shard(text):
@@ -85,7 +105,13 @@ def _run(given):
     if given.write and given.write.exists():
         raise StudyError(f"{given.write} is there already, and nothing in it is changed: give another folder")
     front = _front(given, study, results)
-    print(front)
+    found = front.fields()
+    if given.tolerance and front.machines:
+        spread = scatter(study, front.chosen()[0], *given.tolerance)
+        found["tolerances"] = {"mean": spread.mean, "deviation": spread.deviation, "fitting": spread.fitting}
+    print(json.dumps(found, indent=2) if given.format == "json" else front)
+    if given.tolerance and front.machines and given.format == "text":
+        print(spread.lines(study))
     if given.csv:
         given.csv.write_text(front.csv())
     if given.page:
@@ -94,7 +120,9 @@ def _run(given):
         return 1
     if given.write:
         values, _ = front.chosen()
-        print(write_machine(study, values, given.write))
+        said = write_machine(study, values, given.write)
+        if given.format == "text":
+            print(said)
     return 0
 
 

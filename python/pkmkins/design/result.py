@@ -65,6 +65,22 @@ class Front:
         rows.writerows([repr(x) for x in (*values, *objectives)] for values, objectives in self.machines)
         return text.getvalue()
 
+    def fields(self):
+        """The front for programs."""
+        rows = [dict(zip(self.names(), (*values, *objectives))) for values, objectives in self.machines]
+        chosen = self.chosen()
+        return {
+            "version": 1,
+            "command": "design",
+            "study": self.study.name,
+            "fits": bool(self.machines),
+            "judged": self.judged,
+            "fitting": self.fitting,
+            "constraints": dict(self.killers),
+            "front": rows,
+            "chosen": dict(zip(self.names(), (*chosen[0], *chosen[1]))) if chosen else None,
+        }
+
     def __str__(self):
         if not self.machines:
             return self.why_nothing()
