@@ -3,14 +3,14 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
+.PHONY: help python test-python wheel test-wheel python-figures demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
 # Beside them, a screen in memory with OpenGL, and pictures of it.
 SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 iproute2 procps valgrind
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.
@@ -86,6 +86,7 @@ help:
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX);"
 	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
+	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
 	@echo "make pictures   draws the pictures of the documentation again"
@@ -122,6 +123,7 @@ test: setup
 	tests/viewer/screens.py --only $(THREE)
 	tests/viewer/live_test.py
 	tests/virtual/guarded.py --programs 100
+	$(MAKE) --no-print-directory test-python
 	$(HOST_BUILD) --lib --bin pkm
 	tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
@@ -175,11 +177,43 @@ test-long: install
 	tests/virtual/guarded.py --programs 10000
 	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 	tests/live/soak.py --minutes 10
+	PKMKINS_CASES=10 $(MAKE) --no-print-directory test-wheel
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm
 test-bare:
 	tests/bare/run.sh $(SUITE)
+
+# The package for Python: what `cargo build` makes beside its sources, for the tests of kinematics with the
+# system's Python; and as the wheel that users install, with all that it can need, in an environment of its own.
+PYTHON_BUILT := build/python
+python: setup
+	PYO3_NO_PYTHON=1 $(HOST_BUILD) --bin pkm --lib
+	@rm -rf $(PYTHON_BUILT) && mkdir -p $(PYTHON_BUILT)
+	@cp -r python/pkmkins $(PYTHON_BUILT)/ && cp target/host/lib_core.so $(PYTHON_BUILT)/pkmkins/_core.abi3.so
+
+test-python: python
+	PKM=$(CURDIR)/target/host/pkm PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
+	    /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
+
+PYTHON_TOOLS := target/tools/python-package
+PYTHON := python3
+wheel: setup
+	@[ -x $(PYTHON_TOOLS)/bin/maturin ] || { $(PYTHON) -m venv $(PYTHON_TOOLS) && \
+	    $(PYTHON_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
+	$(PYTHON_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
+
+# Everything of it, from the wheel in a fresh environment: the search, Dask, the notebooks.
+test-wheel: wheel
+	$(HOST_BUILD) --bin pkm
+	@rm -rf build/wheel/env && $(PYTHON) -m venv build/wheel/env && \
+	    build/wheel/env/bin/pip install --quiet --require-hashes -r python/requirements.txt && \
+	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
+	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
+
+# Writes docs/design-figures.md.
+python-figures: test-wheel
+	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
 
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
 LINT = lint() { \
