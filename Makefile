@@ -196,12 +196,12 @@ test-python: python
 	PKM=$(CURDIR)/target/host/pkm PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
 	    /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
 
-PYTHON_TOOLS := target/tools/python-package
+WHEEL_TOOLS := target/tools/python-package
 PYTHON := python3
 wheel: setup
-	@[ -x $(PYTHON_TOOLS)/bin/maturin ] || { $(PYTHON) -m venv $(PYTHON_TOOLS) && \
-	    $(PYTHON_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
-	$(PYTHON_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
+	@[ -x $(WHEEL_TOOLS)/bin/maturin ] || { $(PYTHON) -m venv $(WHEEL_TOOLS) && \
+	    $(WHEEL_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
+	$(WHEEL_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
 
 # Everything of it, from the wheel in a fresh environment: the search, Dask, the notebooks.
 test-wheel: wheel
