@@ -240,7 +240,10 @@ impl Machine {
     }
 
     #[pyo3(signature = (*, orientations=None, tilt=None, start=None, study=None, bands=60, grid=0, tool=None))]
-    #[expect(clippy::too_many_arguments, reason = "named in Python, one for each option of pkm workspace")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "named in Python, one for each option of pkm workspace"
+    )]
     fn workspace(
         &self,
         py: Python<'_>,

@@ -13,9 +13,9 @@ use std::process::Command;
 const ALIKE: f64 = 0.8;
 
 pub fn run(words: &[OsString]) -> Result<Verdict, Failure> {
-    let (name, rest) = words.split_first().map_or((String::new(), words), |(name, rest)| {
-        (name.to_string_lossy().into_owned(), rest)
-    });
+    let (name, rest) = words
+        .split_first()
+        .map_or((String::new(), words), |(name, rest)| (name.to_string_lossy().into_owned(), rest));
     let program = format!("pkm-{name}");
     let mut command = Command::new(&program);
     command.args(rest);
@@ -46,6 +46,7 @@ fn unknown(name: &str) -> String {
         .map(|(known, _)| (strsim::jaro_winkler(known, name), known))
         .filter(|(likeness, _)| *likeness > ALIKE)
         .max_by(|one, other| one.0.total_cmp(&other.0));
-    let hint = near.map_or("pkm --help lists them".into(), |(_, near)| format!("did you mean {near}?"));
+    let hint =
+        near.map_or("pkm --help lists them".into(), |(_, near)| format!("did you mean {near}?"));
     format!("there is no subcommand {name}, and no program pkm-{name} in PATH: {hint}")
 }
