@@ -2,15 +2,14 @@
 //! Subcommands of other packages, as git has them: `pkm design` runs the program `pkm-design` in PATH.
 
 use super::failure::{Failure, refused};
-use super::{Cli, Verdict, output};
-use clap::CommandFactory;
+use super::{Verdict, grammar, output};
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-/// How much a word may differ from the one that was meant, by Jaro and Winkler: as clap judges its own.
-const ALIKE: f64 = 0.8;
+/// Those of the Python package.
+const OF_PYTHON: [&str; 2] = ["design", "compare"];
 
 pub fn run(words: &[OsString]) -> Result<Verdict, Failure> {
     let (name, rest) = words
@@ -28,25 +27,22 @@ pub fn run(words: &[OsString]) -> Result<Verdict, Failure> {
     // Comes back only where the program did not start.
     let error = command.exec();
     match error.kind() {
-        ErrorKind::NotFound => Err(refused(unknown(&name))),
+        ErrorKind::NotFound => Err(unknown(&name)),
         _ => Err(Failure::at(program, error)),
     }
 }
 
-fn unknown(name: &str) -> String {
-    if matches!(name, "design" | "compare") {
-        return format!(
+fn unknown(name: &str) -> Failure {
+    if OF_PYTHON.contains(&name) {
+        return refused(format!(
             "pkm {name} comes with the Python package pkmkins, and there is no program pkm-{name} in PATH: \
              docs/python.md says how to install it"
-        );
+        ));
     }
-    let cli = Cli::command();
-    let known = cli.get_subcommands().map(|command| (command.get_name(), command));
-    let near = known
-        .map(|(known, _)| (strsim::jaro_winkler(known, name), known))
-        .filter(|(likeness, _)| *likeness > ALIKE)
-        .max_by(|one, other| one.0.total_cmp(&other.0));
-    let hint =
-        near.map_or("pkm --help lists them".into(), |(_, near)| format!("did you mean {near}?"));
-    format!("there is no subcommand {name}, and no program pkm-{name} in PATH: {hint}")
+    // The grammar says what may have been meant.
+    let strict = grammar().allow_external_subcommands(false);
+    if let Err(error) = strict.try_get_matches_from(std::env::args_os()) {
+        error.exit();
+    }
+    refused(format!("there is no subcommand {name}"))
 }
