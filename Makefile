@@ -10,7 +10,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
 # Beside them, a screen in memory with OpenGL, and pictures of it.
 SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 iproute2 procps valgrind python3-numpy
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.
@@ -87,6 +87,7 @@ help:
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX);"
 	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
+	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
 	@echo "make pictures   draws the pictures of the documentation again"
@@ -147,6 +148,7 @@ test-aside: setup
 	$(BEHIND) tests/live/truth.py
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	$(BEHIND) tests/virtual/guarded.py --programs 100
+	$(BEHIND) $(MAKE) --no-print-directory test-python
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
 	$(BEHIND) $(MAKE) --no-print-directory prove counts check
@@ -193,11 +195,44 @@ test-long: install
 	tests/virtual/guarded.py --programs 10000
 	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 	tests/live/soak.py --minutes 10
+	PKMKINS_CASES=10 $(MAKE) --no-print-directory test-wheel
 
 # Says how long each took. As root, with debootstrap.
 SUITE := bookworm
 test-bare:
 	tests/bare/run.sh $(SUITE)
+
+# The package for Python: what `cargo build` makes beside its sources, for the tests of kinematics with the
+# system's Python; and as the wheel that users install, with all that it can need, in an environment of its own.
+PYTHON_BUILT := build/python
+.PHONY: python test-python wheel test-wheel python-figures
+python: setup
+	$(HOST_BUILD) --bin pkm --lib
+	@rm -rf $(PYTHON_BUILT) && mkdir -p $(PYTHON_BUILT)
+	@cp -r python/pkmkins $(PYTHON_BUILT)/ && cp target/host/lib_core.so $(PYTHON_BUILT)/pkmkins/_core.abi3.so
+
+test-python: python
+	PKM=$(CURDIR)/target/host/pkm PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
+	    /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
+
+WHEEL_TOOLS := target/tools/python-package
+PYTHON := python3
+wheel: setup
+	@[ -x $(WHEEL_TOOLS)/bin/maturin ] || { $(PYTHON) -m venv $(WHEEL_TOOLS) && \
+	    $(WHEEL_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
+	$(WHEEL_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
+
+# Everything of it, from the wheel in a fresh environment: the search, Dask, the notebooks.
+test-wheel: wheel
+	$(HOST_BUILD) --bin pkm
+	@rm -rf build/wheel/env && $(PYTHON) -m venv build/wheel/env && \
+	    build/wheel/env/bin/pip install --quiet --require-hashes -r python/requirements.txt && \
+	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
+	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
+
+# Writes docs/design-figures.md.
+python-figures: test-wheel
+	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
 
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
 LINT = lint() { \

@@ -191,3 +191,12 @@ fn outputs_that_cannot_be_written_are_refused_and_leave_nothing() {
         }
     }
 }
+
+#[test]
+fn subcommands_of_other_packages_are_programs_in_the_path() {
+    let bench = Bench::new();
+    let answer = bench.answer("design study.toml", "");
+    assert!(answer.contains("comes with the Python package pkmkins"), "{answer}");
+    assert!(answer.ends_with("exit 2\n"), "{answer}");
+    assert!(bench.answer("chek linear-delta.ini", "").contains("'check'"));
+}

@@ -13,6 +13,7 @@ use crate::panel::Panel;
 use crate::proof::boxes;
 use crate::read::boxes::text as box_text;
 use crate::read::diagnostic::{Severity, rendered};
+use crate::read::ini::Ini;
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Vector3};
 use std::fmt::Display;
@@ -91,6 +92,25 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
     let report = checked(&config, order)?;
     folder.become_whole(order.folder)?;
     Ok(Made { report, boxes })
+}
+
+/// The machine of these values in memory, with its home, but with neither proved axis limits nor boxes: for who
+/// compares many of them.
+///
+/// # Errors
+/// As [`make`](fn@make).
+pub fn sketched(kind: &'static Kind, values: &Values) -> Result<MachineConfig, Refusal> {
+    let order = Order { kind, values, name: kind.name, folder: Path::new("") };
+    let mut plan = begun(&order)?;
+    let (place, config) = home::found(&plan)?;
+    if plan.values.number("lead") == 0.0 {
+        return Ok(config);
+    }
+    plan.home = place;
+    plan.cardans = cardans(&config);
+    let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())
+        .map_err(|error| Refusal::Misfit(error.to_string()))?;
+    MachineConfig::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
 /// Names go into HAL files, where blanks separate and signs mean something.

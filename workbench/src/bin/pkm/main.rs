@@ -20,6 +20,7 @@ mod joints;
 mod man;
 mod measure;
 mod new;
+mod other;
 mod output;
 mod panel;
 mod path;
@@ -50,6 +51,7 @@ use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -122,11 +124,16 @@ macro_rules! commands {
         #[derive(Debug, Subcommand)]
         enum Command {
             $($variant($module::Arguments),)*
+            #[command(external_subcommand)]
+            Other(Vec<OsString>),
         }
 
         impl Command {
             fn run(&self) -> Result<Verdict, Failure> {
-                match self { $(Self::$variant(arguments) => $module::run(arguments),)* }
+                match self {
+                    $(Self::$variant(arguments) => $module::run(arguments),)*
+                    Self::Other(words) => other::run(words),
+                }
             }
         }
     };
@@ -166,7 +173,8 @@ commands! {
 /// Knows before cutting whether a parallel machine and a program fit.
 ///
 /// Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
-/// pkmkins runs in LinuxCNC.
+/// pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is built,
+/// come with the Python package pkmkins.
 ///
 /// Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be
 /// judged: bad input, or a file that cannot be written.

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The compiled half of pkmkins: shapes, units and errors.
+
+In every method poses are an array (n, 6) of float64, X Y Z in the machine's unit and A B C in degrees
+(R = Rz(C) Ry(B) Rx(A)), in any memory order and without a copy, or one pose (6,). `tool` is the tool offset
+X Y Z as G43 sets it, without the spindle offset of the INI file. n may be 0.
+
+Arrays of another type of number or shape raise TypeError or ValueError. What has no answer is NaN in its row,
+with a code; one pose by itself raises Refused. Arrays must not be written to while a call reads them.
+"""
+
+from os import PathLike
+from typing import Any, Mapping, Sequence, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[np.float64] | Sequence[float] | Sequence[Sequence[float]]
+
+VERSION: str
+
+class MachineError(ValueError):
+    """An INI file, a study or a set of dimensions that describes no machine, with places and ways out."""
+
+class Refused(ValueError):
+    """A pose or joint values without an answer."""
+
+    code: int
+    """Fixed negative code, as on the module's pin `fault`; docs/causes.md lists all."""
+    name: str
+    part: int | None
+    """Number of the leg or joint, where one can be named."""
+    value: float
+    """The value that helps, in the unit that the text names."""
+    remedy: str
+
+class _Cause(TypedDict):
+    code: int
+    name: str
+    text: str
+    remedy: str
+
+def cause(code: int) -> _Cause:
+    """What a code means. KeyError where it is none; 0 is success."""
+
+class Answer:
+    """What a batch answered."""
+
+    values: NDArray[np.float64]
+    """One row for each row asked; NaN where there is no answer."""
+    code: NDArray[np.int32]
+    """0 where there is an answer, else the code of the refusal."""
+    part: NDArray[np.int32]
+    """Number of the leg or joint that a refusal names, -1 where it names none."""
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Where there is an answer."""
+
+class Margins:
+    answer: Answer
+    """(n, 2, columns): values and shares; its codes."""
+    low: NDArray[np.float64]
+    """(columns,): smallest allowed values, -inf where there is none."""
+    high: NDArray[np.float64]
+    """(columns,): largest allowed values, inf where there is none."""
+    names: list[str]
+    """What each column is about."""
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """(n, columns): machine units, degrees or no dimension, by column."""
+    @property
+    def share(self) -> NDArray[np.float64]:
+        """(n, columns): room as a share of the range, 0 at the limit, negative beyond it, inf without one."""
+
+class Stiffness:
+    compliance: Answer
+    """(n, 6, 6): displacement in mm and turn in rad by force in N and moment in N mm, about the tool tip,
+    machine axes; what guides hold is rigid."""
+    translation: Answer
+    """(n, 3): stiffness along the principal axes of displacements, smallest first, N/mm."""
+    rotation: Answer
+    """(n, 3): the same of turns, N mm/rad."""
+
+class Sensitivity:
+    gain: Answer
+    """(n, 6, joints): change of X Y Z (machine units) and A B C (degrees) by that of a joint, in its unit."""
+    singular_values: Answer
+    """(n, 2): largest and smallest singular value of the inverse Jacobian, angles times the length."""
+
+class Workspace:
+    volume: float
+    """Within the boundary, machine units cubed."""
+    volume_by_grid: float
+    """By counting cells of a grid; NaN where none was asked for."""
+    limits: dict[str, float]
+    """Share of the directions that each limit ends."""
+    vertices: NDArray[np.float64]
+    """(n, 3): points of the boundary."""
+    triangles: NDArray[np.uint64]
+    """(m, 3): numbers of vertices."""
+    start: NDArray[np.float64]
+    """(3,): where the rays begin."""
+
+class Machine:
+    """A machine with its limits. It does not change, and any number of threads may ask it.
+
+    `legs` is one dictionary a leg: its kind ("strut", "slider", "crank", "ring"), the keys of [LEG_N] in the INI
+    file in small letters (base, platform, rod, guide, side, axis, arm, lead, base_n, ...; pkmkins(9)), and limits =
+    (smallest, largest joint value) if there are any::
+
+        Machine([dict(kind="strut", base=(0, 0, 0), platform=(0, 0, 0), limits=(2, 9)), ...], "XYZ", home=(5, 2, 3))
+
+    `coordinates` and `table` are letters as in [KINS]KINEMATICS, `home` is X Y Z of a level pose that the legs reach,
+    `unit` "mm" or "inch", `pkm` keys of [PKM] such as {"spindle_offset": -100}.
+    """
+
+    def __init__(
+        self,
+        legs: Sequence[Mapping[str, Any]],
+        coordinates: str = "XYZABC",
+        *,
+        table: str = "",
+        home: Sequence[float] | None = None,
+        unit: str = "mm",
+        pkm: Mapping[str, Any] | None = None,
+    ) -> None: ...
+    @staticmethod
+    def from_ini(path: str | PathLike[str]) -> Machine:
+        """Of an INI file. MachineError with every place that is wrong. NotImplementedError for machines whose axes carry
+        something, and for two mechanisms: `pkm` knows them."""
+    @staticmethod
+    def from_text(text: str, name: str = "machine.ini") -> Machine:
+        """The same of the file's text; `name` stands in messages."""
+    @staticmethod
+    def of_kind(kind: str, given: Mapping[str, Sequence[str]]) -> Machine:
+        """Of the words of `pkm new`; see `pkmkins.machine_of`."""
+    @property
+    def text(self) -> str:
+        """Its INI file."""
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints, legs then table."""
+    @property
+    def coordinates(self) -> str:
+        """Letters that joints move; the others are held at 0, and refused otherwise."""
+    @property
+    def home(self) -> NDArray[np.float64]:
+        """(6,): [TRAJ]HOME."""
+    @property
+    def unit(self) -> str:
+        """Unit of length, mm or inch."""
+    @property
+    def size(self) -> float:
+        """Largest length of the geometry: what relative tolerances refer to."""
+    @property
+    def radius(self) -> float:
+        """Root mean square distance of the platform anchors from their middle: turns angles into lengths."""
+    @property
+    def geometry_hash(self) -> int:
+        """As the module's pin `geometry-hash`."""
+    def inverse(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """Joint values (n, joints): lengths in the machine's unit, arms in degrees. Limits are not looked at."""
+    def forward(
+        self,
+        joints: Rows,
+        *,
+        seed: Rows | None = None,
+        follow: bool = False,
+        tool: Sequence[float] | None = None,
+    ) -> Answer:
+        """Poses (n, 6) of joint values (n, joints), each the one that the machine comes to when its joints run straight
+        from the seed; where that is not certain there is no answer. `seed`: one pose for all rows (home without
+        it), or (n, 6), one a row. With `follow` each row starts from the last pose found, on one core."""
+    def jacobian(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """(n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree)."""
+    def conditioning(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """(n,): smallest singular value of the legs' constraint rows, 0 at a singular pose."""
+    def margins(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Margins:
+        """How far poses are from every limit of the machine's file; joint speeds belong to programs (`preflight`)."""
+    def stiffness(self, poses: Rows, study: str, *, tool: Sequence[float] | None = None) -> Stiffness:
+        """At the tool tip; `study` is the text of a study file, as of `pkm stiffness`."""
+    def sensitivity(
+        self, poses: Rows, *, length: float | None = None, tool: Sequence[float] | None = None
+    ) -> Sensitivity:
+        """Errors of poses by errors of joints; `length` turns angles into lengths (default: `radius`)."""
+    def workspace(
+        self,
+        *,
+        orientations: Sequence[tuple[float, float, float]] | None = None,
+        tilt: float | None = None,
+        start: Sequence[float] | None = None,
+        study: str | None = None,
+        bands: int = 60,
+        grid: int = 0,
+        tool: Sequence[float] | None = None,
+    ) -> Workspace:
+        """Where the tool can go, along rays from home or `start`, as `pkm workspace`: level, in every one of several
+        orientations A B C, or at `tilt` degrees in twelve directions. `bands` rays from pole to pole (4 to 2000), `grid`
+        cells along the longest side (0: none). MachineError where the start is not inside."""

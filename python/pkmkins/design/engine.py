@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Where machines are judged: in this process, in several of this computer, or by Dask's workers on many.
+
+An engine takes a study and the numbers of candidates and hands back places and judgements in any order, each as it
+comes. As a judgement depends on study and numbers alone, no engine changes the result of a search.
+"""
+
+import os
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+
+from .._core import VERSION
+from .candidate import judge
+
+# Candidates that go to a worker at a time, at the most: some seconds of work, so that sending costs little beside it.
+BATCH = 16
+
+
+class EngineError(RuntimeError):
+    """Workers that cannot be used: not to be reached, or of another version."""
+
+
+class Serial:
+    """This process."""
+
+    workers = 1
+
+    def each(self, study, candidates):
+        """Places and judgements, as they come."""
+        for place, values in enumerate(candidates):
+            yield place, judge(study, values)
+
+    def close(self):
+        """Nothing to end."""
+
+
+class Processes:
+    """Several processes of this computer."""
+
+    def __init__(self, workers):
+        self.workers = workers
+        # A fresh interpreter each: threads of the core do not survive a fork.
+        self._pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_alone)
+
+    def each(self, study, candidates):
+        """Places and judgements, as they come."""
+        pieces = list(batches(candidates, self.workers))
+        started = {self._pool.submit(judged, study, [values for _, values in piece]): piece for piece in pieces}
+        for done in as_completed(started):
+            yield from _placed(started[done], done.result())
+
+    def close(self):
+        """Ends them."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+class Cluster:
+    """The workers of a scheduler of Dask: any number, which may come and go while they work."""
+
+    def __init__(self, address, timeout=30):
+        from distributed import Client
+
+        try:
+            self._client = Client(address, timeout=timeout)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise EngineError(f"{address}: no scheduler answers there: {error}") from None
+        self._refuse_others()
+
+    @property
+    def workers(self):
+        """How many there are now."""
+        return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+
+    def _refuse_others(self):
+        for worker, version in self._client.run(_version).items():
+            if version != VERSION:
+                raise EngineError(f"{worker} has pkmkins {version}, this is {VERSION}: install the same on all computers")
+
+    def each(self, study, candidates):
+        """Places and judgements, as they come; what a worker that dies had in hand is judged again by another."""
+        from distributed import as_completed
+
+        started = {}
+        for piece in batches(candidates, self.workers):
+            # The same question twice would have one answer: a run is its own.
+            done = self._client.submit(judged, study, [values for _, values in piece], VERSION, pure=False, retries=10)
+            started[done.key] = (done, piece)
+        for done in as_completed([done for done, _ in started.values()]):
+            yield from _placed(started[done.key][1], done.result())
+
+    def close(self):
+        """Leaves the scheduler and its workers to others."""
+        self._client.close()
+
+
+def batches(candidates, workers):
+    """Candidates with their places, in pieces that keep every worker busy to the end."""
+    size = max(1, min(BATCH, len(candidates) // (4 * workers)))
+    numbered = list(enumerate(candidates))
+    return (numbered[start : start + size] for start in range(0, len(numbered), size))
+
+
+def judged(study, candidates, version=VERSION):
+    """What a worker does."""
+    if version != VERSION:
+        raise EngineError(f"this worker has pkmkins {VERSION}, the study comes from {version}")
+    return [judge(study, values) for values in candidates]
+
+
+def _placed(piece, judgements):
+    return [(place, judgement) for (place, _), judgement in zip(piece, judgements, strict=True)]
+
+
+def _alone():
+    # One core a process: they share out candidates, not the poses of one.
+    os.environ["RAYON_NUM_THREADS"] = "1"
+
+
+def _version():
+    from pkmkins._core import VERSION
+
+    return VERSION

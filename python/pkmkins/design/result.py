@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a study has found: the front as table, CSV and page, and the chosen machine as a configuration."""
+
+import csv
+import html
+import io
+import subprocess
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..command import CommandFailed, pkm
+from ..kinds import machine_of, words
+from .study import OBJECTIVES
+
+# Rows that a terminal shows.
+MOST_ROWS = 20
+
+
+@dataclass(frozen=True)
+class Front:
+    """Machines of which none is better than another in every objective."""
+
+    study: object
+    machines: tuple
+    """Numbers and objectives of each, best of the first objective first."""
+    judged: int
+    fitting: int
+    killers: tuple
+    """Constraints with how many candidates they alone or among others have ruled out, most first."""
+
+    @classmethod
+    def of(cls, study, record):
+        """Of all judgements of a record. Does not depend on their order."""
+        items = record.items()
+        fitting = [(values, found.objectives) for values, found in items if found.fits]
+        front = _undominated(study, fitting)
+        killers = Counter(name for _, found in items for name in found.violations)
+        most = tuple(sorted(killers.items(), key=lambda pair: (-pair[1], pair[0])))
+        return cls(study, tuple(front), len(items), len(fitting), most)
+
+    def chosen(self):
+        """The machine nearest to the best of every objective, each as a share of its range on the front."""
+        if not self.machines:
+            return None
+        columns = list(zip(*(_costs(self.study, objectives) for _, objectives in self.machines)))
+        spans = [(min(column), max(column) - min(column) or 1.0) for column in columns]
+
+        def far(one):
+            costs = _costs(self.study, one[1])
+            return (sum(((cost - low) / span) ** 2 for cost, (low, span) in zip(costs, spans)), one[0])
+
+        return min(self.machines, key=far)
+
+    def names(self):
+        """Headings of a row."""
+        ranges = [one.name if one.place is None else f"{one.name}[{one.place}]" for one in self.study.ranges]
+        return [*ranges, *self.study.objectives]
+
+    def csv(self):
+        """The front as CSV, full digits."""
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(self.names())
+        rows.writerows([repr(x) for x in (*values, *objectives)] for values, objectives in self.machines)
+        return text.getvalue()
+
+    def fields(self):
+        """The front for programs."""
+        rows = [dict(zip(self.names(), (*values, *objectives))) for values, objectives in self.machines]
+        chosen = self.chosen()
+        return {
+            "version": 1,
+            "command": "design",
+            "study": self.study.name,
+            "fits": bool(self.machines),
+            "judged": self.judged,
+            "fitting": self.fitting,
+            "constraints": dict(self.killers),
+            "front": rows,
+            "chosen": dict(zip(self.names(), (*chosen[0], *chosen[1]))) if chosen else None,
+        }
+
+    def __str__(self):
+        if not self.machines:
+            return self.why_nothing()
+        lines = [f"{self.study.name}: {self.fitting} of {self.judged} candidates fit; {len(self.machines)} of them are on the front"]
+        chosen = self.chosen()
+        rows = [self.names(), *([f"{x:.6g}" for x in (*a, *b)] for a, b in self.machines)]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        marks = ["", *("  <- nearest to the best of all" if one == chosen else "" for one in self.machines)]
+        shown = [number for number, mark in enumerate(marks) if number <= MOST_ROWS or mark]
+        lines += ["  ".join(x.rjust(w) for x, w in zip(rows[n], widths)) + marks[n] for n in shown]
+        if len(shown) < len(rows):
+            lines.append(f"and {len(rows) - len(shown)} more: --csv FILE.csv or --page FILE.html has all")
+        return "\n".join(lines)
+
+    def why_nothing(self):
+        """Which constraint rules out most, where nothing fits."""
+        if not self.killers:
+            return f"{self.study.name}: nothing was judged"
+        told = ", ".join(f"{name} ({count})" for name, count in self.killers)
+        return (
+            f"{self.study.name}: none of {self.judged} candidates fits. Most are ruled out by: {told}. "
+            f"Ask less of {self.killers[0][0]}, or widen [range]"
+        )
+
+    def page(self):
+        """The front as an HTML page."""
+        title = html.escape(self.study.name)
+        head = "".join(f"<th>{html.escape(name)}</th>" for name in self.names())
+        chosen = self.chosen()
+        body = "".join(
+            f"<tr{' class=chosen' if one == chosen else ''}>" + "".join(f"<td>{x:.6g}</td>" for x in (*one[0], *one[1])) + "</tr>"
+            for one in self.machines
+        )
+        told = f"{self.fitting} of {self.judged} candidates fit. Marked: nearest to the best of every objective."
+        why = "" if self.machines else f"<p>{html.escape(self.why_nothing())}</p>"
+        return (
+            f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"
+            f"<h1>{title}</h1><p>{told}</p>{why}{_pictures(self)}<table><tr>{head}</tr>{body}</table></html>\n"
+        )
+
+
+STYLE = (
+    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:70em;color:#222}table{border-collapse:collapse}"
+    "td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}.chosen{background:#fde9c8}"
+    "svg{margin:0 2em 1em 0}text{font-size:12px}"
+)
+
+
+def _costs(study, objectives):
+    return tuple(x if OBJECTIVES[name] == "smallest" else -x for name, x in zip(study.objectives, objectives))
+
+
+def _undominated(study, fitting):
+    """Sorted, so that a machine is compared with those alone that may be better."""
+    ordered = sorted({(_costs(study, objectives), values, objectives) for values, objectives in fitting})
+    front = []
+    for costs, values, objectives in ordered:
+        if not any(all(a <= b for a, b in zip(other, costs)) for other, _, _ in front):
+            front.append((costs, values, objectives))
+    return [(values, objectives) for _, values, objectives in front]
+
+
+def _pictures(front):
+    """One plot for each pair of neighbouring objectives."""
+    pairs = zip(range(len(front.study.objectives)), range(1, len(front.study.objectives)))
+    return "".join(_picture(front, across, up) for across, up in pairs) if front.machines else ""
+
+
+def _picture(front, across, up):
+    width, height, edge = 380, 280, 60
+    chosen = front.chosen()
+
+    def scale(k, size):
+        column = [objectives[k] for _, objectives in front.machines]
+        low, span = min(column), (max(column) - min(column)) or 1.0
+        return lambda x: edge + (x - low) / span * (size - 2 * edge), low, low + span
+
+    x, x_low, x_high = scale(across, width)
+    y, y_low, y_high = scale(up, height)
+    dots = "".join(
+        f'<circle cx="{x(o[across]):.1f}" cy="{height - y(o[up]):.1f}" r="{6 if one == chosen else 3}" '
+        f'fill="{"#d55e00" if one == chosen else "#0072b2"}"/>'
+        for one in front.machines
+        for o in [one[1]]
+    )
+    names = front.study.objectives
+    return (
+        f'<svg width="{width}" height="{height}" role="img"><title>{names[across]} and {names[up]} of the front</title>'
+        f'<path d="M{edge - 12} {edge - 12}V{height - edge + 12}H{width - edge + 12}" fill="none" stroke="#222"/>{dots}'
+        f'<text x="{edge}" y="{height - 28}">{x_low:.4g}</text><text x="{width - edge}" y="{height - 28}" text-anchor="end">{x_high:.4g}</text>'
+        f'<text x="{width / 2}" y="{height - 10}" text-anchor="middle">{names[across]}</text>'
+        f'<text x="{edge - 16}" y="{height - edge}" text-anchor="end">{y_low:.4g}</text><text x="{edge - 16}" y="{edge}" text-anchor="end">{y_high:.4g}</text>'
+        f'<text x="16" y="{edge - 24}">{names[up]}</text></svg>'
+    )
+
+
+def write_machine(study, values, folder):
+    """Writes the machine as a complete configuration by `pkm new`, and proves the required box by `pkm check`.
+
+    The axis limits become the required box about home, where the study asks for one. Returns what pkm check
+    says; CommandFailed where it does not fit, which a sample of poses could not see. `folder` must not be
+    there yet.
+    """
+    folder = Path(folder)
+    options = []
+    for name, value in study.dimensions(values).items():
+        options += ["--" + name.replace("_", "-"), *words(value)]
+    _run("new", study.kind, "--out", folder, *options)
+    file = folder / f"{folder.name}.ini"
+    home = machine_of(study.kind, **study.dimensions(values)).home
+    if any(low < high for low, high in study.required.box):
+        file.write_text(_with_axis_limits(file.read_text(), _limits(study, home)))
+    return _run("check", file)
+
+
+def _limits(study, home):
+    """Limits of the letters of the required box; angles that tilt go as far as the tilt."""
+    limits = {axis: (home[k] + low, home[k] + high) for k, (axis, (low, high)) in enumerate(zip("XYZ", study.required.box)) if low < high}
+    tilt = study.required.tilt
+    return limits | ({"A": (-tilt, tilt), "B": (-tilt, tilt)} if tilt else {})
+
+
+def _with_axis_limits(text, limits):
+    lines, section = [], ""
+    for line in text.splitlines(keepends=True):
+        if line.startswith("["):
+            section = line.strip()
+        letter = section[6:-1] if section.startswith("[AXIS_") else ""
+        key = line.split("=")[0].strip()
+        if letter in limits and key in ("MIN_LIMIT", "MAX_LIMIT"):
+            value = limits[letter][key == "MAX_LIMIT"]
+            line = f"{key} = {float(value)!r}\n"
+        lines.append(line)
+    return "".join(lines)
+
+
+def _run(*arguments):
+    run = subprocess.run([pkm(), *map(str, arguments)], capture_output=True, text=True)
+    if run.returncode != 0:
+        raise CommandFailed((run.stderr or run.stdout).strip())
+    return run.stdout
+

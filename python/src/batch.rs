@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! One question asked of every row of an array, on all cores and without the interpreter's lock.
+
+use crate::arrays::{Rows, WIDEST};
+use crate::refusal::refused;
+use kinematics::Fault;
+use numpy::ndarray::ArrayView2;
+use numpy::{IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+/// Rows that one core takes at a time: some ten microseconds of work at the least, so that handing
+/// them out costs nothing beside it.
+const CHUNK: usize = 256;
+
+/// What a batch answered: values, and for each row a code, 0 where it has an answer.
+#[pyclass(frozen, get_all, module = "pkmkins")]
+pub struct Answer {
+    /// One row for each row asked; NaN where there is no answer.
+    pub values: Py<PyArrayDyn<f64>>,
+    /// Codes of refusals, int32, 0 where there is an answer; `pkmkins.cause` explains them.
+    pub code: Py<PyArray1<i32>>,
+    /// Number of the leg or joint that a refusal names, int32, −1 where it names none.
+    pub part: Py<PyArray1<i32>>,
+}
+
+#[pymethods]
+impl Answer {
+    /// Whether each row has an answer.
+    #[getter]
+    fn ok<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.code.bind(py).call_method1("__eq__", (0,))
+    }
+}
+
+/// Numbers of the rows, with their codes and parts, before Python sees them.
+pub struct Found {
+    pub values: Vec<f64>,
+    pub codes: Vec<i32>,
+    pub parts: Vec<i32>,
+    first: Option<Fault>,
+}
+
+impl Found {
+    fn of(count: usize, width: usize) -> Self {
+        Self {
+            values: vec![0.0; count * width],
+            codes: vec![0; count],
+            parts: vec![-1; count],
+            first: None,
+        }
+    }
+
+    /// As arrays; the shape of one row is `inner`.
+    ///
+    /// # Errors
+    /// One row was asked by itself and has no answer.
+    pub fn answer(self, py: Python<'_>, rows: &Rows, inner: &[usize]) -> PyResult<Answer> {
+        if let (true, Some(fault)) = (rows.is_single, self.first) {
+            return Err(refused(py, &fault));
+        }
+        let outer: &[usize] = if rows.is_single { &[] } else { &[self.codes.len()] };
+        let shape: Vec<usize> = outer.iter().chain(inner).copied().collect();
+        let values = self.values.into_pyarray(py).reshape(shape)?;
+        Ok(Answer {
+            values: values.unbind(),
+            code: self.codes.into_pyarray(py).unbind(),
+            part: self.parts.into_pyarray(py).unbind(),
+        })
+    }
+}
+
+/// Rows of answers that belong together, and the number of the first one.
+struct Piece<'a> {
+    start: usize,
+    width: usize,
+    values: &'a mut [f64],
+    codes: &'a mut [i32],
+    parts: &'a mut [i32],
+}
+
+impl Piece<'_> {
+    /// Asks one row after the other; the first that has no answer.
+    fn ask<S>(
+        self,
+        view: &ArrayView2<f64>,
+        state: &mut S,
+        ask: impl Fn(&mut S, usize, &[f64], &mut [f64]) -> Result<(), Fault>,
+    ) -> Option<(usize, Fault)> {
+        let mut first = None;
+        let answers = self.values.chunks_exact_mut(self.width).zip(self.codes).zip(self.parts);
+        for (number, ((answer, code), part)) in (self.start..).zip(answers) {
+            let mut row = [0.0; WIDEST];
+            let row = &mut row[..view.ncols()];
+            row.iter_mut().zip(view.row(number)).for_each(|(to, from)| *to = *from);
+            if let Err(fault) = ask(state, number, row, answer) {
+                answer.fill(f64::NAN);
+                *code = fault.cause.code();
+                *part = fault.number().map_or(-1, i32::from);
+                first = first.or(Some((number, fault)));
+            }
+        }
+        first
+    }
+}
+
+/// Asks every row, on all cores; `new` makes what is kept between the rows of a piece, `ask` writes the
+/// `width` numbers of an answer.
+pub fn each<S>(
+    py: Python<'_>,
+    rows: &Rows,
+    width: usize,
+    new: impl Fn() -> S + Sync,
+    ask: impl Fn(&mut S, usize, &[f64], &mut [f64]) -> Result<(), Fault> + Sync,
+) -> Found {
+    let (view, count) = (rows.view(), rows.count());
+    py.detach(|| {
+        let mut found = Found::of(count, width);
+        let pieces = found
+            .values
+            .par_chunks_mut(CHUNK * width)
+            .zip(found.codes.par_chunks_mut(CHUNK))
+            .zip(found.parts.par_chunks_mut(CHUNK))
+            .enumerate();
+        let faults = pieces.filter_map(|(n, ((values, codes), parts))| {
+            let piece = Piece { start: n * CHUNK, width, values, codes, parts };
+            piece.ask(&view, &mut new(), &ask)
+        });
+        found.first = faults.min_by_key(|(number, _)| *number).map(|(_, fault)| fault);
+        found
+    })
+}
+
+/// Asks one row after the other, each with what the one before has left in `state`.
+pub fn in_order<S: Send>(
+    py: Python<'_>,
+    rows: &Rows,
+    width: usize,
+    mut state: S,
+    ask: impl Fn(&mut S, usize, &[f64], &mut [f64]) -> Result<(), Fault> + Send,
+) -> Found {
+    let (view, count) = (rows.view(), rows.count());
+    py.detach(|| {
+        let mut found = Found::of(count, width);
+        let Found { values, codes, parts, .. } = &mut found;
+        let piece = Piece { start: 0, width, values, codes, parts };
+        found.first = piece.ask(&view, &mut state, ask).map(|(_, fault)| fault);
+        found
+    })
+}

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Inverse and forward kinematics, Jacobians and margins of many poses.
+
+use crate::arrays::Rows;
+use crate::batch::{Answer, Found, each, in_order};
+use kinematics::{At, Fault, Limits, Margin, Pose, Vector3};
+use numpy::{IntoPyArray, PyArray1};
+use pkm::limits;
+use pkm::read::machine::MachineConfig;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PySlice;
+
+/// The six numbers of a pose, angles in degrees.
+pub const POSE: usize = 6;
+
+pub fn pose(row: &[f64]) -> Pose {
+    Pose::from_degrees(std::array::from_fn(|k| row[k]))
+}
+
+pub fn inverse(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let joints = config.joints.len();
+    let ask = |_: &mut (), _, row: &[f64], answer: &mut [f64]| {
+        config.machine.inverse_into(&pose(row), tool, answer)
+    };
+    each(py, poses, joints, || (), ask).answer(py, poses, &[joints])
+}
+
+/// Where forward starts.
+pub enum Seeds<'py> {
+    /// Every row from the same pose.
+    One(Pose),
+    /// Each from a row of its own.
+    Own(Rows<'py>),
+    /// The first from this pose, each other one from the last pose that was found.
+    Followed(Pose),
+}
+
+pub fn forward(
+    py: Python<'_>,
+    config: &MachineConfig,
+    joints: &Rows,
+    seeds: &Seeds,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let ask = |seed: &Pose, row: &[f64], answer: &mut [f64]| -> Result<Pose, Fault> {
+        let values = std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
+        let pose = config.machine.forward(&values, seed, tool, &config.solver)?.pose;
+        answer.copy_from_slice(&pose.to_degrees());
+        Ok(pose)
+    };
+    let found = match seeds {
+        Seeds::One(seed) => {
+            each(py, joints, POSE, || (), |(), _, row, to| ask(seed, row, to).map(|_| ()))
+        }
+        Seeds::Own(own) => {
+            let (given, wanted) = (own.count(), joints.count());
+            if given != wanted {
+                let text = format!("seed: {given} rows; expected one, or {wanted} as joints has");
+                return Err(PyValueError::new_err(text));
+            }
+            let own = own.view();
+            let seed = |n| Pose::from_degrees(std::array::from_fn(|k| own[[n, k]]));
+            each(py, joints, POSE, || (), |(), n, row, to| ask(&seed(n), row, to).map(|_| ()))
+        }
+        Seeds::Followed(first) => in_order(py, joints, POSE, *first, |seed, _, row, to| {
+            *seed = ask(seed, row, to)?;
+            Ok(())
+        }),
+    };
+    found.answer(py, joints, &[POSE])
+}
+
+/// Asks the machine at every pose, moved from one to the next in the same memory.
+fn at_each(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+    width: usize,
+    ask: impl Fn(&At, &mut [f64]) -> Result<(), Fault> + Sync,
+) -> Found {
+    let new = || config.machine.nowhere();
+    each(py, poses, width, new, |at, _, row, answer| {
+        at.move_to(&pose(row), tool)?;
+        ask(at, answer)
+    })
+}
+
+pub fn jacobian(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let joints = config.joints.len();
+    let ask = |at: &At, answer: &mut [f64]| {
+        let rows = at.pose_jacobian()?;
+        for (to, row) in answer.chunks_exact_mut(POSE).zip(rows.row_iter()) {
+            to.iter_mut().zip(row.iter()).for_each(|(to, value)| *to = *value);
+        }
+        Ok(())
+    };
+    at_each(py, config, poses, tool, joints * POSE, ask).answer(py, poses, &[joints, POSE])
+}
+
+pub fn conditioning(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let ask = |at: &At, answer: &mut [f64]| {
+        answer[0] = at.smallest_singular_value();
+        Ok(())
+    };
+    at_each(py, config, poses, tool, 1, ask).answer(py, poses, &[])
+}
+
+/// Margins of many poses: columns are the limits that the machine's file sets.
+#[pyclass(frozen, get_all, module = "pkmkins")]
+pub struct Margins {
+    /// Values and shares, (n, 2, columns), with the codes of poses that have none.
+    pub answer: Py<Answer>,
+    /// Smallest allowed value of each column, −inf where there is none.
+    pub low: Py<PyArray1<f64>>,
+    /// Largest allowed value of each column, inf where there is none.
+    pub high: Py<PyArray1<f64>>,
+    /// What each column is about, in words.
+    pub names: Vec<String>,
+}
+
+#[pymethods]
+impl Margins {
+    /// Value of each limit, machine units, degrees or no dimension.
+    #[getter]
+    fn value<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.plane(py, 0)
+    }
+
+    /// Room as a share of the range: 0 at the limit, negative beyond it, inf where there is none.
+    #[getter]
+    fn share<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.plane(py, 1)
+    }
+}
+
+impl Margins {
+    fn plane<'py>(&self, py: Python<'py>, plane: usize) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.answer.get().values.bind(py);
+        values.get_item((py.Ellipsis(), plane, PySlice::full(py)))
+    }
+}
+
+pub fn margins(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Margins> {
+    let all = limits::of(config);
+    let columns = columns(config, &all);
+    let count = columns.len();
+    let ask = |at: &At, answer: &mut [f64]| {
+        let (values, shares) = answer.split_at_mut(count);
+        // Which limits are visited is a matter of the machine, not of the pose.
+        let mut places = values.iter_mut().zip(shares);
+        limits::each(at, &all, |margin| {
+            if let Some((value, share)) = places.next() {
+                (*value, *share) = (margin.value, margin.share());
+            }
+        });
+        Ok(())
+    };
+    let found = at_each(py, config, poses, tool, 2 * count, ask);
+    let name = |margin: &Margin| {
+        format!("{}: {}", margin.limit.name(), limits::part(config, margin.limit, margin.part))
+    };
+    let ends = |k: usize| columns.iter().map(|margin| margin.range[k]).collect::<Vec<_>>();
+    Ok(Margins {
+        answer: Py::new(py, found.answer(py, poses, &[2, count])?)?,
+        low: ends(0).into_pyarray(py).unbind(),
+        high: ends(1).into_pyarray(py).unbind(),
+        names: columns.iter().map(name).collect(),
+    })
+}
+
+/// The margins at home, where every machine has all of them.
+fn columns(config: &MachineConfig, all: &Limits) -> Vec<Margin> {
+    let mut columns = vec![];
+    if let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) {
+        limits::each(&at, all, |margin| columns.push(margin));
+    }
+    columns
+}

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The class `Machine`: a machine as its INI file describes it, or as `pkm new` would make it.
+
+use crate::arrays::{Rows, triple};
+use crate::batch::Answer;
+use crate::kinematics::{self as many, Margins, POSE, Seeds, pose};
+use crate::refusal::machine_error;
+use crate::sections::Parts;
+use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
+use kinematics::{Letter, Vector3};
+use numpy::{IntoPyArray, PyArray1};
+use pkm::new::kinds::KINDS;
+use pkm::new::make::sketched;
+use pkm::new::values::Values;
+use pkm::read::ini::Ini;
+use pkm::read::machine::MachineConfig;
+use pkm::study::workspace::tilts;
+use pyo3::exceptions::{PyNotImplementedError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
+const DIRECTIONS: usize = 12;
+const STEPS: f64 = 300.0;
+
+/// A machine with its limits. It does not change, and any number of threads may ask it.
+#[pyclass(frozen, module = "pkmkins")]
+pub struct Machine {
+    config: MachineConfig,
+}
+
+impl Machine {
+    fn of(config: MachineConfig) -> PyResult<Self> {
+        let text = match (config.chain.is_empty(), &config.second) {
+            (true, None) => return Ok(Self { config }),
+            (false, _) => "axes of the machine carry work, tool or legs (CHAIN_L)",
+            (_, Some(_)) => "the machine has two mechanisms (second=)",
+        };
+        Err(PyNotImplementedError::new_err(format!(
+            "{}: {text}: the command pkm knows such machines",
+            config.file.display()
+        )))
+    }
+
+    /// The tool vector, spindle offset included, as `pkm joints --tool` has it.
+    fn tool(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
+        Ok(self.config.spindle + Vector3::from(triple("tool", given)?))
+    }
+}
+
+#[pymethods]
+impl Machine {
+    #[new]
+    #[pyo3(signature = (legs, coordinates="XYZABC", *, table="", home=None, unit="mm", pkm=None))]
+    fn new(
+        legs: Vec<Bound<'_, PyDict>>,
+        coordinates: &str,
+        table: &str,
+        home: Option<Vec<f64>>,
+        unit: &str,
+        pkm: Option<Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let home = triple("home", home)?;
+        let (coordinates, table, unit) = (coordinates.into(), table.into(), unit.into());
+        let parts = Parts { legs, coordinates, table, home, unit, pkm };
+        Self::from_text(&parts.text()?, "machine")
+    }
+
+    #[staticmethod]
+    fn from_ini(path: PathBuf) -> PyResult<Self> {
+        Self::of(MachineConfig::read(&path).map_err(machine_error)?)
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (text, name="machine.ini"))]
+    fn from_text(text: &str, name: &str) -> PyResult<Self> {
+        let ini = Ini::parse(Path::new(name), text).map_err(machine_error)?;
+        Self::of(MachineConfig::from_ini(&ini).map_err(machine_error)?)
+    }
+
+    /// Of a kind of `pkm new` and its values as words, keyed as the command's options.
+    #[staticmethod]
+    fn of_kind(py: Python<'_>, kind: &str, given: BTreeMap<String, Vec<String>>) -> PyResult<Self> {
+        let Some(of_kind) = KINDS.iter().find(|known| known.name == kind) else {
+            let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
+            let text = format!("{kind}: no kind of machine; expected one of {}", names.join(", "));
+            return Err(PyValueError::new_err(text));
+        };
+        let parameters = of_kind.parameters();
+        let mut named = BTreeMap::new();
+        for (name, words) in given {
+            let Some(parameter) = parameters.iter().find(|parameter| parameter.name == name) else {
+                let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
+                let text =
+                    format!("{name}: a {kind} has no such value; it has {}", names.join(", "));
+                return Err(PyValueError::new_err(text));
+            };
+            named.insert(parameter.name, words);
+        }
+        let values = Values::new(of_kind.name, &parameters, &named).map_err(machine_error)?;
+        let config = py.detach(|| sketched(of_kind, &values)).map_err(machine_error)?;
+        Self::of(config)
+    }
+
+    #[getter]
+    fn text(&self) -> &str {
+        self.config.ini.text()
+    }
+
+    #[getter]
+    fn joints(&self) -> Vec<String> {
+        self.config.joints.iter().map(|joint| joint.name.clone()).collect()
+    }
+
+    #[getter]
+    fn coordinates(&self) -> String {
+        let layout = self.config.machine.layout();
+        Letter::ALL.iter().filter(|l| !layout.is_held(**l)).map(|l| l.name()).collect()
+    }
+
+    #[getter]
+    fn home<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.config.home.to_vec().into_pyarray(py)
+    }
+
+    #[getter]
+    fn unit(&self) -> &str {
+        self.config.length_unit()
+    }
+
+    #[getter]
+    fn size(&self) -> f64 {
+        self.config.machine.size()
+    }
+
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.config.machine.radius()
+    }
+
+    #[getter]
+    fn geometry_hash(&self) -> u32 {
+        self.config.hash
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
+    fn inverse(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        many::inverse(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (joints, *, seed=None, follow=false, tool=None))]
+    fn forward(
+        &self,
+        py: Python<'_>,
+        joints: &Bound<'_, PyAny>,
+        seed: Option<&Bound<'_, PyAny>>,
+        follow: bool,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        let given = seed.map(|seed| Rows::of("seed", seed, POSE)).transpose()?;
+        let seeds = match given {
+            Some(own) if !own.is_single && follow => {
+                return Err(PyValueError::new_err("seed: one pose where rows are followed"));
+            }
+            Some(own) if !own.is_single => Seeds::Own(own),
+            one => {
+                let own = one.map(|one| pose(&one.view().row(0).to_vec()));
+                let seed = own.unwrap_or(self.config.home_pose());
+                if follow { Seeds::Followed(seed) } else { Seeds::One(seed) }
+            }
+        };
+        let joints = Rows::of("joints", joints, self.config.joints.len())?;
+        many::forward(py, &self.config, &joints, &seeds, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
+    fn jacobian(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        many::jacobian(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
+    fn conditioning(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        many::conditioning(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
+    fn margins(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Margins> {
+        many::margins(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (poses, study, *, tool=None))]
+    fn stiffness(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        study: &str,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Stiffness> {
+        let study = studies::study(Some(study))?;
+        let poses = Rows::of("poses", poses, POSE)?;
+        studies::stiffness(py, &self.config, &poses, &self.tool(tool)?, &study)
+    }
+
+    #[pyo3(signature = (poses, *, length=None, tool=None))]
+    fn sensitivity(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        length: Option<f64>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Sensitivity> {
+        let length = length.unwrap_or(self.config.machine.radius());
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(PyValueError::new_err(format!("length: {length}; expected more than 0")));
+        }
+        let poses = Rows::of("poses", poses, POSE)?;
+        studies::sensitivity(py, &self.config, &poses, &self.tool(tool)?, length)
+    }
+
+    #[pyo3(signature = (*, orientations=None, tilt=None, start=None, study=None, bands=60, grid=0, tool=None))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "named in Python, one for each option of pkm workspace"
+    )]
+    fn workspace(
+        &self,
+        py: Python<'_>,
+        orientations: Option<Vec<[f64; 3]>>,
+        tilt: Option<f64>,
+        start: Option<Vec<f64>>,
+        study: Option<&str>,
+        bands: usize,
+        grid: usize,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Workspace> {
+        let orientations = match (orientations, tilt) {
+            (Some(_), Some(_)) => {
+                return Err(PyValueError::new_err("orientations or tilt, not both"));
+            }
+            (Some(given), None) if given.is_empty() => {
+                return Err(PyValueError::new_err("orientations: none given"));
+            }
+            (Some(given), None) => given,
+            (None, Some(tilt)) if (0.0..90.0).contains(&tilt) => {
+                tilts(&self.config, tilt, DIRECTIONS)
+            }
+            (None, Some(tilt)) => {
+                let text = format!("tilt: {tilt}; expected 0 or more, and less than 90 degrees");
+                return Err(PyValueError::new_err(text));
+            }
+            (None, None) => vec![[0.0; 3]],
+        };
+        if !(4..=2000).contains(&bands) || grid > 2000 {
+            return Err(PyValueError::new_err("bands: expected 4 to 2000, grid: 0 to 2000"));
+        }
+        let from = match start {
+            Some(start) => Vector3::from(triple("start", Some(start))?),
+            None => self.config.home_pose().position,
+        };
+        let (study, tool) = (studies::study(study)?, self.tool(tool)?);
+        let look = Look { bands, grid, steps: STEPS };
+        studies::seen(py, &self.config, tool, orientations, from, &study, &look)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<pkmkins.Machine {}: {} joints, {}, {}>",
+            self.config.file.display(),
+            self.config.joints.len(),
+            self.coordinates(),
+            self.unit()
+        )
+    }
+}

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Refusals as exceptions: of a machine that its file does not describe, and of a pose.
+
+use kinematics::{CAUSES, Cause, Fault};
+use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+pyo3::create_exception!(
+    pkmkins,
+    MachineError,
+    PyValueError,
+    "An INI file, a study or a set of dimensions that describes no machine, with places and ways out."
+);
+pyo3::create_exception!(
+    pkmkins,
+    Refused,
+    PyValueError,
+    "A pose or joint values without an answer: attributes code, name, part, value and remedy."
+);
+
+/// The exception of a fault.
+pub fn refused(py: Python<'_>, fault: &Fault) -> PyErr {
+    let error = Refused::new_err(fault.to_string());
+    let instance = error.value(py);
+    let cause = fault.cause;
+    let set = || -> PyResult<()> {
+        instance.setattr("code", cause.code())?;
+        instance.setattr("name", cause.name())?;
+        instance.setattr("part", fault.number())?;
+        instance.setattr("value", fault.value)?;
+        instance.setattr("remedy", cause.remedy())
+    };
+    match set() {
+        Ok(()) => error,
+        Err(other) => other,
+    }
+}
+
+/// What is wrong with a machine, in the words of `pkm`.
+pub fn machine_error(error: impl ToString) -> PyErr {
+    MachineError::new_err(error.to_string())
+}
+
+fn of_code(code: i32) -> Option<Cause> {
+    CAUSES.iter().copied().find(|cause| cause.code() == code)
+}
+
+/// What a code means: `{"code", "name", "text", "remedy"}`.
+#[pyfunction]
+pub fn cause(py: Python<'_>, code: i32) -> PyResult<Bound<'_, PyDict>> {
+    let Some(cause) = of_code(code) else {
+        return Err(PyKeyError::new_err(format!("{code} is no code of a refusal; 0 is success")));
+    };
+    let told = PyDict::new(py);
+    told.set_item("code", code)?;
+    told.set_item("name", cause.name())?;
+    told.set_item("text", cause.text())?;
+    told.set_item("remedy", cause.remedy())?;
+    Ok(told)
+}

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Studies of a machine as `pkm` makes them: workspace, stiffness, sensitivity.
+
+use crate::arrays::Rows;
+use crate::batch::{Answer, each};
+use crate::kinematics::{POSE, pose};
+use crate::refusal::machine_error;
+use kinematics::{Cause, Fault, Vector3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pkm::read::machine::MachineConfig;
+use pkm::study::body::{Body, Effort, counted};
+use pkm::study::file::Study;
+use pkm::study::sensitivity;
+use pkm::study::springs::Springs;
+use pkm::study::stiffness;
+use pkm::study::workspace;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A study from the text of its file.
+pub fn study(text: Option<&str>) -> PyResult<Study> {
+    let parsed = text.map_or(Ok(Study::default()), Study::parse);
+    parsed.map_err(|error| machine_error(format!("study: {error}")))
+}
+
+/// Where the legs do not hold the platform, as forward refuses it.
+const SINGULAR: Fault = Fault::with_value(Cause::Singular, 0.0);
+
+/// Stiffness at the tool tip of many poses.
+#[pyclass(frozen, get_all, module = "pkmkins")]
+pub struct Stiffness {
+    /// (n, 6, 6): displacements in mm and turns in rad for forces in N and moments in N mm, machine axes.
+    pub compliance: Py<Answer>,
+    /// (n, 3): stiffness along the principal axes of displacements, smallest first, N/mm.
+    pub translation: Py<Answer>,
+    /// (n, 3): the same of turns, N mm/rad.
+    pub rotation: Py<Answer>,
+}
+
+pub fn stiffness(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+    study: &Study,
+) -> PyResult<Stiffness> {
+    let springs = Springs::of(config, study).map_err(machine_error)?;
+    let at = |row: &[f64]| -> Result<stiffness::Stiffness, Fault> {
+        stiffness::Stiffness::at(config, &pose(row), tool, &springs)?.ok_or(SINGULAR)
+    };
+    let matrix = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+        answer.copy_from_slice(at(row)?.compliance.as_slice());
+        Ok(())
+    };
+    let of = |pick: fn(&stiffness::Stiffness) -> stiffness::Ellipsoid| {
+        let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+            answer.copy_from_slice(&pick(&at(row)?).stiffness);
+            Ok(())
+        };
+        Py::new(py, each(py, poses, 3, || (), ask).answer(py, poses, &[3])?)
+    };
+    let compliance =
+        each(py, poses, POSE * POSE, || (), matrix).answer(py, poses, &[POSE, POSE])?;
+    Ok(Stiffness {
+        compliance: Py::new(py, compliance)?,
+        translation: of(stiffness::Stiffness::translation)?,
+        rotation: of(stiffness::Stiffness::rotation)?,
+    })
+}
+
+/// What errors of joints make of many poses.
+#[pyclass(frozen, get_all, module = "pkmkins")]
+pub struct Sensitivity {
+    /// (n, 6, joints): change of the pose, machine units and degrees, by that of a joint.
+    pub gain: Py<Answer>,
+    /// (n, 2): largest and smallest singular value of the inverse Jacobian, angles times the length.
+    pub singular_values: Py<Answer>,
+}
+
+pub fn sensitivity(
+    py: Python<'_>,
+    config: &MachineConfig,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+    length: f64,
+) -> PyResult<Sensitivity> {
+    let joints = config.joints.len();
+    let at = |row: &[f64]| -> Result<sensitivity::Sensitivity, Fault> {
+        sensitivity::Sensitivity::at(config, &pose(row), tool, length)?.ok_or(SINGULAR)
+    };
+    let gain = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+        let found = at(row)?;
+        for (to, row) in answer.chunks_exact_mut(joints).zip(found.gain.row_iter()) {
+            to.iter_mut().zip(row.iter()).for_each(|(to, value)| *to = *value);
+        }
+        Ok(())
+    };
+    let values = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+        answer.copy_from_slice(&at(row)?.singular_values);
+        Ok(())
+    };
+    let gain = each(py, poses, POSE * joints, || (), gain).answer(py, poses, &[POSE, joints])?;
+    let values = each(py, poses, 2, || (), values).answer(py, poses, &[2])?;
+    Ok(Sensitivity { gain: Py::new(py, gain)?, singular_values: Py::new(py, values)? })
+}
+
+/// How closely a workspace is looked at.
+pub struct Look {
+    /// Rays from pole to pole.
+    pub bands: usize,
+    /// Points of the grid along its longest side.
+    pub grid: usize,
+    /// Steps along a ray.
+    pub steps: f64,
+}
+
+/// The workspace around a place.
+#[pyclass(frozen, get_all, module = "pkmkins")]
+pub struct Workspace {
+    /// Volume within the boundary, machine units cubed.
+    pub volume: f64,
+    /// The same by counting a grid; NaN where none was asked for.
+    pub volume_by_grid: f64,
+    /// Share of the directions that each limit ends.
+    pub limits: Py<PyDict>,
+    /// Points of the boundary, (n, 3).
+    pub vertices: Py<PyArray2<f64>>,
+    /// Triangles of the boundary, (m, 3) numbers of vertices.
+    pub triangles: Py<PyArray2<usize>>,
+    /// Where the rays begin, X Y Z.
+    pub start: Py<PyArray1<f64>>,
+}
+
+pub fn seen(
+    py: Python<'_>,
+    config: &MachineConfig,
+    tool: Vector3<f64>,
+    orientations: Vec<[f64; 3]>,
+    from: Vector3<f64>,
+    study: &Study,
+    look: &Look,
+) -> PyResult<Workspace> {
+    let space =
+        workspace::Workspace::new(config, tool, orientations, study).map_err(machine_error)?;
+    let step = space.extent() / look.steps;
+    let effort = Effort { bands: look.bands, step, grid: look.grid, progress: &|_| () };
+    let found = py.detach(|| {
+        let body = Body::seen(&space, from, &effort)?;
+        let grid = (look.grid > 0).then(|| counted(&space, &body.corners(), &effort).volume);
+        Ok((body, grid))
+    });
+    let (body, grid) = found.map_err(|limit: workspace::Border| {
+        let text = format!("X{} Y{} Z{} is not in the workspace: {limit}", from.x, from.y, from.z);
+        machine_error(text)
+    })?;
+    let limits = PyDict::new(py);
+    for (limit, share) in body.shares() {
+        limits.set_item(limit.to_string(), share)?;
+    }
+    let (points, triangles) = body.mesh();
+    let flat: Vec<f64> = points.iter().flat_map(|point| [point.x, point.y, point.z]).collect();
+    let numbers: Vec<usize> = triangles.iter().flatten().copied().collect();
+    Ok(Workspace {
+        volume: body.volume(),
+        volume_by_grid: grid.unwrap_or(f64::NAN),
+        limits: limits.unbind(),
+        vertices: flat.into_pyarray(py).reshape([points.len(), 3])?.unbind(),
+        triangles: numbers.into_pyarray(py).reshape([triangles.len(), 3])?.unbind(),
+        start: vec![from.x, from.y, from.z].into_pyarray(py).unbind(),
+    })
+}

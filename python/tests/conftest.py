@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The shipped machines, random poses of them, and the command pkm."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pkmkins import Machine
+
+ROOT = Path(__file__).resolve().parents[2]
+# Those whose axes carry something and pairs of mechanisms are refused, which has a test of its own.
+OTHERS = {"hexapod-rotary-table", "lathe-mirrored", "lathe-two-turrets", "lathe-work-on-platform"}
+MACHINES = sorted(ini.stem for ini in ROOT.glob("configs/*/*.ini") if ini.stem not in OTHERS)
+
+# PKMKINS_CASES=10 is the long tier: 10^6 poses over all machines.
+CASES = int(os.environ.get("PKMKINS_CASES", "1"))
+
+
+def ini(name):
+    return ROOT / "configs" / name / f"{name}.ini"
+
+
+def poses(machine, count, seed=1):
+    """Random poses about home, some of them out of reach."""
+    rng = np.random.default_rng(seed)
+    spread = np.array([machine.size / 4] * 3 + [20.0] * 3)
+    moved = np.array([letter in machine.coordinates for letter in "XYZABC"])
+    return machine.home + rng.uniform(-1, 1, (count, 6)) * np.where(moved, spread, 0.0)
+
+
+@pytest.fixture(params=MACHINES)
+def machine(request):
+    return Machine.from_ini(ini(request.param))
+
+
+@pytest.fixture
+def hexapod():
+    return Machine.from_ini(ini("hexapod"))
