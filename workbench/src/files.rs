@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Files: what is wrong with one is told with its name, and one that is written is written whole.
+//! Files: what is wrong with one is told with its name, one that is written is written whole, and none that was
+//! read is replaced unless that is meant.
 
-use std::fs::{self, Permissions};
-use std::io::{self, BufWriter, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::collections::BTreeSet;
+use std::fs::{self, File, Permissions};
+use std::io::{self, BufWriter, Read, Write};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tempfile::{NamedTempFile, TempDir};
@@ -31,6 +33,55 @@ impl<T, E> Locate<T, E> for Result<T, E> {
     fn at(self, file: &Path) -> Result<T, AtFile<E>> {
         self.map_err(|error| AtFile { file: file.into(), error })
     }
+}
+
+/// Where the files are that were read, links followed.
+static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Bytes of the largest file that is read: a program of ten million lines has half of them.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Remembers a file that is read, by this process or for it.
+///
+/// # Errors
+/// It cannot be opened.
+pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
+    let opened = File::open(file).at(file)?;
+    // What has no place, as a pipe, cannot be replaced either.
+    if let Ok(place) = fs::canonicalize(file) {
+        READ.lock().expect("nobody panics with it").insert(place);
+    }
+    Ok(opened)
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// It cannot be read, or has no end.
+pub fn read(file: &Path) -> Result<Vec<u8>, AtFile<io::Error>> {
+    let mut bytes = vec![];
+    open(file)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).at(file)?;
+    match bytes.len() as u64 > MOST_BYTES {
+        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, "more than 1 GiB")).at(file),
+        false => Ok(bytes),
+    }
+}
+
+/// The text of a file.
+///
+/// # Errors
+/// As [`read`], or it is not UTF-8.
+pub fn read_text(file: &Path) -> Result<String, AtFile<io::Error>> {
+    String::from_utf8(read(file)?)
+        .map_err(|error| {
+            let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()]
+                .iter()
+                .filter(|byte| **byte == b'\n')
+                .count();
+            let text = format!("line {line} is not UTF-8: save the file as UTF-8");
+            io::Error::new(io::ErrorKind::InvalidData, text)
+        })
+        .at(file)
 }
 
 /// Folders that are in use.
@@ -121,32 +172,48 @@ pub fn csv<R: IntoIterator<Item: ToString>>(
 #[derive(Debug)]
 pub struct Whole {
     part: BufWriter<NamedTempFile>,
+    /// As it was named, and where it is.
     file: PathBuf,
+    place: PathBuf,
 }
 
 impl Whole {
     /// Begins it.
     ///
     /// # Errors
-    /// Its folder cannot be written, or something that is no file stands in its place.
+    /// Its folder cannot be written, something that is no file stands in its place, or a file that was read.
     pub fn new(file: &Path) -> Result<Self, AtFile<io::Error>> {
-        Self::begun(file).at(file)
+        let is_read = |place: &PathBuf| READ.lock().expect("nobody panics with it").contains(place);
+        if fs::canonicalize(file).is_ok_and(|place| is_read(&place)) {
+            let text = "was read as input and would be lost: name another file for the output";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
+        }
+        Self::begun(file).map_err(without_path).at(file)
     }
 
     fn begun(file: &Path) -> io::Result<Self> {
+        // Behind a link stands what is meant.
+        let place = fs::canonicalize(file).unwrap_or_else(|_| file.into());
+        let there = fs::metadata(&place).ok();
         // A device, a pipe or a folder would be replaced.
-        if fs::metadata(file).is_ok_and(|found| !found.is_file()) {
+        if there.as_ref().is_some_and(|found| !found.is_file()) {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
                 "not a file that can be replaced",
             ));
         }
-        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty());
         // Temporary files are private by default; this one is to be read by others.
+        let mode = there.as_ref().map_or(0o644, |found| found.mode() & 0o7777);
         let mut part = tempfile::Builder::new();
-        part.prefix(".pkm-").permissions(Permissions::from_mode(0o644));
+        part.prefix(".pkm-").permissions(Permissions::from_mode(mode));
         let part = part.tempfile_in(folder.unwrap_or(Path::new(".")))?;
-        Ok(Self { part: BufWriter::new(part), file: file.into() })
+        if let Some(found) = there {
+            part.as_file().set_permissions(Permissions::from_mode(mode))?;
+            // Only root can give a file away; another user's becomes one's own, as with any editor.
+            let _ = chown(part.path(), Some(found.uid()), Some(found.gid()));
+        }
+        Ok(Self { part: BufWriter::new(part), file: file.into(), place })
     }
 
     /// Gives it its name.
@@ -154,8 +221,9 @@ impl Whole {
     /// # Errors
     /// The rest cannot be written, or the file not renamed.
     pub fn finish(self) -> Result<(), AtFile<io::Error>> {
-        let part = self.part.into_inner().map_err(|error| error.into_error()).at(&self.file)?;
-        part.persist(&self.file).map_err(|error| error.error).at(&self.file)?;
+        let part = self.part.into_inner().map_err(|error| without_path(error.into_error()));
+        let part = part.at(&self.file)?;
+        part.persist(&self.place).map_err(|error| error.error).at(&self.file)?;
         Ok(())
     }
 }
@@ -170,13 +238,32 @@ impl Write for Whole {
     }
 }
 
+/// An error without the name of the temporary file, which tells nobody anything.
+fn without_path(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path ") {
+        Some((text, _)) => io::Error::new(error.kind(), text),
+        None => error,
+    }
+}
+
 /// Writes beside the file, then renames.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The file cannot be written, or was read.
 pub fn write_whole(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
-    let mut whole = Whole::new(file)?;
-    whole.write_all(text.as_bytes()).at(file)?;
+    filled(Whole::new(file)?, file, text)
+}
+
+/// The same over a file that was read, which is to have another text.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_over(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
+    filled(Whole::begun(file).map_err(without_path).at(file)?, file, text)
+}
+
+fn filled(mut whole: Whole, file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
+    whole.write_all(text.as_bytes()).map_err(without_path).at(file)?;
     whole.finish()
 }
 
@@ -193,6 +280,34 @@ mod tests {
             assert_eq!(fs::read_to_string(&file).unwrap(), text);
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_was_read_is_replaced_only_where_that_is_meant() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("m.ini"), folder.path().join("link.ini"));
+        fs::write(&file, "first").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        fs::set_permissions(&file, Permissions::from_mode(0o660)).unwrap();
+        assert_eq!(read_text(&link).unwrap(), "first");
+        for place in [&file, &link] {
+            let refused = write_whole(place, "second").unwrap_err().to_string();
+            assert!(refused.contains("was read"), "{refused}");
+            assert_eq!(fs::read_to_string(&file).unwrap(), "first");
+        }
+        write_over(&link, "second").unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "second");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::metadata(&file).unwrap().mode() & 0o777, 0o660);
+    }
+
+    #[test]
+    fn a_text_that_is_none_is_told_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("table.csv");
+        fs::write(&file, b"a,b\n\xf6,1\n").unwrap();
+        let refused = read_text(&file).unwrap_err().to_string();
+        assert!(refused.contains("line 2 is not UTF-8"), "{refused}");
     }
 
     #[test]

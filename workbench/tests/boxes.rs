@@ -7,7 +7,7 @@ use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
 };
-use pkm::proof::boxes::{found, prove};
+use pkm::proof::boxes::{found, prove as prove_telling};
 use pkm::proof::choose;
 use pkm::proof::one_to_one::{Doubt, Prover};
 use pkm::read::boxes::{self, BoxSection};
@@ -15,6 +15,7 @@ use pkm::read::machine::MachineConfig;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
+use std::sync::Mutex;
 
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
@@ -80,6 +81,19 @@ fn every_shipped_box_is_proved_and_holds_the_whole_workspace() {
             assert!(region.low[k] < axis.min && axis.max < region.high[k], "{name}: {letter:?}");
         }
     }
+}
+
+/// What is told on the way never goes back, and ends with the whole box.
+fn prove(config: &MachineConfig, section: &BoxSection) -> Result<usize, Doubt> {
+    let last = Mutex::new(0.0);
+    let cells = prove_telling(config, section, &|share: f64| {
+        let mut last = last.lock().unwrap();
+        assert!((*last..=1.0 + 1e-9).contains(&share), "{share} after {last}");
+        *last = share;
+    })?;
+    // So many shares are added.
+    assert!((*last.lock().unwrap() - 1.0).abs() < 1e-15 * cells as f64 + 1e-9);
+    Ok(cells)
 }
 
 fn proved(config: &MachineConfig, section: &BoxSection) -> Result<String, Doubt> {
@@ -245,7 +259,7 @@ fn config_with_reach(name: &str) -> Result<usize, Doubt> {
 #[test]
 fn a_box_is_found_for_a_machine_that_has_none() {
     let config = config("rotary-delta");
-    let found = found(&config).unwrap();
+    let found = found(&config, &|_| ()).unwrap();
     let [(section, _)] = found.as_slice() else { panic!("{} boxes", found.len()) };
     prove(&config, section).unwrap();
     let letters = config.machine.layout().coordinates().as_slice();

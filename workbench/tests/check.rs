@@ -26,7 +26,7 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
         format!("{before}{heading}{}{after}", joints[i])
     });
     std::fs::write(&file, homed).unwrap();
-    for name in ["hexapod.tbl", "hexapod-panel.tcl"] {
+    for name in ["hexapod.tbl", "hexapod-panel.tcl", "hexapod-panel.xml"] {
         let shipped = ini("hexapod").with_file_name(name);
         std::fs::copy(shipped, folder.path().join(name)).unwrap();
     }

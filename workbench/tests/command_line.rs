@@ -2,6 +2,7 @@
 //! What holds for every subcommand: where input comes from and how answers are told.
 
 use crate::commands::Bench;
+use std::fs;
 
 /// A file of rows, and what is left of an answer without its exit code.
 const ROWS: &str = "x,y,z,a,b,c\n10,-20,50,0,0,0\n0,0,90,0,0,0\n";
@@ -163,6 +164,26 @@ fn a_long_program_is_followed_in_as_many_poses_as_a_table_needs() {
     assert!(usual.contains("--period 0.001 has every servo cycle, 6 times as many"), "{rows}");
     let all = bench.answer("rods linear-delta.ini long.ngc --period 0.001 --quiet", "");
     assert!(all.lines().count() > 60_000);
+}
+
+#[test]
+fn no_output_takes_the_place_of_what_was_read() {
+    let bench = Bench::new().with("line.ngc", PROGRAM);
+    let text = |name: &str| fs::read_to_string(bench.0.path().join(name)).unwrap();
+    let before = ["linear-delta.ini", "line.ngc"].map(text);
+    for words in [
+        "frames linear-delta.ini -o linear-delta.ini",
+        "scene linear-delta.ini -o ./linear-delta.ini",
+        "homing linear-delta.ini --csv linear-delta.ini",
+        "preflight linear-delta.ini line.ngc --report line.ngc",
+        "run linear-delta.ini line.ngc --trace line.ngc",
+        "view linear-delta.ini line.ngc --html linear-delta.ini",
+    ] {
+        let answer = bench.answer(words, "");
+        let is_told = answer.contains("was read as input") && answer.ends_with("exit 2\n");
+        assert!(is_told, "{words}: {answer}");
+        assert_eq!(["linear-delta.ini", "line.ngc"].map(text), before, "{words}");
+    }
 }
 
 #[test]

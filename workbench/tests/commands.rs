@@ -18,7 +18,12 @@ impl Bench {
     pub fn new() -> Self {
         let bench = Self(tempfile::tempdir().unwrap());
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/linear-delta");
-        for file in ["linear-delta.ini", "linear-delta.tbl", "linear-delta-panel.tcl"] {
+        for file in [
+            "linear-delta.ini",
+            "linear-delta.tbl",
+            "linear-delta-panel.tcl",
+            "linear-delta-panel.xml",
+        ] {
             fs::copy(folder.join(file), bench.0.path().join(file)).unwrap();
         }
         bench
@@ -89,13 +94,13 @@ linear-delta.ini
   homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926 the worst found within the axis limits, at [..]
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-                 0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -452,13 +457,13 @@ linear-delta.ini
   homing         not judged from elsewhere than HOME: not all joints are homed
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926 the worst found within the axis limits, at [..]
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-                 0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
@@ -528,13 +533,13 @@ linear-delta.ini
   homing         keeps the limits of the legs from 127 of 200 poses seen; pkm homing shows the way
   nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
+                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
   conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926 the worst found within the axis limits, at [..]
   carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-                 0.5926 the worst found within the axis limits, at [..]
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
 
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:128:17
@@ -1135,7 +1140,7 @@ exit 2
     assert_data_eq!(
         bench.answer("preflight linear-delta.ini good.ngc --report none/r.html", ""),
         str![[r#"
-pkm: none/r.html: No such file or directory (os error 2) at path [..]
+pkm: none/r.html: No such file or directory (os error 2)
 exit 2
 
 "#]]

@@ -10,6 +10,7 @@ fn on_drives(files: &[&str], machine: &str, joint: impl Fn(usize) -> String) -> 
     let (_folder, config) = changed("hexapod", |text| {
         let text = text.replace("HALFILE = LIB:pkmkins_sim.tcl\n", &halfiles);
         let text = text.replace("POSTGUI_HALFILE = hexapod-panel.tcl\n", "");
+        let text = text.replace("PYVCP = hexapod-panel.xml\n", "");
         let text = (0..6).fold(text, |text, n| {
             let heading = format!("[JOINT_{n}]\n");
             text.replace(&heading, &format!("{heading}{}", joint(n)))

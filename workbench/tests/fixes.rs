@@ -43,6 +43,31 @@ fn a_changed_geometry_is_put_right_at_once_and_only_when_told() {
 }
 
 #[test]
+fn what_is_written_keeps_link_ends_of_lines_and_every_byte() {
+    let bench = measured();
+    let at = |name: &str| bench.0.path().join(name);
+    let old = text(&bench);
+    let ends = old.replace('\n', "\r\n");
+    fs::write(at("ends.ini"), &ends).unwrap();
+    std::os::unix::fs::symlink("ends.ini", at("link.ini")).unwrap();
+    assert!(bench.answer("check --fix --write link.ini", "").ends_with("exit 0\n"));
+    assert!(fs::symlink_metadata(at("link.ini")).unwrap().is_symlink());
+    let new = fs::read_to_string(at("ends.ini")).unwrap();
+    assert!(new != ends && new.lines().count() == new.matches("\r\n").count(), "{new}");
+    assert_eq!(comments(&new.replace("\r\n", "\n")), comments(&old));
+
+    let mut latin = b"# Gr\xf6\xdfe\n".to_vec();
+    latin.extend(old.bytes());
+    fs::write(at("latin.ini"), &latin).unwrap();
+    for words in ["check --fix --write latin.ini", "boxes --write latin.ini"] {
+        let told = bench.answer(words, "");
+        assert!(told.contains("latin.ini:1") && told.contains("not UTF-8"), "{told}");
+        assert!(told.ends_with("exit 2\n"), "{told}");
+        assert_eq!(fs::read(at("latin.ini")).unwrap(), latin);
+    }
+}
+
+#[test]
 fn boxes_are_written_over_those_of_another_geometry_and_where_there_are_none() {
     let bench = measured();
     let old = text(&bench);

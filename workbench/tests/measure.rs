@@ -332,6 +332,25 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
 }
 
 #[test]
+fn readings_count_once_and_are_never_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = lab().table(1, 2.0);
+    for name in ["dial.csv", "copy.csv"] {
+        fs::write(folder.path().join(name), &table).unwrap();
+    }
+    let machine = shipped::ini(LAB);
+    let calibrate = |more: &[&str]| {
+        let base = ["calibrate", machine.to_str().unwrap(), "dial.csv", "--tolerance", "0.1"];
+        answer(folder.path(), &[&base, more].concat())
+    };
+    let (told, code) = calibrate(&["copy.csv"]);
+    assert!(told.contains("copy.csv: the same readings as dial.csv") && code == 2, "{told}");
+    let (told, code) = calibrate(&["--accept", "--write", "dial.csv"]);
+    assert!(told.contains("was read as input") && code == 2, "{told}");
+    assert_eq!(fs::read_to_string(folder.path().join("dial.csv")).unwrap(), table);
+}
+
+#[test]
 fn large_changes_are_not_written_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let table = lab().table(1, 2.0);
@@ -377,7 +396,7 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
     };
     let at = |line: usize, text: &str| format!("dial.csv:{line}: {text}");
     let cases: Vec<(String, String)> = vec![
-        (scaled(&table, 1e-3), "were they typed in mm? \"# unit mm\" or convert them".into()),
+        (scaled(&table, 1e-3), "were they typed in mm? Convert them to um".into()),
         (scaled(&table, 1.0 / 25.4), "were they typed in thou?".into()),
         (
             scaled(&table, 1e3),
@@ -429,6 +448,7 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
             table.replace("# unit um", "# unit cm"),
             "dial.csv:5: unit cm: expected um, mm, thou or inch".into(),
         ),
+        (table.replace("# unit um", "# unit mm"), at(row(1), "pose 1 is not that of the program")),
         (table.replace("# unit um\n", ""), "expected a line \"# unit um\"".into()),
         (table.replace("# deviation 2\n", ""), "expected a line \"# deviation NUMBER\"".into()),
         (table.replace("# deviation 2\n", "# deviation -2\n"), "deviation -2: expected".into()),

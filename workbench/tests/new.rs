@@ -326,6 +326,10 @@ fn nonsense_is_refused_with_what_was_expected() {
         format!("new {delta} two-words!"),
         format!("new {delta} --out none/machine"),
         format!("new {} --hands RLR", example("hexapod")),
+        format!("new {} --hands RLRLRL", example("hexapod")),
+        format!("new {} --tilt 0.1", example("hexapod")),
+        "new linear-delta --rod 1e300 --carriage 0 400".into(),
+        "new linear-delta --rod 1e-9 --carriage 0 400".into(),
     ] {
         told += &format!("$ {words}\n{}", bench.answer(&words, ""));
     }
@@ -372,6 +376,18 @@ exit 2
 $ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLR
 pkm: --hands RLR: expected one letter, or one for each of 6 struts
 exit 2
+$ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLRLRL
+pkm: --hands RLRLRL without --lead: hands count where a turn of the screw lengthens the strut; give its lead, or leave --hands out
+exit 2
+$ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --tilt 0.1
+pkm: --tilt 0.1: expected 0.5 degrees or more
+exit 2
+$ new linear-delta --rod 1e300 --carriage 0 400
+pkm: --rod 1e300: expected at most 10000000 in size
+exit 2
+$ new linear-delta --rod 1e-9 --carriage 0 400
+pkm: --rod 1e-9: expected 0.000001 or more
+exit 2
 
 "#]]
     );
@@ -388,6 +404,7 @@ fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
         (first, "0,400,0,0,120,60"),
         (first, "0,400,0,0,120,60,0,7"),
         (first, "0,400,0,nan,120,60,0"),
+        (first, "0,400,0,1e200,120,60,0"),
         (first, "1,400,0,0,120,60,0"),
         ("leg,", "strut,"),
     ] {
@@ -414,6 +431,8 @@ exit 2
 pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; there are 8
 exit 2
 pkm: five.csv:3: base_z: expected a decimal number, not "nan"
+exit 2
+pkm: five.csv:3: base_z: expected at most 10000000 in size, not 1e200
 exit 2
 pkm: five.csv:3: expected leg 0 in its order, not "1"
 exit 2

@@ -72,7 +72,9 @@ fn a_joint_stands_in_its_range_with_its_margin_and_a_cone_ends_where_the_file_sa
 #[test]
 fn both_files_are_written_beside_the_machine_or_into_a_folder_and_nothing_where_that_cannot_be() {
     let bench = Bench::new().with("file", "");
-    std::fs::remove_file(bench.0.path().join("linear-delta-panel.tcl")).unwrap();
+    for name in ["linear-delta-panel.tcl", "linear-delta-panel.xml"] {
+        std::fs::remove_file(bench.0.path().join(name)).unwrap();
+    }
     let lines = "[DISPLAY]\nPYVCP = linear-delta-panel.xml\n\n[HAL]\nPOSTGUI_HALFILE = linear-delta-panel.tcl\nexit 0\n";
     assert_eq!(bench.answer("panel linear-delta.ini --output-dir a/b", ""), lines);
     assert!(bench.0.path().join("a/b/linear-delta-panel.tcl").exists());

@@ -26,6 +26,9 @@ struct Case {
     /// Whether every HOME is made of the wrong machine.
     #[serde(default)]
     homed: bool,
+    /// Whether an editor has marked the file, which then begins with a section.
+    #[serde(default)]
+    marked: bool,
     /// Whether the base keeps its boxes.
     #[serde(default)]
     boxes: bool,
@@ -83,7 +86,11 @@ fn slipped(case: &Case) -> tempfile::TempDir {
         without_boxes(&mut lines);
     }
     case.edit.iter().for_each(|edit| apply(&mut lines, edit));
-    fs::write(&file, lines.join("\n") + "\n").unwrap();
+    let mut text = lines.join("\n") + "\n";
+    if case.marked {
+        text = format!("\u{feff}{}", &text[text.find("\n[").unwrap() + 1..]);
+    }
+    fs::write(&file, text).unwrap();
     if let Some(table) = &case.table {
         fs::write(file.with_extension("tbl"), table.join("\n") + "\n").unwrap();
     }

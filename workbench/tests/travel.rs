@@ -147,6 +147,17 @@ fn questions_are_answered_line_by_line_and_what_cannot_be_is_told_in_its_line() 
 }
 
 #[test]
+fn a_pose_beyond_a_limit_is_no_place_to_stand() {
+    let bench = Bench::new();
+    let told = bench.answer("travel linear-delta.ini --pose Z900", "");
+    assert!(
+        told.contains("the machine cannot stand at this pose: ") && told.contains("joint range"),
+        "{told}"
+    );
+    assert!(told.ends_with("exit 1\n"), "{told}");
+}
+
+#[test]
 fn words_that_name_no_coordinate_and_poses_out_of_reach_are_refused() {
     let bench = Bench::new();
     let told = bench.answer("travel linear-delta.ini --pose Q7", "");

@@ -40,7 +40,7 @@ const FOLDS: usize = 5;
 pub enum Misfit {
     /// The numbers read are not more than what they would determine.
     #[error(
-        "too few readings: {numbers} numbers, which are no more than the {determined} values that          they determine, so that none of them can be checked; measure more"
+        "too few readings: {numbers} numbers, which are no more than the {determined} values that they determine, so that none of them can be checked; measure more"
     )]
     TooFew {
         /// Numbers read.
@@ -51,9 +51,14 @@ pub enum Misfit {
     /// A reading that the machine cannot have given, or a geometry that is none.
     #[error("{0}: {1}")]
     Unreachable(String, Fault),
+    /// With the tool that was measured with the machine takes no pose in its axis limits.
+    #[error(
+        "with a tool of {0} no pose in the axis limits is found that the machine can take: are length, unit and sign of the tool right?"
+    )]
+    NoWorkspace(f64),
     /// So many readings are off that it is not for them.
     #[error(
-        "{0} of {1} readings do not agree with the others: check plate, probe and the order of the          holes, or give a larger --noise"
+        "{0} of {1} readings do not agree with the others: check plate, probe and the order of the holes, or give a larger --noise"
     )]
     TooManyOutliers(usize, usize),
     /// The search for the minimum.

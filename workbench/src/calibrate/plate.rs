@@ -2,11 +2,10 @@
 //! The plate with holes that the calibration program probes, and where it lies.
 
 use super::model::Frame;
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use kinematics::Vector3;
 use nalgebra::Matrix3;
 use serde::Deserialize;
-use std::fs;
 use std::io;
 use std::path::Path;
 
@@ -112,7 +111,7 @@ impl Plate {
     /// # Errors
     /// See [`PlateError`].
     pub fn read(file: &Path, units_per_mm: f64) -> Result<Self, PlateError> {
-        let text = fs::read_to_string(file).at(file)?;
+        let text = read_text(file)?;
         let plate: Self = toml::from_str(&text).at(file)?;
         plate.check().at(file)?;
         let scale = units_per_mm * if plate.unit == Unit::Mm { 1.0 } else { 25.4 };

@@ -9,7 +9,7 @@ use super::plate::{Hole, Plate, PlateError, Unit};
 use super::program::unit_word;
 use super::propose::{decimals, words};
 use super::setup::{LOOKS_AWAY, looks_away};
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Pose, Vector3};
 use serde::Deserialize;
@@ -112,7 +112,7 @@ pub fn is_one(text: &str) -> bool {
 /// # Errors
 /// See [`NoProbing`].
 pub fn probing(config: &MachineConfig, file: &Path, log: &str) -> Result<Probing, NoProbing> {
-    let text = std::fs::read_to_string(file).at(file)?;
+    let text = read_text(file)?;
     let given: File = toml::from_str(&text).at(file)?;
     let folder = file.parent().unwrap_or(Path::new(""));
     let plate = Plate::read(&folder.join(&given.plate), config.units_per_mm)?;

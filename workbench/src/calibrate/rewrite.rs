@@ -45,13 +45,13 @@ pub fn calibrated(
     changes: &[f64],
 ) -> Result<String, RewriteError> {
     let (geometry, offsets) = model.changed(changes);
-    let mut lines: Vec<String> = without_boxes(config.ini.text());
+    let mut lines: Vec<String> = without_boxes(config.ini.editable().map_err(MachineError::from)?);
     let mut edits = of_legs(model, &geometry, &offsets);
     edits.extend(of_home(config, model, changes)?);
     for edit in &edits {
         enter(&mut lines, edit).at(&config.file)?;
     }
-    let new = lines.join("\n") + "\n";
+    let new = edit::with_ends(config.ini.text(), lines.join("\n") + "\n");
     read_back(&config.file, &new)?;
     Ok(new)
 }
@@ -68,11 +68,11 @@ pub(crate) fn read_back(file: &Path, text: &str) -> Result<MachineConfig, Machin
 ///
 /// # Errors
 /// The text is no machine, or there are no boxes.
-pub fn with_boxes(file: &Path, text: &str) -> Result<String, RewriteError> {
-    let config = read_back(file, text)?;
-    let found = found(&config)?;
+pub fn with_boxes(file: &Path, old: &str) -> Result<String, RewriteError> {
+    let config = read_back(file, old)?;
+    let found = found(&config, &|_| ())?;
     let letters = config.machine.layout().coordinates().as_slice();
-    let mut text = text
+    let mut text = old
         .lines()
         .map(|line| match line.trim_start().starts_with("KINEMATICS") {
             true => format!("{line} boxes={}\n", found.len()),
@@ -85,6 +85,7 @@ pub fn with_boxes(file: &Path, text: &str) -> Result<String, RewriteError> {
             boxes::text(&config.place.box_section(k), section, letters, config.legs())
         );
     }
+    let text = edit::with_ends(old, text);
     read_back(file, &text)?;
     Ok(text)
 }

@@ -4,7 +4,7 @@
 use super::gauge::{Gauge, Kind, Object, Scale};
 use super::model::Frame;
 use super::plate::Unit;
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use crate::read::machine::MachineConfig;
 use kinematics::{Matrix3, Pose, Vector3};
 use serde::Deserialize;
@@ -119,7 +119,7 @@ impl Setup {
     /// # Errors
     /// See [`SetupError`].
     pub fn read(config: &MachineConfig, file: &Path) -> Result<Self, SetupError> {
-        let text = std::fs::read_to_string(file).at(file)?;
+        let text = read_text(file)?;
         let given: File = toml::from_str(&text).at(file)?;
         check(&given).at(file)?;
         let setup = given.in_machine(config);
@@ -166,6 +166,9 @@ fn check(given: &File) -> Result<(), BadSetup> {
         if !(value >= 0.0 && value.is_finite()) {
             return bad(format!("{key} = {value}: expected 0 or more"));
         }
+    }
+    if given.tilt > 90.0 {
+        return bad(format!("tilt = {}: expected 90 degrees at most", given.tilt));
     }
     let [low, high] = given.range;
     if !(low < high && low.is_finite() && high.is_finite()) {

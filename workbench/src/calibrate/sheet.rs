@@ -172,7 +172,7 @@ fn placed(frame: &Frame) -> Pose {
 fn checksum(gauge: &Gauge, number: usize, object: &str, at: &[f64; 6]) -> u16 {
     let numbers = at.iter().chain(gauge.tool.iter()).chain([&gauge.radius]);
     let numbers = numbers.flat_map(|x| ((x * 1e6).round() as i64).to_le_bytes());
-    let names = object.bytes().chain(gauge.kind.name().bytes());
+    let names = [object, gauge.kind.name(), gauge.scale.name()].into_iter().flat_map(str::bytes);
     let bytes = number.to_le_bytes().into_iter().chain(names).chain(numbers);
     let hash = bytes
         .fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
@@ -311,7 +311,7 @@ impl Sheet {
         }
         let own = self.gauge.scale;
         let way_out = match self.other_unit(|scale| middle * scale.in_mm() / own.in_mm()) {
-            Some(scale) => format!("were they typed in {scale}? \"# unit {scale}\" or convert them"),
+            Some(scale) => format!("were they typed in {scale}? Convert them to {own}"),
             None => "set the gauge at the first pose to what the table expects, and say where the object is".into(),
         };
         bad(
@@ -560,7 +560,7 @@ fn stop<'a>(
         return bad(
             line,
             format!(
-                "pose {number} is not that of the program: its numbers, or gauge, radius or tool above, were changed or \
+                "pose {number} is not that of the program: its numbers, or gauge, unit, radius or tool above, were changed or \
                  rounded; take them from the table as `pkm measure` wrote it"
             ),
         );

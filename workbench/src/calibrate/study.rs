@@ -15,7 +15,7 @@ use super::shape::{self, Shape};
 use super::sheet::{self, Sheet};
 use super::slips::{self, Typed};
 use super::table;
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Pose, Vector3};
@@ -132,6 +132,9 @@ pub enum ReadError {
     /// Readings that state their deviation beside others that do not.
     #[error("{}: its readings have no stated deviation, others have: give one with --noise", .0.display())]
     NoNoise(PathBuf),
+    /// Readings that are given twice, which would count as two measurements.
+    #[error("{}: the same readings as {}: name them once", .0.display(), .1.display())]
+    Twice(PathBuf, PathBuf),
     /// Touches, and nobody says of what.
     #[error("{}: touches need the plate that was probed: --plate FILE.toml", .0.display())]
     NoPlate(PathBuf),
@@ -159,12 +162,17 @@ pub fn read(
     let model = Model::new(config.geometry, config.offsets, &wishes.tolerance).at(&config.file)?;
     let (readings, instruments) = (vec![], vec![]);
     let mut given = Given { model, readings, instruments, noise: wishes.noise, typed: vec![] };
+    let mut texts: Vec<String> = vec![];
     for (k, file) in files.iter().enumerate() {
-        let text = std::fs::read_to_string(file).at(file)?;
+        let text = read_text(file)?;
+        if let Some(other) = texts.iter().position(|own| *own == text) {
+            return Err(ReadError::Twice(file.clone(), files[other].clone()));
+        }
         match sheet::is_one(&text) {
             true => given.add_sheet(config, file, &text, k)?,
             false => given.add_file(config, file, &text, plate.as_ref())?,
         }
+        texts.push(text);
     }
     given.weigh(config, files)?;
     Ok(given)
@@ -330,7 +338,7 @@ pub fn study(
     let held_out = held_out(&model, &readings, &found, |share| told(0.4 + 0.5 * share))?;
     let unreachable = |fault| Misfit::Unreachable("the workspace".into(), fault);
     let at_tool = at_tool(config, &model, &readings, &found).map_err(unreachable)?;
-    let shape = shape(config, &model, &readings, &found).map_err(unreachable)?;
+    let shape = shape(config, &model, &readings, &found)?;
     let used = believed(&readings, &found);
     let [rank, improved] = [
         observe::rank(&model, &found.jacobian),
@@ -448,16 +456,21 @@ fn drawn(model: &Model) -> DMatrix<f64> {
 /// The tip's error over the workspace by the drawing and by the readings.
 ///
 /// # Errors
-/// As [`kinematics::Machine::inverse`].
+/// No pose of it can be taken, or as [`kinematics::Machine::inverse`].
 pub fn shape(
     config: &MachineConfig,
     model: &Model,
     readings: &[Reading],
     found: &Fit,
-) -> Result<[Shape; 2], Fault> {
+) -> Result<[Shape; 2], Misfit> {
     let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
-    let changed = Changed::new(model, &found.changes)?;
-    let rates = shape::rates(model, &changed, &at_tool::whole_workspace(config, &tool), &tool)?;
+    let workspace = at_tool::whole_workspace(config, &tool);
+    if workspace.is_empty() {
+        return Err(Misfit::NoWorkspace(tool.z - config.spindle.z));
+    }
+    let unreachable = |fault| Misfit::Unreachable("the workspace".into(), fault);
+    let changed = Changed::new(model, &found.changes).map_err(unreachable)?;
+    let rates = shape::rates(model, &changed, &workspace, &tool).map_err(unreachable)?;
     let of = |covariance| shape::of_covariance(&rates, covariance, CONFIDENCE);
     Ok([of(&drawn(model)), of(&found.covariance)])
 }

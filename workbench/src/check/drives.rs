@@ -444,7 +444,8 @@ impl Judge<'_> {
             sources.iter().find(|pin| pin.contains("stepgen.") && pin.ends_with("position-fb"));
         if let Some(pin) = counts {
             let text = format!(
-                "the feedback of joint {n} is {pin}, which counts steps from 0 wherever the joint is at the                  start: expected homing by a switch (HOME_SEARCH_VEL, HOME_LATCH_VEL, HOME_OFFSET), or the pin                  of an absolute encoder"
+                "the feedback of joint {n} is {pin}, which counts steps from 0 wherever the joint is at the start: \
+                 expected homing by a switch (HOME_SEARCH_VEL, HOME_LATCH_VEL, HOME_OFFSET), or the pin of an absolute encoder"
             );
             let error = crate::check::wiring::at_key(self.ini, section, KEY, &text);
             self.found.push((Severity::Error, error));

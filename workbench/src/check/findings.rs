@@ -63,6 +63,15 @@ impl Report {
         self.facts.push((name.into(), value.into()));
     }
 
+    /// One more line of a fact that was told.
+    pub(super) fn more(&mut self, name: &str, value: impl Into<String>) {
+        let mut behind = self.facts.iter().skip_while(|(own, _)| own != name);
+        let is_new = behind.next().is_none();
+        let rest = behind.skip_while(|(own, _)| own.is_empty()).count();
+        let own = if is_new { name } else { "" };
+        self.facts.insert(self.facts.len() - rest, (own.into(), value.into()));
+    }
+
     pub(super) fn finding(&mut self, severity: Severity, error: IniError) {
         self.findings.push(Finding { severity, problem: *error.0 });
     }

@@ -9,7 +9,7 @@ use crate::check::workspace::MOST;
 use crate::proof::axis_box::AxisBox;
 use crate::proof::boxes as proof;
 use crate::read::boxes;
-use crate::read::edit::{Edit, Elsewhere, entered, with_sections};
+use crate::read::edit::{Edit, Elsewhere, entered, with_ends, with_sections};
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
 use crate::read::machine::MachineConfig;
@@ -57,7 +57,8 @@ pub struct Fixed {
 pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
     let file = &config.file;
     progress("homes");
-    let mut text = entered(config.ini.text(), &homes(config)?)?;
+    let old = config.ini.editable()?;
+    let mut text = entered(old, &homes(config)?)?;
     // What follows depends on them.
     let homed = machine(file, &text)?;
     progress("homing");
@@ -65,7 +66,8 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
     progress("looking for boxes of poses");
     text = axes(&homed, text)?;
     progress("looking for a proof of the boxes");
-    boxed(file, text)
+    let found = boxed(file, text)?;
+    Ok(Fixed { text: with_ends(old, found.text), ..found })
 }
 
 /// The machine of a text, whatever its boxes.
@@ -163,7 +165,7 @@ fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
     let config = machine(file, &text)?;
     let mut fixed = Fixed { text, left: vec![] };
     for mechanism in config.mechanisms().filter(|mechanism| mechanism.refused_boxes.is_some()) {
-        match proof::found(mechanism) {
+        match proof::found(mechanism, &|_| ()) {
             Ok(found) => {
                 let sections: Vec<_> = found.into_iter().map(|(section, _)| section).collect();
                 fixed.text = rewritten(&fixed.text, mechanism, &sections)?;
@@ -189,5 +191,5 @@ pub fn rewritten(
     };
     let sections: Vec<String> = found.iter().enumerate().map(section).collect();
     let names = (config.place.box_prefix(), config.place.boxes_parameter());
-    with_sections(text, names, &sections)
+    Ok(with_ends(text, with_sections(text, names, &sections)?))
 }

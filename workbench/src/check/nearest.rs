@@ -78,7 +78,7 @@ fn legs_at_home(report: &mut Report, config: &MachineConfig) {
 pub(super) fn seen(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
     let Some((nearest, pose)) = &seen.nearest else { return };
     let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));
-    report.fact("", format!("{apart}, the least seen in the axis limits, at {place}"));
+    report.more("nearest legs", format!("{apart}, the least seen in the axis limits, at {place}"));
     if config.clearance.is_some() {
         return;
     }

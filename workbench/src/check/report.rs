@@ -8,6 +8,7 @@ use crate::check::findings::Report;
 use crate::check::homes;
 use crate::check::homing_ways;
 use crate::check::mobility::Structure;
+use crate::check::motion;
 use crate::check::odd;
 use crate::check::order;
 use crate::check::screws;
@@ -38,6 +39,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     }
     let tools = tool_table(&mut report, config);
     understood(&mut report, config, &tools)?;
+    motion::check(&mut report, config)?;
     homes::check(&mut report, config)?;
     let (fact, error) = homing_ways::told(&config.ini, config)?;
     report.fact("homing", fact);
@@ -100,9 +102,19 @@ fn understood(
 
 /// The tools of the table; none, and what is wrong with it, where it cannot be read.
 fn tool_table(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
-    tools::read(config).unwrap_or_else(|text| {
+    let tools = tools::read(config).unwrap_or_else(|text| {
         let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
         report.finding(Severity::Warning, at_key(&config.ini, "EMCIO", "TOOL_TABLE", &text));
         vec![]
-    })
+    });
+    for (k, tool) in tools.iter().enumerate() {
+        if let Some(other) = tools[..k].iter().find(|other| other.number == tool.number) {
+            let text = format!(
+                "T{} stands in line {} already: LinuxCNC takes one of them",
+                tool.number, other.line
+            );
+            report.finding(Severity::Warning, tool.refuse_length(config, &text));
+        }
+    }
+    tools
 }

@@ -31,7 +31,8 @@ pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> S
         };
         let ranges: String = letters.iter().map(range).collect();
         let ranges = if ranges.is_empty() { "  none proved about home" } else { &ranges };
-        let _ = writeln!(text, "  {tilt:>5}°{ranges}");
+        // Rounded down: what is proved for more holds for less.
+        let _ = writeln!(text, "  {:>6.2}°{ranges}", (tilt * 100.0).floor() / 100.0);
     }
     text
 }

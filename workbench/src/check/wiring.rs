@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 /// Where LinuxCNC looks for `LIB:` files, as Debian's package has it.
 const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 
-/// Keys that name a file which LinuxCNC carries out.
-const FILES: [&str; 3] = ["HALFILE", "POSTGUI_HALFILE", "SHUTDOWN"];
+/// Keys that name a file without which LinuxCNC, or AXIS, does not start.
+const FILES: [(&str, &str); 4] =
+    [("HAL", "HALFILE"), ("HAL", "POSTGUI_HALFILE"), ("HAL", "SHUTDOWN"), ("DISPLAY", "PYVCP")];
 
 /// The motion controller, in the file that loads it.
 const CONTROLLER: &str = "motmod";
@@ -33,7 +34,7 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<(Severity, IniError)>, IniError> {
 
 /// HAL files that LinuxCNC does not find: its start ends there.
 fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
-    let entries = FILES.iter().flat_map(|key| ini.all("HAL", key));
+    let entries = FILES.iter().flat_map(|(section, key)| ini.all(section, key));
     entries.filter_map(|entry| {
         let tried = places(ini, entry)?;
         let is_there = tried.iter().any(|file| file.is_file());

@@ -136,6 +136,13 @@ fn with_tools(
         let proof = if is_proved { "proved" } else { "not proved" };
         let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
         report.fact(&tool.name(), text);
+        if share < 100.0 * MOST {
+            let text = format!(
+                "with this tool the machine can take only {share:.1} % of the poses in the axis limits: see whether length, \
+                 unit or sign is wrong"
+            );
+            report.finding(Severity::Warning, tool.refuse_length(config, &text));
+        }
         if is_proved {
             report.proved_tools.push(tool);
         }
@@ -175,7 +182,8 @@ fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
 fn worst_conditioning(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
     let Some((value, pose)) = seen.worst else { return };
     let place = shown_pose(config, &pose);
-    report.fact("", format!("{value:.4} the worst found within the axis limits, at {place}"));
+    let text = format!("{value:.4} the worst found within the axis limits, at {place}");
+    report.more("conditioning", text);
     if value < config.conditioning_limit {
         let text = format!(
             "the legs hardly hold the platform at {place}, conditioning {value:.4}, and pkmkins stops \

@@ -3,7 +3,7 @@
 //! unknown key.
 
 use crate::curve::operation::Operation;
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use crate::study::number::Positive;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -253,7 +253,7 @@ impl PathFile {
     /// # Errors
     /// See [`PathFileError`].
     pub fn read(file: &Path) -> Result<Self, PathFileError> {
-        let text = std::fs::read_to_string(file).at(file)?;
+        let text = read_text(file)?;
         let folder = file.parent().unwrap_or(Path::new("")).into();
         Ok(Self { folder, ..Self::parse(&text).at(file)? })
     }

@@ -7,7 +7,7 @@ use crate::curve::element::{Element, parts, spans};
 use crate::curve::file::CurveKeys;
 use crate::curve::spline::{Spline, SplineError};
 use crate::curve::svg::{self, SvgError};
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, read, read_text};
 use std::io;
 use std::path::Path;
 
@@ -147,13 +147,13 @@ fn of_points(keys: &CurveKeys, file: &Path) -> Result<Vec<Part>, FreeError> {
 }
 
 fn of_svg(keys: &CurveKeys, file: &Path) -> Result<Vec<Element>, FreeError> {
-    let text = std::fs::read_to_string(file).at(file)?;
+    let text = read_text(file)?;
     let elements = svg::elements(&text, keys.svg_unit_mm.map(|unit| unit.0));
     elements.map_err(|error| FreeError::Svg { file: file.display().to_string(), error })
 }
 
 fn of_dxf(keys: &CurveKeys, file: &Path) -> Result<Vec<Element>, FreeError> {
-    let bytes = std::fs::read(file).at(file)?;
+    let bytes = read(file)?;
     let elements = dxf::elements(&bytes, keys);
     elements.map_err(|error| FreeError::Dxf { file: file.display().to_string(), error })
 }

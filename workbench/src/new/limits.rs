@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Limits of the axes, proved, and what they ask of the drives.
 
+use crate::check::findings::Finding;
+use crate::check::wiring::at_key;
 use crate::limits::sentence;
 use crate::new::ini::Plan;
 use crate::new::values::Refusal;
 use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
+use crate::read::diagnostic::Severity;
 use crate::read::machine::MachineConfig;
 use kinematics::{Joints, Letter};
 use rand::{Rng, SeedableRng};
@@ -52,6 +55,10 @@ pub fn proved(
         let text = format!("at home {why}: give other dimensions, or another place with --home");
         Refusal::Misfit(text)
     };
+    if let Some(tilt) = tilt(plan).filter(|tilt| *tilt < NARROWEST[1] / 2.0) {
+        let text = format!("--tilt {tilt}: expected {} degrees or more", NARROWEST[1] / 2.0);
+        return Err(Refusal::Input(text));
+    }
     let reach = Reach::new(config).map_err(|fault| misfit(Stop::Fault(fault)))?;
     reach.check(&config.home).map_err(misfit)?;
     let within = extents(config, &reach, plan)?;
@@ -71,6 +78,26 @@ pub fn proved(
 /// The tilt that is asked for, degrees.
 fn tilt(plan: &Plan) -> Option<f64> {
     plan.values.list::<1>("tilt").map(|[tilt]| tilt)
+}
+
+/// What is less than the tilt that is asked for: findings for whoever reads the limits.
+pub fn short_of_tilt(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> Vec<Finding> {
+    let Some(tilt) = tilt(plan) else { return vec![] };
+    let is_short = |letter: &Letter| {
+        let k = letter.index();
+        letter.is_angle() && limits.low[k].abs().min(limits.high[k].abs()) < tilt
+    };
+    let finding = |letter: Letter| {
+        let [low, high] = [limits.low, limits.high].map(|ends| ends[letter.index()]);
+        let text = format!(
+            "--tilt {tilt} was asked for, and {low} to {high} degrees is what is proved about home: see pkm \
+             workspace what stops it, or give other dimensions"
+        );
+        let section = config.place.axis_section(letter);
+        let problem = *at_key(&config.ini, &section, "MAX_LIMIT", &text).0;
+        Finding { severity: Severity::Warning, problem }
+    };
+    plan.letters().into_iter().filter(is_short).map(finding).collect()
 }
 
 fn is_narrow(config: &MachineConfig, part: &AxisBox, letter: Letter) -> bool {

@@ -3,7 +3,7 @@
 
 use crate::check::findings::{Finding, Report};
 use crate::check::report::check;
-use crate::files::{AtFile, Folder, write_whole};
+use crate::files::{AtFile, Folder, write_over, write_whole};
 use crate::new::ini::Plan;
 use crate::new::kinds::Kind;
 use crate::new::parameters::ANCHORS;
@@ -53,7 +53,7 @@ impl From<AtFile<io::Error>> for Refusal {
 /// # Errors
 /// What was given is wrong, no such machine works, or the folder cannot be written. Nothing is left
 /// behind then.
-pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
+pub fn make(order: &Order, say: impl Fn(&str) + Sync) -> Result<Made, Refusal> {
     refuse_name(order.name)?;
     refuse_place(order.folder)?;
     let mut plan = begun(order)?;
@@ -64,8 +64,24 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
         plan.cardans = cardans(&config);
     }
     let folder = Folder::beside(order.folder)?;
-    let read = |plan: &Plan| written(folder.path(), plan);
-    write_whole(&folder.path().join(format!("{}.tbl", order.name)), program::tools())?;
+    // Nobody knows the folder that becomes whole.
+    let report = filled(order, folder.path(), plan, say).map_err(|refusal| {
+        let [hidden, named] = [folder.path(), order.folder].map(|path| path.display().to_string());
+        refusal.renamed(&hidden, &named)
+    })?;
+    folder.become_whole(order.folder)?;
+    Ok(report)
+}
+
+/// Writes everything into a folder.
+fn filled(
+    order: &Order,
+    folder: &Path,
+    mut plan: Plan,
+    say: impl Fn(&str) + Sync,
+) -> Result<Made, Refusal> {
+    let read = |plan: &Plan| written(folder, plan);
+    write_whole(&folder.join(format!("{}.tbl", order.name)), program::tools())?;
     let config = read(&plan)?;
     plan.joints = joints(&config)?;
     say("proving axis limits");
@@ -75,7 +91,7 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
     let config = read(&plan)?;
     let boxes = with_boxes(&mut plan, &config, &say);
     let config = read(&plan)?;
-    let at = |name: &str| folder.path().join(name);
+    let at = |name: &str| folder.join(name);
     let panel = Panel::new(&config, order.name);
     std::fs::create_dir(at("programs"))
         .map_err(|error| Refusal::Input(format!("{}: {error}", order.folder.display())))?;
@@ -89,8 +105,9 @@ pub fn make(order: &Order, say: impl Fn(&str)) -> Result<Made, Refusal> {
     }
     // With all files in their places, which it looks for.
     say("checking what was made");
-    let report = checked(&config, order)?;
-    folder.become_whole(order.folder)?;
+    let mut report = checked(&config, order)?;
+    report.findings.extend(limits::short_of_tilt(&config, &plan, &found));
+    name_place(&mut report, order);
     Ok(Made { report, boxes })
 }
 
@@ -159,6 +176,14 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
         );
         return Err(Refusal::Input(text));
     }
+    if values.word("hands").contains('L') && values.number("lead") == 0.0 {
+        let text = format!(
+            "--hands {} without --lead: hands count where a turn of the screw lengthens the strut; give its lead, or \
+             leave --hands out",
+            values.word("hands")
+        );
+        return Err(Refusal::Input(text));
+    }
     let coordinates = coordinates(kind, values, count)?;
     Ok(Plan {
         name,
@@ -217,7 +242,7 @@ fn cardans(config: &MachineConfig) -> Vec<[f64; 3]> {
 /// The machine's file, written and read back.
 fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
     let file = folder.join(format!("{}.ini", plan.name));
-    write_whole(&file, &plan.text())?;
+    write_over(&file, &plan.text())?;
     MachineConfig::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
@@ -228,7 +253,7 @@ fn joints(config: &MachineConfig) -> Result<Vec<f64>, Refusal> {
 }
 
 /// Proves boxes where they are wanted; what there is to say of them.
-fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str)) -> String {
+fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str) + Sync) -> String {
     let without = |why: &dyn Display| {
         let text = format!(
             "# There are no [BOX_K] sections for the start without a seed: {why}.\n\
@@ -242,7 +267,10 @@ fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str)) -> St
         return "no boxes for the start without a seed: --boxes yes, or pkm boxes later".into();
     }
     say("proving boxes for the start without a seed");
-    match boxes::found(config) {
+    let told = |share: f64| {
+        say(&format!("proving boxes for the start without a seed: {:.0} %", 100.0 * share));
+    };
+    match boxes::found(config, &told) {
         Ok(found) => {
             let letters = config.machine.layout().coordinates().as_slice();
             let section = |(k, (section, _)): (usize, &(_, usize))| {
@@ -263,10 +291,7 @@ fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str)) -> St
 /// What `pkm check` says of the file, with the place that it will have.
 fn checked(config: &MachineConfig, order: &Order) -> Result<Report, Refusal> {
     let mut report = check(config, |_| ()).map_err(|error| Refusal::Misfit(error.to_string()))?;
-    let file: PathBuf = order.folder.join(format!("{}.ini", order.name));
-    for Finding { problem, .. } in &mut report.findings {
-        problem.file.clone_from(&file);
-    }
+    name_place(&mut report, order);
     if report.fits() {
         return Ok(report);
     }
@@ -274,6 +299,14 @@ fn checked(config: &MachineConfig, order: &Order) -> Result<Report, Refusal> {
     let lines: Vec<String> =
         errors.map(|finding| rendered(finding.severity, &finding.problem)).collect();
     Err(Refusal::Misfit(format!("such a machine does not fit together:\n{}", lines.join("\n"))))
+}
+
+/// Findings get the file that the machine will have.
+fn name_place(report: &mut Report, order: &Order) {
+    let file: PathBuf = order.folder.join(format!("{}.ini", order.name));
+    for Finding { problem, .. } in &mut report.findings {
+        problem.file.clone_from(&file);
+    }
 }
 
 /// The limits of a machine that was made, letter by letter, for people.

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Legs from a table of anchors, a CSV file with a line for every leg.
 
-use crate::files::Locate;
+use crate::files::read_text;
 use crate::new::anchors::Leg;
-use crate::new::values::Refusal;
+use crate::new::values::{MOST as MOST_LENGTH, Refusal};
 use crate::read::ini::decimal;
 use keys::{Key, Need, of_leg};
 use kinematics::leg::Kind;
-use std::fs;
 use std::path::Path;
 
 /// Most legs of a machine.
@@ -35,18 +34,23 @@ pub fn columns(kind: Kind) -> Vec<String> {
 /// # Errors
 /// The file cannot be read, or a line of it is no leg: with its place.
 pub fn read(file: &Path, kind: Kind) -> Result<Vec<Leg>, Refusal> {
-    let text =
-        fs::read_to_string(file).at(file).map_err(|error| Refusal::Input(error.to_string()))?;
+    let text = read_text(file).map_err(|error| Refusal::Input(error.to_string()))?;
     let at = |line: usize, expected: String| {
         Refusal::Input(format!("{}:{line}: {expected}", file.display()))
     };
     let names = columns(kind);
+    // Spreadsheets write a mark before the first line, and quotes.
     let mut lines = text
+        .trim_start_matches('\u{feff}')
         .lines()
         .enumerate()
         .map(|(n, line)| (n + 1, line.trim()))
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let heading = lines.next().unwrap_or((1, ""));
+    if !heading.1.contains(',') && heading.1.contains([';', '\t']) {
+        let text = "semicolons or tabs between the cells: save the table with commas";
+        return Err(at(heading.0, text.into()));
+    }
     if fields(heading.1) != names {
         return Err(at(heading.0, format!("expected the heading {}", names.join(","))));
     }
@@ -65,7 +69,7 @@ pub fn read(file: &Path, kind: Kind) -> Result<Vec<Leg>, Refusal> {
 }
 
 fn fields(line: &str) -> Vec<&str> {
-    line.split(',').map(str::trim).collect()
+    line.split(',').map(|cell| cell.trim().trim_matches('"')).collect()
 }
 
 fn leg(fields: &[&str], names: &[String], kind: Kind, n: usize) -> Result<Leg, String> {
@@ -79,9 +83,12 @@ fn leg(fields: &[&str], names: &[String], kind: Kind, n: usize) -> Result<Leg, S
     let mut numbers = vec![];
     for (name, field) in names.iter().zip(fields).skip(1) {
         let number = decimal(field).filter(|number| number.is_finite());
-        numbers.push(
-            number.ok_or_else(|| format!("{name}: expected a decimal number, not {field:?}"))?,
-        );
+        let number =
+            number.ok_or_else(|| format!("{name}: expected a decimal number, not {field:?}"))?;
+        if number.abs() > MOST_LENGTH {
+            return Err(format!("{name}: expected at most {MOST_LENGTH} in size, not {field}"));
+        }
+        numbers.push(number);
     }
     let mut leg = Leg::default();
     let (mut rest, mut words) = (numbers.as_slice(), &fields[1..]);

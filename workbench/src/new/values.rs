@@ -8,6 +8,11 @@ use std::collections::BTreeMap;
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;
 
+/// Largest number, and smallest one above 0, that can be meant, in any unit: beyond them a file in decimals, and
+/// differences of lengths, lose the digits that a machine needs.
+pub(super) const MOST: f64 = 1e7;
+const LEAST: f64 = 1e-6;
+
 /// Why no machine is made.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
@@ -29,6 +34,17 @@ enum Value {
 /// Values by the names of their parameters, in machine units and degrees.
 #[derive(Clone, Debug)]
 pub struct Values(BTreeMap<&'static str, Value>);
+
+impl Refusal {
+    /// The same, naming one place in place of another.
+    #[must_use]
+    pub fn renamed(self, from: &str, to: &str) -> Self {
+        match self {
+            Self::Input(text) => Self::Input(text.replace(from, to)),
+            Self::Misfit(text) => Self::Misfit(text.replace(from, to)),
+        }
+    }
+}
 
 impl Values {
     /// Of the words that were given for the parameters of a machine; the others have their defaults.
@@ -214,13 +230,16 @@ fn word_fits(measure: Measure, word: &str) -> Result<(), String> {
 }
 
 fn numbers_fit(measure: Measure, numbers: &[f64]) -> Result<(), String> {
+    if numbers.iter().any(|x| x.abs() > MOST) {
+        return Err(format!("at most {MOST} in size"));
+    }
     let fits = match measure {
         Measure::Distance => numbers[0] >= 0.0,
         Measure::Travel => numbers[0] < numbers[1],
         Measure::Swing => numbers[0] < numbers[1] && numbers.iter().all(|a| a.abs() < 180.0),
         Measure::Angle(most) => numbers[0] > 0.0 && numbers[0] <= f64::from(most),
         Measure::Place | Measure::Places(_) => true,
-        _ => numbers[0] > 0.0,
+        _ => numbers[0] >= LEAST,
     };
     if fits {
         return Ok(());
@@ -232,6 +251,7 @@ fn numbers_fit(measure: Measure, numbers: &[f64]) -> Result<(), String> {
             "more than -180 and less than 180 degrees, the smaller number first".into()
         }
         Measure::Angle(most) => format!("more than 0 and at most {most} degrees"),
+        _ if numbers[0] > 0.0 => format!("{LEAST} or more"),
         _ => "more than 0".into(),
     })
 }

@@ -32,28 +32,40 @@ pub fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> 
     Ok((low, high))
 }
 
-/// Boxes that hold all that the axis limits allow, proved; and the cells it took for each.
+/// Boxes that hold all that the axis limits allow, proved; and the cells it took for each. `told` is given the
+/// share that is done.
 ///
 /// # Errors
 /// Why there are none.
-pub fn found(config: &MachineConfig) -> Result<Vec<(BoxSection, usize)>, Doubt> {
+pub fn found(
+    config: &MachineConfig,
+    told: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<(BoxSection, usize)>, Doubt> {
     let prover = Prover::new(&config.machine, &config.geometry);
     let (low, high) = workspace(config)?;
     let claims = choose::claims(&prover, low, high, MAX_BOXES)?;
-    let proved = |claim: Claim| {
+    let count = claims.len() as f64;
+    let proved = |(k, claim): (usize, Claim)| {
+        let all = |share: f64| told((k as f64 + share) / count);
+        let prover = Prover::new(&config.machine, &config.geometry).telling(&all);
         let cells = prover.prove(&claim, MOST_CELLS)?;
         Ok((BoxSection { claim, geometry: config.hash }, cells))
     };
-    claims.into_iter().map(proved).collect()
+    claims.into_iter().enumerate().map(proved).collect()
 }
 
-/// Proves a section again; the number of cells it took.
+/// Proves a section again; the number of cells it took. `told` is given the share that is done.
 ///
 /// # Errors
 /// It belongs to another geometry, or is not proved.
-pub fn prove(config: &MachineConfig, section: &BoxSection) -> Result<usize, Doubt> {
+pub fn prove(
+    config: &MachineConfig,
+    section: &BoxSection,
+    told: &(dyn Fn(f64) + Sync),
+) -> Result<usize, Doubt> {
     if section.geometry != config.hash {
         return Err(Doubt::Malformed("GEOMETRY is that of another geometry"));
     }
-    Prover::new(&config.machine, &config.geometry).prove(&section.claim, MOST_CELLS)
+    let prover = Prover::new(&config.machine, &config.geometry).telling(told);
+    prover.prove(&section.claim, MOST_CELLS)
 }

@@ -27,6 +27,7 @@ use kinematics::{
 };
 use nalgebra::SMatrix;
 use std::ops::Add;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Margin for rounding in bounds and norms, of quantities near 1.
@@ -64,6 +65,8 @@ pub struct Prover<'a> {
     active: Vec<usize>,
     /// Per leg its lead with the sign that the nut correction has at home.
     lead: Vec<f64>,
+    /// Is told the share of a box that is proved.
+    told: &'a (dyn Fn(f64) + Sync),
 }
 
 /// A part of a box.
@@ -87,6 +90,8 @@ struct Work<'a> {
     limit: usize,
     count: AtomicUsize,
     failed: AtomicBool,
+    /// Share of the box that is proved.
+    done: Mutex<f64>,
 }
 
 /// What one cell says.
@@ -104,7 +109,13 @@ impl<'a> Prover<'a> {
             .filter(|letter| machine.layout().coordinates().contains(*letter))
             .map(Letter::index)
             .collect();
-        Self { machine, geometry, active, lead: signed_leads(machine, geometry) }
+        Self { machine, geometry, active, lead: signed_leads(machine, geometry), told: &|_| () }
+    }
+
+    /// The same, telling how much of a box is proved.
+    #[must_use]
+    pub fn telling(self, told: &'a (dyn Fn(f64) + Sync)) -> Self {
+        Self { told, ..self }
     }
 
     /// Coordinates that the legs move, by number.
@@ -161,7 +172,7 @@ impl<'a> Prover<'a> {
         self.check(claim)?;
         let whole = Cell { low: claim.region.low, high: claim.region.high };
         let (count, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-        let work = Work { claim, limit, count, failed };
+        let work = Work { claim, limit, count, failed, done: Mutex::new(0.0) };
         self.prove_cell(&work, &whole)?;
         Ok(work.count.into_inner())
     }
@@ -176,7 +187,12 @@ impl<'a> Prover<'a> {
             work.failed.store(true, Ordering::Relaxed);
         }
         match proved? {
-            Verdict::Proved => Ok(()),
+            Verdict::Proved => {
+                let mut done = work.done.lock().expect("nobody panics with it");
+                *done += self.share(work.claim, cell);
+                (self.told)(*done);
+                Ok(())
+            }
             Verdict::Split(k) => {
                 let [lower, upper] = cell.halves(k);
                 let both =
@@ -184,6 +200,14 @@ impl<'a> Prover<'a> {
                 both.0.and(both.1)
             }
         }
+    }
+
+    /// Share of the box that a cell is.
+    fn share(&self, claim: &Claim, cell: &Cell) -> f64 {
+        let along = |k: &usize| {
+            (cell.high[*k] - cell.low[*k]) / (claim.region.high[*k] - claim.region.low[*k])
+        };
+        self.active.iter().map(along).product()
     }
 
     fn judged(&self, work: &Work, cell: &Cell) -> Result<Verdict, Doubt> {

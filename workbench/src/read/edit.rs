@@ -41,6 +41,15 @@ pub fn entered(text: &str, edits: &[Edit]) -> Result<String, Elsewhere> {
     Ok(lines.join("\n"))
 }
 
+/// A new text with the ends of lines that the old one has, where all of those are carriage return and line feed.
+pub fn with_ends(old: &str, new: String) -> String {
+    let mut lines = old.split_inclusive('\n').filter(|line| line.ends_with('\n')).peekable();
+    match lines.peek().is_some() && lines.all(|line| line.ends_with("\r\n")) {
+        true => new.replace("\r\n", "\n").replace('\n', "\r\n"),
+        false => new,
+    }
+}
+
 /// Lines of a section behind its heading, to the next heading.
 fn section(lines: &[String], name: &str) -> Option<Range<usize>> {
     let heading = format!("[{name}]");
@@ -143,6 +152,15 @@ mod tests {
         assert!(
             entered(text, &[other]).unwrap_err().to_string().contains("[LEG_7] is not in the file")
         );
+    }
+
+    #[test]
+    fn ends_of_lines_stay_those_of_the_file() {
+        let new = || "a = 2\nb = 3\r\n".to_string();
+        assert_eq!(with_ends("a = 1\r\nb = 3\r\n", new()), "a = 2\r\nb = 3\r\n");
+        for old in ["a = 1\r\nb = 3\n", "a = 1\nb = 3\n", "a = 1", ""] {
+            assert_eq!(with_ends(old, new()), new());
+        }
     }
 
     #[test]

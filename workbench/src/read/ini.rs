@@ -15,10 +15,11 @@
 //! things: such a line is refused, or its value where the machine depends on it.
 //! tests/inivar.rs compares this reader with `inivar`.
 
+use crate::files::{self, AtFile};
 use crate::read::near;
 use keys::{Key, Need, Range};
+use std::borrow::Cow;
 use std::fmt;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Longest line that LinuxCNC's programs read in one piece (LINELEN of inifile.cc), bytes.
@@ -26,6 +27,9 @@ const LONGEST_LINE: usize = 255;
 
 /// First word of a line that names a file to be read in its place.
 const INCLUDE: &str = "#INCLUDE";
+
+/// What some editors write before the first line.
+const MARK: char = '\u{feff}';
 
 /// A line of a file, and the part of it that is meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -167,6 +171,8 @@ pub struct Ini {
     expanded: Option<String>,
     /// The text of the file itself.
     text: String,
+    /// Whether that is all of it: what is not UTF-8 is replaced.
+    is_whole: bool,
 }
 
 impl Ini {
@@ -175,11 +181,12 @@ impl Ini {
     /// # Errors
     /// A file cannot be read, or a line means different things to LinuxCNC's readers.
     pub fn read(file: &Path) -> Result<Self, IniError> {
-        let text = fs::read(file).map_err(|error| {
+        let text = files::read(file).map_err(|AtFile { error, .. }| {
             let expected = format!("cannot be read: {error}; name the machine's INI file");
             Self::empty(file).error("", "", None, &expected)
         })?;
-        Self::parse(file, &String::from_utf8_lossy(&text))
+        let lossy = String::from_utf8_lossy(&text);
+        Ok(Self { is_whole: matches!(lossy, Cow::Borrowed(_)), ..Self::parse(file, &lossy)? })
     }
 
     /// Reads text; `file` names it in errors, and files it includes are looked for beside it.
@@ -189,6 +196,7 @@ impl Ini {
     pub fn parse(file: &Path, text: &str) -> Result<Self, IniError> {
         let mut ini = Self { text: text.into(), ..Self::empty(file) };
         let own: Vec<Line> = numbered(file, text);
+        ini.refuse_mark(&own)?;
         let includes = own.iter().any(|line| line.text.starts_with(INCLUDE));
         let lines = if includes { ini.expand(own)? } else { own };
         if includes {
@@ -218,6 +226,7 @@ impl Ini {
             unassigned: vec![],
             expanded: None,
             text: String::new(),
+            is_whole: true,
         }
     }
 
@@ -258,7 +267,7 @@ impl Ini {
             (Some(rest), Some(home)) => home.join(rest),
             _ => self.file.parent().unwrap_or(Path::new("")).join(name),
         };
-        let text = fs::read(&file).map_err(|error| {
+        let text = files::read(&file).map_err(|AtFile { error, .. }| {
             refuse(&format!("cannot be read: {error}; LinuxCNC would start without these lines"))
         })?;
         Ok(numbered(&file, &String::from_utf8_lossy(&text)))
@@ -311,6 +320,19 @@ impl Ini {
         Ok(())
     }
 
+    /// LinuxCNC's programs take a byte order mark for a part of the first line.
+    fn refuse_mark(&self, lines: &[Line]) -> Result<(), IniError> {
+        let marked = lines.first().and_then(|line| Some((line, line.text.strip_prefix(MARK)?)));
+        match marked {
+            Some((line, text)) if text.trim_start().starts_with('[') || text.contains('=') => {
+                let expected = "a byte order mark stands before this line, which LinuxCNC then does not read: save \
+                                the file as UTF-8 without BOM";
+                Err(self.error("", "", None, expected).at(line, text.trim()))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// LinuxCNC's programs take what is beyond for a line of its own.
     fn refuse_long(&self, line: &Line) -> Result<(), IniError> {
         let rest = line.text.as_bytes().get(LONGEST_LINE..).unwrap_or_default();
@@ -348,6 +370,24 @@ impl Ini {
     /// The text of the file itself, as it was read.
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// The same, to be written again with other values.
+    ///
+    /// # Errors
+    /// A line is not UTF-8, which would be lost.
+    pub fn editable(&self) -> Result<&str, IniError> {
+        if self.is_whole {
+            return Ok(&self.text);
+        }
+        let is_replaced = |line: &Line| line.text.contains(char::REPLACEMENT_CHARACTER);
+        let expected = "this line is not UTF-8, and what stands there would be lost: convert the file first, as \
+                        iconv -f latin1 -t utf-8 does";
+        let error = self.error("", "", None, expected);
+        Err(match numbered(&self.file, &self.text).iter().find(|line| is_replaced(line)) {
+            Some(line) => error.at(line, line.text.trim()),
+            None => error,
+        })
     }
 
     /// The file as it was named by the caller.

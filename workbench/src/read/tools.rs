@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The tool table, `[EMCIO]TOOL_TABLE`: which offsets a program may put in force.
 
-use crate::files::{AtFile, Locate};
+use crate::files::{self, AtFile};
 use crate::read::ini::{Excerpt, IniError, Problem};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Vector3};
-use std::fs;
 use std::io;
 use std::path::PathBuf;
 
@@ -19,7 +18,7 @@ pub struct Tool {
     /// Letters of the table that hold it: of a second mechanism U V W.
     letters: [char; 3],
     /// Its line of the table, counted from 1.
-    line: usize,
+    pub(crate) line: usize,
     /// That line.
     text: String,
 }
@@ -89,7 +88,7 @@ pub enum BadTool {
 /// See [`TableError`].
 pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
     let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
-    let bytes = fs::read(file).at(file)?;
+    let bytes = files::read(file)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut tools = vec![];
     for (n, line) in text.lines().enumerate() {

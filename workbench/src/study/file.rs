@@ -4,7 +4,7 @@
 //! Every value may be missing; a study that needs one says so. Units stand in the keys, so that a
 //! value without its unit is an unknown key.
 
-use crate::files::{AtFile, Locate};
+use crate::files::{AtFile, Locate, read_text};
 use crate::read::machine::MachineConfig;
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling};
@@ -291,7 +291,7 @@ impl Study {
     /// # Errors
     /// See [`StudyError`].
     pub fn read(file: &Path) -> Result<Self, StudyError> {
-        let text = std::fs::read_to_string(file).at(file)?;
+        let text = read_text(file)?;
         Ok(Self::parse(&text).at(file)?)
     }
 

@@ -5,7 +5,7 @@ use super::failure::{Failure, tell_error};
 use super::{Bar, MachineFile, Verdict, output, told};
 use pkm::check::boxes::refused;
 use pkm::check::fixes::rewritten;
-use pkm::files::write_whole;
+use pkm::files::write_over;
 use pkm::proof::boxes as proof;
 use pkm::proof::one_to_one::Doubt;
 use pkm::read::boxes::{self, BoxSection};
@@ -68,7 +68,11 @@ enum Unproved {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all_without_boxes()?;
     let mut verdict = Verdict::Fits;
-    let mut text = config.ini.text().to_string();
+    let mut text = match arguments.write {
+        true => config.ini.editable()?,
+        false => config.ini.text(),
+    }
+    .to_string();
     let (mut boxes, mut sections) = (vec![], String::new());
     for mechanism in config.mechanisms() {
         for refused in refused(mechanism, "looking for others") {
@@ -104,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let is_written = text != config.ini.text();
     if is_written {
-        write_whole(&config.file, &text)?;
+        write_over(&config.file, &text)?;
     }
     let machine = &config.file;
     output::answer(
@@ -114,12 +118,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 fn of_mechanism(config: &MachineConfig) -> Result<Answer, Unproved> {
-    let _bar = Bar::spinner("looking for a proof");
-    if config.boxes.is_empty() { found(config) } else { proved(config) }
+    let bar = Bar::new("proving boxes");
+    match config.boxes.len() {
+        0 => found(config, &bar),
+        _ => proved(config, &bar),
+    }
 }
 
-fn found(config: &MachineConfig) -> Result<Answer, Unproved> {
-    let found = proof::found(config)?;
+fn found(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
+    let found = proof::found(config, &|share| bar.set(share))?;
     let letters = config.machine.layout().coordinates().as_slice();
     let parameter = config.place.boxes_parameter();
     let mut text = format!("# {parameter}={} in [KINS]KINEMATICS\n", found.len());
@@ -138,11 +145,13 @@ fn found(config: &MachineConfig) -> Result<Answer, Unproved> {
     Ok(Answer { text, proved, sections, is_there: false })
 }
 
-fn proved(config: &MachineConfig) -> Result<Answer, Unproved> {
+fn proved(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
     let (mut text, mut proved) = (String::new(), vec![]);
     for (k, section) in config.boxes.iter().enumerate() {
         let name = config.place.box_section(k);
-        let cells = proof::prove(config, section)
+        let count = config.boxes.len() as f64;
+        let told = |share: f64| bar.set((k as f64 + share) / count);
+        let cells = proof::prove(config, section, &told)
             .map_err(|doubt| Unproved::Section(name.clone(), doubt))?;
         let c = section.claim.contraction;
         text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");

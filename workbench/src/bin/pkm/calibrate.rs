@@ -8,7 +8,7 @@ use pkm::calibrate::model::{Parameter, Quantity, Tolerance};
 use pkm::calibrate::rewrite;
 use pkm::calibrate::sheet::Sheet;
 use pkm::calibrate::study::{self, Agreement, Study, Wishes};
-use pkm::files::write_whole;
+use pkm::files::{write_over, write_whole};
 use pkm::read::machine::MachineConfig;
 use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -125,7 +125,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     if let Some(target) = target.filter(|_| !is_kept) {
         let names = (config.file.display().to_string(), target.display().to_string());
-        write_whole(target, &new)?;
+        match arguments.in_place {
+            true => write_over(target, &new)?,
+            false => write_whole(target, &new)?,
+        }
         text += &format!(
             "\n{}\nwritten: {}\n",
             rewrite::difference(config.ini.text(), &new, (&names.0, &names.1)),

@@ -8,7 +8,7 @@ use pkm::check::findings::Report;
 use pkm::check::fixes::{fixed, machine};
 use pkm::check::report::check;
 use pkm::check::suggestion::{axis_lines, tilt_table};
-use pkm::files::write_whole;
+use pkm::files::write_over;
 use pkm::read::diagnostic::rendered;
 use pkm::read::edit::difference;
 use pkm::read::machine::MachineConfig;
@@ -133,7 +133,7 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     if fixed.text == old {
         tell_error(&format!("{}: nothing that pkm check can put right", config.file.display()));
     } else if arguments.write {
-        write_whole(&config.file, &fixed.text)?;
+        write_over(&config.file, &fixed.text)?;
     }
     let name = config.file.display().to_string();
     let difference = difference(old, &fixed.text, (&name, &name), AROUND);

@@ -22,7 +22,7 @@ use pkm::dynamics::record::Record;
 use pkm::dynamics::response::frequencies;
 use pkm::dynamics::run::{Ended, Follower, Force, Times, standing};
 use pkm::dynamics::structure::{Structure, legs};
-use pkm::files::{Locate, csv, write_whole};
+use pkm::files::{Locate, csv, open, write_whole};
 use pkm::proof::axis_box;
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::{Lacking, Study};
@@ -30,7 +30,6 @@ use pkm::study::forcing::Force as Random;
 use pkm::study::map::Map;
 use pkm::study::workspace::Workspace;
 use std::f64::consts::TAU;
-use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -283,7 +282,7 @@ impl Subject<'_> {
     }
 
     fn followed(&self, program: &Path, times: &Times) -> Result<(Record, Verdict), Failure> {
-        File::open(program).at(program)?;
+        open(program)?;
         if self.config.chain.is_bare() {
             return Err(refused(
                 "not judged: an axis carries the tool, or the work is on the platform: where the force acts is \

@@ -4,7 +4,7 @@
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{Judgement, judgement};
 use super::{MachineFile, Verdict, output};
-use pkm::files::Locate;
+use pkm::files::read;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     let program = &arguments.program;
     let file = machine.clone();
-    let text = std::fs::read(program).at(program)?;
+    let text = read(program)?;
     let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
     let (verdict, reasons) = match judgement {
         Judgement::Fits => (Verdict::Fits, vec![]),

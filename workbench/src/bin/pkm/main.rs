@@ -46,7 +46,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kinematics::{Letter, Pose};
-use pkm::files::{Locate, leave_nothing, write_whole};
+use pkm::files::{leave_nothing, open, write_whole};
 use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
@@ -296,7 +296,7 @@ fn told(text: &str) -> Result<(), Failure> {
 /// The moves of a program, which has to move something.
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     // Told before the interpreter, in the system's words.
-    std::fs::File::open(program).at(program)?;
+    open(program)?;
     let moves = match config.place.is_of_pair {
         true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
         false => interpreter::moves(config, program, None)?,

@@ -8,7 +8,7 @@ use pkm::calibrate::propose::{Proposal, Step, propose};
 use pkm::calibrate::setup::Setup;
 use pkm::calibrate::sheet;
 use pkm::calibrate::{probing, program};
-use pkm::files::{Locate, write_whole};
+use pkm::files::{read_text, write_whole};
 use pkm::program::interpreter::{Move, MoveKind, Spindle};
 use pkm::program::preflight::preflight;
 use pkm::read::machine::MachineConfig;
@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if !(tolerance > 0.0 && tolerance.is_finite()) {
         return Err(refused(format!("--tolerance {tolerance}: expected more than 0")));
     }
-    let text = std::fs::read_to_string(&arguments.gauge).at(&arguments.gauge)?;
+    let text = read_text(&arguments.gauge)?;
     match probing::is_one(&text) {
         true => probe(arguments, &config),
         false => read(arguments, &config, &Tolerance::of_lengths(tolerance)),

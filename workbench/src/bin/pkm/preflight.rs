@@ -10,7 +10,7 @@ use pkm::control::process::Options;
 use pkm::control::row::{Ending, Message, Row};
 use pkm::draw::margins::figures;
 use pkm::draw::page::{self, Report, of_program};
-use pkm::files::{Locate, write_whole};
+use pkm::files::{self, Locate, open, write_whole};
 use pkm::program::both::Flights;
 use pkm::program::course::{Course, Thinned};
 use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time, Timing};
@@ -280,7 +280,7 @@ pub fn judged(
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<Answer, Failure> {
     // Told before the interpreter, in the system's words.
-    std::fs::File::open(program).at(program)?;
+    open(program)?;
     let (found, files) = followed(config, judging, program, None, "following the moves", see)?;
     if found.is_still() {
         return Err(MovesNothing(program.into()).into());
@@ -364,13 +364,13 @@ fn read(
 }
 
 fn count_lines(program: &Path) -> Result<u32, Failure> {
-    let lines = std::fs::read(program).at(program)?.split(|byte| *byte == b'\n').count();
+    let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
     Ok(u32::try_from(lines).unwrap_or(u32::MAX))
 }
 
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let text = |file: &PathBuf| {
-        let bytes = std::fs::read(file).at(file)?;
+        let bytes = files::read(file)?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     };
     files.iter().map(text).collect()

@@ -6,7 +6,7 @@ use super::failure::{Failure, refused, tell_error};
 use super::input::RowFile;
 use super::output::{self, Table};
 use kinematics::Fault;
-use pkm::files::Locate;
+use pkm::files::open;
 use serde_json::json;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -98,9 +98,7 @@ impl Rows {
         }
         let (name, input): (String, Box<dyn Read>) = match file.file() {
             None => (INPUT.into(), Box::new(std::io::stdin().lock())),
-            Some(file) => {
-                (file.display().to_string(), Box::new(std::fs::File::open(file).at(file)?))
-            }
+            Some(file) => (file.display().to_string(), Box::new(open(file)?)),
         };
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| unread(&name, error))?;

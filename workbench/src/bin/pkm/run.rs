@@ -6,10 +6,9 @@ use super::joints::{coordinates, joint_names};
 use super::{Bar, MachineFile, Verdict, output};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use pkm::files::{Locate, Whole};
+use pkm::files::{Locate, Whole, open};
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
-use std::fs::File;
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -88,7 +87,7 @@ struct Answer<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all()?;
-    File::open(&arguments.program).at(&arguments.program)?;
+    open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut unwritten = None;
     let progress = Progress::new(&config);

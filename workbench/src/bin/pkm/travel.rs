@@ -10,6 +10,7 @@ use pkm::program::travel::{Side, Stand, Travel, letters, travel};
 use pkm::read::machine::MachineConfig;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::io::{BufRead, Write};
 
 /// How far the machine can go from a pose
@@ -72,7 +73,23 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     told(&in_words(&found))?;
     output::answer(&json!({ "machine": config.file, "pose": stand.world, "travel": found }))?;
-    Ok(Verdict::Fits)
+    Ok(match left_at(&found) {
+        None => Verdict::Fits,
+        Some(limits) => {
+            super::failure::tell_error(&format!("the machine cannot stand at this pose: {limits}"));
+            Verdict::Misfit
+        }
+    })
+}
+
+/// The limits that are left at the pose itself, where nothing is left either way.
+fn left_at(found: &[Travel]) -> Option<String> {
+    let sides = || found.iter().flat_map(|way| [&way.minus, &way.plus]);
+    if !sides().all(|side| side.left == Some(0.0)) {
+        return None;
+    }
+    let limits: BTreeSet<&str> = sides().filter_map(|side| side.stop.as_deref()).collect();
+    Some(limits.into_iter().collect::<Vec<_>>().join(", "))
 }
 
 fn serve(config: &MachineConfig) -> Result<(), Failure> {

@@ -4,7 +4,7 @@
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{self, Judging};
 use super::{Bar, MachineFile, Verdict, output};
-use pkm::files::{Folder, Locate, Whole, write_whole};
+use pkm::files::{Folder, Locate, Whole, read, write_whole};
 use pkm::program::course::Course;
 use pkm::program::findings::Time;
 use pkm::read::machine::MachineConfig;
@@ -167,7 +167,7 @@ fn of_program(
     program: &Path,
 ) -> Result<(Data, Verdict), Failure> {
     let data = Data::new(config, false);
-    let text = std::fs::read(program).at(program)?;
+    let text = read(program)?;
     let (mut track, mut course) = (Track::new(config), Course::new(config));
     let answer = preflight::judged(config, judging, program, &mut |row| {
         track.see(config, row);

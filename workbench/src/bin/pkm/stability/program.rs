@@ -8,7 +8,7 @@ use kinematics::Pose;
 use pkm::cut::program;
 use pkm::draw::plot::Plot;
 use pkm::draw::stability::of_path;
-use pkm::files::{Locate, csv, write_whole};
+use pkm::files::{Locate, csv, open, write_whole};
 use pkm::program::interpreter::{self, Move, MoveKind, Spindle};
 use pkm::read::machine::MachineConfig;
 use pkm::stability::path::{Best, Depth, Path, Stop};
@@ -149,7 +149,7 @@ impl Job {
     /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
     pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
         // Told before the interpreter, in the system's words.
-        std::fs::File::open(&self.program).at(&self.program)?;
+        open(&self.program)?;
         let mut moves = interpreter::with_spindle(config, &self.program)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);

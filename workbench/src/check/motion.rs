@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What LinuxCNC's motion takes otherwise than it is meant: units, periods, and keys that are missing or beyond use.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::IniError;
+use crate::read::joints::{Joint, JointKind};
+use crate::read::machine::MachineConfig;
+use kinematics::{Joints, Letter, Pose};
+
+/// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
+const PERIODS: [f64; 2] = [100_000.0, 10_000_000.0];
+
+/// Share of a joint's range from which a following error no longer stops anything in time.
+const LOOSE: f64 = 0.1;
+
+/// An axis alone may ask so many times more of a joint than its speed: less is for the guard to slow, and a speed a
+/// minute is 60 times as large.
+const FAST: f64 = 10.0;
+
+/// Steps of differences: share of the machine's size, and degrees.
+const STEP: [f64; 2] = [1e-4, 0.01];
+
+/// Everything of it.
+///
+/// # Errors
+/// A value that is no number.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    if !config.place.is_second {
+        angles(report, config);
+        period(report, config)?;
+    }
+    for (i, joint) in config.joints.iter().enumerate() {
+        let section = config.place.joint_section(i);
+        kind(report, config, &section, joint);
+        following(report, config, &section, joint)?;
+    }
+    let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
+    for letter in letters {
+        let section = config.place.axis_section(letter);
+        defaults(report, config, &section);
+        too_fast(report, config, letter, &section);
+    }
+    Ok(())
+}
+
+/// The kinematics compute in degrees.
+fn angles(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("TRAJ", "ANGULAR_UNITS") else { return };
+    let is_degree =
+        ["deg", "degree", "degrees", "1", "1.0"].contains(&entry.value.to_lowercase().as_str());
+    if !is_degree {
+        let text = "expected degree, in which the kinematics and all angles of the file are";
+        report.finding(Severity::Error, config.ini.refuse(entry, text));
+    }
+}
+
+fn period(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    let [least, most] = PERIODS;
+    let period = config.ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
+    if !(least..=most).contains(&period) {
+        let text = format!(
+            "a servo cycle of {} ms: expected nanoseconds, {least} to {most}, mostly 1000000",
+            period * 1e-6
+        );
+        report.finding(Severity::Warning, at_key(&config.ini, "EMCMOT", "SERVO_PERIOD", &text));
+    }
+    Ok(())
+}
+
+/// Lengths that are declared as angles, or the other way round.
+fn kind(report: &mut Report, config: &MachineConfig, section: &str, joint: &Joint) {
+    let expected = if joint.kind == JointKind::Arm { "ANGULAR" } else { "LINEAR" };
+    if let Some(entry) = config.ini.first(section, "TYPE").filter(|entry| entry.value != expected) {
+        let text = format!("expected {expected}, as {} is", joint.name);
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+    }
+}
+
+/// Following errors that LinuxCNC sets itself, or that stop nothing.
+fn following(
+    report: &mut Report,
+    config: &MachineConfig,
+    section: &str,
+    joint: &Joint,
+) -> Result<(), IniError> {
+    let (ini, unit) = (&config.ini, config.unit(joint.kind));
+    let most = LOOSE * (joint.max - joint.min);
+    let allowed = ini.number_or(section, "FERROR", 1.0)?;
+    let least = ini.number_or(section, "MIN_FERROR", 0.0)?;
+    let text = match ini.first(section, "FERROR") {
+        None => Some(format!(
+            "LinuxCNC takes 1 {unit}: give how far the drive may be behind at MAX_VELOCITY"
+        )),
+        Some(_) if allowed >= most => Some(format!(
+            "{} may be {allowed} {unit} behind, {most} or more of its range of {}: nothing stops a drive that does not \
+             follow before it has moved the platform far",
+            joint.name,
+            joint.max - joint.min
+        )),
+        _ => None,
+    };
+    if let Some(text) = text {
+        report.finding(Severity::Warning, at_key(ini, section, "FERROR", &text));
+    }
+    if least > allowed {
+        let text = format!("it is more than FERROR, {allowed}, which then never counts");
+        report.finding(Severity::Warning, at_key(ini, section, "MIN_FERROR", &text));
+    }
+    Ok(())
+}
+
+/// Speeds and accelerations of axes that LinuxCNC sets itself.
+fn defaults(report: &mut Report, config: &MachineConfig, section: &str) {
+    for key in ["MAX_VELOCITY", "MAX_ACCELERATION"] {
+        if config.ini.first(section, key).is_none() {
+            let text = "LinuxCNC takes 1, which is slow for most machines: give that of the tool";
+            report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
+        }
+    }
+}
+
+/// An axis whose speed no joint comes near to.
+fn too_fast(report: &mut Report, config: &MachineConfig, letter: Letter, section: &str) {
+    let k = letter.index();
+    let step = if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() };
+    let joints = |way: f64| -> Option<Joints> {
+        let mut pose = config.home;
+        pose[k] += way * step;
+        config.machine.inverse(&Pose::from_degrees(pose), &config.spindle).ok()
+    };
+    let (Some(before), Some(behind)) = (joints(-1.0), joints(1.0)) else { return };
+    let speed = config.axes[k].max_velocity;
+    let rate = |i: usize| (behind[i] - before[i]).abs() / (2.0 * step) * speed;
+    let share = |i: usize| rate(i) / config.joints[i].max_velocity;
+    let most = (0..config.joints.len()).max_by(|i, j| share(*i).total_cmp(&share(*j)));
+    if let Some(i) = most.filter(|i| share(*i) > FAST) {
+        let Joint { name, kind, max_velocity, .. } = &config.joints[i];
+        let text = format!(
+            "at home {name} would have to move at {:.0} {} a second, and its MAX_VELOCITY is {max_velocity}: expected a \
+             speed a second, not a minute, that the joints can follow",
+            rate(i),
+            config.unit(*kind)
+        );
+        report.finding(Severity::Warning, at_key(&config.ini, section, "MAX_VELOCITY", &text));
+    }
+}
