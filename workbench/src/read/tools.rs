@@ -18,7 +18,7 @@ pub struct Tool {
     /// Letters of the table that hold it: of a second mechanism U V W.
     letters: [char; 3],
     /// Its line of the table, counted from 1.
-    pub(crate) line: usize,
+    pub line: usize,
     /// That line.
     text: String,
 }
