@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page site setup-site python-tools rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -88,6 +88,7 @@ help:
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
+	@echo "make site       the documentation as a site in build/site, its links followed"
 	@echo "make pictures   draws the pictures of the documentation again"
 	@echo "make clean      removes target/ and build/"
 
@@ -150,6 +151,12 @@ pictures:
 	$(HOST_BUILD) --bin pkm
 	docs/pictures/make.sh target/host/pkm
 
+# The documentation as a site, its links followed.
+PYTHON_TOOLS := target/tools/python
+site: setup-site
+	$(HOST_BUILD) --bin pkm
+	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
+
 # In the third of two cores that machines live leave, and never before them.
 check-aside:
 	chrt --idle 0 $(MAKE) --no-print-directory check
@@ -186,7 +193,7 @@ LINT = lint() { \
     if ! $(CARGO) $$1 --version >/dev/null 2>&1; then echo "pkmkins: this Rust has no cargo $$1: skipped"; return; fi; \
     echo "$(CARGO) $$*"; $(CARGO) "$$@"; }; lint
 
-check: setup
+check: setup site
 	@$(LINT) fmt --all --check
 	@cd fuzz && $(LINT) fmt --check
 	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
@@ -194,7 +201,7 @@ check: setup
 	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
 
 prove: setup module
 	$(HOST_RUN) --bin prove
@@ -290,6 +297,23 @@ page-check: setup-page
 
 setup: rust
 	@$(call INSTALLED,$(PACKAGES))
+
+# mandoc, for the manual pages, and tools in Python: in the versions of tools/python.txt, and in a folder of their own.
+setup-site: $(PYTHON_TOOLS)/.installed
+	@$(call INSTALLED,mandoc)
+
+$(PYTHON_TOOLS)/.installed: tools/python.txt
+	@$(call INSTALLED,python3-venv)
+	python3 -m venv --clear $(PYTHON_TOOLS)
+	$(PYTHON_TOOLS)/bin/pip install --quiet --disable-pip-version-check --require-hashes -r tools/python.txt
+	@touch $@
+
+# Writes tools/python.txt again: the newest versions of what tools/python.in names, with their hashes.
+python-tools:
+	python3 -m venv --clear target/tools/pip-tools
+	target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
+	target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
+	    --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
 
 setup-screen: setup
 	@$(call INSTALLED,$(SCREEN_PACKAGES))
