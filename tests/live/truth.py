@@ -23,7 +23,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import ini_edit  # noqa: E402
-import traces  # noqa: E402
 import truth_judge  # noqa: E402
 import truth_programs  # noqa: E402
 import truth_virtual  # noqa: E402

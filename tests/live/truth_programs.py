@@ -188,7 +188,7 @@ def short_rapids(config, pkm):
     draw = random.Random(f"rapids {config.name}")
     ramp = config.speed ** 2 / config.acceleration
     lines = [f"{config.start} G61", "M52 P0"]
-    for n in range(24):
+    for _ in range(24):
         length = min(ramp, config.room) * 10 ** draw.uniform(-2, 0)
         there = dict(config.home)
         for letter in config.letters:

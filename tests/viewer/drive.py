@@ -39,7 +39,7 @@ def wait_for_axis(name):
     kept = hal.component("screens")
     kept.ready()
     for part in COMPONENTS:
-        wait(lambda: hal.component_exists(part), part)
+        wait(lambda part=part: hal.component_exists(part), part)
     return kept
 
 
@@ -145,7 +145,7 @@ def bare(out, _ini, _name):
     kept = hal.component("screens")
     kept.ready()
     for part in ("pyvcp", "pkmkins-panel"):
-        wait(lambda: hal.component_exists(part), part)
+        wait(lambda part=part: hal.component_exists(part), part)
     from machine import Machine, halcmd
     machine = Machine()
     machine.start()

@@ -18,10 +18,10 @@ import tempfile
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY / "viewer"))
-from pkmkins_mesh import MeshError, read as read_mesh
-from pkmkins_panel import words
-from pkmkins_refusal import count_legs
-from pkmkins_scene import Scene, SceneError, cross, norm, subtract
+from pkmkins_mesh import MeshError, read as read_mesh  # noqa: E402
+from pkmkins_panel import words  # noqa: E402
+from pkmkins_refusal import count_legs  # noqa: E402
+from pkmkins_scene import Scene, SceneError, cross, norm, subtract  # noqa: E402
 
 # Some roundings of lengths of 1e3.
 LENGTH = 1e-9

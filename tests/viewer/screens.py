@@ -101,8 +101,8 @@ def stop(process):
 
 def driven(name, out, task, edit=lambda ini: None, path=None):
     """Brings a configuration up and has `drive.py` do its task; returns what LinuxCNC has told."""
-    with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as folder, Screen() as screen:
-        folder = Path(folder)
+    with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as temporary, Screen() as screen:
+        folder = Path(temporary)
         ini = copied(name, folder)
         edit(ini)
         env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
@@ -216,7 +216,7 @@ def chosen(only):
 
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--only", default="", 
+    arguments.add_argument("--only", default="",
                            help="configurations and cases whose names contain this text, or one of several with commas")
     arguments.add_argument("--out", type=Path, help="folder that keeps pictures and logs")
     arguments.add_argument("--pkm", type=Path, default=REPOSITORY / "target/host/pkm")

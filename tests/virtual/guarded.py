@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
-from functools import lru_cache
+from functools import cache
 from math import inf
 from pathlib import Path
 
@@ -81,7 +81,7 @@ def run(job):
     return share, len(places), "" if share <= MOST[mode] else f"a joint reaches {share:.4f} of its speed"
 
 
-@lru_cache(maxsize=None)
+@cache
 def is_late(job, wrong):
     """Whether it is what the guard does not promise: it does not know the next move before LinuxCNC begins to
     blend it in (docs/pkmkins.9), and slow drives then fall behind. From rest to rest the same program runs."""

@@ -52,7 +52,7 @@ try:
     import gcode
     from rs274.interpret import ArcsToSegmentsMixin, Translated
 except ImportError as error:
-    raise SystemExit(f"LinuxCNC's interpreter is missing ({error}); install linuxcnc-uspace")
+    raise SystemExit(f"LinuxCNC's interpreter is missing ({error}); install linuxcnc-uspace") from error
 
 AXES = "XYZABCUVW"
 ROTARY = {3, 4, 5}
@@ -123,7 +123,7 @@ class ToolTable:
         try:
             library = ctypes.CDLL("libtooldata.so.0")
         except OSError as error:
-            raise Refusal(f"LinuxCNC's tool data cannot be read: {error}")
+            raise Refusal(f"LinuxCNC's tool data cannot be read: {error}") from error
         calls = {name: self.function(library, *names) for name, names in self.FUNCTIONS.items()}
         is_commented = hasattr(library, "tooldata_get")
         self.entry_type = CommentedTool if is_commented else Tool
@@ -463,7 +463,7 @@ def read(request, out):
         result, line = gcode.parse(program, canon, request["init_codes"])
     except (RuntimeError, KeyboardInterrupt) as error:
         # The module drops the exceptions of its callbacks.
-        raise Refusal(canon.refused or f"{program}: {error}")
+        raise Refusal(canon.refused or f"{program}: {error}") from error
     if result > gcode.MIN_ERROR:
         # The module counts a block that it cannot read twice; the last state names it.
         line = max(canon.state.sequence_number, 1) if canon.state else line

@@ -1,0 +1,73 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-2.0-or-later
+# Builds the core, the module and their tests for 64-bit ARM, runs them under qemu, and compares every bit of what
+# the module answers with the one built for this processor.
+#
+#     tests/arm64/run.sh [answers]      only the comparison
+#
+# Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`make test-arm64` installs them), and the
+# library of Rust for aarch64: that of rustup, or Debian's. LinuxCNC's own modules, beside which ours is tested, come
+# from Debian's package for arm64. Packages are unpacked into target/tools and not installed.
+# PKMKINS_CASES=0.01 takes a hundredth of the cases: qemu is some ten times as slow.
+set -eu
+cd "$(dirname "$0")/../.."
+target=aarch64-unknown-linux-gnu
+arm=$PWD/target/tools/arm64
+out=$PWD/build/arm64
+
+# arm64 COMMAND...: apt as on a computer with that processor, with lists of its own.
+arm64() {
+    mkdir -p "$arm/apt/state/lists/partial" "$arm/apt/cache/archives/partial"
+    : >> "$arm/apt/status"
+    cat > "$arm/apt/apt.conf" <<CONF
+APT::Architecture "arm64";
+APT::Architectures { "arm64"; };
+Dir::State "$arm/apt/state";
+Dir::State::status "$arm/apt/status";
+Dir::Cache "$arm/apt/cache";
+Acquire::Languages "none";
+CONF
+    APT_CONFIG=$arm/apt/apt.conf "$@"
+}
+
+# unpacked PACKAGE FOLDER: Debian's package for arm64, once.
+unpacked() {
+    [ ! -e "$arm/$1.done" ] || return 0
+    [ -d "$arm/apt" ] || arm64 apt-get update -q
+    mkdir -p "$arm/packages"
+    (cd "$arm/packages" && arm64 apt-get download -q "$1")
+    dpkg -x "$arm/packages/$1"_*_arm64.deb "$2"
+    touch "$arm/$1.done"
+}
+
+# What runs here is built before the compiler for the other processor takes the place of this one.
+cargo build --release --locked --quiet -p pkmkins --target-dir target/module
+cargo build --profile host --locked --quiet -p abi-tests --bin answers
+
+unpacked linuxcnc-uspace "$arm/linuxcnc"
+if [ ! -d "$(rustc --print target-libdir --target $target)" ]; then
+    . tools/rust-web.sh
+    unpacked libstd-rust-web-dev "$rust_web"
+fi
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
+# Of an apart folder: cargo would build for this processor anew with the other compiler.
+for_arm() { cargo "$@" --locked --quiet --target $target --target-dir target/arm64; }
+
+for_arm build --release -p pkmkins
+for_arm build --profile host -p abi-tests --bin answers
+module=$PWD/target/arm64/$target/release/libpkmkins.so
+
+mkdir -p "$out"
+target/host/answers > "$out/here"
+PKMKINS_SO=$module $CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER \
+    "target/arm64/$target/host/answers" > "$out/arm64"
+if ! cmp "$out/here" "$out/arm64"; then
+    echo "arm64: answers differ: diff $out/here $out/arm64" >&2
+    exit 1
+fi
+echo "arm64: $(wc -l < "$out/here") answers, $(cut -d ';' -f 1 "$out/here" | uniq | wc -l) machines: every bit is the same"
+[ "${1:-}" != answers ] || exit 0
+
+PKMKINS_SO=$module LINUXCNC_MODULES=$arm/linuxcnc/usr/lib/linuxcnc/modules \
+    for_arm test --profile host --no-fail-fast -p kinematics -p abi-tests
