@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from pkmkins import Machine
-from pkmkins.design import Study, judge
+from pkmkins.design import Study
 from pkmkins.design.engine import Cluster, Processes, Serial, judged
 from pkmkins.design.search import sample
 
@@ -59,8 +59,8 @@ def by_numpy(machine):
 def rates():
     """Rows of poses a second, in millions: one core, all cores, numpy."""
     code = (
-        "import sys; sys.path.insert(0, {here!r}); from figures import measured; measured()"
-    ).format(here=str(Path(__file__).parent))
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from figures import measured; measured()"
+    )
     found = []
     for threads in ("1", "0"):
         environment = os.environ | ({"RAYON_NUM_THREADS": threads} if threads != "0" else {})
@@ -94,8 +94,8 @@ def engines():
     text = STUDY.read_text()
     lines = [f"candidates = {CANDIDATES}" if line.startswith("candidates") else line for line in text.splitlines()]
     study = Study.parse("\n".join(lines))
-    with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
 
         def run(name, engine):
             seconds = timed(lambda: sample(study, folder / f"{name}.jsonl", (1, 1), engine=engine))

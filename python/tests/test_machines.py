@@ -11,9 +11,9 @@ from conftest import OTHERS, ROOT, ini
 from pkmkins import Machine, MachineError, machine_of
 from pkmkins.command import pkm
 
-DRAWING = dict(
-    base_radius=400, base_half_angle=12, platform_radius=180, platform_half_angle=15, strut=(550, 850), tool="up"
-)
+DRAWING = {
+    "base_radius": 400, "base_half_angle": 12, "platform_radius": 180, "platform_half_angle": 15, "strut": (550, 850), "tool": "up"
+}
 
 
 def test_a_file_and_its_text_are_the_same_machine(hexapod):
@@ -25,7 +25,7 @@ def test_a_file_and_its_text_are_the_same_machine(hexapod):
 def test_a_machine_of_legs_is_that_of_its_file():
     tripod = Machine.from_ini(ini("tripod"))
     feet = [(0, 0, 0), (10, 0, 0), (5, 7.071, 0)]
-    legs = [dict(kind="strut", base=foot, platform=(0, 0, 0), limits=(2, 9)) for foot in feet]
+    legs = [{"kind": "strut", "base": foot, "platform": (0, 0, 0), "limits": (2, 9)} for foot in feet]
     made = Machine(legs, "XYZ", home=tripod.home[:3], unit="inch")
     given = tripod.home + np.array([[0.5, 0.2, 0.1, 0, 0, 0], [0, 0, 0, 0, 0, 0]])
     np.testing.assert_array_equal(made.inverse(given).values, tripod.inverse(given).values)
@@ -34,11 +34,11 @@ def test_a_machine_of_legs_is_that_of_its_file():
 @pytest.mark.parametrize(
     ("legs", "error", "text"),
     [
-        ([dict(base=(0, 0, 0))], KeyError, "needs a kind"),
-        ([dict(kind="strut", base=(0, 0), platform=(0, 0, 0))] * 3, MachineError, "BASE"),
-        ([dict(kind="strut", base=(0, 0, 0), platform=(0, 0, 0), bass=1)] * 3, MachineError, "BASS"),
-        ([dict(kind="strut", base=(0, 0, 0), platform=(0, 0, 0), limits=(9, 2))] * 3, ValueError, "smaller one first"),
-        ([dict(kind="strut", base=(0, 0, 0), platform=(0, 0, 0))] * 3, MachineError, "."),
+        ([{"base": (0, 0, 0)}], KeyError, "needs a kind"),
+        ([{"kind": "strut", "base": (0, 0), "platform": (0, 0, 0)}] * 3, MachineError, "BASE"),
+        ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0), "bass": 1}] * 3, MachineError, "BASS"),
+        ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0), "limits": (9, 2)}] * 3, ValueError, "smaller one first"),
+        ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0)}] * 3, MachineError, "."),
         ([], MachineError, "legs"),
     ],
 )

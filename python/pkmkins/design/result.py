@@ -212,8 +212,9 @@ def _with_axis_limits(text, limits):
         key = line.split("=")[0].strip()
         if letter in limits and key in ("MIN_LIMIT", "MAX_LIMIT"):
             value = limits[letter][key == "MAX_LIMIT"]
-            line = f"{key} = {float(value)!r}\n"
-        lines.append(line)
+            lines.append(f"{key} = {float(value)!r}\n")
+        else:
+            lines.append(line)
     return "".join(lines)
 
 
