@@ -106,7 +106,8 @@ read_only() {
     refused "Read-only file system" dpkg --install "./$pkmkins"
     code=$?
     umount --lazy /usr
-    [ $code = 0 ] && ! installed pkmkins && { dpkg --purge pkmkins || true; } && orderly && nothing_of_ours
+    # Where dpkg could not clean up either it wants the package once more, and then takes it away.
+    [ $code = 0 ] && ! installed pkmkins && dpkg --install "./$pkmkins" && dpkg --purge pkmkins && orderly && nothing_of_ours
 }
 
 full_disk() {
@@ -181,7 +182,7 @@ step "the wrong architecture" other_architecture
 step "apt install brings everything" get "./$pkmkins" "./$pkm"
 dpkg-query -W -f='${Package} ${Version}: ${Installed-Size} KiB installed\n' linuxcnc-uspace pkmkins pkm
 step "no compiler, no Rust" refused none sh -c 'command -v gcc cc g++ cargo rustc || { echo none; exit 1; }'
-step "what the tests need beside them" get xvfb xauth man-db
+step "what the tests need beside them" get xvfb xauth tk man-db
 step "purge" purged
 step "nothing is left of the packages" nothing_of_ours
 step "a user" useradd --create-home machinist
