@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -28,18 +28,36 @@ NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
+# The picker shows what lies below it as machines to copy.
+EXAMPLES := /usr/share/linuxcnc/aux_examples/pkmkins
+MANUALS := /usr/share/man
 # The model in 3D, the page in browsers, and what the panel needs; they look for their modules there.
 VIEWER_BIN := /usr/bin
 VIEWERS := viewer/pkmkins-vismach viewer/pkmkins-panel viewer/pkm-live
 VIEWER_SHARE := /usr/share/pkmkins
 VIEWER_MODULES := $(wildcard viewer/*.py)
 
-# LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed.
-HEADERS := $(or $(LINUXCNC_HEADERS),/usr/include/linuxcnc)
-VIRTUAL := target/virtual/libpkmkins-virtual.so
-VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc)
-LINUXCNC_VERSION = $(shell linuxcnc_var LINUXCNCVERSION)
-CXXFLAGS := -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers
+# LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed, whose
+# version is in the name. A package has one for each LinuxCNC that it serves, and what compiles another.
+VIRTUAL = target/virtual/libpkmkins-virtual-$(shell linuxcnc_var LINUXCNCVERSION).so
+VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc workbench/virtual/*.h) workbench/virtual/build.sh
+
+# What goes beside LinuxCNC, as FILE=PLACE. `install`, `uninstall` and the package know no other list.
+CONFIGS := $(wildcard $(foreach kind,ini tbl toml tcl xml,configs/*/*.$(kind)) configs/*/programs/*.ngc \
+    configs/*/paths/*.toml configs/*/calibration/*)
+PLACES = $(SO)=$(MODULES)/pkmkins.so \
+    $(foreach f,$(VIRTUAL),$(f)=$(MODULES)/$(notdir $(f))) \
+    $(foreach f,$(HAL_FILES),$(f)=$(HALLIB)/$(notdir $(f))) \
+    $(foreach f,$(SUBROUTINES),$(f)=$(NGC_LIB)/$(notdir $(f))) \
+    $(foreach f,$(VIEWERS),$(f)=$(VIEWER_BIN)/$(notdir $(f))) \
+    $(foreach f,$(VIEWER_MODULES),$(f)=$(VIEWER_SHARE)/$(notdir $(f))) \
+    $(foreach f,$(VIRTUAL_SOURCES),$(f)=$(VIEWER_SHARE)/virtual/$(notdir $(f))) \
+    $(foreach f,$(CONFIGS),$(f)=$(EXAMPLES)/$(f:configs/%=%)) \
+    $(foreach f,$(wildcard configs/*/README.md),$(f)=$(EXAMPLES)/$(f:configs/%.md=%)) \
+    $(foreach f,$(VIEWERS),$(f).1=$(MANUALS)/man1/$(notdir $(f)).1) \
+    docs/pkmkins.9=$(MANUALS)/man9/pkmkins.9
+# Folders that are ours alone: none of them is left when it is empty.
+OUR_FOLDERS := $(NGC_LIB) $(VIEWER_SHARE) $(EXAMPLES)
 
 # Where the command pkm goes, with its manual pages and completions; not every shell knows ~ behind =.
 PREFIX := /usr/local
@@ -92,6 +110,12 @@ help:
 	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
+	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
+	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
+	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
+	@echo "make release    tests, and makes the packages of a version with checksums, in build/release"
+	@echo "make repository  makes of them a repository for apt, in build/repository"
+	@echo "make names      writes docs/names.txt, the names that people depend on, again"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
 	@echo "make site       the documentation as a site in build/site, its links followed"
@@ -426,62 +450,55 @@ rust:
 module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
-# Every function of HAL and RTAPI that LinuxCNC's library has gets a substitute: those without one of
-# their own end the run by their name, so that nothing reaches the HAL of this computer. LinuxCNC 2.10 does not
-# install the headers that milltask's messages are read by: there is no such library for it.
 virtual: setup
-	@mkdir -p $(dir $(VIRTUAL))
-	@[ -f $(HEADERS)/nml.hh ] || { rm -f $(VIRTUAL); \
-	    echo "pkmkins: $(HEADERS) has no nml.hh: LinuxCNC $(LINUXCNC_VERSION) does not run in virtual time," \
-	        "and pkm run and pkm preflight judge nothing that depends on time"; }
-	@[ ! -f $(HEADERS)/nml.hh ] || $(MAKE) --no-print-directory $(VIRTUAL)
+	workbench/virtual/build.sh target/virtual
 
-.PHONY: $(VIRTUAL)
-$(VIRTUAL):
-	@nm -D --defined-only /usr/lib/liblinuxcnchal.so.0 | \
-	    sed -nE 's/^[0-9a-f]+ T ((hal|halpr|rtapi)_[a-z0-9_]+)$$/UNCOVERED(\1)/p' > $(dir $(VIRTUAL))uncovered.inc
-	g++ $(CXXFLAGS) -shared -fPIC -fvisibility=hidden -DULAPI -DBUILT_FOR='"$(LINUXCNC_VERSION)"' \
-	    -I$(HEADERS) -I$(dir $(VIRTUAL)) -o $(VIRTUAL).new $(VIRTUAL_SOURCES)
-	@mv $(VIRTUAL).new $(VIRTUAL)
+# The names that people depend on; a released one that has vanished is refused.
+names: setup module
+	PKMKINS_WRITE_NAMES=1 $(CARGO) test --profile host $(LOCKED) --quiet -p abi-tests --test abi released::
 
 header:
 	$(HOST_RUN) --bin header -- .
 
+# Neither while LinuxCNC runs, nor into what a package owns.
+MAY_CHANGE = if [ -z "$(DESTDIR)" ]; then \
+	if { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
+	    echo "pkmkins: LinuxCNC is running; stop it before $(1)"; exit 1; fi; \
+	if dpkg-query -W -f='$${Status}' pkmkins 2>/dev/null | grep -q 'ok installed'; then \
+	    echo "pkmkins: the package pkmkins is installed; before $(1) remove it: apt remove pkmkins"; exit 1; fi; fi
+AS_ROOT = root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""
+
 # A new file that is renamed: a module that is being mapped is never half-written.
 install: setup module virtual
-	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
-	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
-	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB) and $(DESTDIR)$(NGC_LIB)"
-	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
-	put() { $$root install -m $${3:-644} "$$1" "$$2.new" && $$root mv "$$2.new" "$$2"; }; \
-	$$root mkdir -p "$(DESTDIR)$(MODULES)" "$(DESTDIR)$(HALLIB)" "$(DESTDIR)$(NGC_LIB)" \
-	    "$(DESTDIR)$(VIEWER_BIN)" "$(DESTDIR)$(VIEWER_SHARE)" && \
-	put $(SO) "$(DESTDIR)$(MODULES)/pkmkins.so" && \
-	{ [ ! -f $(VIRTUAL) ] || put $(VIRTUAL) "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))"; } && \
-	for f in $(VIEWERS); do put $$f "$(DESTDIR)$(VIEWER_BIN)/$${f##*/}" 755 || exit 1; done && \
-	for f in $(VIEWER_MODULES); do put $$f "$(DESTDIR)$(VIEWER_SHARE)/$${f##*/}" || exit 1; done && \
-	for f in $(HAL_FILES); do put $$f "$(DESTDIR)$(HALLIB)/$${f##*/}" || exit 1; done && \
-	for f in $(SUBROUTINES); do put $$f "$(DESTDIR)$(NGC_LIB)/$${f##*/}" || exit 1; done
+	@$(call MAY_CHANGE,installing)
+	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB), $(DESTDIR)$(NGC_LIB) and beside them"
+	@$(AS_ROOT); for pair in $(PLACES); do \
+	    case "$$pair" in *libpkmkins-virtual*) [ -f "$${pair%%=*}" ] || continue;; esac; \
+	    place="$(DESTDIR)$${pair#*=}"; mode=644; \
+	    case "$$place" in */bin/*|*.sh) mode=755;; esac; \
+	    $$root install -D -m $$mode "$${pair%%=*}" "$$place.new" && $$root mv "$$place.new" "$$place" || exit 1; done
 
+# Of the library for virtual time, those for all versions of LinuxCNC. The picker cannot read an empty folder of
+# examples.
 uninstall:
-	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
-	    echo "pkmkins: LinuxCNC is running; stop it before uninstalling"; exit 1; fi
-	@root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""; \
-	$$root rm -f "$(DESTDIR)$(MODULES)/pkmkins.so" "$(DESTDIR)$(MODULES)/$(notdir $(VIRTUAL))" \
-	    $(foreach f,$(HAL_FILES),"$(DESTDIR)$(HALLIB)/$(notdir $(f))") \
-	    $(foreach f,$(VIEWERS),"$(DESTDIR)$(VIEWER_BIN)/$(notdir $(f))") \
-	    $(foreach f,$(VIEWER_MODULES),"$(DESTDIR)$(VIEWER_SHARE)/$(notdir $(f))") \
-	    $(foreach f,$(SUBROUTINES),"$(DESTDIR)$(NGC_LIB)/$(notdir $(f))") && \
-	for folder in "$(DESTDIR)$(NGC_LIB)" "$(DESTDIR)$(VIEWER_SHARE)"; do \
-	    [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"; done
+	@$(call MAY_CHANGE,uninstalling)
+	@$(AS_ROOT); \
+	$$root rm -f "$(DESTDIR)$(MODULES)"/libpkmkins-virtual*.so \
+	    $(foreach pair,$(PLACES),"$(DESTDIR)$(lastword $(subst =, ,$(pair)))") && \
+	for folder in $(OUR_FOLDERS:%="$(DESTDIR)%"); do \
+	    [ ! -d "$$folder" ] || $$root find "$$folder" -depth -type d -empty -delete || exit 1; done; \
+	folder="$(DESTDIR)$(dir $(EXAMPLES))"; [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"
 
 # Apart from `install`: the computer that plans need not be the one that cuts.
-install-pkm: builds-pkm
+PKM := target/host/pkm
+pkm-built: builds-pkm
 	$(HOST_BUILD) --config profile.host.package.pkm.opt-level=3 --bin pkm
-	rm -rf build/pkm && target/host/pkm man build/pkm/man
-	@for shell in bash zsh fish; do target/host/pkm completions $$shell > build/pkm/$$shell || exit 1; done
+
+install-pkm: pkm-built
+	rm -rf build/pkm && $(PKM) man build/pkm/man
+	@for shell in bash zsh fish; do $(PKM) completions $$shell > build/pkm/$$shell || exit 1; done
 	@$(PKM_ROOT); \
-	$$root install -D -m 755 target/host/pkm "$(DESTDIR)$(PREFIX)/bin/pkm" && \
+	$$root install -D -m 755 $(PKM) "$(DESTDIR)$(PREFIX)/bin/pkm" && \
 	for page in build/pkm/man/*.1; do \
 	    $$root install -D -m 644 $$page "$(PKM_SHARE)/man/man1/$${page##*/}" || exit 1; done; \
 	set -- $(COMPLETIONS); \
@@ -503,6 +520,36 @@ uninstall-pkm:
 	@$(PKM_ROOT); \
 	$$root rm -f "$(DESTDIR)$(PREFIX)/bin/pkm" "$(PKM_SHARE)"/man/man1/pkm.1 \
 	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS),"$(PKM_SHARE)/$(f)")
+
+# Debian's packages, in target/debian. VIRTUAL names the libraries for virtual time that go into pkmkins, where it
+# is to serve more versions of LinuxCNC than the one installed.
+TOOLS := target/tools/bin
+PACKAGING := $(TOOLS)/cargo-deb $(TOOLS)/cargo-about
+deb: setup module virtual $(PACKAGING)
+	@$(call INSTALLED,dpkg-dev lintian)
+	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm
+	packaging/build.sh $(TOOLS) $(VIRTUAL)
+
+# In a Debian that has nothing else; as root, with debootstrap.
+test-deb:
+	tests/deb/run.sh $(SUITE)
+
+# The tests on Debian 13, whose LinuxCNC is 2.9.4.
+test-trixie:
+	tests/bare/run.sh trixie
+
+# Everything that a release has, tested: see docs/upgrading.md for what a version promises.
+release: test
+	packaging/release.sh
+
+repository:
+	packaging/repository.sh
+
+$(TOOLS)/cargo-deb:
+	$(CARGO) install --quiet --locked --root target/tools cargo-deb@3.8.0
+
+$(TOOLS)/cargo-about:
+	$(CARGO) install --quiet --locked --root target/tools --features cli cargo-about@0.9.3
 
 clean:
 	rm -rf target build

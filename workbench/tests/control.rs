@@ -290,7 +290,10 @@ fn an_endless_loop_without_motion_is_not_judged() {
 #[test]
 fn a_library_of_another_linuxcnc_is_not_used() {
     let copy = Copy::new(|text| text, SHORT);
-    let library = fs::read("/usr/lib/linuxcnc/modules/libpkmkins-virtual.so").unwrap();
+    let version = Command::new("linuxcnc_var").arg("LINUXCNCVERSION").output().unwrap().stdout;
+    let version = String::from_utf8(version).unwrap();
+    let library = format!("/usr/lib/linuxcnc/modules/libpkmkins-virtual-{}.so", version.trim());
+    let library = fs::read(library).unwrap();
     // Another version in the same number of bytes.
     let version = b"linuxcnc=2.";
     let at = library.windows(version.len()).position(|bytes| bytes == version).unwrap();

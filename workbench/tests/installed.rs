@@ -27,7 +27,7 @@ fn make(target: &str, place: &Path, root: &Path) {
         .args(["-s", "-o", "setup", "-o", "module", "-o", "virtual", target])
         .arg(format!("DESTDIR={}", root.display()))
         .arg(format!("SO={}", file("libpkmkins.so")))
-        .arg(format!("VIRTUAL={}", file("libpkmkins-virtual.so")))
+        .arg(format!("VIRTUAL={}", file("libpkmkins-virtual-2.9.so")))
         // A make that runs these tests hands its own switches on.
         .env_remove("MAKEFLAGS")
         .current_dir(source())
@@ -37,10 +37,9 @@ fn make(target: &str, place: &Path, root: &Path) {
 }
 
 #[test]
-fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_takes_exactly_them_away()
- {
+fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() {
     let place = tempfile::tempdir().unwrap();
-    for name in ["libpkmkins.so", "libpkmkins-virtual.so"] {
+    for name in ["libpkmkins.so", "libpkmkins-virtual-2.9.so"] {
         fs::write(place.path().join(name), name).unwrap();
     }
     let root = place.path().join("root");
@@ -51,7 +50,7 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
     make("install", place.path(), &root);
     let mut expected: BTreeSet<String> = [
         "usr/lib/linuxcnc/modules/pkmkins.so",
-        "usr/lib/linuxcnc/modules/libpkmkins-virtual.so",
+        "usr/lib/linuxcnc/modules/libpkmkins-virtual-2.9.so",
         "usr/share/linuxcnc/hallib/pkmkins.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_sim.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_panel.tcl",
@@ -75,9 +74,21 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
         "usr/share/pkmkins/pkmkins_panel.py",
         "usr/share/pkmkins/pkmkins_causes.py",
         "usr/share/pkmkins/pkmkins_refusal.py",
+        "usr/share/man/man9/pkmkins.9",
+        "usr/share/man/man1/pkm-live.1",
+        "usr/share/man/man1/pkmkins-panel.1",
+        "usr/share/man/man1/pkmkins-vismach.1",
     ]
     .map(String::from)
     .into();
+    expected.extend(machines());
+    for entry in fs::read_dir(source().join("workbench/virtual")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        // What pkm itself holds.
+        if !["driver.py", "wiring.tcl"].contains(&name.as_str()) {
+            expected.insert(format!("usr/share/pkmkins/virtual/{name}"));
+        }
+    }
     for entry in fs::read_dir(source().join("subroutines")).unwrap() {
         let file = entry.unwrap().path();
         if !file.ends_with("README.md") {
@@ -92,6 +103,12 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
     let mut found = BTreeSet::new();
     files(&root, &root, &mut found);
     assert_eq!(found, expected);
+    let mode = |file: &str| fs::metadata(root.join(file)).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode("usr/lib/linuxcnc/modules/pkmkins.so"), 0o644);
+    assert_eq!(mode("usr/bin/pkm-live"), 0o755);
+    assert_eq!(mode("usr/share/pkmkins/virtual/build.sh"), 0o755);
+    // Of a LinuxCNC that was there before.
+    fs::write(root.join("usr/lib/linuxcnc/modules/libpkmkins-virtual-2.8.so"), "").unwrap();
     make("uninstall", place.path(), &root);
     found.clear();
     files(&root, &root, &mut found);
@@ -99,7 +116,22 @@ fn install_puts_module_hal_files_subroutines_and_viewer_in_place_and_uninstall_t
     // Of an empty folder nothing is left.
     fs::remove_file(own).unwrap();
     make("uninstall", place.path(), &root);
-    assert!(!root.join(subroutines).exists());
+    for folder in [subroutines, "usr/share/pkmkins", "usr/share/linuxcnc/aux_examples/pkmkins"] {
+        assert!(!root.join(folder).exists(), "{folder}");
+    }
+}
+
+/// What the repository has of the machines, by its place below the folder of LinuxCNC's picker, which shows a
+/// file README.
+fn machines() -> BTreeSet<String> {
+    let listed =
+        Command::new("git").args(["ls-files", "configs"]).current_dir(source()).output().unwrap();
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    let place = |file: &str| {
+        let file = file.strip_prefix("configs/").unwrap();
+        format!("usr/share/linuxcnc/aux_examples/pkmkins/{}", file.replace("README.md", "README"))
+    };
+    listed.lines().map(place).collect()
 }
 
 /// `make` for the command pkm by a user who is not root and has no sudo, with a cargo of some version that

@@ -2,7 +2,7 @@
 //! A run from its start to its end.
 
 use crate::control::pulse::Pulse;
-use crate::control::refusal::{LIBRARY, NotJudged};
+use crate::control::refusal::NotJudged;
 use crate::control::row::{Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
 use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
@@ -21,6 +21,10 @@ use std::time::Duration;
 
 /// Folder of LinuxCNC's modules.
 pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
+/// Where the library is compiled for a LinuxCNC that pkmkins was not built with.
+const COMPILED: &str = "/var/lib/pkmkins";
+/// What stands in for HAL, RTAPI and the clock; between these stands the LinuxCNC that it was built for.
+const LIBRARY: (&str, &str) = ("libpkmkins-virtual-", ".so");
 const MILLTASK: &str = "/usr/bin/milltask";
 const TCL: &str = "/usr/bin/tclsh";
 /// Prints what LinuxCNC was built as.
@@ -83,7 +87,8 @@ pub fn run(
     if config.place.is_of_pair && config.second.is_none() {
         return Err(NotJudged::HalfOfPair);
     }
-    let library = library();
+    let installed = installed()?;
+    let library = library(&installed)?;
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
     }
@@ -95,17 +100,44 @@ pub fn run(
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
     let hal = hal.collect::<Result<Vec<_>, _>>()?;
     let run = Run::start(config, &scratch, &library, &program, &hal, options.block.as_deref())?;
-    let outcome = run.watched(config, options, see)?;
+    let outcome = run.watched(config, &installed, options, see)?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
     }
     Ok(outcome)
 }
 
-/// The installed library, or the one that the environment names: one that is not installed yet.
-fn library() -> PathBuf {
-    env::var_os("PKM_VIRTUAL_LIBRARY")
-        .map_or_else(|| Path::new(MODULES).join(LIBRARY), PathBuf::from)
+/// The library for the LinuxCNC that is installed, or the one that the environment names: one that is not
+/// installed yet.
+fn library(installed: &str) -> Result<PathBuf, NotJudged> {
+    if let Some(named) = env::var_os("PKM_VIRTUAL_LIBRARY") {
+        return Ok(named.into());
+    }
+    let folders = [MODULES, COMPILED].map(Path::new);
+    let name = format!("{}{installed}{}", LIBRARY.0, LIBRARY.1);
+    let missing = folders[0].join(&name);
+    if let Some(library) =
+        folders.iter().map(|folder| folder.join(&name)).find(|file| file.exists())
+    {
+        return Ok(library);
+    }
+    let built: Vec<String> = folders.into_iter().flat_map(versions).collect();
+    match built.is_empty() {
+        true => Ok(missing),
+        false => {
+            Err(NotJudged::OtherVersion { built: built.join(", "), installed: installed.into() })
+        }
+    }
+}
+
+/// For which LinuxCNC a folder has libraries.
+fn versions(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    let version =
+        |name: &str| name.strip_prefix(LIBRARY.0)?.strip_suffix(LIBRARY.1).map(String::from);
+    let mut found: Vec<String> = names.filter_map(|name| version(name.to_str()?)).collect();
+    found.sort();
+    found
 }
 
 /// Two processes that are gone with their owner: milltask, and the HAL files' interpreter.
@@ -176,6 +208,7 @@ impl<'a> Run<'a> {
     fn watched(
         mut self,
         config: &MachineConfig,
+        installed: &str,
         options: &Options,
         mut see: impl FnMut(&Row) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
@@ -192,7 +225,7 @@ impl<'a> Run<'a> {
         let mut watch = Watch::new(config.period, options);
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {
-                Record::Head { version, linuxcnc } => check_version(version, &linuxcnc)?,
+                Record::Head { version, linuxcnc } => check_version(version, &linuxcnc, installed)?,
                 Record::Row(row) => {
                     if see(&row).is_break() {
                         return Err(NotJudged::Interrupted);
@@ -268,16 +301,20 @@ fn end(child: &mut Child) {
     let _ = child.wait();
 }
 
-fn check_version(version: u32, built: &str) -> Result<(), NotJudged> {
+/// The LinuxCNC that is installed.
+fn installed() -> Result<String, NotJudged> {
+    let output = Command::new(VERSIONS).arg("LINUXCNCVERSION").stdin(Stdio::null()).output();
+    let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
+}
+
+fn check_version(version: u32, built: &str, installed: &str) -> Result<(), NotJudged> {
     if version != VERSION {
         return Err(NotJudged::OtherRecords);
     }
-    let output = Command::new(VERSIONS).arg("LINUXCNCVERSION").stdin(Stdio::null()).output();
-    let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
-    let installed = String::from_utf8_lossy(&output.stdout).trim().to_string();
     match installed == built {
         true => Ok(()),
-        false => Err(NotJudged::OtherVersion { built: built.into(), installed }),
+        false => Err(NotJudged::OtherVersion { built: built.into(), installed: installed.into() }),
     }
 }
 
@@ -337,5 +374,22 @@ impl<'a> Watch<'a> {
 
     fn outcome(self, ending: Ending, cycles: u64) -> Outcome {
         Outcome { ending, cycles, seconds: self.seconds(cycles), messages: self.messages }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn libraries_are_known_by_the_linuxcnc_in_their_names() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in
+            ["libpkmkins-virtual-2.9.4.so", "libpkmkins-virtual-2.9.0~pre1+git.so", "pkmkins.so"]
+        {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(versions(folder.path()), ["2.9.0~pre1+git", "2.9.4"]);
+        assert_eq!(versions(&folder.path().join("missing")), [""; 0]);
     }
 }

@@ -5,14 +5,17 @@ use crate::files::AtFile;
 use std::io;
 use std::path::PathBuf;
 
-/// What stands in for HAL, RTAPI and the clock; beside the module.
-pub(super) const LIBRARY: &str = "libpkmkins-virtual.so";
+/// Compiles what stands in for HAL, RTAPI and the clock, for the LinuxCNC that is installed.
+const COMPILES: &str = "/usr/share/pkmkins/virtual/build.sh";
 
 /// Why nothing is known of a program's motion.
 #[derive(Debug, thiserror::Error)]
 pub enum NotJudged {
     /// LinuxCNC, or its part that pkmkins installs, is not there.
-    #[error("{}: {error}; `make install` installs LinuxCNC and pkmkins", .file.display())]
+    #[error(
+        "{}: {error}; install LinuxCNC and pkmkins, by their packages or by `make install`",
+        .file.display()
+    )]
     Missing {
         /// The file.
         file: PathBuf,
@@ -21,7 +24,8 @@ pub enum NotJudged {
     },
     /// The library was built for another LinuxCNC.
     #[error(
-        "pkmkins was built for LinuxCNC {built}, and {installed} is installed: install pkmkins again"
+        "virtual time was built for LinuxCNC {built}, and {installed} is installed: \
+         `sudo {COMPILES}` builds it for this one"
     )]
     OtherVersion {
         /// Version that it was built for.
@@ -30,7 +34,9 @@ pub enum NotJudged {
         installed: String,
     },
     /// The library writes other records.
-    #[error("the installed {LIBRARY} is of another version of pkmkins: install both together")]
+    #[error(
+        "the installed library for virtual time is of another version of pkmkins: install both together"
+    )]
     OtherRecords,
     /// The INI file asks for what is not run.
     #[error("{0}: {1}, which is not looked at here")]

@@ -21,6 +21,7 @@ mod loading;
 mod pair;
 mod peers;
 mod pins;
+mod released;
 mod rods;
 mod singular;
 mod start;

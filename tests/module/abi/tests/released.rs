@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Names that people depend on: none that was released vanishes unnoticed.
+//!
+//! `docs/names.txt` has a line for each: the version that brought it, its kind, and the name with what else is
+//! fixed of it. `make names` writes it. A line whose version stands in CHANGELOG.md is released.
+
+use abi_tests::module::Module;
+use keys::{Key, chain, joint, leg, machine, second, workspace_box};
+use kinematics::CAUSES;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// The file, and the variable of the environment by which `make names` has it written.
+const FILE: &str = "docs/names.txt";
+const WRITE: &str = "PKMKINS_WRITE_NAMES";
+
+/// Machines that have all pins among them.
+const MACHINES: &[&[(&str, &str)]] = &[
+    &[],
+    &[
+        ("legs", "strut:3,slider:2,crank:2,ring:1"),
+        ("coordinates", "ABC"),
+        ("table", "XYZ"),
+        ("boxes", "1"),
+    ],
+    &[("legs", "slider:4"), ("coordinates", "XYZB"), ("axes", "CW")],
+    &[
+        ("legs", "slider:4"),
+        ("coordinates", "XYZB"),
+        ("second", "slider:4"),
+        ("second_coordinates", "XYZB"),
+        ("second_angles", "A"),
+        ("boxes", "1"),
+        ("second_boxes", "1"),
+    ],
+];
+
+fn text(file: &str) -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..");
+    fs::read_to_string(root.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+/// A pin with N for the number of a leg, a joint, a box.
+fn pin(name: &str) -> String {
+    let words = name.split('.').map(|word| if word.parse::<u8>().is_ok() { "N" } else { word });
+    words.collect::<Vec<_>>().join(".")
+}
+
+fn pins() -> impl Iterator<Item = String> {
+    let of = |parameters: &&[(&str, &str)]| Module::pkmkins(parameters).pins();
+    let text = |name: &str, kind: String| format!("pin {} {}", pin(name), kind.to_lowercase());
+    MACHINES
+        .iter()
+        .flat_map(of)
+        .map(move |found| text(&found.name, format!("{:?} {:?}", found.kind, found.dir)))
+}
+
+/// Those that the module takes when it is loaded, as the manual's synopsis has them.
+fn parameters() -> Vec<String> {
+    let manual = text("docs/pkmkins.9");
+    let synopsis = manual.split(".PP").next().unwrap();
+    let words = synopsis.split(|c: char| !(c.is_ascii_lowercase() || c == '_' || c == '='));
+    words.filter_map(|word| Some(format!("parameter {}", word.strip_suffix('=')?))).collect()
+}
+
+fn keys() -> impl Iterator<Item = String> {
+    let sections: [(&str, &[&Key]); 6] = [
+        ("PKM", machine::ALL),
+        ("SECOND", second::ALL),
+        ("LEG_N", leg::ALL),
+        ("CHAIN_L", chain::ALL),
+        ("JOINT_N", joint::ALL),
+        ("BOX_K", workspace_box::ALL),
+    ];
+    sections.into_iter().flat_map(|(section, all)| {
+        all.iter().map(move |key| format!("key [{section}]{}", key.name))
+    })
+}
+
+fn codes() -> impl Iterator<Item = String> {
+    CAUSES.iter().map(|cause| format!("code {} {}", cause.code(), cause.name()))
+}
+
+/// Functions and types of the C header.
+fn header() -> Vec<String> {
+    let header = text("include/pkmkins.h");
+    let lines = header.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_alphabetic()));
+    let word = |line: &str| {
+        let name = match line.strip_prefix("struct ").or_else(|| line.strip_prefix("enum ")) {
+            Some(rest) => rest.split([' ', '{']).next()?,
+            None => line.split_once('(')?.0.rsplit([' ', '*']).next()?,
+        };
+        Some(format!("c {name}"))
+    };
+    lines.filter_map(word).collect()
+}
+
+/// Fields of the JSON of every subcommand, from the page that a test compares with the command.
+fn fields() -> Vec<String> {
+    let (page, mut command, mut found) = (text("docs/json.md"), String::new(), Vec::new());
+    for line in page.lines() {
+        if let Some(heading) = line.strip_prefix("## ") {
+            command = heading.replace(' ', "-").to_lowercase();
+        }
+        let Some(cell) = line.strip_prefix("| `") else { continue };
+        let cell = cell.split(" | ").next().unwrap();
+        found.extend(cell.split('`').step_by(2).map(|field| format!("json {command} {field}")));
+    }
+    found.retain(|name| !name.ends_with(' '));
+    found
+}
+
+fn now() -> BTreeSet<String> {
+    let lists = [parameters(), header(), fields()];
+    lists.into_iter().flatten().chain(pins()).chain(keys()).chain(codes()).collect()
+}
+
+/// Every name of the file, with its version.
+fn recorded() -> BTreeMap<String, String> {
+    let lines = text(FILE);
+    let line = |line: &str| {
+        let (version, name) = line.split_once(' ').expect("a version and a name");
+        (name.to_owned(), version.to_owned())
+    };
+    lines.lines().filter(|line| !line.starts_with('#')).map(line).collect()
+}
+
+#[test]
+fn no_released_name_vanishes_and_every_name_is_recorded() {
+    let (now, recorded, changelog) = (now(), recorded(), text("CHANGELOG.md"));
+    let released = |version: &str| changelog.contains(&format!("\n## [{version}]"));
+    let gone: Vec<String> = recorded
+        .iter()
+        .filter(|(name, version)| !now.contains(*name) && released(version))
+        .map(|(name, version)| format!("{name} (since {version})"))
+        .collect();
+    assert!(
+        gone.is_empty(),
+        "released names are gone: bring them back, or, for a new major version, take their lines out of \
+         {FILE} and name them in docs/upgrading.md:\n{}",
+        gone.join("\n")
+    );
+    if std::env::var_os(WRITE).is_some() {
+        let kept = recorded.into_iter().filter(|(_, version)| released(version)).collect();
+        return write(&now, &kept);
+    }
+    let listed: BTreeSet<String> = recorded.into_keys().collect();
+    let differences: Vec<_> = now.symmetric_difference(&listed).collect();
+    assert!(differences.is_empty(), "make names writes {FILE} again: {differences:#?}");
+}
+
+/// A name that was not released yet comes with the next version.
+fn write(now: &BTreeSet<String>, released: &BTreeMap<String, String>) {
+    let mut file = String::from(
+        "# Names that people depend on, each with the version that brought it. `make names` writes this file.\n",
+    );
+    for name in now {
+        let version = released.get(name).map_or(env!("CARGO_PKG_VERSION"), String::as_str);
+        file += &format!("{version} {name}\n");
+    }
+    let place = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..").join(FILE);
+    fs::write(place, file).expect("the file of names");
+}
