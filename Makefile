@@ -247,9 +247,10 @@ truth-live: install
 	tests/live/truth.py --live all $(TRUTH)
 
 PROGRAMS := 10000
-guard: install
+# On what is built: nothing is installed.
+guard: virtual
 	$(HOST_BUILD) --bin pkm
-	tests/virtual/guarded.py --programs $(PROGRAMS)
+	PKM_VIRTUAL_LIBRARY=$(VIRTUAL) tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 MUTANTS := target/tools/bin/cargo-mutants
@@ -311,20 +312,22 @@ module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
 # Every function of HAL and RTAPI that LinuxCNC's library has gets a substitute: those without one of
-# their own end the run by their name, so that nothing reaches the HAL of this computer.
-virtual: setup
+# their own end the run by their name, so that nothing reaches the HAL of this computer. The module and its
+# HAL files stand beside the library, which takes them before those that are installed.
+virtual: setup module
 	@mkdir -p $(dir $(VIRTUAL))
 	@nm -D --defined-only /usr/lib/liblinuxcnchal.so.0 | \
 	    sed -nE 's/^[0-9a-f]+ T ((hal|halpr|rtapi)_[a-z0-9_]+)$$/UNCOVERED(\1)/p' > $(dir $(VIRTUAL))uncovered.inc
 	g++ $(CXXFLAGS) -shared -fPIC -fvisibility=hidden -DULAPI -DBUILT_FOR='"$(LINUXCNC_VERSION)"' \
 	    -I/usr/include/linuxcnc -I$(dir $(VIRTUAL)) -o $(VIRTUAL).new $(VIRTUAL_SOURCES)
 	@mv $(VIRTUAL).new $(VIRTUAL)
+	@cp $(SO) $(dir $(VIRTUAL))pkmkins.so && cp $(HAL_FILES) $(dir $(VIRTUAL))
 
 header:
 	$(HOST_RUN) --bin header -- .
 
 # A new file that is renamed: a module that is being mapped is never half-written.
-install: setup module virtual
+install: virtual
 	@if [ -z "$(DESTDIR)" ] && { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
 	    echo "pkmkins: LinuxCNC is running; stop it before installing"; exit 1; fi
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB) and $(DESTDIR)$(NGC_LIB)"

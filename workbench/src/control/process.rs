@@ -14,7 +14,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::ops::ControlFlow;
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
@@ -99,10 +99,13 @@ pub fn run(
     Ok(outcome)
 }
 
-/// The installed library, or the one that the environment names: one that is not installed yet.
+/// The installed library, or the one that the environment names: one that is not installed yet, with the
+/// module and HAL files beside it where there are any.
 fn library() -> PathBuf {
-    env::var_os("PKM_VIRTUAL_LIBRARY")
-        .map_or_else(|| Path::new(MODULES).join(LIBRARY), PathBuf::from)
+    let named = env::var_os("PKM_VIRTUAL_LIBRARY").map(PathBuf::from);
+    // The run has a folder of its own.
+    let named = named.map(|file| path::absolute(&file).unwrap_or(file));
+    named.unwrap_or_else(|| Path::new(MODULES).join(LIBRARY))
 }
 
 /// Two processes that are gone with their owner: milltask, and the HAL files' interpreter.
@@ -132,6 +135,7 @@ impl<'a> Run<'a> {
         let wiring = Command::new(TCL)
             .arg(scratch.wiring())
             .arg(scratch.ini())
+            .arg(library.parent().unwrap_or(Path::new(MODULES)))
             .arg(MODULES)
             .args(hal)
             .current_dir(scratch.path())
@@ -157,6 +161,10 @@ impl<'a> Run<'a> {
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
                 if config.program.random_tools { "1" } else { "0" },
+            )
+            .env(
+                "PKMKINS_VIRTUAL_CHANGER_CYCLE",
+                config.ini.as_inivar("EMCIO", "CYCLE_TIME").unwrap_or_default(),
             )
             .env("PKMKINS_VIRTUAL_STREAM", STREAM.to_string())
             .stdin(asked)
