@@ -370,9 +370,10 @@ truth-live: install
 	tests/live/truth.py --live all $(TRUTH)
 
 PROGRAMS := 10000
-guard: install
+# On what is built: nothing is installed.
+guard: virtual
 	$(HOST_BUILD) --bin pkm
-	tests/virtual/guarded.py --programs $(PROGRAMS)
+	PKM_VIRTUAL_LIBRARY=$(VIRTUAL) tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 MUTANTS := target/tools/bin/cargo-mutants
@@ -450,8 +451,10 @@ rust:
 module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
-virtual: setup
+# The module and its HAL files stand beside the library, which takes them before those that are installed.
+virtual: setup module
 	workbench/virtual/build.sh target/virtual
+	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual
 
 # The names that people depend on; a released one that has vanished is refused.
 names: setup module
@@ -469,7 +472,7 @@ MAY_CHANGE = if [ -z "$(DESTDIR)" ]; then \
 AS_ROOT = root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""
 
 # A new file that is renamed: a module that is being mapped is never half-written.
-install: setup module virtual
+install: virtual
 	@$(call MAY_CHANGE,installing)
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB), $(DESTDIR)$(NGC_LIB) and beside them"
 	@$(AS_ROOT); for pair in $(PLACES); do \

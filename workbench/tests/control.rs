@@ -8,6 +8,7 @@ use pkm::control::row::{Ending, MessageKind, Outcome, Row};
 use std::fs;
 use std::ops::ControlFlow;
 use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -83,11 +84,16 @@ fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
     assert!(matches!(found, Err(NotJudged::Stands(_, 2))), "{found:?}");
 }
 
-/// Runs `pkm` with arguments; standard output, standard error, exit code.
+/// Runs a program by `pkm run`; standard output, standard error, exit code.
 fn pkm(folder: &Path, machine: &Path, program: &Path) -> (String, String, Option<i32>) {
+    pkm_with(folder, "run", &[machine.into(), program.into()])
+}
+
+/// The same of any subcommand.
+fn pkm_with(folder: &Path, command: &str, files: &[PathBuf]) -> (String, String, Option<i32>) {
     let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
-        .arg("run")
-        .args([machine, program])
+        .arg(command)
+        .args(files)
         .env("TMPDIR", folder)
         .output()
         .unwrap();
@@ -252,30 +258,49 @@ fn files_with_percent_signs_and_programs_without_an_end_are_what_linuxcnc_says()
 fn what_is_no_program_is_refused_before_anything_starts() {
     let copy = Copy::new(|text| text, SHORT);
     let ini = copy.file("hexapod.ini");
-    for (program, words) in [("programs", "is a directory"), ("none.ngc", "No such file")] {
-        let (_, error, code) = pkm(&copy.file("tmp"), &ini, &copy.file(program));
-        assert_eq!(code, Some(2));
-        assert!(error.contains(words), "{error}");
+    // What nobody can read, not even root, who may read every file.
+    let _socket = UnixListener::bind(copy.file("socket.ngc")).unwrap();
+    let cases = [
+        ("programs", "is a directory"),
+        ("none.ngc", "No such file"),
+        ("socket.ngc", "No such device or address"),
+    ];
+    for (program, words) in cases {
+        // Of a folder preflight takes every program in it.
+        let commands = if program == "programs" { &["run"][..] } else { &["run", "preflight"] };
+        for command in commands {
+            let arguments = [ini.clone(), copy.file(program)];
+            let (out, error, code) = pkm_with(&copy.file("tmp"), command, &arguments);
+            assert_eq!(code, Some(2), "{command} {program}: {out}{error}");
+            assert!(error.contains(words) && error.contains(program), "{error}");
+            assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
+        }
     }
 }
 
 #[test]
 fn a_disk_that_is_full_is_named_and_nothing_is_left() {
-    let copy = Copy::new(|text| text, SHORT);
-    // Files of at most 8 KiB: as on a disk with as much room, for one process.
-    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" run \"$1\" \"$2\" --trace \"$3\"";
-    let arguments = ["hexapod.ini", "programs/p.ngc", "trace.csv"].map(|name| copy.file(name));
-    let output = Command::new("bash")
-        .args(["-c", script, env!("CARGO_BIN_EXE_pkm")])
-        .args(arguments)
-        .env("TMPDIR", copy.file("tmp"))
-        .output()
-        .unwrap();
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{error}");
-    assert!(error.contains("File too large"), "{error}");
-    assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
-    assert!(!copy.file("trace.csv").exists());
+    // Files of at most so many KiB, as on a disk with as much room, for one process: less than what a run
+    // needs in its own folder, and than the trace of half a minute.
+    for (room, full) in [(8, "pkm-control"), (4096, "trace.csv")] {
+        let copy = Copy::new(|text| text, "G21 G90\nG0 X1\nG4 P30\nM2\n");
+        let script = "trap '' XFSZ; ulimit -f $4; exec \"$0\" run \"$1\" \"$2\" --trace \"$3\"";
+        let arguments = ["hexapod.ini", "programs/p.ngc", "trace.csv"].map(|name| copy.file(name));
+        let output = Command::new("bash")
+            .args(["-c", script, env!("CARGO_BIN_EXE_pkm")])
+            .args(arguments)
+            .arg(room.to_string())
+            .env("TMPDIR", copy.file("tmp"))
+            .output()
+            .unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(error.contains("File too large") && error.contains(full), "{error}");
+        assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
+        assert!(!copy.file("trace.csv").exists());
+        let left: Vec<_> = fs::read_dir(copy.folder.path()).unwrap().collect();
+        assert_eq!(left.len(), 4, "left behind: {left:?}");
+    }
 }
 
 #[test]
@@ -288,12 +313,63 @@ fn an_endless_loop_without_motion_is_not_judged() {
 }
 
 #[test]
+fn the_tool_changer_looks_at_its_pins_as_often_as_the_ini_file_says() {
+    let seconds = |cycle: &str| {
+        let edit = |text: String| text.replacen("CYCLE_TIME = 0.050", cycle, 1);
+        let (out, error, code) = Copy::new(edit, "G21 G90\nT1 M6\nM2\n").run();
+        assert_eq!(code, Some(0), "{out}{error}");
+        let words: Vec<&str> = out.split_whitespace().collect();
+        words[words.len() - 2].parse::<f64>().expect("runs to its end in ... s")
+    };
+    let [none, given] = ["", "CYCLE_TIME = 0.050"].map(seconds);
+    let slow = seconds("CYCLE_TIME = 0.5");
+    // LinuxCNC's own is 0.1 s without one. T and M6 wait for two looks at least, of which the first may
+    // come at once.
+    assert!(none > given + 0.04 && slow > none + 0.35, "{given} {none} {slow}");
+}
+
+#[test]
+fn modules_stand_beside_hal_files_and_beside_a_library_that_is_named() {
+    let copy = Copy::new(|text| text, SHORT);
+    let folder = copy.file("of my own");
+    fs::create_dir(&folder).unwrap();
+    // A component under another name than LinuxCNC's, in a folder with blanks.
+    fs::copy("/usr/lib/linuxcnc/modules/or2.so", folder.join("mine.so")).unwrap();
+    let hal = folder.join("more.hal");
+    fs::write(&hal, "loadrt mine names=one\naddf one servo-thread\n").unwrap();
+    let options = Options { hal: vec![hal], ..Options::default() };
+    let outcome = run_text("hexapod", SHORT, &options).unwrap();
+    assert_eq!(outcome.ending, Ending::Finished);
+
+    let library = copy.file("libpkmkins-virtual.so");
+    fs::copy(virtual_library(), &library).unwrap();
+    fs::write(copy.file("pkmkins.so"), "no module").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg("run")
+        .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+        .env("PKM_VIRTUAL_LIBRARY", library)
+        .output()
+        .unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    let module = copy.file("pkmkins.so");
+    assert!(error.contains(&format!("{}: ", module.display())), "{error}");
+}
+
+/// The library that the tests run with.
+fn virtual_library() -> PathBuf {
+    let installed = || {
+        let version = Command::new("linuxcnc_var").arg("LINUXCNCVERSION").output().unwrap().stdout;
+        let version = String::from_utf8(version).unwrap();
+        format!("/usr/lib/linuxcnc/modules/libpkmkins-virtual-{}.so", version.trim()).into()
+    };
+    std::env::var_os("PKM_VIRTUAL_LIBRARY").map_or_else(installed, PathBuf::from)
+}
+
+#[test]
 fn a_library_of_another_linuxcnc_is_not_used() {
     let copy = Copy::new(|text| text, SHORT);
-    let version = Command::new("linuxcnc_var").arg("LINUXCNCVERSION").output().unwrap().stdout;
-    let version = String::from_utf8(version).unwrap();
-    let library = format!("/usr/lib/linuxcnc/modules/libpkmkins-virtual-{}.so", version.trim());
-    let library = fs::read(library).unwrap();
+    let library = fs::read(virtual_library()).unwrap();
     // Another version in the same number of bytes.
     let version = b"linuxcnc=2.";
     let at = library.windows(version.len()).position(|bytes| bytes == version).unwrap();

@@ -7,8 +7,11 @@
 #include <rcs.hh>
 #include <emc.hh>
 #include <emc_nml.hh>
+#include <emccfg.h>
 #include <emctool.h>
 
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 // LinuxCNC's table of tools; its header is not installed.
@@ -24,8 +27,12 @@ int tooldata_save(const char *file, char **comments);
 int tool_mmap_creator(const EMC_TOOL_STAT *status, int is_random);
 
 namespace {
-// What `io` waits between two looks at its pins.
-constexpr long long CYCLE = 50'000'000;
+// Nanoseconds that `io` waits between two looks at its pins: [EMCIO]CYCLE_TIME, read as `io` reads it.
+long long cycle() {
+    double seconds = DEFAULT_EMC_IO_CYCLE_TIME;
+    std::sscanf(environment::value("PKMKINS_VIRTUAL_CHANGER_CYCLE"), "%lf", &seconds);
+    return std::llround(1e9 * seconds);
+}
 
 struct Pins {
     hal_bit_t *enable_out, *request_enable, *enable_in, *flood, *mist, *lube, *lube_level;
@@ -274,7 +281,8 @@ void step() {
     if (clock_::now() < due) {
         return;
     }
-    due = clock_::now() + CYCLE;
+    static const long long wait = cycle();
+    due = clock_::now() + wait;
     if (!status) {
         begin();
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The configuration: modules to load, pins to set, nets, functions of the servo thread. One step a line:
+// The configuration: modules to load, pins to set, nets, functions of the servo thread. One step a line, its
+// words separated by tabs:
 //
 //     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    list pin PATTERN    done
 //
@@ -52,14 +53,12 @@ void set_parameter(void *module, const std::string &file, const std::string &nam
     }
 }
 
-void load(std::istringstream &words) {
-    std::string file;
-    words >> file;
+void load(const std::string &file, const std::vector<std::string> &parameters) {
     void *module = dlopen(file.c_str(), RTLD_NOW | RTLD_GLOBAL);
     if (!module) {
         give_up("%s", dlerror());
     }
-    for (std::string word; words >> word;) {
+    for (const std::string &word : parameters) {
         const size_t equals = word.find('=');
         if (equals == std::string::npos) {
             give_up("%s: load parameter %s has no value", file.c_str(), word.c_str());
@@ -74,14 +73,13 @@ void load(std::istringstream &words) {
 }
 
 std::string step(const std::string &line) {
-    std::istringstream words(line);
-    std::string verb, first, second;
-    words >> verb;
-    if (verb == "load") {
-        load(words);
+    std::vector<std::string> words = split(line, '\t');
+    if (words.size() > 1 && words[0] == "load") {
+        load(words[1], {words.begin() + 2, words.end()});
         return "ok";
     }
-    words >> first >> second;
+    words.resize(3);
+    const std::string &verb = words[0], &first = words[1], &second = words[2];
     if (verb == "list") {
         return "ok " + pins::names_like(second);
     }

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # The HAL files of a simulated machine, for LinuxCNC in virtual time:
 #
-#     tclsh wiring.tcl MACHINE.ini MODULES [FILE...]
+#     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
 #
 # Runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one
 # step a line on standard output and reads the answer from standard input: "ok" and what was asked for,
-# or "error" and why. MODULES is the folder of LinuxCNC's modules.
+# or "error" and why. The words of a step are separated by tabs: the names of files may have blanks. MODULES is
+# the folder of LinuxCNC's modules, BESIDE that of the library for virtual time: what stands there comes first, so
+# that what is built can be tried before it is installed.
 
 namespace eval wiring {
     # Signal of each pin that is on one.
     variable signals [dict create]
-    # Folders of modules: those of the files, and LinuxCNC's.
+    # Folders of modules: those of the files, the library's, and LinuxCNC's.
     variable modules {}
 }
 
@@ -28,7 +30,7 @@ proc wiring::parse {ini} {
 }
 
 proc wiring::ask {args} {
-    puts [join $args]
+    puts [join $args "\t"]
     flush stdout
     if {[gets stdin answer] < 0} { error "LinuxCNC has gone away" }
     if {![regexp {^ok ?(.*)$} $answer -> found]} { error $answer }
@@ -51,13 +53,18 @@ proc wiring::show {pin} {
     return "  $pin ==> [dict get $signals $pin]"
 }
 
+# The file of a name in the first of the folders that has one.
+proc wiring::first {folders name} {
+    foreach folder $folders {
+        set file [file join $folder $name]
+        if {[file exists $file]} { return $file }
+    }
+    error "there is no $name in [join $folders {, }]"
+}
+
 proc wiring::loadrt {name args} {
     variable modules
-    foreach folder $modules {
-        set file [file join $folder $name.so]
-        if {[file exists $file]} { return [ask load $file {*}$args] }
-    }
-    error "there is no module $name in [join $modules {, }]"
+    ask load [first $modules $name.so] {*}$args
 }
 
 # A file of halcmd: a command a line.
@@ -95,13 +102,13 @@ proc wiring::value {section key default} {
     return [lindex [set ::${section}($key)] 0]
 }
 
-proc wiring::main {ini folder args} {
-    variable modules [concat [lsort -unique [lmap file $args {file dirname $file}]] [list $folder]]
+proc wiring::main {ini beside folder args} {
+    variable modules [concat [lsort -unique [lmap file $args {file dirname $file}]] [list $beside $folder]]
     parse $ini
     hal loadrt {*}[value TRAJ TPMOD tpmod]
     hal loadrt {*}[value EMCMOT HOMEMOD homemod]
     set ::env(HALLIB_DIR) [exec linuxcnc_var HALLIB_DIR]
-    foreach name {pkmkins_sim.tcl pkmkins.tcl} { run_file [file join $::env(HALLIB_DIR) $name] }
+    foreach name {pkmkins_sim.tcl pkmkins.tcl} { run_file [first [list $beside $::env(HALLIB_DIR)] $name] }
     foreach file $args { run_file $file }
     ask done
 }

@@ -11,6 +11,7 @@
 //! its least value is at one of them.
 
 use crate::at::At;
+use crate::corner::Corner;
 use crate::fault::{Cause, Fault};
 use crate::layout::{Joints, Layout, MAX_LEGS};
 use crate::limits::Limits;
@@ -82,6 +83,8 @@ pub struct Motion {
     normal: Vector3<f64>,
     turn: f64,
     speed: f64,
+    /// Rate of a move that ends while this one begins.
+    ending: Option<[f64; 6]>,
 }
 
 /// What lies ahead.
@@ -115,7 +118,8 @@ impl Motion {
         }
         let turns = turning.norm() * machine.radius();
         let counted = if speed > ROUNDED * turns { speed } else { norm_of_angles(&rate) };
-        let mut motion = Self { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: counted };
+        let mut motion =
+            Self { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: counted, ending: None };
         let direction = along / speed;
         let bend = along - before - direction * direction.dot(&(along - before));
         let sideways = bend.norm() / period;
@@ -127,6 +131,19 @@ impl Motion {
             motion.normal = motion.normal_after(motion.turn * period / 2.0, &direction);
         }
         Some(motion)
+    }
+
+    /// The move that begins at a corner: it goes straight on, and what is left of the one before it comes
+    /// on top of it where the machine is.
+    pub fn beginning(&self, corner: &Corner) -> Self {
+        Self {
+            pose: self.pose,
+            rate: corner.beginning,
+            normal: Vector3::zeros(),
+            turn: 0.0,
+            speed: corner.speed,
+            ending: Some(corner.ending),
+        }
     }
 
     /// Speed as LinuxCNC's planner counts it, per second: of X, Y, Z in machine units, or of A, B,
@@ -361,7 +378,7 @@ impl Look<'_, '_> {
         (braking, planner): (f64, &Planner),
     ) -> Outlook {
         let due = sight.begin_cycle();
-        let here = self.view(0.0);
+        let here = self.here();
         let mut left = most;
         if sight.there.is_none() {
             left -= 1;
@@ -410,6 +427,26 @@ impl Look<'_, '_> {
             }
         }
         outlook
+    }
+
+    /// Looks at the present place. At a corner a joint may only be as fast as the ending move leaves
+    /// it; while that alone is the reason, nothing has to stop: it ends.
+    fn here(&mut self) -> View {
+        let mut view = self.view(0.0);
+        let rates = self
+            .motion
+            .ending
+            .map(|ending| (self.at.rates(&ending), self.at.rates(&self.motion.rate)));
+        if let Some((Ok(ending), Ok(rates))) = rates {
+            let (limits, layout) = (self.limits, self.at.layout());
+            let left = core::array::from_fn(|i| left_of(limits.speed[i], ending[i], rates[i]));
+            let limits = Limits { speed: left, ..*limits };
+            let (speed, _) = joint_speed(&rates, &limits, layout);
+            if speed < view.joints.0 {
+                view.joints = (speed, None);
+            }
+        }
+        view
     }
 
     /// Looks at the place at a share of the way.
@@ -504,6 +541,13 @@ fn joint_speed(rates: &Joints, limits: &Limits, layout: &Layout) -> (f64, Option
     (speed, joint.map(|(i, limit)| Fault::of_joint(Cause::JointTooFast, layout, i, limit)))
 }
 
+/// What a joint that moves at `ending` by one move leaves of its speed to another one, in the direction of
+/// `rate`. Of the share that is used, so that nothing is left where that is used up.
+fn left_of(limit: f64, ending: f64, rate: f64) -> f64 {
+    let used = if (ending > 0.0) == (rate > 0.0) { ending.abs() } else { 0.0 };
+    limit - used / SPEED_SHARE
+}
+
 /// Speed now that becomes `allowed` by braking for a time at the present speed.
 fn speed_before(allowed: f64, braking: f64, time: f64) -> f64 {
     sqrt(allowed * allowed + 2.0 * braking * time.max(0.0))
@@ -581,7 +625,7 @@ mod tests {
 
     fn straight(rate: [f64; 6]) -> Motion {
         let pose = [20.0, 10.0, 100.0, 0.0, 0.0, 0.0];
-        Motion { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: 0.0 }
+        Motion { pose, rate, normal: Vector3::zeros(), turn: 0.0, speed: 0.0, ending: None }
     }
 
     fn apart(motion: &Motion, time: f64, expected: &Pose) -> f64 {

@@ -20,6 +20,7 @@ mod between;
 mod boxes;
 mod certificate;
 mod chain;
+mod corner;
 mod extra;
 mod fault;
 mod forward;
@@ -59,6 +60,7 @@ pub use boxes::{
 };
 pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
 pub use chain::{Carries, Chain, ChainGeometry, Link, LinkGeometry, MAX_LINKS, World, WorldRates};
+pub use corner::{Corner, Straight};
 pub use extra::{ExtraAxes, MAX_EXTRA, POSE_LETTERS};
 pub use fault::{CAUSES, Cause, Fault, MachinePart};
 pub use forward::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Files and folders, lowest floor first; those of one floor do not know each other.
 const FLOORS: [&[&str]; 12] = [
-    &["lanes", "letters", "load_error", "segment", "text"],
+    &["corner", "lanes", "letters", "load_error", "segment", "text"],
     &["fault", "placed", "pseudo_inverse", "singular", "trig"],
     &["layout", "leg", "pose"],
     &["extra", "geometry", "nut", "rings", "second"],

@@ -6,7 +6,9 @@
 
 use crate::jog::{Jog, Led, NOTICE};
 use crate::pins::{GuardInputs, GuardPins, Pins, Place};
-use kinematics::{At, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Vector3, World};
+use kinematics::{
+    At, Corner, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Straight, Vector3, World,
+};
 use libm::sqrt;
 
 /// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
@@ -89,6 +91,8 @@ pub struct Guard {
     before: [Option<Pose>; 2],
     /// What was found ahead.
     sight: Sight,
+    /// The move that goes on, until another one begins.
+    straight: Straight,
     /// `.current-vel` of the cycle before.
     speed_before: f64,
     scale: f64,
@@ -106,6 +110,7 @@ impl Guard {
         Self {
             before: [None; 2],
             sight: Sight::NONE,
+            straight: Straight::NONE,
             speed_before: 0.0,
             scale: 1.0,
             inhibited: None,
@@ -187,14 +192,17 @@ impl Guard {
         let Some(pose) = commanded.or(cycle.pose) else { return (None, None) };
         let limits = cycle.pins.guard.limits(cycle.pins, cycle.machine.layout());
         let Some(motion) = self.motion(cycle, commanded) else {
-            self.sight = Sight::NONE;
+            (self.sight, self.straight) = (Sight::NONE, Straight::NONE);
             return (at.here(cycle.tool, &limits, &pose), None);
         };
         let asked = &cycle.pins.guard.asked;
         // In the first and last cycles of a motion only the poses show how fast the machine is.
         let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
         let own = cycle.programmed.map_or(motion.speed(), |programmed| programmed.speed);
-        let speed = if slow { own } else { reported };
+        let corner = if slow { None } else { self.corner(cycle, &pose, reported) };
+        let motion = corner.map_or(motion, |corner| motion.beginning(&corner));
+        let together = if slow { own } else { reported };
+        let speed = corner.map_or(together, |corner| corner.speed);
         let planner = Planner {
             linear: asked.linear_acceleration.get(),
             angular: asked.angular_acceleration.get(),
@@ -206,7 +214,11 @@ impl Guard {
             Some(programmed) => motion.braked(programmed.braking(asked), &planner),
             None => planner,
         };
-        let view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
+        let mut view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
+        if corner.is_some_and(|corner| corner.may_outrun(view.allowed * speed, LATENCY)) {
+            // As slow as can be, until it is known; it is no reason to stop.
+            (view.allowed, view.because) = (0.0, None);
+        }
         (view.soon, Some((view, speed)))
     }
 
@@ -252,18 +264,36 @@ impl Guard {
         (outlook.soon, self.jog.follow(&led, &cycle.pins.jog))
     }
 
+    /// Two moves at once, where LinuxCNC rounds a corner; not those of U V W, and so none of a second
+    /// mechanism, whose speed is not the one reported.
+    fn corner(&mut self, cycle: &Cycle<'_>, now: &Pose, reported: f64) -> Option<Corner> {
+        if cycle.place.is_second {
+            return None;
+        }
+        let [x, y, z, a, b, c, u, v, w] = self.rates(cycle, now);
+        let programmed = [x, y, z, a, b, c];
+        let own = match cycle.programmed {
+            Some(_) => self.own_rates(now, cycle.period),
+            None => programmed,
+        };
+        let counts_other = u != 0.0 || v != 0.0 || w != 0.0;
+        if counts_other { None } else { self.straight.corner([&programmed, &own], reported) }
+    }
+
     /// Rates of LinuxCNC's axes, per second.
     fn rates(&self, cycle: &Cycle<'_>, now: &Pose) -> World {
         if let Some(programmed) = &cycle.programmed {
             return programmed.axes;
         }
-        let mut rates = [0.0; 9];
-        if let Some(before) = self.before[1] {
-            let poses = now.to_degrees().into_iter().zip(before.to_degrees());
-            let values = poses.map(|(now, before)| (now - before) / cycle.period);
-            rates.iter_mut().zip(values).for_each(|(rate, value)| *rate = value);
-        }
-        rates
+        let [x, y, z, a, b, c] = self.own_rates(now, cycle.period);
+        [x, y, z, a, b, c, 0.0, 0.0, 0.0]
+    }
+
+    /// Rates of the machine's pose, per second.
+    fn own_rates(&self, now: &Pose, period: f64) -> [f64; 6] {
+        let Some(before) = self.before[1] else { return [0.0; 6] };
+        let (now, before) = (now.to_degrees(), before.to_degrees());
+        core::array::from_fn(|k| (now[k] - before[k]) / period)
     }
 
     fn motion(&self, cycle: &Cycle<'_>, commanded: Option<Pose>) -> Option<Motion> {
@@ -318,7 +348,7 @@ impl Guard {
     /// Forgets the motion, as for a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
-        self.sight = Sight::NONE;
+        (self.sight, self.straight) = (Sight::NONE, Straight::NONE);
     }
 }
 

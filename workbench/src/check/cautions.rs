@@ -33,7 +33,7 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) ->
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
     let mut names_units = false;
-    let mut is_guarded = false;
+    let mut says_m52 = false;
     let lines = texts.iter().enumerate().flat_map(|(file, text)| {
         text.as_ref().lines().enumerate().map(move |(n, line)| (file, n, line))
     });
@@ -57,9 +57,10 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) ->
             tell(format!("{word}: what follows depends on an input; {taken}"));
         }
         names_units |= has("G20") || has("G21");
-        is_guarded |= has("M52") && !has("P0");
+        says_m52 |= has("M52");
     }
-    if !is_guarded {
+    // Who switches it off knows of it, and is told where.
+    if !says_m52 {
         let text = "the program does not say M52 P1: without it the guard cannot slow the feed down, \
                     and LinuxCNC 2.9 loses it in the startup code";
         found.push(Caution { line: None, file: 0, text: text.into() });
@@ -119,7 +120,7 @@ mod tests {
     fn words_are_found_however_they_are_written() {
         let line = |n, text: &str| (Some(n), text.to_string());
         let unguarded = || (None, "the program".to_string());
-        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0"), unguarded()]);
+        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0")]);
         assert_eq!(told("M52 P1 G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
         assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
         assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);

@@ -14,7 +14,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::ops::ControlFlow;
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
@@ -108,10 +108,11 @@ pub fn run(
 }
 
 /// The library for the LinuxCNC that is installed, or the one that the environment names: one that is not
-/// installed yet.
+/// installed yet, with the module and HAL files beside it where there are any.
 fn library(installed: &str) -> Result<PathBuf, NotJudged> {
-    if let Some(named) = env::var_os("PKM_VIRTUAL_LIBRARY") {
-        return Ok(named.into());
+    if let Some(named) = env::var_os("PKM_VIRTUAL_LIBRARY").map(PathBuf::from) {
+        // The run has a folder of its own.
+        return Ok(path::absolute(&named).unwrap_or(named));
     }
     let folders = [MODULES, COMPILED].map(Path::new);
     let name = format!("{}{installed}{}", LIBRARY.0, LIBRARY.1);
@@ -167,6 +168,7 @@ impl<'a> Run<'a> {
         let wiring = Command::new(TCL)
             .arg(scratch.wiring())
             .arg(scratch.ini())
+            .arg(library.parent().unwrap_or(Path::new(MODULES)))
             .arg(MODULES)
             .args(hal)
             .current_dir(scratch.path())
@@ -192,6 +194,10 @@ impl<'a> Run<'a> {
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
                 if config.program.random_tools { "1" } else { "0" },
+            )
+            .env(
+                "PKMKINS_VIRTUAL_CHANGER_CYCLE",
+                config.ini.as_inivar("EMCIO", "CYCLE_TIME").unwrap_or_default(),
             )
             .env("PKMKINS_VIRTUAL_STREAM", STREAM.to_string())
             .stdin(asked)

@@ -4,7 +4,7 @@
 use crate::control::refusal::NotJudged;
 use crate::files::{AtFile, Folder, Locate};
 use crate::read::machine::MachineConfig;
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
 
@@ -185,7 +185,9 @@ fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
 }
 
 fn copied(from: &Path, to: &Path) -> Result<PathBuf, AtFile<io::Error>> {
-    fs::copy(from, to).at(from)?;
+    // What is missing is named, and what has no room.
+    File::open(from).at(from)?;
+    fs::copy(from, to).at(to)?;
     Ok(to.into())
 }
 

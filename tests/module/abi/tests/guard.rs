@@ -461,6 +461,53 @@ fn an_arc_too_short_to_gather_a_speed_that_is_too_fast_is_not_stopped() {
     assert!(run.fastest <= 1.0, "{} of the limit", run.fastest);
 }
 
+/// A corner as LinuxCNC rounds it: a line along X brakes while one along Z gathers speed. It reports the
+/// sum of both speeds, and the requested one of the faster line alone.
+fn corner(module: &Module, requests: [f64; 2], guarded: bool) -> Run {
+    const BEGINS: usize = 400;
+    // LinuxCNC halves the acceleration where moves blend.
+    let change = ACCELERATION / 2.0 * PERIOD;
+    let (mut v, mut way) = ([0.0_f64; 2], [0.0; 2]);
+    let mut run = Run::default();
+    let mut before: Option<Joints> = None;
+    while run.cycles < 2 * BEGINS {
+        let scale = if guarded { module.get("feed-scale") } else { 1.0 };
+        let moves = usize::from(run.cycles >= BEGINS);
+        for n in 0..2 {
+            let target = if n == moves { scale * requests[n] } else { 0.0 };
+            let last = v[n];
+            v[n] = target.clamp(last - change, last + change);
+            way[n] += (last + v[n]) / 2.0 * PERIOD;
+        }
+        module.set("requested-vel", if v[0] > v[1] { requests[0] } else { requests[1] });
+        module.set("current-vel", v[0] + v[1]);
+        module.set("distance-to-go", 100.0);
+        let pose = pose(-60.0 + way[0], 0.0, 220.0 + way[1], 0.0, 0.0);
+        cycle(module, &pose, &pose);
+        run.see(module, before, &pose);
+        before = Some(module.inverse(&pose).expect("on the path"));
+    }
+    run.inhibited = module.is_on("feed-inhibit");
+    run.at = way[1];
+    run
+}
+
+#[test]
+fn joints_stay_within_their_speeds_where_a_move_begins_while_another_one_ends() {
+    const SPEED: f64 = 50.0;
+    for requests in [[200.0, 200.0], [200.0, 80.0], [100.0, 300.0], [60.0, 300.0]] {
+        let free = corner(&hexapod(SPEED), requests, false);
+        let module = hexapod(SPEED);
+        let run = corner(&module, requests, true);
+        println!("{requests:?}: {} of the limit, alone {}", run.fastest, free.fastest);
+        assert!(free.fastest > 1.2, "{requests:?}: nothing to guard, {}", free.fastest);
+        assert!(!run.inhibited && run.at > 5.0, "{requests:?}: at {}", run.at);
+        // The guard aims at 0.98, and the second line always has the floor of the feed.
+        let most = 0.98 + module.get("feed-floor") * requests[1] / SPEED;
+        assert!(run.fastest <= most, "{requests:?}: {} of the limit", run.fastest);
+    }
+}
+
 #[test]
 fn the_feed_scale_does_not_swing() {
     // Six struts take turns in limiting an arc of a quarter: a turn up and down for each.

@@ -9,7 +9,7 @@ use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use pkm::files::{Locate, Whole, open};
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
-use std::io::Write;
+use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -218,9 +218,8 @@ impl<'a> Trace<'a> {
         let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
         let values = pose[..letters].iter().chain(commands).chain(errors).chain(&row.tool);
         let values = values.chain(&row.second.tool[..tools]).chain([&row.feed]).map(f64::to_string);
-        self.out
-            .write_record([time.to_string(), row.line.to_string()].into_iter().chain(values))?;
-        Ok(())
+        let record = [time.to_string(), row.line.to_string()].into_iter().chain(values);
+        Ok(self.out.write_record(record).map_err(io::Error::from).at(self.file)?)
     }
 
     fn finish(self) -> Result<(), Failure> {

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Corners that LinuxCNC rounds by letting a move begin while the one before it still ends.
+//!
+//! The platform then moves by the sum v₁ w₁ + v₂ w₂. LinuxCNC counts both speeds together: it reports
+//! v₁ + v₂. What the ending move did alone, w₁ per unit of its speed, is known from the cycles before.
+//! So both speeds and the direction of the beginning move can be told apart from its first cycle on, long
+//! before it is fast.
+//!
+//! A speed counts X, Y, Z where they move, else A, B, C: the part of w that is counted has length 1.
+//! Of the sum r and its speed c, q = r − c w₁ = v₂ (w₂ − w₁). With both counted alike, |q|² = −2 v₂ q·w₁.
+
+use libm::sqrt;
+
+/// Rate of a pose: X, Y, Z in machine units, A, B, C in degrees, per second.
+type Rate = [f64; 6];
+
+/// Share of the speed up to which a rate differs by rounding.
+const ROUNDED: f64 = 1e-6;
+
+/// Share of the reported speed that a motion without a corner keeps: chords of arcs are shorter than
+/// the arcs by less.
+const WHOLE: f64 = 1.0 - 1e-4;
+
+/// Two moves at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// Rate of the move that ends. It brakes as fast as LinuxCNC lets it.
+    pub ending: Rate,
+    /// Rate of the move that begins.
+    pub beginning: Rate,
+    /// Speed of the move that begins, as LinuxCNC counts it.
+    pub speed: f64,
+    /// What it has gained of it in this cycle.
+    pub gained: f64,
+    /// Whether the speed that LinuxCNC reports as requested is still that of the move that ends: the
+    /// slower of the two is not told of.
+    pub hides_request: bool,
+}
+
+impl Corner {
+    /// Whether the beginning move may be faster than `allowed` after some more cycles, and the share of its
+    /// unknown speed that would keep it from that is not known.
+    pub fn may_outrun(&self, allowed: f64, cycles: f64) -> bool {
+        self.hides_request && !(self.speed + cycles * self.gained < allowed)
+    }
+}
+
+/// What is remembered of the move that goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Straight {
+    /// Its rates per unit of its speed: LinuxCNC's and the machine's.
+    along: Option<[Rate; 2]>,
+    /// Its speed in the cycle before, where another one has begun, and that of the other.
+    left: f64,
+    begun: f64,
+    /// In this cycle it has ended, somewhere between two cycles.
+    is_over: bool,
+}
+
+impl Straight {
+    /// Nothing is known.
+    pub const NONE: Self = Self { along: None, left: f64::INFINITY, begun: 0.0, is_over: false };
+
+    /// A cycle: the rates of LinuxCNC's pose and of the machine's, which are one unless an axis carries
+    /// something, and the mean speed that LinuxCNC reports. Returns the two moves of a corner, as the
+    /// machine makes them.
+    pub fn corner(&mut self, rates: [&Rate; 2], speed: f64) -> Option<Corner> {
+        if !(speed > 0.0 && speed.is_finite()) {
+            *self = Self::NONE;
+            return None;
+        }
+        let [programmed, own] = rates;
+        if counted(programmed, speed) >= WHOLE * speed {
+            *self = Self { along: Some(rates.map(|rate| rate.map(|r| r / speed))), ..Self::NONE };
+            return None;
+        }
+        if core::mem::take(&mut self.is_over) {
+            return None;
+        }
+        let [along, own_along] = self.along?;
+        let beginning = beginning_speed(programmed, &along, speed)?;
+        if !(beginning > 0.0 && beginning <= speed) {
+            return None;
+        }
+        let left = speed - beginning;
+        let rests = [(programmed, along), (own, own_along)]
+            .map(|(rate, along)| core::array::from_fn(|k| rate[k] - left * along[k]));
+        let corner = Corner {
+            ending: own_along.map(|w| left * w),
+            beginning: rests[1],
+            speed: beginning,
+            gained: beginning - self.begun,
+            hides_request: beginning < left,
+        };
+        self.follow(rests, beginning, left);
+        Some(corner)
+    }
+
+    /// Where the ending move brakes to nothing in the next cycle, the beginning one is the one that goes on:
+    /// it may round the next corner at once.
+    fn follow(&mut self, rests: [Rate; 2], beginning: f64, left: f64) {
+        let is_last = 2.0 * left <= self.left && self.left.is_finite();
+        (self.left, self.begun) = (left, beginning);
+        if is_last {
+            let along = rests.map(|rest| rest.map(|rate| rate / beginning));
+            *self = Self { along: Some(along), is_over: true, ..Self::NONE };
+        }
+    }
+}
+
+/// Speed of the beginning move: v₂.
+fn beginning_speed(rate: &Rate, along: &Rate, speed: f64) -> Option<f64> {
+    let ([r, turns], [w, turned]) = (parts(rate), parts(along));
+    let moved = dot(&w, &w) > 0.0;
+    if !moved {
+        let places = norm(&r);
+        let begins_in_places = places > ROUNDED * speed;
+        return if begins_in_places { Some(places) } else { alike(&turns, &turned, speed) };
+    }
+    let still = dot(&r, &w);
+    let aside = core::array::from_fn::<f64, 3, _>(|k| r[k] - still * w[k]);
+    if norm(&aside) > ROUNDED * speed {
+        return alike(&r, &w, speed);
+    }
+    // The places go on in one line: they turn back, or what begins has none.
+    let rest = core::array::from_fn::<f64, 3, _>(|k| turns[k] - still * turned[k]);
+    let gap = speed - still;
+    Some(if norm(&rest) > ROUNDED * speed { gap } else { gap / 2.0 })
+}
+
+/// v₂ of a sum whose parts are counted alike.
+fn alike(r: &[f64; 3], w: &[f64; 3], speed: f64) -> Option<f64> {
+    let q = core::array::from_fn::<f64, 3, _>(|k| r[k] - speed * w[k]);
+    let towards = dot(&q, w);
+    (towards < 0.0).then(|| -dot(&q, &q) / (2.0 * towards))
+}
+
+/// A rate's speed: of X, Y, Z, or of A, B, C where these alone move.
+fn counted(rate: &Rate, speed: f64) -> f64 {
+    let [places, turns] = parts(rate);
+    let length = norm(&places);
+    if length > ROUNDED * speed { length } else { norm(&turns) }
+}
+
+fn parts(rate: &Rate) -> [[f64; 3]; 2] {
+    let [x, y, z, a, b, c] = *rate;
+    [[x, y, z], [a, b, c]]
+}
+
+fn dot(one: &[f64; 3], other: &[f64; 3]) -> f64 {
+    one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+}
+
+fn norm(v: &[f64; 3]) -> f64 {
+    sqrt(dot(v, v))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl Straight {
+        /// Of a machine whose pose is LinuxCNC's.
+        fn plain(&mut self, rate: &Rate, speed: f64) -> Option<Corner> {
+            self.corner([rate; 2], speed)
+        }
+    }
+
+    /// What is told of v₁ w₁ + v₂ w₂, after w₁ alone.
+    fn told(w: [Rate; 2], v: [f64; 2]) -> Option<Corner> {
+        let mut straight = Straight::NONE;
+        assert_eq!(straight.plain(&w[0].map(|w| 7.0 * w), 7.0), None);
+        let sum = core::array::from_fn(|k| v[0] * w[0][k] + v[1] * w[1][k]);
+        straight.plain(&sum, v[0] + v[1])
+    }
+
+    #[test]
+    fn both_moves_of_a_corner_are_told_apart_whatever_they_move() {
+        let across = [0.6, 0.8, 0.0, 0.1, 0.0, 0.2];
+        let along = [0.0, 0.28, 0.96, -0.3, 0.0, 0.0];
+        let back = across.map(|w| -w);
+        let turning = [0.0, 0.0, 0.0, 0.6, 0.0, 0.8];
+        let other = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        for w in
+            [[across, along], [across, back], [across, turning], [turning, along], [turning, other]]
+        {
+            for v in [[40.0, 0.5], [20.0, 20.0], [0.5, 40.0]] {
+                let corner = told(w, v).expect("a corner");
+                // Roundings of speeds of 40 over the shares that the differences leave of them.
+                assert!((corner.speed - v[1]).abs() < 1e-11, "{corner:?} {v:?}");
+                for k in 0..6 {
+                    assert!((corner.ending[k] - v[0] * w[0][k]).abs() < 1e-11, "{corner:?}");
+                    assert!((corner.beginning[k] - v[1] * w[1][k]).abs() < 1e-11, "{corner:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn corners_that_follow_one_another_are_told_apart_without_a_straight_between_them() {
+        let w = [
+            [0.6, 0.8, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.5, 0.0, 0.0],
+            [-1.0, 0.0, 0.0, 0.0, 0.0, 0.3],
+        ];
+        let mut straight = Straight::NONE;
+        assert_eq!(straight.plain(&w[0], 1.0), None);
+        // One brakes by 1 a cycle and the other gains it; the last cycle has half of what was left.
+        for k in 0..2 {
+            let speeds = (1..10).map(|n| [10.0 - f64::from(n), f64::from(n)]);
+            for (n, v) in speeds.chain([[0.25, 10.0]]).enumerate() {
+                let sum = core::array::from_fn(|i| v[0] * w[k][i] + v[1] * w[k + 1][i]);
+                let Some(corner) = straight.plain(&sum, v[0] + v[1]) else {
+                    assert_eq!(n, 9, "only the last cycle is none");
+                    continue;
+                };
+                assert!(n < 9 && (corner.speed - v[1]).abs() < 1e-12, "{corner:?} {v:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_move_whose_request_is_not_told_may_outrun_what_is_allowed_while_it_gains() {
+        let w = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
+        let mut straight = Straight::NONE;
+        straight.plain(&w[0].map(|w| 10.0 * w), 10.0);
+        let mut seen = |v: [f64; 2]| {
+            straight.plain(&[v[0], v[1], 0.0, 0.0, 0.0, 0.0], v[0] + v[1]).expect("a corner")
+        };
+        let [one, two, later] = [[9.0, 1.0], [8.0, 2.0], [4.0, 6.0]].map(&mut seen);
+        assert_eq!((one.gained, two.gained, later.gained), (1.0, 1.0, 4.0));
+        assert!(two.may_outrun(5.0, 3.0) && !two.may_outrun(5.1, 3.0));
+        assert!(two.may_outrun(f64::NAN, 3.0));
+        assert!(!later.hides_request && !later.may_outrun(0.0, 3.0));
+    }
+
+    #[test]
+    fn a_corner_of_what_is_programmed_is_one_of_what_the_machine_makes_of_it() {
+        let programmed = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, 2.0]];
+        let own = [[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [-1.0, 0.5, 0.0, 0.0, 0.0, 0.0]];
+        let mut straight = Straight::NONE;
+        assert_eq!(straight.corner([&programmed[0], &own[0]], 1.0), None);
+        let sum = |w: &[Rate; 2]| core::array::from_fn(|k| 3.0 * w[0][k] + 2.0 * w[1][k]);
+        let corner = straight.corner([&sum(&programmed), &sum(&own)], 5.0).expect("a corner");
+        assert_eq!((corner.speed, corner.ending), (2.0, own[0].map(|w| 3.0 * w)));
+        assert_eq!(corner.beginning, own[1].map(|w| 2.0 * w));
+    }
+
+    #[test]
+    fn no_corner_is_seen_on_one_move_at_rest_or_without_one_before() {
+        let w = [0.6, 0.8, 0.0, 0.1, 0.0, 0.2];
+        assert_eq!(told([w, w], [3.0, 4.0]), None);
+        let mut straight = Straight::NONE;
+        assert_eq!(straight.plain(&w, 2.0), None);
+        for speed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let mut straight = Straight::NONE;
+            assert_eq!(straight.plain(&w, 1.0), None);
+            assert_eq!(straight.plain(&w, speed), None);
+            assert_eq!(straight.plain(&w.map(|w| w / 2.0), 1.0), None);
+        }
+        // Faster than what is reported: another motion than LinuxCNC's planner's.
+        let mut straight = Straight::NONE;
+        assert_eq!(straight.plain(&w, 1.0), None);
+        assert_eq!(straight.plain(&[f64::NAN; 6], 1.0), None);
+    }
+}
