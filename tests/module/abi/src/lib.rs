@@ -6,10 +6,11 @@
 //! [`parallel`] any machine, [`subjects`] one of each kind with its workspace;
 //! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
 //! usable as a reference; [`tracker`] what forward must find;
-//! [`limit`] what arithmetic alone would take; [`tolerances`] every
+//! [`limit`] what arithmetic alone would take; [`guarded`] sets every limit; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod geometry;
+pub mod guarded;
 pub mod limit;
 pub mod machines;
 pub mod module;

@@ -3,8 +3,8 @@
 //! to guard, a geometry to freeze, a tool that changes at a tilt.
 
 use crate::cases::{Aim, Case};
+use abi_tests::guarded::set_limits;
 use abi_tests::module::{Joints, Module, Pose};
-use abi_tests::parallel::Kind;
 use abi_tests::subjects::Subject;
 
 /// Seconds of a servo cycle.
@@ -48,39 +48,6 @@ fn stand_still(module: &Module) {
     for reset in [1.0, 0.0, 0.0] {
         module.set("fault-reset", reset);
         module.monitor();
-    }
-}
-
-/// Whether all legs are struts, and the axes of their cardan joints are known.
-fn has_pyramids(subject: &Subject) -> bool {
-    let is_known = |axis: &[f64; 3]| axis.iter().any(|value| *value != 0.0);
-    subject.machine.legs.iter().all(|leg| match &leg.kind {
-        Kind::Strut { base_axis, platform_axis, .. } => {
-            is_known(base_axis) && is_known(platform_axis)
-        }
-        _ => false,
-    })
-}
-
-fn set_limits(subject: &Subject, module: &Module) {
-    let size = subject.machine.size();
-    module.set("linear-acceleration", size);
-    module.set("angular-acceleration", 100.0);
-    module.set("rod-clearance", 1e-12 * size);
-    module.set("tilt-limit", 180.0);
-    for n in 0..subject.machine.legs.len() {
-        module.set(&format!("base-cone.{n}"), 180.0);
-        module.set(&format!("platform-cone.{n}"), 180.0);
-        for way in ["base-pyramid", "platform-pyramid"] {
-            // A leg without an axis, or a machine without a reference pose, keeps none.
-            let limit = if has_pyramids(subject) { 180.0 } else { 0.0 };
-            module.set(&format!("{way}.{n}.about"), limit);
-            module.set(&format!("{way}.{n}.across"), limit);
-        }
-    }
-    for n in 0..subject.machine.joints() {
-        module.set(&format!("max-velocity.{n}"), size);
-        module.set(&format!("max-acceleration.{n}"), 6.0 * size);
     }
 }
 

@@ -363,6 +363,14 @@ fn show(machines: &[Subject], table: &Table) {
             if found.bound() == found.worst { "–".into() } else { found.bound().to_string() },
         );
     }
+    println!("\nA servo cycle, guarded: forward, inverse and monitor.\n");
+    println!("| machine | typical |");
+    println!("|---|--:|");
+    for (machine, subject) in machines.iter().enumerate() {
+        let calls = [Call::Forward, Call::Inverse, Call::Monitor];
+        let typical = calls.map(|call| table.get(&(machine, call)).map_or(0, |f| f.typical));
+        println!("| {} | {} |", subject.name, typical.iter().sum::<u64>());
+    }
 }
 
 fn judge((machines, table): &(Vec<Subject>, Table)) -> Result<ExitCode, String> {
