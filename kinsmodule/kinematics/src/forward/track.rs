@@ -104,8 +104,9 @@ impl<const N: usize> Mechanism<N> {
                     self.sub_step(&path, &middle, &inverse, share, effort)
                 });
             let taken = match taken {
-                // What was expected ahead is not there.
+                // What was expected ahead is not there. It cost what a solve does.
                 Err(_) if ahead.is_ahead() => {
+                    effort.spend()?;
                     ahead.by = [0.0; 6];
                     share /= 2.0;
                     continue;
