@@ -86,6 +86,18 @@ pub(crate) fn sum(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
 }
 
 #[inline(always)]
+pub(crate) fn difference(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// The two lanes in the other order.
+#[inline(always)]
+pub(crate) fn swapped(lanes: f64x2) -> f64x2 {
+    let [one, other] = lanes.to_array();
+    f64x2::new([other, one])
+}
+
+#[inline(always)]
 pub(crate) fn scaled(v: &[f64x2; 3], by: f64x2) -> [f64x2; 3] {
     [v[0] * by, v[1] * by, v[2] * by]
 }

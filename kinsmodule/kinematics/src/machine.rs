@@ -3,13 +3,14 @@
 
 use crate::at::{self, At};
 use crate::fault::Fault;
-use crate::forward::{Solution, Solver};
+use crate::forward::{Method, Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
 use crate::layout::{Joints, Layout, MAX_JOINTS, PerLeg};
 use crate::mechanism::Mechanism;
 use crate::nut::Nut;
 use crate::pose::Pose;
+use crate::spheres::{Meeting, Spheres, Which};
 use crate::watch::Watch;
 use nalgebra::Vector3;
 
@@ -24,7 +25,8 @@ pub struct Machine {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "without an allocator there is no box")]
 pub(crate) enum Lanes {
-    Four(Mechanism<4>),
+    /// With the spheres of three legs that move X, Y and Z alone.
+    Four(Mechanism<4>, Option<Spheres>),
     Six(Mechanism<6>),
     Eight(Mechanism<8>),
 }
@@ -36,7 +38,7 @@ macro_rules! each {
     };
     ($lanes:expr; $mechanism:ident => $call:expr) => {
         match $lanes {
-            Lanes::Four($mechanism) => $call,
+            Lanes::Four($mechanism, _) => $call,
             Lanes::Six($mechanism) => $call,
             Lanes::Eight($mechanism) => $call,
         }
@@ -55,7 +57,11 @@ impl Machine {
     pub fn freeze(geometry: &Geometry, offset: &PerLeg) -> Result<Self, Fault> {
         let frozen = Frozen { geometry, offset };
         let lanes = match geometry.layout().legs() {
-            0..=4 => Lanes::Four(frozen.mechanism()?),
+            0..=4 => {
+                let mechanism = frozen.mechanism()?;
+                let spheres = Spheres::of(&mechanism);
+                Lanes::Four(mechanism, spheres)
+            }
             5..=6 => Lanes::Six(frozen.mechanism()?),
             _ => Lanes::Eight(frozen.mechanism()?),
         };
@@ -81,7 +87,7 @@ impl Machine {
     /// nothing that it says means anything.
     pub fn nowhere(&self) -> At<'_> {
         let legs = match &self.lanes {
-            Lanes::Four(m) => at::Lanes::Four(m.nowhere()),
+            Lanes::Four(m, _) => at::Lanes::Four(m.nowhere()),
             Lanes::Six(m) => at::Lanes::Six(m.nowhere()),
             Lanes::Eight(m) => at::Lanes::Eight(m.nowhere()),
         };
@@ -172,6 +178,13 @@ impl Machine {
         tool: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
+        if let Some(spheres) = self.spheres()
+            && let Some(found) = spheres.joints(pose, tool)
+            && let Some(joints) = joints.first_chunk_mut()
+        {
+            *joints = found;
+            return Ok(());
+        }
         each!(self, m => m.inverse(pose, tool, joints))
     }
 
@@ -222,7 +235,57 @@ impl Machine {
         solver: &Solver,
         solution: &mut Solution,
     ) -> Result<(), Fault> {
+        if solver.method == Method::Certified
+            && let Some(joints) = joints.first_chunk()
+            && let Some(Meeting { point, residual }) =
+                self.meeting(joints, &seed.position, tool, solver)
+        {
+            *solution = Solution::of_spheres(point, residual);
+            return Ok(());
+        }
         each!(self, m => m.forward(joints, seed, tool, solver, solution))
+    }
+
+    /// Where the spheres of three legs meet, if that is certainly the pose connected with a seed that is
+    /// at `seed`, in less time than [`Machine::forward_into`]; `None` where that has to tell.
+    #[inline(always)]
+    pub fn meeting(
+        &self,
+        joints: &[f64; 3],
+        seed: &Vector3<f64>,
+        tool: &Vector3<f64>,
+        solver: &Solver,
+    ) -> Option<Meeting> {
+        let spheres = self.spheres()?;
+        solver.check().ok()?;
+        let accepted = solver.criterion(self.size());
+        spheres.meeting(joints, Which::Near(seed), tool, accepted)
+    }
+
+    #[inline(always)]
+    fn spheres(&self) -> Option<&Spheres> {
+        match &self.lanes {
+            Lanes::Four(_, spheres) => spheres.as_ref(),
+            Lanes::Six(_) | Lanes::Eight(_) => None,
+        }
+    }
+
+    /// Whether the joint values alone determine the pose on either side of the singular ones: three legs
+    /// that move X, Y and Z and nothing else, see [`Machine::pose_beside`].
+    pub fn needs_no_seed(&self) -> bool {
+        self.spheres().is_some()
+    }
+
+    /// Pose of joint values on that side of the singular poses on which `reference` is, of a machine
+    /// that [needs no seed](Machine::needs_no_seed): any motion from there that passes no singular pose
+    /// leads to it, and to no other one. `None` of other machines, and next to a singular pose, at a dead
+    /// point and out of reach, which forward refuses.
+    pub fn pose_beside(&self, joints: &Joints, reference: &Pose, solver: &Solver) -> Option<Pose> {
+        let spheres = self.spheres()?;
+        let which = Which::Side(spheres.side(&reference.position)?);
+        let accepted = solver.criterion(self.size());
+        let met = spheres.meeting(joints.first_chunk()?, which, &Vector3::zeros(), accepted)?;
+        Some(Pose { position: met.point, angles: Vector3::zeros() })
     }
 
     /// Largest [`Solution::residual`] that forward may return with these settings, machine

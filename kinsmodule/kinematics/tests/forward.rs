@@ -18,7 +18,11 @@ struct Figures {
 
 impl Figures {
     fn add(&mut self, case: &Case, pose: &Pose, found: &Solution) {
-        let Certificate::Ball(reach) = found.certificate else { panic!("no certificate") };
+        let reach = match found.certificate {
+            Certificate::Ball(reach) => reach,
+            Certificate::Spheres => 0.0,
+            Certificate::None => panic!("no certificate"),
+        };
         self.worst = self.worst.max(case.apart(&found.pose, pose));
         self.iterations = self.iterations.max(found.iterations);
         self.reach = self.reach.max(reach);

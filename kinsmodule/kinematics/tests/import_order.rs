@@ -12,7 +12,7 @@ const FLOORS: [&[&str]; 12] = [
     &["layout", "leg", "pose"],
     &["extra", "geometry", "nut", "rings", "second"],
     &["chain", "mechanism", "watch"],
-    &["certificate", "inverse"],
+    &["certificate", "inverse", "spheres"],
     &["forward", "freeze", "legs_at"],
     &["jacobian"],
     &["at"],

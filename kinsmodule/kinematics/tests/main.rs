@@ -19,5 +19,6 @@ mod limits;
 mod nut;
 mod properties;
 mod side;
+mod spheres;
 mod tracking;
 mod watch;

@@ -224,20 +224,21 @@ pub unsafe extern "C" fn kinematicsForward(
         world.set_nan(None);
         return Cause::NullPointer.code();
     };
-    // SAFETY: as above.
-    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+    if joint.is_null() {
         world.set_nan(Some(module.layout()));
         return Cause::NullPointer.code();
-    };
+    }
     // SAFETY: the array holds as many values as the machine has joints.
-    let extra = unsafe { extra_joints(joint, module) };
+    let joints = unsafe { core::slice::from_raw_parts(joint, module.layout().joints()) };
     let result = if module.is_plain() {
-        plain_forward(module, &joints, world)
+        plain_forward(module, joints, world)
     } else if module.load().second().is_some() {
         // SAFETY: LinuxCNC's array, from its servo thread.
         return unsafe { forward_of_both(joint, world, module) };
     } else {
-        forward_of(module, &joints, extra, world)
+        // SAFETY: as above.
+        let extra = unsafe { extra_joints(joint, module) };
+        forward_of(module, joints, extra, world)
     };
     match result {
         Ok(()) => {}
@@ -288,7 +289,7 @@ unsafe fn forward_of_both(joint: *const f64, world: &mut EmcPose, module: &mut M
 
 /// Forward of a machine whose pose is LinuxCNC's.
 #[inline(always)]
-fn plain_forward(module: &mut Module, joints: &Joints, world: &mut EmcPose) -> Result<(), Fault> {
+fn plain_forward(module: &mut Module, joints: &[f64], world: &mut EmcPose) -> Result<(), Fault> {
     let address = &raw const *world as usize;
     let mut pose = world.degrees();
     match module.kind() {
@@ -303,7 +304,7 @@ fn plain_forward(module: &mut Module, joints: &Joints, world: &mut EmcPose) -> R
 #[inline(never)]
 fn forward_of(
     module: &mut Module,
-    joints: &Joints,
+    joints: &[f64],
     extra: &[f64],
     world: &mut EmcPose,
 ) -> Result<(), Fault> {

@@ -407,8 +407,8 @@ impl<'a> Player<'a> {
         larger(&mut self.result.mismatch, distance, line);
         self.result.iterations_max = self.result.iterations_max.max(solution.iterations);
         self.iterations += u64::from(solution.iterations);
-        let ball = matches!(solution.certificate, Certificate::Ball(_));
-        self.proved += usize::from(ball && solution.sub_steps == 1);
+        let proved = solution.certificate != Certificate::None;
+        self.proved += usize::from(proved && solution.sub_steps == 1);
         self.result.poses += 1;
     }
 

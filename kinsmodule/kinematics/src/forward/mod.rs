@@ -31,9 +31,6 @@ use solver::Effort;
 /// Position error at which iteration stops, as a share of the size.
 const POSE_TOLERANCE: f64 = 1e-12;
 
-/// Rounding of a residual: no criterion below this share of the size can be met.
-const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
-
 impl<const N: usize> Mechanism<N> {
     #[inline]
     pub fn forward(
@@ -79,7 +76,7 @@ impl<const N: usize> Mechanism<N> {
         };
         let mut end = End { place: start(), at: Measured::ZERO };
         let certificate = match solver.method {
-            Method::Certified => {
+            Method::Certified | Method::General => {
                 let mut ahead = Stance::new(start());
                 self.search(&target, &mut ahead, &mut effort, &mut end)
             }
@@ -125,7 +122,7 @@ impl<const N: usize> Mechanism<N> {
     }
 
     fn criterion(&self, solver: &Solver) -> f64 {
-        solver.convergence_criterion.max(RESIDUAL_ROUNDING * self.size)
+        solver.criterion(self.size)
     }
 
     pub fn largest_residual(&self, solver: &Solver) -> f64 {

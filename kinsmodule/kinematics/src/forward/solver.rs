@@ -17,8 +17,10 @@ pub const MAX_SUB_STEPS: u32 = 96;
 /// How forward searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Certified ball or certified tracking: right or refused.
+    /// Closed form, certified ball or certified tracking: right or refused.
     Certified,
+    /// The same without closed forms, for comparison.
+    General,
     /// Newton's method alone, for comparison: may return another assembly of the machine.
     PlainNewton,
 }
@@ -45,6 +47,9 @@ pub enum Certificate {
     None,
     /// L(d) d < 1 of the last ball: legs determine the pose within it.
     Ball(f64),
+    /// Three spheres meet there, and the seed is so near that the joints lead from it to this one of
+    /// their two points, see the module `spheres`.
+    Spheres,
 }
 
 /// A pose that forward found.
@@ -57,7 +62,8 @@ pub struct Solution {
     /// Sub-steps of the joint path; 1 = within one ball of the seed.
     pub sub_steps: u32,
     /// Largest leg residual as an error of its joint, in machine units: of a strut's
-    /// length, of a carriage's place, of an arm's end along its circle.
+    /// length, of a carriage's place, of an arm's end along its circle. At most this where three spheres
+    /// meet.
     pub residual: f64,
     /// Nut-rotation corrections at the pose, machine units; zeros without a lead.
     pub corrections: PerLeg,
@@ -65,9 +71,19 @@ pub struct Solution {
     pub certificate: Certificate,
 }
 
+/// Rounding of a residual: no criterion below this share of the size can be met.
+const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 impl Solver {
+    /// Largest leg residual accepted by a machine of this size.
     #[inline(always)]
-    pub(super) fn check(&self) -> Result<(), Fault> {
+    pub(crate) fn criterion(&self, size: f64) -> f64 {
+        self.convergence_criterion.max(RESIDUAL_ROUNDING * size)
+    }
+
+    /// Refuses settings that nothing can be computed with.
+    #[inline(always)]
+    pub(crate) fn check(&self) -> Result<(), Fault> {
         let limits = f64x2::new([self.convergence_criterion, self.residual_limit]);
         // The least number above 0.
         let least = f64x2::new([f64::from_bits(1), 0.0]);
@@ -118,6 +134,21 @@ impl Solution {
         corrections: [0.0; MAX_LEGS],
         certificate: Certificate::None,
     };
+}
+
+impl Solution {
+    /// Where three spheres meet.
+    #[inline(always)]
+    pub(crate) fn of_spheres(position: Vector3<f64>, residual: f64) -> Self {
+        Self {
+            pose: Pose { position, angles: Vector3::zeros() },
+            iterations: 1,
+            sub_steps: 1,
+            residual,
+            corrections: [0.0; MAX_LEGS],
+            certificate: Certificate::Spheres,
+        }
+    }
 }
 
 /// Counts and limits of one call.

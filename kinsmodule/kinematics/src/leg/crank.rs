@@ -55,6 +55,8 @@ pub(crate) struct Crank {
     arm: f64,
     rod: f64,
     side: f64,
+    /// side over the lengths of arm and rod.
+    towards: f64,
 }
 
 impl Crank {
@@ -69,33 +71,46 @@ impl Crank {
         }
         let rod = rod_length(given.rod)?;
         let side = side_sign(given.side)?;
-        Ok(Self { axis, along, across: [across, axis.cross(&across)], arm, rod, side })
+        let towards = side / (arm * rod);
+        Ok(Self { axis, along, across: [across, axis.cross(&across)], arm, rod, side, towards })
     }
 
     #[inline]
     pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
+        let [s, c] = self.arm_towards(w)?;
+        Ok(atan2(s, c) / RADIANS)
+    }
+
+    /// A vector in the direction of the arm, over the directions of 90 and of 0 degrees.
+    #[inline]
+    pub fn arm_towards(&self, w: &Vector3<f64>) -> Result<[f64; 2], Refusal> {
         let a = w.dot(&self.across[0]);
         let b = w.dot(&self.across[1]);
-        let reach = sqrt(a * a + b * b);
+        let reach = a * a + b * b;
         // |w − along k|² + arm² − L² over 2: the same T without its cancellations.
         let apart = w - self.axis * self.along;
         let t = (apart.norm_squared() + self.arm * self.arm - self.rod * self.rod) * 0.5;
+        let squared = reach - t * t;
+        let least = LEAST_DRIVE * self.arm * self.rod;
+        if !(squared >= least * least) {
+            return Err(self.refused(apart, sqrt(reach), t));
+        }
+        let turned = self.side * sqrt(squared);
+        Ok([b * t + a * turned, a * t - b * turned])
+    }
+
+    /// Why an anchor at `apart` from the middle of the circle has no joint value.
+    #[cold]
+    fn refused(&self, apart: Vector3<f64>, reach: f64, t: f64) -> Refusal {
         let squared = (reach - t) * (reach + t);
         if !(squared >= 0.0) {
-            return Err((Cause::OutOfReach, self.missing(&apart, reach / self.arm)));
+            return (Cause::OutOfReach, self.missing(&apart, reach / self.arm));
         }
-        let root = sqrt(squared);
-        let drive = root / (self.arm * self.rod);
-        if !(drive >= LEAST_DRIVE) {
-            return Err((Cause::DeadPoint, drive));
-        }
-        let turned = self.side * root;
-        Ok(atan2(b * t + a * turned, a * t - b * turned) / RADIANS)
+        (Cause::DeadPoint, sqrt(squared) / (self.arm * self.rod))
     }
 
     /// What the rod lacks to an anchor at `apart` from the middle of the circle that the arm's
     /// end runs on, `from_axis` away from the axis; negative where it is too long.
-    #[cold]
     fn missing(&self, apart: &Vector3<f64>, from_axis: f64) -> f64 {
         let above = self.axis.dot(apart);
         let nearest = hypot(from_axis - self.arm, above);
@@ -112,7 +127,8 @@ impl Crank {
         }
         let (s, c) = sincos(q * RADIANS);
         let displacement = self.axis * self.along + self.across[0] * c + self.across[1] * s;
-        Ok(Drive { displacement, length: self.rod })
+        let towards = (self.across[0] * s - self.across[1] * c) * self.towards;
+        Ok(Drive { displacement, length: self.rod, towards })
     }
 
     #[inline]
@@ -124,6 +140,15 @@ impl Crank {
     #[inline]
     pub fn margin(&self, transmission: f64) -> f64 {
         -self.side * transmission / (self.arm * RADIANS)
+    }
+
+    pub fn rod(&self) -> f64 {
+        self.rod
+    }
+
+    /// Length of the rod over that of the arm.
+    pub fn ratio(&self) -> f64 {
+        self.rod / self.arm
     }
 
     #[inline]

@@ -149,6 +149,9 @@ pub(crate) enum Leg {
 pub(crate) struct Drive {
     pub displacement: Vector3<f64>,
     pub length: f64,
+    /// Its product with the way from moving base anchor to platform anchor is [`Leg::margin`] there; 0
+    /// for a leg without dead point.
+    pub towards: Vector3<f64>,
 }
 
 impl Leg {
@@ -192,6 +195,20 @@ impl Leg {
             Leg::Strut => None,
             Leg::Slider(slider) => Some(slider.margin(transmission)),
             Leg::Crank(crank) => Some(crank.margin(transmission)),
+        }
+    }
+
+    /// [`Leg::margin`] of a leg without dead point: nothing is lost there. 0 of others.
+    pub fn rest(&self) -> f64 {
+        if *self == Leg::Strut { 1.0 } else { 0.0 }
+    }
+
+    /// Bound of the second derivative of the way of the lower end while the platform anchor moves, times
+    /// length and third power of the margin: 1, and for a crank the length over the arm's beside it.
+    pub fn bend(&self) -> f64 {
+        match self {
+            Leg::Strut | Leg::Slider(_) => 1.0,
+            Leg::Crank(crank) => 1.0 + crank.ratio(),
         }
     }
 

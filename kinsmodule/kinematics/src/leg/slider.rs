@@ -34,39 +34,48 @@ pub struct SliderGeometry {
 /// A checked slider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Slider {
-    guide: Vector3<f64>,
-    rod: f64,
-    side: f64,
+    pub guide: Vector3<f64>,
+    pub rod: f64,
+    pub side: f64,
+    /// −side · guide over the rod's length.
+    pub towards: Vector3<f64>,
+    /// Square of the least root that drives.
+    pub least_square: f64,
 }
 
 impl Slider {
     pub fn new(given: &SliderGeometry) -> Result<Self, Refusal> {
-        Ok(Self {
-            guide: direction(&given.guide).ok_or((Cause::GuideZero, 0.0))?,
-            rod: rod_length(given.rod)?,
-            side: side_sign(given.side)?,
-        })
+        let guide = direction(&given.guide).ok_or((Cause::GuideZero, 0.0))?;
+        let rod = rod_length(given.rod)?;
+        let side = side_sign(given.side)?;
+        let least = LEAST_DRIVE * rod;
+        Ok(Self { guide, rod, side, towards: guide * (-side / rod), least_square: least * least })
     }
 
     #[inline]
     pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
         let along = self.guide.dot(w);
-        let from_guide = (w - self.guide * along).norm();
-        // (L − h)(L + h) keeps the digits that L² − h² loses near the dead point.
+        let apart = w - self.guide * along;
+        let squared = self.rod * self.rod - apart.norm_squared();
+        if squared >= self.least_square {
+            return Ok(along + self.side * sqrt(squared));
+        }
+        self.refused(apart.norm())
+    }
+
+    /// Why an anchor so far from the guide has no joint value.
+    #[cold]
+    fn refused(&self, from_guide: f64) -> Result<f64, Refusal> {
         let squared = (self.rod - from_guide) * (self.rod + from_guide);
         if !(squared >= 0.0) {
             return Err((Cause::OutOfReach, from_guide - self.rod));
         }
-        let root = sqrt(squared);
-        if !(root >= LEAST_DRIVE * self.rod) {
-            return Err((Cause::DeadPoint, root / self.rod));
-        }
-        Ok(along + self.side * root)
+        Err((Cause::DeadPoint, sqrt(squared) / self.rod))
     }
 
     #[inline]
     pub fn drive(&self, q: f64) -> Drive {
-        Drive { displacement: self.guide * q, length: self.rod }
+        Drive { displacement: self.guide * q, length: self.rod, towards: self.towards }
     }
 
     #[inline]

@@ -33,5 +33,5 @@ pub(super) fn drive(q: f64) -> Result<Drive, Cause> {
     if !(q > 0.0) {
         return Err(Cause::JointNotPositive);
     }
-    Ok(Drive { displacement: Vector3::zeros(), length: q })
+    Ok(Drive { displacement: Vector3::zeros(), length: q, towards: Vector3::zeros() })
 }

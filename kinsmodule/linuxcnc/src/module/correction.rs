@@ -19,6 +19,12 @@ pub(super) struct Correction {
 impl Correction {
     pub(super) const NONE: Self = Self { in_effect: [0.0; MAX_JOINTS], is_on: false };
 
+    /// Whether there is any.
+    #[inline(always)]
+    pub(super) fn is_on(&self) -> bool {
+        self.is_on
+    }
+
     /// Adds it to joint values of the kinematics.
     #[inline(always)]
     pub(super) fn add(&self, joints: &mut [f64]) {

@@ -166,7 +166,7 @@ impl Module {
     #[inline(never)]
     pub fn forward_of(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         extra: &[f64],
         world: &mut World,
         address: usize,

@@ -5,7 +5,7 @@ use super::freezing::Frozen;
 use super::{Module, is_zero, nanoseconds_if};
 use crate::crossing::{Comparison, Crossing};
 use crate::hal::nanoseconds;
-use kinematics::{Cause, Fault, Joints, Pose, Solution};
+use kinematics::{Cause, Fault, Joints, MAX_JOINTS, Pose, Solution, Vector3};
 
 impl Module {
     /// Writes the pose of the joints, in degrees, over the seed in `pose`, which may hold NaN.
@@ -13,26 +13,68 @@ impl Module {
     #[inline(always)]
     pub fn forward(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         pose: &mut [f64; 6],
         address: usize,
     ) -> Result<(), Fault> {
         let timed = self.is_monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         self.calls.note_forward();
-        let result = self.pose_at(joints, pose, address);
+        let result = match self.meet(joints, pose, address) {
+            Some(()) => Ok(()),
+            None => self.pose_at(joints, pose, address),
+        };
         if timed {
             self.guard.timed_forward(nanoseconds().wrapping_sub(begin));
         }
         result
     }
 
+    /// Forward in the usual case of a machine whose pose is where three spheres meet: the seed is its
+    /// last pose, and nothing is asked for or has changed. `None` where the long way has to be gone.
+    // A frame of its own, which is gone where the long way is gone.
+    #[inline(never)]
+    fn meet(&mut self, joints: &[f64], pose: &mut [f64; 6], address: usize) -> Option<()> {
+        if !self.frozen.as_ref()?.machine.needs_no_seed() {
+            return None;
+        }
+        self.forget_before_homing();
+        self.prepared(|| false).ok()?;
+        let Frozen { machine, given } = self.frozen.as_ref()?;
+        let tool = self.tool.of_machine();
+        let is_usual = self.seeds.is_current(address)
+            && !self.correction.is_on()
+            && self.tool.has(&self.pins.tool(given.spindle_offset))
+            && (self.is_monitored || self.until_watched > 0);
+        if !is_usual {
+            return None;
+        }
+        let is_before_singular = match self.calls.commanded_before() {
+            Some(commanded) => self.crossing.is_known_before(commanded, &tool),
+            None => !self.crossing.has_passed(),
+        };
+        let seed = Vector3::new(pose[0], pose[1], pose[2]);
+        let met = machine.meeting(joints.first_chunk()?, &seed, &tool, &self.pins.solver())?;
+        if !is_before_singular {
+            return None;
+        }
+        self.seeds.remember(address, Pose { position: met.point, angles: Vector3::zeros() });
+        (self.pose_is_unknown, self.refused, self.lost) = (false, false, None);
+        self.until_watched = self.until_watched.saturating_sub(1);
+        self.pins.fwd_kins_fail.set(false);
+        *pose = [met.point.x, met.point.y, met.point.z, 0.0, 0.0, 0.0];
+        self.show(1, met.residual, *pose);
+        Some(())
+    }
+
+    #[inline(never)]
     fn pose_at(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         pose: &mut [f64; 6],
         address: usize,
     ) -> Result<(), Fault> {
+        let joints = &joints_of(joints);
         self.forget_before_homing();
         let seed = &Pose::from_degrees(*pose);
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
@@ -55,11 +97,11 @@ impl Module {
         self.show_start();
         if result.is_ok() {
             *pose = solution.pose.to_degrees();
-            self.show(&solution, *pose);
+            self.show(solution.iterations, solution.residual, *pose);
+            self.pins.show_corrections(&self.load, &solution.corrections);
         }
         if !self.is_monitored {
-            self.watch_geometry();
-            self.show_assembly();
+            self.watch_seldom();
         }
         if let Err(fault) = result
             && fault.cause == Cause::Searching
@@ -81,16 +123,26 @@ impl Module {
         let joints = &self.correction.taken_from(joints);
         self.retool_for_forward()?;
         let tool = self.tool.of_machine();
-        let seed = match self.searched(joints, &tool) {
-            Some(found) => Some(found?),
-            None => self.seed_for(seed, address),
+        let found;
+        let seed = match self.searched((joints, address), &tool) {
+            Some(searched) => {
+                found = searched?;
+                &found
+            }
+            None => match self.seed_for(seed, address) {
+                Some(seed) => seed,
+                None => {
+                    found = self.reference_or(*seed)?;
+                    &found
+                }
+            },
         };
-        let Some(seed) = seed else { return Err(Cause::SeedMissing.into()) };
         let machine = &self.frozen()?.machine;
         if machine.is_literal() {
+            let seed = *seed;
             return self.solve_first(joints, &seed, &tool, solution);
         }
-        machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
+        machine.forward_into(joints, seed, &tool, &self.pins.solver(), solution)
     }
 
     /// Refuses the pose found while the commanded motion is beyond a singular pose.
@@ -135,15 +187,22 @@ impl Module {
         }
     }
 
-    fn show(&self, solution: &Solution, pose: [f64; 6]) {
+    #[inline(always)]
+    fn show(&self, iterations: u32, residual: f64, pose: [f64; 6]) {
         let pins = self.pins;
-        pins.last_iterations.set(solution.iterations);
-        pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
-        pins.residual.set(solution.residual);
+        pins.last_iterations.set(iterations);
+        pins.max_iterations.set(pins.max_iterations.get().max(iterations));
+        pins.residual.set(residual);
         pins.show_pose(pose);
         pins.show_tool(&self.tool.offset());
-        pins.show_corrections(&self.load, &solution.corrections);
     }
+}
+
+/// Joint values, 0 beyond the last one.
+pub(super) fn joints_of(given: &[f64]) -> Joints {
+    let mut joints = [0.0; MAX_JOINTS];
+    joints.iter_mut().zip(given).for_each(|(joint, value)| *joint = *value);
+    joints
 }
 
 /// Whether a refusal may come from joints and seed alone, as before homing.

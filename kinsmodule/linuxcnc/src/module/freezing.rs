@@ -7,6 +7,10 @@ use crate::crossing::Crossing;
 use crate::pins::Given;
 use kinematics::{Cause, ChainGeometry, Fault, Machine, Pose};
 
+/// Calls of forward of which one looks at all pins of the geometry where no monitor does: that takes
+/// about as long as forward itself, and people read what it shows.
+const WATCHED_EVERY: u32 = 16;
+
 /// The geometry in use.
 pub(super) struct Frozen {
     pub(super) machine: Machine,
@@ -106,7 +110,10 @@ impl Module {
             self.check_chain(machine.size())?;
             match taken {
                 Taken::Not => self.start.check(self.pins, &self.load, hash)?,
-                Taken::InForce => self.start.freeze(self.pins, &self.load, hash)?,
+                Taken::InForce => {
+                    let needs_no_seed = machine.needs_no_seed() && given.geometry.home.is_some();
+                    self.start.freeze(self.pins, &self.load, (hash, needs_no_seed))?;
+                }
             }
             Ok(machine)
         });
@@ -129,6 +136,7 @@ impl Module {
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
         self.seeds = Seeds::new();
+        self.until_watched = 0;
         self.pins.max_iterations.set(0);
         Ok(())
     }
@@ -137,7 +145,21 @@ impl Module {
         self.frozen.as_ref().ok_or(Cause::NoGeometry.into())
     }
 
+    /// What the monitor shows in every cycle where it runs: shown by one of [`WATCHED_EVERY`] calls of
+    /// forward, the first one after a geometry was frozen among them.
+    #[inline(always)]
+    pub(super) fn watch_seldom(&mut self) {
+        if self.until_watched > 0 {
+            self.until_watched -= 1;
+            return;
+        }
+        self.until_watched = WATCHED_EVERY - 1;
+        self.watch_geometry();
+        self.show_assembly();
+    }
+
     /// Shows whether the pins differ from the frozen values.
+    #[inline(never)]
     pub(super) fn watch_geometry(&self) {
         // NaN on a pin counts as a change: a frozen geometry holds none.
         let changed = self.frozen.as_ref().is_some_and(|frozen| {

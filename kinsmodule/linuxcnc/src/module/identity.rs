@@ -2,6 +2,7 @@
 //! The identity kinematics, in which each joint is a letter, and the switch to and from them.
 
 use super::Module;
+use super::forward::joints_of;
 use crate::crossing::Crossing;
 use kinematics::{Cause, Fault, Jacobian, Joints, Letter, Load, MAX_JOINTS, Pose, World};
 
@@ -115,7 +116,8 @@ impl Module {
     }
 
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
-    pub fn identity_forward(&mut self, joints: &Joints, pose: &mut [f64; 6]) -> Result<(), Fault> {
+    pub fn identity_forward(&mut self, joints: &[f64], pose: &mut [f64; 6]) -> Result<(), Fault> {
+        let joints = &joints_of(joints);
         self.forget_before_homing();
         self.calls.note_forward();
         let result = self.identity_pose(joints);
@@ -129,7 +131,7 @@ impl Module {
     /// The same with the joints of extra axes, which pass through.
     pub fn identity_forward_of(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         extra: &[f64],
         world: &mut World,
     ) -> Result<(), Fault> {

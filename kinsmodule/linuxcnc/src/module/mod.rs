@@ -70,6 +70,8 @@ pub struct Module {
     guard: Guard,
     reports: Reports,
     reset_was: bool,
+    /// Calls of forward before one that looks at all pins of the geometry, where no monitor runs.
+    until_watched: u32,
 }
 
 impl Module {
@@ -101,6 +103,7 @@ impl Module {
             guard: Guard::new(),
             reports: Reports::new(place.is_second),
             reset_was: false,
+            until_watched: 0,
         }
     }
 
@@ -215,6 +218,6 @@ fn is_consequence(cause: Cause) -> bool {
     matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
 }
 
-fn is_zero<const M: usize>(values: &[f64; M]) -> bool {
+fn is_zero(values: &[f64]) -> bool {
     values.iter().all(|v| *v == 0.0)
 }

@@ -39,6 +39,16 @@ impl Seeds {
         self.last
     }
 
+    /// Whether what LinuxCNC hands over at this address is the pose that forward has found for it last.
+    #[inline(always)]
+    pub(super) fn is_current(&self, address: usize) -> bool {
+        self.callers.iter().flatten().any(|c| c.address == address && !c.seed_is_stale)
+    }
+
+    fn is_known(&self, address: usize) -> bool {
+        self.callers.iter().flatten().any(|c| c.address == address)
+    }
+
     /// Drops the poses: the joints may be anywhere.
     pub(super) fn forget(&mut self) {
         (self.callers, self.last) = ([None; CALLERS], None);
@@ -88,34 +98,51 @@ impl Module {
         }
     }
 
-    /// The pose to start from where none is known, if there are boxes to search it in.
+    /// The pose to start from where none is known, if the joints alone determine it: by boxes, or on the
+    /// side of the reference pose. By that side, or the last pose's, also for a caller not yet known, who
+    /// hands over [TRAJ]HOME.
     pub(super) fn searched(
         &mut self,
-        joints: &Joints,
+        (joints, address): (&Joints, usize),
         tool: &Vector3<f64>,
     ) -> Option<Result<Pose, Fault>> {
-        if self.seeds.last().is_some() || is_zero(joints) || !self.start.has_boxes() {
+        if is_zero(joints) || !self.start.needs_no_seed() {
             return None;
         }
-        let machine = &self.frozen.as_ref()?.machine;
-        Some(self.start.seed(machine, joints, tool, &self.pins.solver()))
+        let (machine, solver) = (&self.frozen.as_ref()?.machine, self.pins.solver());
+        let last = self.seeds.last();
+        if self.start.has_boxes() {
+            let search = || self.start.seed(machine, joints, tool, &solver);
+            return last.is_none().then(search);
+        }
+        if last.is_some() && self.seeds.is_known(address) {
+            return None;
+        }
+        machine.pose_beside(joints, &last.or(self.reference())?, &solver).map(Ok)
     }
 
-    /// The pose to start from: LinuxCNC's seed where it is a pose of this machine and tool.
-    pub(super) fn seed_for(&self, seed: &Pose, address: usize) -> Option<Pose> {
+    /// The pose to start from: LinuxCNC's seed where it is a pose of this machine and tool; `None` where
+    /// neither it nor an earlier one is. By reference: pieces of a copy would not line up.
+    pub(super) fn seed_for<'a>(&'a self, seed: &'a Pose, address: usize) -> Option<&'a Pose> {
         let caller = self.seeds.callers.iter().flatten().find(|c| c.address == address);
         let stale = caller.map_or(self.seeds.switched_back, |c| c.seed_is_stale);
-        let known = caller.map(|c| c.pose).or(self.seeds.last());
+        let known = caller.map(|c| &c.pose).or(self.seeds.last.as_ref());
+        // Then a caller not yet known hands over [TRAJ]HOME, not a pose that it was given.
+        let is_new = caller.is_none() && self.start.has_boxes();
+        // After a switch a seed may hold joint values.
+        let is_none = stale || !seed.is_finite();
         match known {
-            // With boxes, a caller not yet known hands over [TRAJ]HOME, not a pose that it was given.
-            Some(pose) if caller.is_none() && self.start.has_boxes() => Some(pose),
-            Some(pose) if stale || !seed.is_finite() => Some(pose),
-            // After a switch a seed may hold joint values.
-            None if stale || !seed.is_finite() => {
-                self.reference().or(Some(*seed).filter(Pose::is_finite))
-            }
-            _ => Some(*seed),
+            Some(pose) if is_new || is_none => Some(pose),
+            None if is_none => None,
+            _ => Some(seed),
         }
+    }
+
+    /// The pose to start from where none is known: the reference pose, else what LinuxCNC says.
+    #[cold]
+    pub(super) fn reference_or(&self, seed: Pose) -> Result<Pose, Fault> {
+        let seed = Some(seed).filter(Pose::is_finite);
+        self.reference().or(seed).ok_or(Cause::SeedMissing.into())
     }
 
     /// Forward while no pose has fixed the folds of nut corrections, as in a drop-in, which has no

@@ -7,12 +7,13 @@
 //! carry something, [`pair`] a second mechanism, and a [`control`] is any of these as LinuxCNC sees it;
 //! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
 //! usable as a reference; [`tracker`] what forward must find;
-//! [`limit`] what arithmetic alone would take; [`tolerances`] every
+//! [`limit`] what arithmetic alone would take; [`guarded`] sets every limit; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod carrying;
 pub mod control;
 pub mod geometry;
+pub mod guarded;
 pub mod limit;
 pub mod machines;
 pub mod module;

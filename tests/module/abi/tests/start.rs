@@ -111,7 +111,7 @@ fn before_homing(module: Module) -> Module {
         module.monitor();
     }
     assert_eq!(module.get("fault"), 0.0);
-    assert!(!module.is_on("searching"));
+    assert!(!(module.has("searching") && module.is_on("searching")));
     module
 }
 
@@ -243,6 +243,45 @@ fn without_boxes_there_are_no_pins_for_them_and_home_is_where_forward_starts() {
     let mut world = HOME;
     assert_eq!(module.forward_into(&joints, &mut world), 0);
     assert_same(&world, &far());
+}
+
+/// Below the base, where the other pose of the same joints is.
+const MIRRORED: Pose = [5.0, 1.768, -3.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+#[test]
+fn three_legs_that_move_x_y_and_z_start_without_boxes_and_whatever_the_seed() {
+    let module = before_homing(tripod(0));
+    let joints = module.inverse(&far()).unwrap();
+    let mut world = MIRRORED;
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_same(&world, &far());
+    module.monitor();
+    // A caller not yet known holds what LinuxCNC has for it.
+    let mut command = MIRRORED;
+    assert_eq!(module.forward_into(&joints, &mut command), 0);
+    assert_same(&command, &far());
+    // A joint is unhomed: no call; the joints may have been anywhere.
+    for _ in 0..3 {
+        module.monitor();
+    }
+    let elsewhere = [6.4, 0.6, 3.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let joints = module.inverse(&elsewhere).unwrap();
+    let mut world = MIRRORED;
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_same(&world, &elsewhere);
+}
+
+#[test]
+fn without_a_reference_pose_the_seed_decides_on_which_side_of_the_base_the_tripod_is() {
+    let module = tripod(0);
+    for axis in ["x", "y", "z", "a", "b", "c"] {
+        module.set(&format!("home.{axis}"), f64::NAN);
+    }
+    let module = before_homing(module);
+    let joints = module.inverse(&HOME).unwrap();
+    let mut world = MIRRORED;
+    assert_eq!(module.forward_into(&joints, &mut world), 0);
+    assert_same(&world, &MIRRORED);
 }
 
 #[test]

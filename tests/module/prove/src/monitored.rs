@@ -4,8 +4,8 @@
 
 use crate::cases::{Aim, Case};
 use abi_tests::control::Control;
+use abi_tests::guarded::set_limits;
 use abi_tests::module::{Joints, Module, Pose};
-use abi_tests::parallel::Kind;
 
 /// Seconds of a servo cycle.
 const PERIOD: f64 = 1e-3;
@@ -19,7 +19,7 @@ const GOING_ON: u32 = BEGINNING + 9;
 /// set and none of those that would spare the rest is met, so that all of them are compared.
 pub fn move_on(case: &Case, control: &Control, module: &Module) {
     stand_still(module);
-    set_limits(control, module);
+    set_limits(&control.mechanisms(), module);
     let speed = case.joints.iter().take(3).map(|step| step * step).sum::<f64>().sqrt() / PERIOD;
     for pin in ["requested-vel", "current-vel"] {
         module.set(pin, speed);
@@ -48,47 +48,6 @@ fn stand_still(module: &Module) {
     for reset in [1.0, 0.0, 0.0] {
         module.set("fault-reset", reset);
         module.monitor();
-    }
-}
-
-/// Whether all legs are struts, and the axes of their cardan joints are known.
-fn has_pyramids(control: &Control) -> bool {
-    let is_known = |axis: &[f64; 3]| axis.iter().any(|value| *value != 0.0);
-    let mut legs = control.mechanisms().into_iter().flat_map(|machine| &machine.legs);
-    legs.all(|leg| match &leg.kind {
-        Kind::Strut { base_axis, platform_axis, .. } => {
-            is_known(base_axis) && is_known(platform_axis)
-        }
-        _ => false,
-    })
-}
-
-fn set_limits(control: &Control, module: &Module) {
-    let size = control.size();
-    module.set("linear-acceleration", size);
-    module.set("angular-acceleration", 100.0);
-    module.set("rod-clearance", 1e-12 * size);
-    module.set("tilt-limit", 180.0);
-    if module.has("mechanism-clearance") {
-        module.set("mechanism-clearance", 1e-12 * size);
-    }
-    let legs: usize = control.mechanisms().iter().map(|machine| machine.legs.len()).sum();
-    for n in 0..legs {
-        module.set(&format!("base-cone.{n}"), 180.0);
-        module.set(&format!("platform-cone.{n}"), 180.0);
-        for way in ["base-pyramid", "platform-pyramid"] {
-            // A leg without an axis, or a machine without a reference pose, keeps none.
-            let limit = if has_pyramids(control) { 180.0 } else { 0.0 };
-            module.set(&format!("{way}.{n}.about"), limit);
-            module.set(&format!("{way}.{n}.across"), limit);
-        }
-    }
-    for n in 0..control.joints() {
-        // Extra axes have none: LinuxCNC keeps their limits itself.
-        if module.has(&format!("max-velocity.{n}")) {
-            module.set(&format!("max-velocity.{n}"), size);
-            module.set(&format!("max-acceleration.{n}"), 6.0 * size);
-        }
     }
 }
 
@@ -122,7 +81,7 @@ fn begin_change(case: &Case, control: &Control, module: &Module) {
     module.set("machine-on", 0.0);
     offset(&[0.0; 16]);
     stand_still(module);
-    set_limits(control, module);
+    set_limits(&control.mechanisms(), module);
     module.set("machine-on", 1.0);
     for _ in 0..2 {
         servo_cycle(module, &case.pose);

@@ -6,6 +6,7 @@
 //! of two modules measured in turns is what stays.
 
 use abi_tests::geometry::distance;
+use abi_tests::guarded::set_limits;
 use abi_tests::limit::{Rates, forward, inverse};
 use abi_tests::machines::{
     Hexapod, PAPER_004_HOME, genhexkins_default, one_servo_step_from, paper_004, paper_004_pose,
@@ -40,6 +41,8 @@ struct Subject {
     sample: fn(&mut Random) -> Pose,
     /// LinuxCNC's module for such a machine, if there is one.
     theirs: Option<Theirs>,
+    /// Frozen by its first call, with no monitor beside it, as a HAL file for LinuxCNC's module leaves it.
+    drops_in: bool,
 }
 
 /// A module of LinuxCNC's and what its pins have to be for the subject.
@@ -76,9 +79,20 @@ fn hexapods() -> Vec<Subject> {
     home[2] = 20.0;
     let default = Hexapod { home: Some(home), ..genhexkins_default(&Module::genhexkins()) };
     let sample: fn(&mut Random) -> Pose = paper_004_pose;
+    let unknown = |machine: &Hexapod| Hexapod { home: None, ..machine.clone() };
+    let drop_in = |subject: Subject| Subject { drops_in: true, ..subject };
+    let (screws, struts) = (unknown(&paper_004()), unknown(&without_lead));
     vec![
         hexapod("paper 004, lead 10", paper_004(), PAPER_004_HOME, sample),
         hexapod("paper 004, lead 0", without_lead, PAPER_004_HOME, sample),
+        drop_in(hexapod("paper 004, lead 10, as a drop-in", screws, PAPER_004_HOME, sample)),
+        drop_in(hexapod("paper 004, lead 0, as a drop-in", struts, PAPER_004_HOME, sample)),
+        drop_in(hexapod(
+            "genhexkins' defaults, as a drop-in",
+            unknown(&default),
+            home,
+            genhexkins_pose,
+        )),
         hexapod("genhexkins' defaults", default, home, genhexkins_pose),
     ]
 }
@@ -96,7 +110,7 @@ fn hexapod(
         module.set("max-error", NO_MAX_ERROR);
     });
     let theirs = Some(Theirs { name: "genhexkins", wire });
-    Subject { name, machine: machine.into(), home, sample, theirs }
+    Subject { name, machine: machine.into(), home, sample, theirs, drops_in: false }
 }
 
 /// Machines with rods and the tripod, beside LinuxCNC's module where it has one.
@@ -107,6 +121,7 @@ fn others() -> Vec<Subject> {
         theirs: theirs(subject.name),
         machine: subject.machine,
         sample: subject.sample,
+        drops_in: false,
     };
     subjects::subjects()
         .into_iter()
@@ -277,9 +292,21 @@ fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64], rates: 
     println!("| {call} | {} | {cells} | {theirs} | {ratio} | {limit} |", subject.name);
 }
 
+fn ours(subject: &Subject) -> Module {
+    if !subject.drops_in {
+        return subject.machine.module();
+    }
+    let module = subject.machine.loaded();
+    subject.machine.wire(&module);
+    // Forward, as LinuxCNC calls it at first: from home, which fixes the folds of the corrections.
+    let joints = module.inverse(&subject.home).expect("home");
+    module.forward(&joints, &subject.home).expect("home");
+    module
+}
+
 /// Ours with the subject's machine, then theirs if there is one.
 fn modules(subject: &Subject) -> Vec<Module> {
-    let mut modules = vec![subject.machine.module()];
+    let mut modules = vec![ours(subject)];
     modules.extend(subject.theirs.iter().map(|theirs| {
         let module = Module::of_linuxcnc(theirs.name);
         (theirs.wire)(&module);
@@ -326,6 +353,74 @@ fn from_home(subject: &Subject) {
     }
 }
 
+/// Cycles of a motion of [`cycle_batch`].
+const CYCLES: usize = 20;
+
+/// Mean nanoseconds of forward, inverse and monitor in a servo cycle of motions with everything guarded, each
+/// by its own time, with what the clock takes.
+fn cycle_batch(module: &Module, motions: &[Vec<(Pose, Joints)>]) -> [f64; 3] {
+    let mut spent = [0.0; 3];
+    let mut count = 0.0;
+    for motion in motions {
+        for pair in motion.windows(2) {
+            let [(seed, joints), (pose, _)] = pair else { continue };
+            let mut world = *seed;
+            let mut commanded: Joints = [0.0; 16];
+            let start = Instant::now();
+            black_box(module.forward_into(joints, &mut world));
+            let after_forward = Instant::now();
+            black_box(module.inverse_into(pose, &mut commanded));
+            let after_inverse = Instant::now();
+            module.monitor();
+            let times =
+                [after_forward - start, after_inverse - after_forward, after_inverse.elapsed()];
+            for (sum, time) in spent.iter_mut().zip(times) {
+                *sum += time.as_nanos() as f64;
+            }
+            count += 1.0;
+        }
+    }
+    spent.map(|sum| sum / count)
+}
+
+/// A motion of [`CYCLES`] servo steps from a pose of the workspace towards home.
+fn motion(
+    subject: &subjects::Subject,
+    module: &Module,
+    random: &mut Random,
+) -> Vec<(Pose, Joints)> {
+    let (from, home) = ((subject.sample)(random), subject.home());
+    let way = (0..3).map(|k| (home[k] - from[k]).powi(2)).sum::<f64>().sqrt();
+    let share = (5e-4 * subject.machine.size() / way.max(1e-3 * subject.machine.size())).min(0.04);
+    let pose = |n: usize| std::array::from_fn(|k| from[k] + n as f64 * share * (home[k] - from[k]));
+    (0..=CYCLES).map(pose).filter_map(|pose| Some((pose, module.inverse(&pose).ok()?))).collect()
+}
+
+/// Nanoseconds of a reading of the clock.
+fn clock() -> f64 {
+    let start = Instant::now();
+    (0..1000).for_each(|_| _ = black_box(Instant::now()));
+    start.elapsed().as_nanos() as f64 / 1000.0
+}
+
+/// The servo cycle as a whole, everything guarded.
+fn cycles(subject: &subjects::Subject) {
+    let module = subject.machine.module();
+    set_limits(&[&subject.machine], &module);
+    let speed = 0.5 * subject.machine.size();
+    for pin in ["requested-vel", "current-vel"] {
+        module.set(pin, speed);
+    }
+    module.set("conditioning-limit", 0.01);
+    let mut random = Random::new(11);
+    let motions: Vec<_> = (0..20).map(|_| motion(subject, &module, &mut random)).collect();
+    let batches: Vec<[f64; 3]> = (0..BATCHES).map(|_| cycle_batch(&module, &motions)).collect();
+    let of = |k: usize| median(&mut batches.iter().map(|batch| batch[k]).collect::<Vec<_>>());
+    let [forward, inverse, monitor] = [0, 1, 2].map(of);
+    let all = forward + inverse + monitor;
+    println!("| {} | {forward:.0} | {inverse:.0} | {monitor:.0} | {all:.0} |", subject.name);
+}
+
 fn main() {
     let mut subjects = hexapods();
     subjects.extend(others());
@@ -346,6 +441,13 @@ fn main() {
         rates.flop, rates.division
     );
     println!("division, {:.2} for a root (all in pairs), {:.1} for an arc.", rates.root, rates.arc);
+    println!(
+        "\nA servo cycle with everything guarded, ns (each with the {:.0} that the clock takes):\n",
+        clock()
+    );
+    println!("| machine | forward | inverse | monitor | together |");
+    println!("|---|--:|--:|--:|--:|");
+    subjects::subjects().iter().for_each(cycles);
     println!("\nFrom home, all modules with their default settings:\n");
     println!("| machine | module | poses | failed | wrong | iterations |");
     println!("|---|---|--:|--:|--:|--:|");

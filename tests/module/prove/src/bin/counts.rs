@@ -29,6 +29,10 @@ const MARGIN: f64 = 1.25;
 const PLACES_PER_CYCLE: u64 = 4;
 const SOLVES_PER_PLACE: u32 = 24;
 
+/// Calls of forward of which one looks at all pins where no monitor runs: as in the module's
+/// `module/freezing.rs`.
+const LOOKS: u32 = 16;
+
 /// Head of counts.toml.
 fn head() -> String {
     format!(
@@ -207,6 +211,10 @@ fn make(case: &Case, control: &Control, module: &Module) {
             module.set("limit-iterations", f64::from(case.limit));
             let mut world = case.pose;
             counted(|| module.forward_into(&case.joints, &mut world));
+            // Without a monitor one call of 16 looks at all pins: every call that is counted.
+            for _ in 0..if Beside::of(case) == Beside::Nothing { LOOKS - 1 } else { 0 } {
+                module.forward_into(&[f64::NAN; 16], &mut case.pose.clone());
+            }
         }
         Call::Jacobian => {
             let _ = counted(|| module.jacobian(&case.joints, &case.pose));
@@ -383,6 +391,14 @@ fn show(machines: &[Control], table: &Table) {
             found.worst,
             if found.bound() == found.worst { "–".into() } else { found.bound().to_string() },
         );
+    }
+    println!("\nA servo cycle, guarded: forward, inverse and monitor.\n");
+    println!("| machine | typical |");
+    println!("|---|--:|");
+    for (machine, subject) in machines.iter().enumerate() {
+        let calls = [Call::Forward, Call::Inverse, Call::Monitor];
+        let typical = calls.map(|call| table.get(&(machine, call)).map_or(0, |f| f.typical));
+        println!("| {} | {} |", subject.name(), typical.iter().sum::<u64>());
     }
 }
 

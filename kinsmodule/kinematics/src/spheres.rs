@@ -1,0 +1,426 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Three legs that move X, Y and Z and nothing else: a pose as the point where three spheres meet.
+//!
+//! The platform keeps its orientation, so that leg i, whatever its kind, holds the control point t on a
+//! sphere: |t − sᵢ| = dᵢ with sᵢ = cᵢ − bᵢ, c its moving base anchor and b its platform anchor. The
+//! tool moves no leg of such a machine. With a = s₂ − s₁, b = s₃ − s₁ and N = a × b
+//!
+//! ```text
+//! t = s₁ + y ± N √(h²/|N|²),   h² = d₁² − |y|²,
+//! y = λ a + μ b,               a · y = (|a|² + d₁² − d₂²)/2,   b · y = (|b|² + d₁² − d₃²)/2
+//! ```
+//!
+//! The two points are mirror images in the plane of the centres. There they meet, and J is singular:
+//! with uᵢ the unit vectors along the legs, det(u₁, u₂, u₃) = ± h |N|/(d₁ d₂ d₃) = D.
+//!
+//! **Which of the two, and why it is connected with the seed.** The one on the seed's side of the
+//! plane, if the way to it is so short that the joints cannot have led elsewhere. Joints are measured
+//! as ways pᵢ of the legs' lower ends here, which is linear in them. At a margin m (module `leg`; 1 for
+//! a strut) |∂p/∂t| ≤ 1/m and |∂²p/∂t²| ≤ k/m³, and m² falls by 2 k per unit of length at most, with
+//! k = 1/d for struts and sliders, 1/d + 1/arm for cranks. M the inverse of ∂p/∂t at t, whose columns
+//! are mᵢ (uⱼ × uₖ)/D, the bound of ‖M ∂p/∂t − 1‖ at a distance ρ from t is
+//!
+//! ```text
+//! Λ ρ,   Λ = Σ mᵢ k/mᵢ³ (smallest m within ρ) / |D|
+//! ```
+//!
+//! Let w be the distance of the seed, ρ = 2 w and w Σ k ≤ m² |D|/12, m the smallest margin at t. Within
+//! ρ m² stays above 2/3 of what it is, so that Λ w ≤ (3/2)^(3/2)/12 < 1/6 and Λ ρ < 1/3. There p is
+//! one-to-one, a step of M p leads between 2/3 and 4/3 as far as one of t, and the straight line of the
+//! joints from the seed's to those of t, at most 4 w/3 long as M p, is that of points within 2 w.
+//! Nothing in that ball is singular or at a dead point.
+//!
+//! What this does not accept is left to the general method, which also says what is wrong.
+
+use crate::geometry::FARTHEST;
+use crate::lanes::{
+    Lanes3, between, both, cross, difference, dot, pair, scaled, sum, swapped, wide,
+};
+use crate::leg::{Drive, LEAST_DRIVE, Leg};
+use crate::mechanism::Mechanism;
+use crate::pose::Pose;
+use nalgebra::Vector3;
+use wide::f64x2;
+
+/// Least |D| at which the closed form counts: its rounding grows with 1/D².
+const FLAT: f64 = 0.05;
+
+/// How many times the bound of the way is to fit into m² |D|.
+const SHORT: f64 = 12.0;
+
+/// Lengths up to here can be computed with.
+const HUGE: f64 = 1e70;
+
+/// Arms that point farther than this from their zero, in degrees, are near to where inverse kinematics
+/// jump by a turn: farther away than a way that counts as short can turn an arm, 1/12 rad.
+const MOST_TURNED: f64 = 170.0;
+
+/// The leg of a lane: two of them side by side, and twice the one that these are seen from.
+const fn leg_of(lane: usize) -> usize {
+    if lane < 2 { lane + 1 } else { 0 }
+}
+
+/// Of which kinds the legs are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kinds {
+    Struts,
+    Sliders,
+    /// Any, leg by leg.
+    Mixed,
+}
+
+/// Three legs that move X, Y and Z, as spheres. Arrays have the lanes of [`leg_of`].
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Spheres {
+    kinds: Kinds,
+    legs: [Leg; 3],
+    /// As in the mechanism.
+    base: Lanes3<4>,
+    arms: Lanes3<4>,
+    reference: Vector3<f64>,
+    offset: [f64; 4],
+    /// Base anchors less platform anchors.
+    origin: Lanes3<4>,
+    /// Of sliders.
+    guide: Lanes3<4>,
+    towards: Lanes3<4>,
+    side: [f64; 4],
+    rod_square: [f64; 4],
+    least_square: [f64; 4],
+    /// The margin of a strut, 1, and nothing for other legs.
+    rest: [f64; 4],
+    /// Per leg k times its length.
+    bend: [f64; 4],
+    /// Where all lengths are those of rods.
+    sizes: Option<Sizes>,
+    /// Shortest length at which a leg has a direction.
+    least_length: f64,
+    /// Longest part of a tool vector.
+    farthest: f64,
+}
+
+/// What follows from the lengths of the legs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sizes {
+    /// Squares of the lengths.
+    square: [f64; 4],
+    /// Least square of D d₁ d₂ d₃ that counts.
+    flat: f64,
+    /// Square of 12 Σ k d₁ d₂ d₃.
+    short: f64,
+    /// Half over the least length.
+    half: f64,
+}
+
+/// What the joints make of the legs.
+struct Driven {
+    centre: [[f64x2; 3]; 2],
+    towards: [[f64x2; 3]; 2],
+    length: [f64; 4],
+}
+
+/// What a joint makes of its leg, unless its arm is turned too far.
+#[inline(always)]
+fn driven(leg: &Leg, q: f64) -> Option<Drive> {
+    if matches!(leg, Leg::Crank(_)) && !(q.abs() <= MOST_TURNED) {
+        return None;
+    }
+    leg.drive(q).ok()
+}
+
+/// Which of the two points.
+#[derive(Clone, Copy)]
+pub(crate) enum Which<'a> {
+    /// The one on this one's side of the plane, if that is near.
+    Near(&'a Vector3<f64>),
+    /// The one on the side with this sign, wherever it is.
+    Side(f64),
+}
+
+/// Where the spheres meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Meeting {
+    /// The control point.
+    pub point: Vector3<f64>,
+    /// Bound of what a leg is off by, see [`crate::Solution::residual`].
+    pub residual: f64,
+}
+
+impl Sizes {
+    /// `None` where a leg has no direction.
+    #[inline(always)]
+    fn of(length: &[f64; 4], bend: &[f64; 4], least: f64) -> Option<Self> {
+        if !between(length, least, HUGE).all() {
+            return None;
+        }
+        let [one, two, zero, _] = *length;
+        let bends = bend[0] * two * zero + bend[1] * one * zero + bend[2] * one * two;
+        let square = length.map(|d| d * d);
+        let shortest = pair(length, 0).fast_min(pair(length, 2));
+        let [shortest, _] = shortest.fast_min(swapped(shortest)).to_array();
+        Some(Self {
+            square,
+            flat: FLAT * FLAT * (square[0] * square[1] * square[2]),
+            short: (SHORT * bends) * (SHORT * bends),
+            half: 0.5 / shortest,
+        })
+    }
+}
+
+impl Spheres {
+    /// Of three legs that move X, Y and Z, and end at points. (The correction of a screw changes with the
+    /// direction of its strut.)
+    pub fn of(machine: &Mechanism<4>) -> Option<Self> {
+        let moves = machine.active == [true, true, true, false, false, false];
+        if !(machine.count() == 3 && moves && machine.nut.is_none() && !machine.slides) {
+            return None;
+        }
+        let [zero, one, two, _] = machine.legs;
+        let legs = [zero, one, two];
+        let kinds = match legs {
+            [Leg::Strut, Leg::Strut, Leg::Strut] => Kinds::Struts,
+            [Leg::Slider(_), Leg::Slider(_), Leg::Slider(_)] => Kinds::Sliders,
+            _ => Kinds::Mixed,
+        };
+        let mut spheres = Self {
+            kinds,
+            legs,
+            base: Lanes3::from_fn(|lane| machine.base.get(leg_of(lane))),
+            arms: Lanes3::from_fn(|lane| machine.arms.get(leg_of(lane))),
+            reference: machine.reference,
+            offset: core::array::from_fn(|lane| machine.offset[leg_of(lane)]),
+            origin: Lanes3::ZERO,
+            guide: Lanes3::ZERO,
+            towards: Lanes3::ZERO,
+            side: [0.0; 4],
+            rod_square: [0.0; 4],
+            least_square: [0.0; 4],
+            rest: core::array::from_fn(|lane| legs[leg_of(lane)].rest()),
+            bend: core::array::from_fn(|lane| legs[leg_of(lane)].bend()),
+            sizes: None,
+            least_length: machine.least_length(),
+            farthest: FARTHEST * machine.size,
+        };
+        spheres.take_rods();
+        Some(spheres)
+    }
+
+    fn take_rods(&mut self) {
+        let mut rod = [0.0; 4];
+        for lane in 0..4 {
+            let level = self.arms.get(lane) + self.reference;
+            self.origin.set(lane, self.base.get(lane) - level);
+            match &self.legs[leg_of(lane)] {
+                Leg::Strut => {}
+                Leg::Crank(crank) => rod[lane] = crank.rod(),
+                Leg::Slider(slider) => {
+                    rod[lane] = slider.rod;
+                    self.guide.set(lane, slider.guide);
+                    self.towards.set(lane, slider.towards);
+                    self.side[lane] = slider.side;
+                    self.least_square[lane] = slider.least_square;
+                }
+            }
+            self.rod_square[lane] = rod[lane] * rod[lane];
+        }
+        self.sizes = Sizes::of(&rod, &self.bend, self.least_length);
+    }
+
+    /// Joint values of a pose, to the bits of the general method; `None` where that has to tell.
+    #[inline(always)]
+    pub fn joints(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<[f64; 3]> {
+        if !(pose.angles == Vector3::zeros() && self.is_within_reach(tool)) {
+            return None;
+        }
+        let centre = pose.position - tool + (tool + self.reference);
+        let centre = wide(&centre);
+        let way = |lane| difference(&sum(&self.arms.pair(lane), &centre), &self.base.pair(lane));
+        self.joints_of(&[way(0), way(2)])
+    }
+
+    /// Joint values of the ways from base anchors to platform anchors.
+    #[inline(always)]
+    fn joints_of(&self, ways: &[[f64x2; 3]; 2]) -> Option<[f64; 3]> {
+        if self.kinds == Kinds::Mixed {
+            return self.mixed_joints(ways);
+        }
+        let (pair, known) = self.joints_of_two(0, &ways[0]);
+        let (alone, is_known) = self.joints_of_two(2, &ways[1]);
+        let ([one, two], [zero, _]) = (pair.to_array(), alone.to_array());
+        (known & is_known).all().then_some([zero, one, two])
+    }
+
+    /// Joint values of the legs of two lanes, struts or sliders, and a mask of those that have any.
+    #[inline(always)]
+    fn joints_of_two(&self, lane: usize, way: &[f64x2; 3]) -> (f64x2, f64x2) {
+        let (native, known) = match self.kinds {
+            Kinds::Struts | Kinds::Mixed => {
+                let length = dot(way, way).sqrt();
+                let known = length.simd_gt(both(self.least_length)) & length.simd_lt(both(HUGE));
+                (length, known)
+            }
+            Kinds::Sliders => {
+                let guide = self.guide.pair(lane);
+                let along = dot(&guide, way);
+                let apart = difference(way, &scaled(&guide, along));
+                let square = pair(&self.rod_square, lane) - dot(&apart, &apart);
+                let known = square.simd_ge(pair(&self.least_square, lane));
+                (along + pair(&self.side, lane) * square.sqrt(), known)
+            }
+        };
+        (native - pair(&self.offset, lane), known)
+    }
+
+    /// The same leg by leg.
+    #[inline(always)]
+    fn mixed_joints(&self, [pair, alone]: &[[f64x2; 3]; 2]) -> Option<[f64; 3]> {
+        let [[x1, x2], [y1, y2], [z1, z2]] = pair.map(f64x2::to_array);
+        let [x0, y0, z0] = alone.map(|part| part.to_array()[0]);
+        let [zero, one, two] = &self.legs;
+        Some([
+            self.joint(zero, Vector3::new(x0, y0, z0))? - self.offset[2],
+            self.joint(one, Vector3::new(x1, y1, z1))? - self.offset[0],
+            self.joint(two, Vector3::new(x2, y2, z2))? - self.offset[1],
+        ])
+    }
+
+    #[inline(always)]
+    fn joint(&self, leg: &Leg, way: Vector3<f64>) -> Option<f64> {
+        match leg {
+            Leg::Strut => Some(way.norm()).filter(|l| *l > self.least_length && *l < HUGE),
+            leg => leg.joint(&way, 0.0).ok(),
+        }
+    }
+
+    #[inline(always)]
+    fn is_within_reach(&self, tool: &Vector3<f64>) -> bool {
+        let within = |value: f64| value.abs() <= self.farthest;
+        within(tool.x) & within(tool.y) & within(tool.z)
+    }
+
+    /// The point of the joint values that is connected with a seed, or on a side; `None` where the
+    /// general method has to find it, or to tell why there is none. `accepted` is the largest residual of
+    /// a leg.
+    #[inline(always)]
+    pub fn meeting(
+        &self,
+        joints: &[f64; 3],
+        which: Which<'_>,
+        tool: &Vector3<f64>,
+        accepted: f64,
+    ) -> Option<Meeting> {
+        let driven = self.drive(joints)?;
+        let own;
+        let sizes = match &self.sizes {
+            Some(sizes) => sizes,
+            None => {
+                own = Sizes::of(&driven.length, &self.bend, self.least_length)?;
+                &own
+            }
+        };
+        let met = self.met(&driven, sizes, which, accepted)?;
+        self.is_within_reach(tool).then_some(met)
+    }
+
+    /// Where the joints put the lower ends, and the lengths of the legs.
+    #[inline(always)]
+    fn drive(&self, [zero, one, two]: &[f64; 3]) -> Option<Driven> {
+        let q = f64x2::new([*one, *two]) + pair(&self.offset, 0);
+        let q0 = both(*zero) + pair(&self.offset, 2);
+        let ([one, two], [zero, _]) = (q.to_array(), q0.to_array());
+        let origin = [self.origin.pair(0), self.origin.pair(2)];
+        let towards = [self.towards.pair(0), self.towards.pair(2)];
+        match self.kinds {
+            Kinds::Struts => {
+                Some(Driven { centre: origin, towards, length: [one, two, zero, zero] })
+            }
+            Kinds::Sliders => {
+                let moved = [scaled(&self.guide.pair(0), q), scaled(&self.guide.pair(2), q0)];
+                let centre = [sum(&origin[0], &moved[0]), sum(&origin[1], &moved[1])];
+                Some(Driven { centre, towards, length: [0.0; 4] })
+            }
+            Kinds::Mixed => self.drive_mixed([zero, one, two]),
+        }
+    }
+
+    /// The same leg by leg.
+    #[inline(always)]
+    fn drive_mixed(&self, [zero, one, two]: [f64; 3]) -> Option<Driven> {
+        let [of_zero, of_one, of_two] = &self.legs;
+        let (zero, one, two) = (driven(of_zero, zero)?, driven(of_one, one)?, driven(of_two, two)?);
+        let of = |part: fn(&Drive) -> Vector3<f64>| {
+            let (zero, one, two) = (part(&zero), part(&one), part(&two));
+            let pair = |k| f64x2::new([one[k], two[k]]);
+            [[pair(0), pair(1), pair(2)], wide(&zero)]
+        };
+        let [moved, alone] = of(|drive| drive.displacement);
+        let centre = [sum(&self.origin.pair(0), &moved), sum(&self.origin.pair(2), &alone)];
+        let length = [one.length, two.length, zero.length, zero.length];
+        Some(Driven { centre, towards: of(|drive| drive.towards), length })
+    }
+
+    /// The formulas at the head of this file. What belongs to no pair has the same value in both lanes,
+    /// but for N, whose sign changes, and so does that of what is multiplied with it.
+    #[inline(always)]
+    fn met(
+        &self,
+        driven: &Driven,
+        sizes: &Sizes,
+        which: Which<'_>,
+        accepted: f64,
+    ) -> Option<Meeting> {
+        let [centre, from] = &driven.centre;
+        let square = [pair(&sizes.square, 0), pair(&sizes.square, 2)];
+        // (a, b) and (b, a).
+        let ab = difference(centre, from);
+        let ba = ab.map(swapped);
+        let normal = cross(&ab, &ba);
+        let area = dot(&normal, &normal);
+        let per_area = both(1.0) / area;
+        let (own, other) = (dot(&ab, &ab), dot(&ab, &ba));
+        let ahead = (own + square[1] - square[0]) * both(0.5);
+        let shares = (ahead * swapped(own) - swapped(ahead) * other) * per_area;
+        let y = scaled(&ab, shares).map(|part| part + swapped(part));
+        let height = square[1] - dot(&y, &y);
+        let side = match which {
+            Which::Near(seed) => dot(&normal, &difference(&wide(seed), from)),
+            Which::Side(side) => f64x2::new([side, -side]),
+        };
+        let up = (height * per_area).sqrt() | (side & both(-0.0));
+        let first = sum(&y, &scaled(&normal, up));
+        let spans = [difference(&first, &ab), first];
+        let point = sum(from, &first);
+        let way = match which {
+            Which::Near(seed) => {
+                let way = difference(&wide(seed), &point);
+                dot(&way, &way)
+            }
+            Which::Side(_) => both(0.0),
+        };
+        let off = |k: usize| (dot(&spans[k], &spans[k]) - square[k]).abs();
+        let off = off(0).fast_max(off(1));
+        let off = off.fast_max(swapped(off)) * both(sizes.half);
+        let margin = |k: usize| dot(&spans[k], &driven.towards[k]) + pair(&self.rest, 2 * k);
+        let margin = margin(0).fast_min(margin(1));
+        let margin = margin.fast_min(swapped(margin));
+        let volume = height * area;
+        let drives = margin * margin;
+        let counts = volume.simd_gt(both(sizes.flat))
+            & (way * both(sizes.short)).simd_le(drives * drives * volume)
+            & margin.simd_ge(both(LEAST_DRIVE))
+            & off.simd_le(both(accepted));
+        let [x, y, z] = point.map(|part| part.to_array()[0]);
+        let [residual, _] = (off / margin).to_array();
+        counts.all().then_some(Meeting { point: Vector3::new(x, y, z), residual })
+    }
+
+    /// Sign of the side of the plane of the centres on which a control point is.
+    pub fn side(&self, point: &Vector3<f64>) -> Option<f64> {
+        let ways = [0, 2].map(|lane| difference(&wide(point), &self.origin.pair(lane)));
+        let Driven { centre: [centre, from], .. } = self.drive(&self.joints_of(&ways)?)?;
+        let ab = difference(&centre, &from);
+        let normal = cross(&ab, &ab.map(swapped));
+        let [side, _] = dot(&normal, &difference(&wide(point), &from)).to_array();
+        Some(side)
+    }
+}
