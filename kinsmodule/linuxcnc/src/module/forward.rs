@@ -44,7 +44,7 @@ impl Module {
         let tool = self.tool.of_machine();
         let is_usual = self.seeds.is_current(address)
             && !self.correction.is_on()
-            && self.tool.has(&self.pins.tool(given.spindle_offset))
+            && self.tool.has(&self.requested_tool(given.spindle_offset))
             && (self.is_monitored || self.until_watched > 0);
         if !is_usual {
             return None;
