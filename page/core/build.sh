@@ -16,8 +16,9 @@ if [ -d "$(rustc --print target-libdir --target $target)" ]; then
         --target $target --target-dir target/page --quiet
 else
     . tools/rust-web.sh
-    # The library is built from its sources, which a released compiler does only when it is told so.
-    RUSTC_BOOTSTRAP=1 RUSTFLAGS=$flags cargo rustc --locked -p page-core --crate-type cdylib --release \
+    # The library is built from its sources, which a released compiler does only when it is told so; Debian's has
+    # the linker under its own name.
+    RUSTC_BOOTSTRAP=1 RUSTFLAGS="$flags -C linker=wasm-ld" cargo rustc --locked -p page-core --crate-type cdylib --release \
         --target $target -Zbuild-std=core,compiler_builtins --target-dir target/page --quiet
 fi
 install -m 644 target/page/$target/release/page_core.wasm "$out"
