@@ -13,11 +13,11 @@ import pytest
 
 pytest.importorskip("pymoo")
 
-from pkmkins.design import Study, StudyError, design, judge, scatter, write_machine  # noqa: E402
+from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
 from pkmkins.design.command import main  # noqa: E402
 from pkmkins.design.engine import Cluster, Processes  # noqa: E402
 from pkmkins.design.record import RecordError  # noqa: E402
-from pkmkins.design.search import merge, sample  # noqa: E402
+from pkmkins.design.search import design, merge, sample  # noqa: E402
 
 STUDY = """
 name = "hexapod"

@@ -72,8 +72,8 @@ def virtual(path, joints):
 def without(trace, letters):
     """The same without the letters of extra axes: in virtual time they are those of their joints, which are
     recorded in any case."""
-    places = [[0.0 if n < len(AXES) and AXES[n] in letters else value for n, value in enumerate(place)]
-              for place in trace.places]
+    places = trace.places.copy()
+    places[:, [n for n, letter in enumerate(AXES) if letter in letters]] = 0.0
     return trace._replace(places=places)
 
 

@@ -6,12 +6,13 @@ generation, `record` keeps every judgement in a file as it comes, `engine` sprea
 processes or computers, `result` shows what was found and writes the chosen machine,
 `scatter` says what inaccuracies of making leave of it. The command is
 `pkm design` (`command`).
+
+`search.design` runs a study; it needs pymoo, which comes with `pip install pkmkins[design]`.
 """
 
 from .candidate import Judgement, judge
 from .result import Front, write_machine
 from .scatter import scatter
-from .search import design
 from .study import Study, StudyError
 
-__all__ = ["Front", "Judgement", "Study", "StudyError", "design", "judge", "scatter", "write_machine"]
+__all__ = ["Front", "Judgement", "Study", "StudyError", "judge", "scatter", "write_machine"]
