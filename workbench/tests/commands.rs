@@ -769,7 +769,8 @@ fn help_and_usage() {
 Knows before cutting whether a parallel machine and a program fit.
 
 Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
-pkmkins runs in LinuxCNC.
+pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is
+built, come with the Python package pkmkins.
 
 Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be judged:
 bad input, or a file that cannot be written.
@@ -878,8 +879,8 @@ Arguments:
 Options:
       --mechanism <NUMBER>
           Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
-          Z A B C; without it check, boxes, run, preflight and travel look at both, and all others
-          at the first
+          Z A B C; without it check, boxes, run, preflight, travel and workspace look at both, and
+          all others at the first
 
       --fix
           Propose on standard output, as a unified diff, what would put the file right: HOME of
@@ -1092,8 +1093,6 @@ error: line 1: LinuxCNC: LinuxCNC stops here: Linear move on line 1 would exceed
 warning: line 2: M52 P0 switches adaptive feed off: the guard cannot slow down any more
 
 warning: line 4: G33 follows the spindle: neither feed override nor the guard slows it
-
-warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
 
 warning: the program says neither G20 nor G21: its lengths are read in the units of RS274NGC_STARTUP_CODE, else in mm
 

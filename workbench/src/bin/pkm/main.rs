@@ -51,7 +51,6 @@ use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
-use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -74,6 +73,10 @@ fn main() -> ExitCode {
         std::process::exit(INTERRUPTED);
     });
     output::choose_colours(std::env::args_os());
+    if let Some(failure) = other::run(std::env::args_os().skip(1)) {
+        failure.tell();
+        return ExitCode::from(2);
+    }
     let matches = grammar().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     cli.settings.choose(words(&matches));
@@ -124,16 +127,11 @@ macro_rules! commands {
         #[derive(Debug, Subcommand)]
         enum Command {
             $($variant($module::Arguments),)*
-            #[command(external_subcommand)]
-            Other(Vec<OsString>),
         }
 
         impl Command {
             fn run(&self) -> Result<Verdict, Failure> {
-                match self {
-                    $(Self::$variant(arguments) => $module::run(arguments),)*
-                    Self::Other(words) => other::run(words),
-                }
+                match self { $(Self::$variant(arguments) => $module::run(arguments),)* }
             }
         }
     };

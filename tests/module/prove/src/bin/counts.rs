@@ -463,7 +463,9 @@ mod tests {
     }
 
     fn of(cases: &[(Case, u64)]) -> Table {
-        table(cases)
+        let mut table = table(cases);
+        bound_surveys(&mut table);
+        table
     }
 
     fn bound(typical: u64, worst: u64) -> Vec<Bound> {
