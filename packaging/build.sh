@@ -82,9 +82,9 @@ lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o pkm-bu
 
 lay_out install DESTDIR="$stage/pkmkins" ${1:+VIRTUAL="$*"}
 documents pkmkins kinsmodule/linuxcnc "$revision"
-variant=
-[ "$series" = 2.9 ] || variant="--variant $series"
-CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" $variant
+set --
+[ "$series" = 2.9 ] || set -- --variant "$series"
+CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" "$@"
 
 lay_out install-pkm PKM=target/deb/pkm DESTDIR="$stage/pkm" PREFIX=/usr
 documents pkm workbench 1 page/built/LICENSES.txt

@@ -30,8 +30,8 @@ for one in $series; do
     done
 done
 apt-ftparchive -o APT::FTPArchive::Release::Origin=pkmkins -o APT::FTPArchive::Release::Label=pkmkins \
-    -o APT::FTPArchive::Release::Suite=stable -o APT::FTPArchive::Release::Components="$(echo $series)" \
-    -o APT::FTPArchive::Release::Architectures="$(echo $architectures)" \
+    -o APT::FTPArchive::Release::Suite=stable -o APT::FTPArchive::Release::Components="$(printf %s "$series" | tr '\n' ' ')" \
+    -o APT::FTPArchive::Release::Architectures="$(printf %s "$architectures" | tr '\n' ' ')" \
     release "$out/dists/stable" > "$out/Release.new"
 mv "$out/Release.new" "$out/dists/stable/Release"
-echo "repository: $out; in a computer's sources: deb [signed-by=KEY] URL stable $(echo $series | tr ' ' '|')"
+echo "repository: $out; in a computer's sources: deb [signed-by=KEY] URL stable $(printf %s "$series" | tr '\n' '|')"

@@ -18,7 +18,7 @@ find . \( -name target -o -name build -o -name node_modules -o -name '.?*' \) -p
     while read -r page; do cp -p --parents "$page" "$pages"; done
 mv "$pages/docs/site/index.md" "$pages/index.md"
 # Links of the pages that lead to no page lead to files: pictures, and what the text quotes.
-cp -rp --parents docs/pictures docs/examples docs/pkmkins.9 configs/*/*.ini configs/*/*.toml "$pages"
+cp -rp --parents docs/pictures docs/examples docs/pkmkins.9 docs/names.txt configs/*/*.ini configs/*/*.toml "$pages"
 
 # manual_page FILE: one as a page of the site, which links to the others.
 manual_page() {

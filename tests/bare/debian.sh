@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
+# shellcheck shell=sh
 # For the scripts that need a Debian with nothing in it; sourced.
 
 # alone NAME SCRIPT ARGUMENT...: goes on in namespaces of its own, whose processes and mounts end with the script.

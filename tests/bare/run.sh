@@ -14,7 +14,7 @@ alone bare tests/bare/run.sh "$@"
 
 suite=${1:-bookworm}
 command=${2:-time make demo && time make test}
-[ $# -lt 2 ] && shift $# || shift 2
+if [ $# -lt 2 ]; then shift $#; else shift 2; fi
 root=$PWD/build/bare/$suite
 
 debian "$suite" "$root" make,git

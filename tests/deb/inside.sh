@@ -3,7 +3,7 @@
 # What tests/deb/run.sh runs in its Debian, as root: the packages are in /srv/deb.
 set -u
 export DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8
-cd /srv/deb
+cd /srv/deb || exit
 pkm=$(ls pkm_*.deb) pkmkins=$(ls pkmkins_*.deb)
 architecture=$(dpkg --print-architecture)
 log=/srv/log
@@ -155,7 +155,7 @@ while_linuxcnc_runs() {
     session=$!
     exec 9> /srv/hal
     echo 'loadrt threads name1=t period1=1000000' >&9
-    for try in $(seq 100); do pgrep -x rtapi_app && break; sleep 0.2; done
+    for _ in $(seq 100); do pgrep -x rtapi_app && break; sleep 0.2; done
     refused "LinuxCNC is running" dpkg --install /srv/newer.deb && installed pkmkins &&
         refused "LinuxCNC is running" apt-get remove -q -y pkmkins && installed pkmkins
     code=$?

@@ -17,7 +17,10 @@ command -v g++ >/dev/null || lacks g++
 command -v nm >/dev/null || lacks binutils
 [ -e /usr/include/boost/version.hpp ] || lacks libboost-dev
 [ -z "$lacking" ] || { echo "pkmkins: to compile for this LinuxCNC, install:$lacking" >&2; exit 1; }
-mkdir -p "$folder" && [ -w "$folder" ] || { echo "pkmkins: $folder cannot be written: run this as root" >&2; exit 1; }
+if ! mkdir -p "$folder" || [ ! -w "$folder" ]; then
+    echo "pkmkins: $folder cannot be written: run this as root" >&2
+    exit 1
+fi
 
 version=$(linuxcnc_var LINUXCNCVERSION)
 # LinuxCNC 2.10 does not install the headers that milltask's messages are read by: there is no library for it.
