@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The compiled half of the Python package `pkmkins`: the core and the studies of `pkm` on arrays of numpy.
 //!
-//! `machine` is the class that Python sees; what its methods compute stands in `kinematics`
-//! and `studies`; `sections` writes the text of a machine that has no file. `arrays` takes arrays apart, `batch` asks row by row on all cores, `refusal` turns
-//! errors into exceptions. Signatures, shapes and units are documented in `pkmkins/_core.pyi`.
+//! `machine` is the class that Python sees; what its methods compute stands in `kinematics` and `studies`;
+//! `sections` writes the text of a machine that has no file. `arrays` takes arrays apart, `batch` asks row by
+//! row on all cores, `refusal` turns errors into exceptions. Signatures, shapes and units are documented in
+//! `pkmkins/_core.pyi`.
 
 mod arrays;
 mod batch;
