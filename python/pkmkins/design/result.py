@@ -73,7 +73,8 @@ class Front:
             "version": 1,
             "command": "design",
             "study": self.study.name,
-            "fits": bool(self.machines),
+            # Poses were looked at, nothing is proved: that a machine fits is for `pkm check` to say.
+            "fits": None if self.machines else False,
             "judged": self.judged,
             "fitting": self.fitting,
             "constraints": dict(self.killers),
@@ -84,7 +85,7 @@ class Front:
     def __str__(self):
         if not self.machines:
             return self.why_nothing()
-        lines = [f"{self.study.name}: {self.fitting} of {self.judged} candidates fit; {len(self.machines)} of them are on the front"]
+        lines = [f"{self.study.name}: {self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them; {len(self.machines)} are on the front"]
         chosen = self.chosen()
         rows = [self.names(), *([f"{x:.6g}" for x in (*a, *b)] for a, b in self.machines)]
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
@@ -114,7 +115,7 @@ class Front:
             f"<tr{' class=chosen' if one == chosen else ''}>" + "".join(f"<td>{x:.6g}</td>" for x in (*one[0], *one[1])) + "</tr>"
             for one in self.machines
         )
-        told = f"{self.fitting} of {self.judged} candidates fit. Marked: nearest to the best of every objective."
+        told = f"{self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them. Marked: nearest to the best of every objective."
         why = "" if self.machines else f"<p>{html.escape(self.why_nothing())}</p>"
         return (
             f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"

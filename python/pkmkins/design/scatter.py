@@ -22,7 +22,7 @@ class Scatter:
     def lines(self, study):
         """For people, one line an objective."""
         told = [f"  {name}: {m:.6g}, standard deviation {d:.3g}" for name, m, d in zip(study.objectives, self.mean, self.deviation)]
-        return "\n".join([f"made within these tolerances {100 * self.fitting:.0f} % still fit:", *told])
+        return "\n".join([f"made within these tolerances {100 * self.fitting:.0f} % still keep their limits at the poses looked at:", *told])
 
 
 def scatter(study, values, length, angle, drawn=DRAWN):

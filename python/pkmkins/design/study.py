@@ -105,6 +105,8 @@ class Study:
             raise StudyError("objective stiffness: [legs] needs stiffness_n_per_um")
         if {"tool_error"} & set(study.objectives) and "joint_sigma_um" not in study.legs:
             raise StudyError("objective tool_error: [legs] needs joint_sigma_um")
+        if "tool_error" in study.objectives:
+            _number("legs.joint_sigma_um", given["legs"]["joint_sigma_um"])
         return study
 
     def dimensions(self, values):
