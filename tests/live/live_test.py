@@ -485,7 +485,7 @@ def drive_edits(file, machine_keys, joint_keys):
     edits = [{"section": "HAL", "key": "HALFILE",
               "lines": [f"HALFILE = board/board.tcl LIB:{file}", "HALFILE = LIB:pkmkins.tcl"]},
              {"section": "EMCMOT", "key": "BASE_PERIOD", "lines": [f"BASE_PERIOD = {BASE_PERIOD}"]},
-             {"section": "IO", "append": ["ESTOP_PIN = NONE", "TOOL_CHANGE = NONE"]},
+             {"section": "IO", "append": ["TOOL_CHANGE = NONE"]},
              *({"section": section, "append": lines} for section, lines in machine_keys.items())]
     for n in range(6):
         edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
@@ -511,11 +511,11 @@ def by_switch_and_index(n):
             "HOME_SWITCH_PIN": f"switch-{n}.out"}
 
 
-def on_drives(session, out, counts=None):
+def on_drives(session, out, counts=None, outputs=()):
     path = session.copy / "programs/on-drives.ngc"
     path.write_text("\n".join(ON_DRIVES) + "\n")
     return check(session.run("on_drives", out, 60, path=str(path), lines=len(ON_DRIVES), seconds=60,
-                             counts=counts))
+                             counts=counts, outputs=outputs))
 
 
 @test
@@ -528,11 +528,11 @@ def absolute_encoders_bring_every_joint_home(out):
     return f"following error at most {result['largest_error']:.3f} mm"
 
 
-def drives(file, machine_keys, joint_keys, out, counts=None):
+def drives(file, machine_keys, joint_keys, out, counts=None, outputs=()):
     """The names that the file uses of a card are those of its manual."""
     with Session(HEXAPOD, edits=drive_edits(file, machine_keys, joint_keys)) as session:
         shutil.copytree(BOARD, session.copy / "board")
-        result = on_drives(session, out, counts)
+        result = on_drives(session, out, counts, outputs)
         names = (session.copy / "names").read_text().split()
     with gzip.open(HOSTMOT2_MANUAL, "rt") as manual:
         known = manual.read().replace("\\-", "-").replace("\\", "")
@@ -546,8 +546,13 @@ def drives(file, machine_keys, joint_keys, out, counts=None):
 HOSTMOT2_MANUAL = Path("/usr/share/man/man9/hostmot2.9.gz")
 
 
+# gpio of hostmot2's test card. It has no inputs: `in` and `in_not` of a gpio stay false both.
+CARD_OUTPUTS = ["hm2_test.0.gpio.000.out", "hm2_test.0.gpio.001.out"]
+
+
 def card(parts):
-    return {"HOSTMOT2": ["DRIVER = hm2_test", "BOARD = test", f"CONFIG = {parts}"]}
+    return {"HOSTMOT2": ["DRIVER = hm2_test test_pattern=12", "BOARD = test", f"CONFIG = {parts}"],
+            "IO": ["ESTOP_PIN = NONE", f"ENABLE_PIN = {' '.join(CARD_OUTPUTS)}"]}
 
 
 def of_steps(n):
@@ -570,7 +575,7 @@ def of_port(n):
 def spindle_and_hot_coolant_pump(out):
     """On parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
     machine_keys = {"PARPORT": ["PORTS = 0x378 out 0x278 out"],
-                    "IO": ["PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
+                    "IO": ["ESTOP_PIN = NONE", "PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
                     "SPINDLE_0": ["OUTPUT_PIN = pwmgen.0.value", "OUTPUT_SCALE = 24000", "RAMP_TIME = 0.5",
                                   "FORWARD_PIN = parport.1.pin-03-out"]}
     edits = drive_edits("pkmkins_parport.tcl", machine_keys, of_port)
@@ -589,9 +594,10 @@ for name, arguments in {
     "mesa_servos": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"), partial(of_servo, at_home)),
     "mesa_servos_homed_by_switch_and_index": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"),
                                               partial(of_servo, by_switch_and_index)),
-    "steps_of_a_port": ("pkmkins_parport.tcl", {"PARPORT": ["PORTS = 0x378 out"]}, of_port),
+    "steps_of_a_port": ("pkmkins_parport.tcl", {"PARPORT": ["PORTS = 0x378 out"], "IO": ["ESTOP_PIN = NONE"]}, of_port),
 }.items():
-    add_test(f"drives_{name}", partial(drives, *arguments, **({"counts": 200} if "index" in name else {})))
+    options = {"outputs": CARD_OUTPUTS} if "mesa" in name else {}
+    add_test(f"drives_{name}", partial(drives, *arguments, **options, **({"counts": 200} if "index" in name else {})))
 # The card's encoders are counted in a thread of their own: a computer that delays it for some cycles, as one without
 # real time does beside other work, makes following errors that no card makes.
 LONG.add("drives_mesa_servos_homed_by_switch_and_index")

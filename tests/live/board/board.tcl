@@ -3,10 +3,12 @@
 #
 #     HALFILE = board/board.tcl LIB:pkmkins_mesa_step.tcl
 #
-# LinuxCNC's own step generators, encoders and simulated port stand behind the names of the card and of
-# hal_parport; motors with a lag turn the encoders. hostmot2 itself does not run: LinuxCNC's hm2_test has
-# no step generators and no encoders to register. Every name of the card that is used goes to the file
-# `names`, for the test to compare with the manual of hostmot2.
+# hostmot2 runs on the card of its test driver, hm2_test: the file's own lines load both, have the thread read and
+# write the card, and use its gpio. Of the patterns of that card, 0 to 14, hostmot2 registers only number 12,
+# which has 24 gpio without inputs and nothing else. So LinuxCNC's own step generators and encoders stand behind the names that
+# these would have on a card, motors with a lag turn the encoders, and the watchdog never bites; LinuxCNC's
+# simulated port stands behind hal_parport. Every name of the card that is used goes to the file `names`,
+# for the test to compare with the manual of hostmot2.
 
 namespace eval board {
     # Kind of the card's parts, from CONFIG; and names without effect here.
@@ -87,29 +89,32 @@ proc board::load_card {config} {
     }
 }
 
+# What runs where the file has the card read or written.
 proc board::functions {way} {
     variable kind
     switch $kind-$way {
-        steps-read { return stepgen.capture-position }
-        steps-write { return stepgen.update-freq }
-        motors-read { return encoder.capture-position }
+        steps-read { return {hm2_test.0.read stepgen.capture-position} }
+        steps-write { return {stepgen.update-freq hm2_test.0.write} }
+        motors-read { return {hm2_test.0.read encoder.capture-position} }
         motors-write {
             set functions {}
             for {set n 0} {$n < [joints]} {incr n} { lappend functions motor-$n turned-$n switch-$n }
-            return [concat $functions sim-encoder.update-speed]
+            return [concat $functions sim-encoder.update-speed hm2_test.0.write]
         }
     }
 }
 
 proc hal {verb args} {
     switch -glob "$verb [lindex $args 0]" {
-        "loadrt hostmot2" { return }
-        "loadrt hm2_*" { return [board::load_card [lindex $args end]] }
+        "loadrt hm2_*" {
+            board::hal_of_linuxcnc $verb {*}$args
+            return [board::load_card [lindex $args end]]
+        }
         "loadrt hal_parport" { return [board::hal_of_linuxcnc loadrt sim_parport names=parport.0,parport.1] }
         "addf hm2_test.0.*" {
-            foreach name [board::functions [lindex [split [lindex $args 0] .] end]] {
-                board::hal_of_linuxcnc addf $name [lindex $args 1]
-            }
+            board::here [lindex $args 0]
+            set way [lindex [split [lindex $args 0] .] end]
+            foreach name [board::functions $way] { board::hal_of_linuxcnc addf $name [lindex $args 1] }
             return
         }
         "setp *pwmgen*" { board::here [lindex $args 0]; return }
