@@ -24,8 +24,11 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import numpy
+
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import getting_started  # noqa: E402
+import ini_edit  # noqa: E402
 import run_live  # noqa: E402
 from browsers import Browser  # noqa: E402
 from session import Session  # noqa: E402
@@ -210,34 +213,87 @@ def jogs_in_world_mode_are_slowed_for_joints(out):
     return f"joints to {result['joints_to']:.3f} of their speed"
 
 
-@test
-def corrections_come_in_while_a_program_runs(out):
-    """0.1 mm either way at 0.02 mm/s: in every cycle joints are those of the commanded pose with what is in
-    effect added."""
-    asked, rate = [0.0, 0.1, 0.0, 0.0, -0.1, 0.0], 0.02
-    edits = [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for n in range(6)
-             for key, value in (("CORRECTION_LIMIT", 0.1), ("CORRECTION_RATE", rate))]
+CORRECTED = ["G3 X40 Y0 I-40 J0 A6 B6 F4000", "G3 X40 Y0 I-40 J0 A-6 B-6 F4000"]
+CORRECTION_LIMIT = 0.1
+# mm, of sums and differences of joint values of a metre, which are exact to 1e-13 each.
+OF_ROUNDING = 1e-9
+
+
+def correctable(rate):
+    return [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for n in range(6)
+            for key, value in (("CORRECTION_LIMIT", CORRECTION_LIMIT), ("CORRECTION_RATE", rate))]
+
+
+def corrections(out, rate, circles):
+    """0.1 mm either way, at this rate in mm a second, while a program runs. In every cycle joints are those of the
+    commanded pose with what is in effect added; that follows a ramp with its corners; and what the drives are told
+    keeps the limits of the joints."""
+    asked = [0.0, 0.1, 0.0, 0.0, -0.1, 0.0]
     out.mkdir(parents=True, exist_ok=True)
     path = out / "circles.ngc"
-    circles = [f"G3 X40 Y0 I-40 J0 A{tilt} B{tilt} F4000" for tilt in (6, -6)]
-    path.write_text("\n".join(["G21 G90 G64 P0.01", "G1 F3000 X40 Z240", *circles, "M2", ""]))
-    lines = path.read_text().count("\n")
-    with Session(HEXAPOD, edits=edits) as session:
-        result = check(session.run("correction", out, 90, path=str(path), lines=lines, seconds=60, asked=asked))
+    blocks = [CORRECTED[k % 2] for k in range(circles)]
+    path.write_text("\n".join(["G21 G90 G64 P0.01", "G1 F3000 X40 Z240", *blocks, "M2", ""]))
+    seconds = 30 + 6 * circles
+    with Session(HEXAPOD, edits=correctable(rate)) as session:
+        result = check(session.run("correction", out, seconds + 30, path=str(path), lines=4 + circles,
+                                   seconds=seconds, asked=asked))
         with open(out / "corrected.csv") as trace:
-            rows = [list(map(float, row.split(",")[1:])) for row in list(trace)[1:]]
-        poses = "x,y,z,a,b,c\n" + "".join(",".join(map(repr, row[:6])) + "\n" for row in rows)
-        done = subprocess.run([PKM, "joints", session.ini], input=poses, capture_output=True, text=True, timeout=120)
+            rows = numpy.loadtxt(trace, delimiter=",", skiprows=1)[:, 1:]
+        poses, joints, effect, told = rows[:, :6], rows[:, 6:12], rows[:, 12:18], rows[:, 18:24]
+        text = "x,y,z,a,b,c\n" + "".join(",".join(map(repr, map(float, pose))) + "\n" for pose in poses)
+        done = subprocess.run([PKM, "joints", session.ini], input=text, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr[-300:]
-        joints = [list(map(float, line.split(",")))[-6:] for line in done.stdout.splitlines()[1:]]
-    assert len(joints) == len(rows), f"{len(joints)} joint values of {len(rows)} poses"
-    apart = max(abs(row[6 + n] - row[12 + n] - own[n]) for row, own in zip(rows, joints) for n in range(6))
-    # Joint values of a metre through text.
-    assert apart < 1e-9, f"joints are {apart} mm off the commanded pose's"
-    steps = max(abs(b[12 + n] - a[12 + n]) for a, b in zip(rows, rows[1:]) for n in range(6))
-    assert steps <= rate * 1e-3 * 1.000001, f"a correction moved by {steps} mm in a cycle"
-    assert rows[-1][12:] == asked, f"in effect at the end: {rows[-1][12:]}"
-    return f"{result['cycles']} cycles, joints within {apart:.1e} mm of those of the commanded pose"
+        computed = numpy.array([list(map(float, line.split(",")))[-6:] for line in done.stdout.splitlines()[1:]])
+        limits = [[float(ini_edit.value(Path(session.ini).read_text(), f"JOINT_{n}", f"MAX_{kind}")) for n in range(6)]
+                  for kind in ("VELOCITY", "ACCELERATION")]
+    assert computed.shape == joints.shape, f"{computed.shape} joint values of {joints.shape} poses"
+    apart = abs(joints - effect - computed).max()
+    assert apart < OF_ROUNDING, f"joints are {apart} mm off the commanded pose's"
+    corner = abs(effect - ramp(effect, asked, rate)).max()
+    assert corner < OF_ROUNDING, f"what is in effect is {corner} mm off its ramp"
+    # The drives get joint values two cycles later, smoothed over three by LinuxCNC, the corners of the ramp as well.
+    smooth = computed + effect
+    smooth = (smooth[:-2] + 4 * smooth[1:-1] + smooth[2:]) / 6
+    late = abs(told[3:] - smooth[:-1]).max()
+    assert late < OF_ROUNDING, f"drives are told values {late} mm off those of the commanded pose"
+    period = 1e-3
+    shares = [max(abs(numpy.diff(values, n=order, axis=0)).max(axis=0) / period**order / limits[order - 1])
+              for order in (1, 2) for values in (joints, told)]
+    assert max(shares) <= 1, f"of their speed and acceleration joints need {shares}"
+    assert list(effect[-1]) == asked, f"in effect at the end: {effect[-1]}"
+    return (f"{result['cycles']} cycles; joints within {apart:.1e} mm of those of the commanded pose, the ramp within "
+            f"{corner:.1e}, drives within {late:.1e}; at most {max(shares[:2]):.3f} of a joint's speed, "
+            f"{max(shares[2:]):.3f} of its acceleration")
+
+
+def ramp(effect, asked, rate):
+    """What is in effect where it begins in the cycle that the trace shows, and goes at its rate to its end."""
+    ramps = numpy.zeros_like(effect)
+    for n, end in enumerate(asked):
+        begun = numpy.cumsum(effect[:, n] != 0)
+        ramps[:, n] = numpy.sign(end) * numpy.minimum(begun * rate * 1e-3, abs(end))
+    return ramps
+
+
+@test
+def corrections_come_in_while_a_program_runs(out):
+    return corrections(out, 0.02, 2)
+
+
+@test
+def corrections_come_in_at_a_micrometre_a_second(out):
+    return corrections(out, 0.001, 30)
+
+
+LONG.add("corrections_come_in_at_a_micrometre_a_second")
+
+
+@test
+def corrections_that_are_refused_move_nothing(out):
+    """No number, and beyond the limit, in the middle of a move: told, and the last one stays in effect."""
+    result = scenario(HEXAPOD, "refused_corrections", out, edits=correctable(1), joint=2, good=0.05,
+                      bad=["nan", "0.11", "-1e300", "inf"], code=-87)
+    return result["reason"]
 
 
 @test

@@ -173,12 +173,13 @@ class Machine:
         self.command.wait_complete(seconds)
         self.wait(self.is_idle, seconds, f"MDI {text}")
 
-    def run_program(self, path, progress, seconds):
-        """Runs a program to its end; `progress` is told how far it is."""
+    def run_program(self, path, progress, seconds, begun=lambda: None):
+        """Runs a program to its end; `progress` is told how far it is, and `begun` is called when it runs."""
         self.set_mode(linuxcnc.MODE_AUTO)
         self.command.program_open(path)
         self.command.auto(linuxcnc.AUTO_RUN, 0)
         self.wait(lambda: self.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
+        begun()
         self.wait(lambda: progress.tell(self.stat) or self.is_idle(), seconds, "end of the program")
         progress.finish()
 

@@ -496,20 +496,53 @@ def jogs(machine: Machine, out, letter, speed, limits, slowest):
 
 
 def correction(machine: Machine, out, path, lines, seconds, asked):
-    """Asks for corrections of the joints as a program begins, and records every cycle until its end."""
+    """Asks for corrections of the joints while a program runs, and records every cycle from before to its end."""
     columns = [*((letter, f"axis.{letter}.pos-cmd", "float") for letter in AXES),
                *((f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints),
-               *((f"e{n}", f"pkmkins.joint-correction-eff.{n}", "float") for n in machine.layout.joints)]
+               *((f"e{n}", f"pkmkins.joint-correction-eff.{n}", "float") for n in machine.layout.joints),
+               *((f"d{n}", f"joint.{n}.pos-cmd", "float") for n in machine.layout.joints)]
     recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
     machine.start()
     recorder.start()
-    for n, value in enumerate(asked):
-        machine.set(f"pkmkins.joint-correction.{n}", value)
-    machine.run_program(path, Progress(out / "progress", lines), seconds)
+
+    # Not before: where LinuxCNC changes its mode it drops the two cycles by which its smoothing is late.
+    def begun():
+        for n, value in enumerate(asked):
+            machine.set(f"pkmkins.joint-correction.{n}", value)
+
+    machine.run_program(path, Progress(out / "progress", lines), seconds, begun)
     recorder.stop()
     recorder.write(out / "corrected.csv", len(columns))
     expect_quiet(machine)
     return {"cycles": recorder.samples(), "overruns": recorder.overruns()}
+
+
+def refused_corrections(machine: Machine, out, joint, good, bad, code):
+    """In a move: the bad ones are told, and the good one before them stays in effect in every cycle."""
+    machine.start()
+    asked, effect = f"pkmkins.joint-correction.{joint}", f"pkmkins.joint-correction-eff.{joint}"
+    machine.set(asked, good)
+    machine.wait(lambda: machine.get(effect) == good, 5, "the good correction")
+    columns = [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints]
+    recorder = Recorder(machine.component, [*columns, ("effect", effect, "float")], SERVO_PERIOD_NS)
+    recorder.start()
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.command.mdi("G1 F1200 X60")
+    machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
+    for value in bad:
+        count = machine.get("pkmkins.fault-count")
+        machine.set(asked, value)
+        machine.wait(lambda: machine.get("pkmkins.fault-count") > count, 1, f"the refusal of {value}")
+        assert machine.get("pkmkins.fault") == code and machine.get("pkmkins.fault-leg") == joint
+        machine.set(asked, good)
+    assert not machine.stat.inpos, "the move was over before the last refusal"
+    machine.wait(machine.is_idle, 30, "end of the move")
+    recorder.stop()
+    assert machine.is_on() and machine.get("axis.x.pos-cmd") == 60
+    assert set(recorder.column("effect")) == {good}, "what is in effect has changed"
+    share = largest_acceleration_share(machine, recorder)
+    assert share <= 1, f"a joint needed {share} of its acceleration"
+    return {"reason": reason_of(machine, code)}
 
 
 def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, after):
