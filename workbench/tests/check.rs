@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What `pkm check` finds in a machine's file.
 
-use crate::shipped::ini;
+use crate::shipped::{ini, with_programs};
 use pkm::check::findings::Report;
 use pkm::check::report::check;
 use pkm::read::diagnostic::Severity;
@@ -30,6 +30,7 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
         let shipped = ini("hexapod").with_file_name(name);
         std::fs::copy(shipped, folder.path().join(name)).unwrap();
     }
+    with_programs("hexapod", folder.path());
     check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap()
 }
 

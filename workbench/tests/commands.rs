@@ -3,6 +3,7 @@
 //! `SNAPSHOTS=overwrite cargo test --profile host -p pkm commands::` writes the new ones here; `[..]`
 //! stands for places that rounding decides.
 
+use crate::shipped::with_programs;
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::io::{Read, Write};
@@ -26,6 +27,7 @@ impl Bench {
         ] {
             fs::copy(folder.join(file), bench.0.path().join(file)).unwrap();
         }
+        with_programs("linear-delta", bench.0.path());
         bench
     }
 

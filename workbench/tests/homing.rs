@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Homing from wherever a machine was switched off.
 
-use crate::shipped::ini;
+use crate::shipped::{ini, with_programs};
 use pkm::check::homing_ways::{Group, Homing, sequences};
 use pkm::check::report::check;
 use pkm::read::machine::MachineConfig;
@@ -15,6 +15,7 @@ pub fn changed(
     let file = folder.path().join(format!("{name}.ini"));
     std::fs::write(&file, change(std::fs::read_to_string(ini(name)).unwrap())).unwrap();
     std::fs::copy(ini(name).with_extension("tbl"), file.with_extension("tbl")).unwrap();
+    with_programs(name, folder.path());
     let config = MachineConfig::read(&file).unwrap();
     (folder, config)
 }

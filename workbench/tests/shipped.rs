@@ -43,6 +43,12 @@ pub fn folder(machine: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
 }
 
+/// Puts the programs of a machine beside a copy of its files.
+pub fn with_programs(machine: &str, copy: &Path) {
+    let programs = folder(machine).join("programs").canonicalize().unwrap();
+    std::os::unix::fs::symlink(programs, copy.join("programs")).unwrap();
+}
+
 pub fn ini(machine: &str) -> PathBuf {
     folder(machine).join(format!("{machine}.ini"))
 }

@@ -2,7 +2,7 @@
 //! Slips that integrators make: none may end in "fits together" without a word.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::folder;
+use crate::shipped::{folder, with_programs};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::fs;
@@ -79,6 +79,7 @@ fn slipped(case: &Case) -> tempfile::TempDir {
             fs::copy(&entry, slipped.path().join(entry.file_name().unwrap())).unwrap();
         }
     }
+    with_programs(&case.base, slipped.path());
     let file = slipped.path().join(format!("{}.ini", case.base));
     let text = fs::read_to_string(&file).unwrap();
     let mut lines: Vec<String> = text.lines().map(Into::into).collect();

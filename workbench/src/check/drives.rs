@@ -10,6 +10,7 @@
 use crate::files::Folder;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
+use crate::read::places::HALLIB;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,9 +18,6 @@ use std::process::Command;
 const SCRIPT: &str = include_str!("hal_files.tcl");
 
 const TCL: &str = "/usr/bin/tclsh";
-
-/// Where LinuxCNC looks for `LIB:` files, as Debian's package has it.
-const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 
 /// Lines of a file that ends LinuxCNC's start that are shown.
 const SHOWN: usize = 4;

@@ -16,6 +16,7 @@ mod motion;
 mod nearest;
 mod odd;
 mod order;
+mod programs;
 pub mod report;
 pub mod screws;
 mod seen;

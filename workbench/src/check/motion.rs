@@ -19,6 +19,10 @@ const LOOSE: f64 = 0.1;
 /// minute is 60 times as large.
 const FAST: f64 = 10.0;
 
+/// By how many times its rate a correction may change the speed of a joint in a cycle: once as it begins, and twice
+/// where LinuxCNC changes its mode meanwhile and drops the two cycles by which its smoothing is late.
+const IN_A_CYCLE: f64 = 2.0;
+
 /// Steps of differences: share of the machine's size, and degrees.
 const STEP: [f64; 2] = [1e-4, 0.01];
 
@@ -35,24 +39,28 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         let section = config.place.joint_section(i);
         kind(report, config, &section, joint);
         following(report, config, &section, joint)?;
+        ramp(report, config, &section, joint)?;
     }
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
         let section = config.place.axis_section(letter);
         defaults(report, config, &section);
+        wrapped(report, config, letter, &section);
         too_fast(report, config, letter, &section);
     }
     Ok(())
 }
 
-/// The kinematics compute in degrees.
+/// The kinematics compute in degrees. LinuxCNC takes a name, in small or capital letters, or the number of units in a
+/// degree; `degrees` ends its start, and so does no such key.
 fn angles(report: &mut Report, config: &MachineConfig) {
-    let Some(entry) = config.ini.first("TRAJ", "ANGULAR_UNITS") else { return };
-    let is_degree =
-        ["deg", "degree", "degrees", "1", "1.0"].contains(&entry.value.to_lowercase().as_str());
+    let is_degree = config.ini.first("TRAJ", "ANGULAR_UNITS").is_some_and(|entry| {
+        let value = entry.value.to_lowercase();
+        ["deg", "degree"].contains(&value.as_str()) || value.parse() == Ok(1.0)
+    });
     if !is_degree {
         let text = "expected degree, in which the kinematics and all angles of the file are";
-        report.finding(Severity::Error, config.ini.refuse(entry, text));
+        report.finding(Severity::Error, at_key(&config.ini, "TRAJ", "ANGULAR_UNITS", text));
     }
 }
 
@@ -111,6 +119,28 @@ fn following(
     Ok(())
 }
 
+/// Corrections that come in faster than the drive can accelerate: they have their whole speed in a cycle.
+fn ramp(
+    report: &mut Report,
+    config: &MachineConfig,
+    section: &str,
+    joint: &Joint,
+) -> Result<(), IniError> {
+    let [_, rate] = joint.correction;
+    let seconds = config.ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)? * 1e-9;
+    let most = joint.max_acceleration * seconds / IN_A_CYCLE;
+    if rate > most {
+        let text = format!(
+            "it begins and ends within a servo cycle, and {most} {} a second are what MAX_ACCELERATION = {} allows then: \
+             lower it",
+            config.unit(joint.kind),
+            joint.max_acceleration
+        );
+        report.finding(Severity::Error, at_key(&config.ini, section, "CORRECTION_RATE", &text));
+    }
+    Ok(())
+}
+
 /// Speeds and accelerations of axes that LinuxCNC sets itself.
 fn defaults(report: &mut Report, config: &MachineConfig, section: &str) {
     for key in ["MAX_VELOCITY", "MAX_ACCELERATION"] {
@@ -118,6 +148,19 @@ fn defaults(report: &mut Report, config: &MachineConfig, section: &str) {
             let text = "LinuxCNC takes 1, which is slow for most machines: give that of the tool";
             report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
         }
+    }
+}
+
+/// An axis that cannot turn round, of which LinuxCNC believes it can.
+fn wrapped(report: &mut Report, config: &MachineConfig, letter: Letter, section: &str) {
+    let Some(entry) = config.ini.first(section, "WRAPPED_ROTARY") else { return };
+    let range = config.axes[letter.index()].max - config.axes[letter.index()].min;
+    if range < 360.0 && !["0", "no", "false", "off"].contains(&entry.value.to_lowercase().as_str())
+    {
+        let text = format!(
+            "LinuxCNC then goes the short way round to every angle, and the limits leave {range} degrees: take the line out"
+        );
+        report.finding(Severity::Warning, config.ini.refuse(entry, &text));
     }
 }
 

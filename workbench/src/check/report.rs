@@ -11,6 +11,7 @@ use crate::check::mobility::Structure;
 use crate::check::motion;
 use crate::check::odd;
 use crate::check::order;
+use crate::check::programs;
 use crate::check::screws;
 use crate::check::size;
 use crate::check::tips;
@@ -49,6 +50,9 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     // Both mechanisms are on one module and in one file.
     if !config.place.is_second {
         for (severity, error) in wiring::check(&config.ini)? {
+            report.finding(severity, error);
+        }
+        for (severity, error) in programs::check(&config.ini) {
             report.finding(severity, error);
         }
         for (severity, error) in drives::check(&config.ini)? {

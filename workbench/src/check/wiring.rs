@@ -5,11 +5,9 @@
 use crate::check::cautions::words;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
+use crate::read::places::HALLIB;
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// Where LinuxCNC looks for `LIB:` files, as Debian's package has it.
-const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 
 /// Keys that name a file without which LinuxCNC, or AXIS, does not start.
 const FILES: [(&str, &str); 4] =

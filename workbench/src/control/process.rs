@@ -8,6 +8,7 @@ use crate::control::scratch::Scratch;
 use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
 use crate::files::Locate;
 use crate::read::machine::MachineConfig;
+use crate::read::places::MODULES;
 use command_fds::{CommandFdExt, FdMapping};
 use std::env;
 use std::fs::{self, File};
@@ -19,8 +20,6 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Folder of LinuxCNC's modules.
-pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
 /// Where the library is compiled for a LinuxCNC that pkmkins was not built with.
 const COMPILED: &str = "/var/lib/pkmkins";
 /// What stands in for HAL, RTAPI and the clock; between these stands the LinuxCNC that it was built for.

@@ -14,5 +14,6 @@ pub mod machine;
 pub mod models;
 pub mod near;
 pub mod place;
+pub mod places;
 pub mod tools;
 mod values;

@@ -96,12 +96,16 @@ fn most(name: &str) -> usize {
     if name.len() < 6 { 1 } else { 2 }
 }
 
-/// The known word that is nearest to a misspelt one, if any is near; none of a word that is known.
+/// The known word that is nearest to a misspelt one in capital letters, if any is near; none of a word that is known.
 pub fn word<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let upper = name.to_ascii_uppercase();
-    let apart = |word: &str| strsim::osa_distance(&upper, word);
+    among(&name.to_ascii_uppercase(), known).filter(|nearest| *nearest != name)
+}
+
+/// The known word that is nearest to a name, letter for letter, if any is near.
+pub fn among<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let apart = |word: &str| strsim::osa_distance(name, word);
     let nearest = known.into_iter().min_by_key(|word| apart(word))?;
-    (nearest != name && apart(nearest) <= most(name)).then_some(nearest)
+    (apart(nearest) <= most(name)).then_some(nearest)
 }
 
 /// The section that a misspelt one was meant to be; none of one that is known, or that is like none.

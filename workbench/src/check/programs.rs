@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The programs that LinuxCNC starts with a machine, and the files and folders that its user interface opens.
+
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::{Entry, Ini, IniError};
+use crate::read::near;
+use crate::read::places::{BIN, HALLIB, MODULES};
+use std::env;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+/// Names that LinuxCNC takes for others than a program of that name.
+const NAMED: [&str; 4] = ["tkemc", "tklinuxcnc", "dummy", "emctask"];
+
+/// Keys that name a program without which LinuxCNC's start ends, whether the key has to be there, and what they
+/// mostly are.
+const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
+    (
+        "DISPLAY",
+        "DISPLAY",
+        true,
+        &["axis", "gmoccapy", "touchy", "gscreen", "qtvcp", "mdro", "linuxcncrsh", "tklinuxcnc"],
+    ),
+    ("TASK", "TASK", true, &["milltask"]),
+    ("EMCIO", "EMCIO", false, &["io", "iov2"]),
+    ("HAL", "HALUI", false, &["halui"]),
+];
+
+/// Everything of it; nothing where LinuxCNC is not on this computer.
+pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
+    if !Path::new(HALLIB).is_dir() {
+        return vec![];
+    }
+    let programs = PROGRAMS.iter().filter_map(|(section, key, is_needed, known)| {
+        program(ini, section, key, *is_needed, known)
+    });
+    let started = programs.chain(controller(ini)).map(|error| (Severity::Error, error));
+    started.chain(opened(ini).map(|error| (Severity::Warning, error))).collect()
+}
+
+fn program(
+    ini: &Ini,
+    section: &str,
+    key: &str,
+    is_needed: bool,
+    known: &[&str],
+) -> Option<IniError> {
+    let Some((entry, name)) = named(ini, section, key) else {
+        let text = format!("LinuxCNC's start ends here: expected {}", known[0]);
+        return is_needed.then(|| at_key(ini, section, key, &text));
+    };
+    let is_there = NAMED.contains(&name) || is_program(ini, name);
+    (!is_there).then(|| absent(ini, entry, "there is no such program", name, known))
+}
+
+/// The motion controller is a module of the real-time part.
+fn controller(ini: &Ini) -> Option<IniError> {
+    let (entry, name) = named(ini, "EMCMOT", "EMCMOT")?;
+    let is_there = Path::new(MODULES).join(format!("{name}.so")).is_file();
+    (!is_there).then(|| absent(ini, entry, "LinuxCNC has no such module", name, &["motmod"]))
+}
+
+fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> IniError {
+    let meant = near::among(name, known.iter().copied()).unwrap_or(known[0]);
+    ini.refuse(entry, &format!("{what}, and LinuxCNC's start ends here: expected {meant}, say"))
+}
+
+/// A program of the user interface that is not there, and folders that are not.
+fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let open = named(ini, "DISPLAY", "OPEN_FILE")
+        .filter(|(_, name)| !place(ini, name).is_file())
+        .map(|(entry, _)| {
+            let text = "there is no such file, which the user interface is to open: expected one, or no such key";
+            ini.refuse(entry, text)
+        });
+    let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
+    let folders = folders.into_iter().filter_map(move |(section, key)| {
+        let entry = ini.first(section, key)?;
+        let name = entry.value.split(':').find(|name| !place(ini, name.trim()).is_dir())?;
+        let text = format!("there is no folder {}: expected one, or no such key", name.trim());
+        Some(ini.refuse(entry, &text))
+    });
+    open.into_iter().chain(folders).chain(kept(ini)).chain(compensations(ini))
+}
+
+/// The parameters of programs, which LinuxCNC writes when it ends: the file may be missing, its folder may not.
+fn kept(ini: &Ini) -> Option<IniError> {
+    let (entry, name) = named(ini, "RS274NGC", "PARAMETER_FILE")?;
+    let file = place(ini, name);
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty())?;
+    (!folder.is_dir()).then(|| {
+        let text = format!("there is no folder {}: make it", Path::new(name).parent()?.display());
+        Some(ini.refuse(entry, &text))
+    })?
+}
+
+/// Tables of the errors of screws.
+fn compensations(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let tables = ini.entries().filter(|entry| entry.section.starts_with("JOINT_"));
+    tables.filter(|entry| entry.key == "COMP_FILE" && !place(ini, &entry.value).is_file()).map(
+        |entry| {
+            ini.refuse(
+                entry,
+                "there is no such file: expected the table of the screw's errors, or no such key",
+            )
+        },
+    )
+}
+
+/// The first word of a key's value; none where there is none, or only quotes.
+fn named<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, &'a str)> {
+    let entry = ini.first(section, key)?;
+    let name = entry.value.split_whitespace().next()?;
+    (!name.trim_matches('"').is_empty()).then_some((entry, name))
+}
+
+/// LinuxCNC starts its programs in the folder of the INI file.
+fn place(ini: &Ini, name: &str) -> PathBuf {
+    match (name.strip_prefix("~/"), env::var_os("HOME")) {
+        (Some(name), Some(home)) => PathBuf::from(home).join(name),
+        _ => ini.file().parent().unwrap_or(Path::new("")).join(name),
+    }
+}
+
+fn is_program(ini: &Ini, name: &str) -> bool {
+    let is_run = |file: PathBuf| {
+        file.metadata().is_ok_and(|it| it.is_file() && it.permissions().mode() & 0o111 != 0)
+    };
+    if name.contains('/') {
+        return is_run(place(ini, name));
+    }
+    let home = env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/bin"));
+    let path = env::var_os("PATH").unwrap_or_default();
+    let folders = [BIN.into()].into_iter().chain(home).chain(env::split_paths(&path));
+    folders.map(|folder| folder.join(name)).any(is_run)
+}
