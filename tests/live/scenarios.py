@@ -532,7 +532,7 @@ def refused_corrections(machine: Machine, out, joint, good, bad, code):
     for value in bad:
         count = machine.get("pkmkins.fault-count")
         machine.set(asked, value)
-        machine.wait(lambda: machine.get("pkmkins.fault-count") > count, 1, f"the refusal of {value}")
+        machine.wait(lambda before=count: machine.get("pkmkins.fault-count") > before, 1, f"the refusal of {value}")
         assert machine.get("pkmkins.fault") == code and machine.get("pkmkins.fault-leg") == joint
         machine.set(asked, good)
     assert not machine.stat.inpos, "the move was over before the last refusal"
