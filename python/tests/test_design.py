@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("pymoo")
 
+from pkmkins import preflight  # noqa: E402
 from pkmkins._core import VERSION  # noqa: E402
 from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
 from pkmkins.design.candidate import MEASURES  # noqa: E402
@@ -194,6 +195,9 @@ def test_the_chosen_machine_is_written_checked_and_has_the_box(study, tmp_path):
     assert "fits" in said
     text = (tmp_path / "machine" / "machine.ini").read_text()
     assert "MIN_LIMIT = -60.0\nMAX_LIMIT = 60.0" in text
+    # By LinuxCNC in virtual time; without LinuxCNC that is not judged, and the path alone is.
+    found = preflight(tmp_path / "machine" / "machine.ini", tmp_path / "machine" / "programs" / "first.ngc")
+    assert found["fits"] in (True, None), found
 
 
 def test_an_objective_that_is_no_number_rules_a_machine_out_by_name(study, tmp_path, monkeypatch):
