@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("pymoo")
 
+from conftest import needs_linuxcnc  # noqa: E402
 from pkmkins import preflight  # noqa: E402
 from pkmkins._core import VERSION  # noqa: E402
 from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
@@ -195,7 +196,12 @@ def test_the_chosen_machine_is_written_checked_and_has_the_box(study, tmp_path):
     assert "fits" in said
     text = (tmp_path / "machine" / "machine.ini").read_text()
     assert "MIN_LIMIT = -60.0\nMAX_LIMIT = 60.0" in text
-    # By LinuxCNC in virtual time; without LinuxCNC that is not judged, and the path alone is.
+
+
+@needs_linuxcnc
+def test_the_first_program_of_the_chosen_machine_fits(study, tmp_path):
+    values, _ = design(study, tmp_path / "r.jsonl").chosen()
+    write_machine(study, values, tmp_path / "machine")
     found = preflight(tmp_path / "machine" / "machine.ini", tmp_path / "machine" / "programs" / "first.ngc")
     assert found["fits"] in (True, None), found
 
