@@ -110,6 +110,8 @@ help:
 	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
+	@echo "make test-wheel-debian  the same with the Python of a Debian with nothing else; SUITE=bookworm"
+	@echo "make python-figures  measures the package for Python and writes docs/design-figures.md"
 	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
 	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
 	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
@@ -264,6 +266,12 @@ test-wheel: wheel
 	    build/wheel/env/bin/pip install --quiet --require-hashes -r python/requirements.txt && \
 	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
+
+# The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
+.PHONY: test-wheel-debian
+test-wheel-debian: wheel
+	$(HOST_BUILD) --bin pkm
+	tests/wheel/run.sh $(SUITE)
 
 # Writes docs/design-figures.md.
 python-figures: test-wheel

@@ -2,6 +2,7 @@
 """The shipped machines, random poses of them, and the command pkm."""
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,10 @@ MACHINES = sorted(ini.stem for ini in ROOT.glob("configs/*/*.ini") if ini.stem n
 
 # PKMKINS_CASES=10 is the long tier: 10^6 poses over all machines.
 CASES = int(os.environ.get("PKMKINS_CASES", "1"))
+
+
+# Programs are read by LinuxCNC's interpreter, which the package itself does not need.
+needs_linuxcnc = pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed here")
 
 
 def ini(name):

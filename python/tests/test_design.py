@@ -13,9 +13,13 @@ import pytest
 
 pytest.importorskip("pymoo")
 
+from conftest import needs_linuxcnc  # noqa: E402
+from pkmkins import preflight  # noqa: E402
+from pkmkins._core import VERSION  # noqa: E402
 from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
+from pkmkins.design.candidate import MEASURES  # noqa: E402
 from pkmkins.design.command import main  # noqa: E402
-from pkmkins.design.engine import Cluster, Processes  # noqa: E402
+from pkmkins.design.engine import Cluster, EngineError, Processes, judged  # noqa: E402
 from pkmkins.design.record import RecordError  # noqa: E402
 from pkmkins.design.search import design, merge, sample  # noqa: E402
 
@@ -194,38 +198,131 @@ def test_the_chosen_machine_is_written_checked_and_has_the_box(study, tmp_path):
     assert "MIN_LIMIT = -60.0\nMAX_LIMIT = 60.0" in text
 
 
-def cluster(tmp_path, workers):
-    """A scheduler of Dask on this computer and worker processes of it."""
-    def started(*words):
-        return subprocess.Popen([sys.executable, "-m", "distributed.cli." + words[0], *words[1:]], stderr=subprocess.DEVNULL)
+@needs_linuxcnc
+def test_the_first_program_of_the_chosen_machine_fits(study, tmp_path):
+    values, _ = design(study, tmp_path / "r.jsonl").chosen()
+    write_machine(study, values, tmp_path / "machine")
+    found = preflight(tmp_path / "machine" / "machine.ini", tmp_path / "machine" / "programs" / "first.ngc")
+    assert found["fits"] in (True, None), found
 
-    info = tmp_path / "scheduler.json"
-    scheduler = started("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(info))
-    words = ["--scheduler-file", str(info), "--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", str(tmp_path)]
-    return scheduler, info, [started("dask_worker", *words) for _ in range(workers)], lambda: started("dask_worker", *words)
+
+def test_an_objective_that_is_no_number_rules_a_machine_out_by_name(study, tmp_path, monkeypatch):
+    monkeypatch.setitem(MEASURES, "size", lambda *_: float("nan"))
+    front = design(study, tmp_path / "r.jsonl")
+    assert not front.machines and "objective size" in front.why_nothing()
+    assert [name for name, _ in front.killers if name.startswith("objective")] == ["objective size"]
+
+
+@pytest.mark.parametrize("lines", [0, 2, 20])
+def test_ctrl_c_ends_a_run_with_a_word_and_it_goes_on(study, tmp_path, lines):
+    """To all processes of the terminal, as soon as the file has so many lines: with none, while workers start."""
+    file, results = tmp_path / "study.toml", tmp_path / "study.jsonl"
+    file.write_text(STUDY)
+    command = [sys.executable, "-m", "pkmkins.design.command", file]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not results.exists() or results.read_bytes().count(b"\n") < lines:
+        assert run.poll() is None
+        time.sleep(0.01)
+    os.killpg(run.pid, signal.SIGINT)
+    said = run.communicate(timeout=60)[1]
+    assert run.returncode == 130 and said.strip() == "pkm design: stopped; what was judged is kept, and the same command goes on"
+    kept = results.read_bytes()
+    front = design(study, results)
+    assert results.read_bytes().startswith(kept) and front.csv() == design(study, tmp_path / "whole.jsonl").csv()
+
+
+def test_a_worker_process_that_is_killed_ends_the_run_with_a_word(study):
+    pool = Processes(2)
+    found = pool.each(study, [[400, 15, 180]] * 400)
+    next(found)
+    os.kill(next(iter(pool._pool._processes)), signal.SIGKILL)
+    with pytest.raises(EngineError, match="a worker process was killed"):
+        list(found)
+    pool.close()
+
+
+class Dask:
+    """A scheduler of Dask on this computer, and worker processes of it."""
+
+    def __init__(self, folder, workers):
+        self.distributed = pytest.importorskip("distributed")
+        self.info, self.folder, self.workers = folder / "scheduler.json", folder, []
+        self.scheduler = self._started("dask_scheduler", "--host", "127.0.0.1", "--port", "0")
+        for _ in range(workers):
+            self.add()
+
+    def _started(self, name, *words):
+        command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", str(self.info), "--no-dashboard", *words]
+        return subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+    def add(self, *words):
+        """One more worker."""
+        self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder), *words))
+
+    def engine(self):
+        """Of its workers, as soon as all of them are there."""
+        deadline = time.monotonic() + 60
+        while not self.info.exists() or not self.info.read_text():
+            assert time.monotonic() < deadline
+            time.sleep(0.2)
+        address = json.loads(self.info.read_text())["address"]
+        with self.distributed.Client(address) as client:
+            client.wait_for_workers(len(self.workers), timeout=60)
+        return Cluster(address)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in [*self.workers, self.scheduler]:
+            process.kill()
+            process.wait()
 
 
 def test_workers_of_dask_may_come_and_go(study, tmp_path):
-    pytest.importorskip("distributed")
     alone = design(study, tmp_path / "alone.jsonl")
-    scheduler, info, workers, another = cluster(tmp_path, 3)
-    try:
-        deadline = time.monotonic() + 60
-        while not info.exists() or not info.read_text():
-            assert time.monotonic() < deadline
-            time.sleep(0.2)
-        engine = Cluster(json.loads(info.read_text())["address"])
-        state = {"changed": False}
+    with Dask(tmp_path, 3) as dask:
+        engine = dask.engine()
 
         def meddle(record):
-            if len(record) > 15 and not state["changed"]:
-                state["changed"] = True
-                workers[0].kill()
-                workers.append(another())
+            if len(record) > 15 and len(dask.workers) == 3:
+                dask.workers[0].kill()
+                dask.add()
 
         spread = design(study, tmp_path / "spread.jsonl", engine=engine, progress=meddle)
         engine.close()
-        assert state["changed"] and spread.csv() == alone.csv() and spread.judged == alone.judged
-    finally:
-        for process in [*workers, scheduler]:
-            process.kill()
+        assert len(dask.workers) == 4 and spread.csv() == alone.csv() and spread.judged == alone.judged
+
+
+def test_a_run_whose_scheduler_is_killed_goes_on_with_another(study, tmp_path):
+    alone, results = design(study, tmp_path / "alone.jsonl"), tmp_path / "r.jsonl"
+    with Dask(tmp_path, 2) as dask:
+        engine = dask.engine()
+
+        def kill(record):
+            if len(record) > 15:
+                dask.scheduler.kill()
+
+        with pytest.raises(EngineError, match="the scheduler is gone; what was judged is kept"):
+            design(study, results, engine=engine, progress=kill)
+        engine.close()
+    kept = results.read_bytes()
+    assert kept.count(b"\n") > 15
+    dask.info.unlink()
+    with Dask(tmp_path, 2) as dask:
+        engine = dask.engine()
+        front = design(study, results, engine=engine)
+        engine.close()
+    assert results.read_bytes().startswith(kept)
+    assert front.csv() == alone.csv() and front.judged == alone.judged
+
+
+def test_workers_of_another_version_are_refused(study, tmp_path):
+    with pytest.raises(EngineError, match=f"this worker has pkmkins {VERSION}, the study comes from 0.0.1"):
+        judged(study, [], "0.0.1")
+    other = tmp_path / "other.py"
+    other.write_text("import pkmkins._core\npkmkins._core.VERSION = '0.0.1'\n")
+    with Dask(tmp_path, 1) as dask:
+        dask.add("--preload", str(other))
+        with pytest.raises(EngineError, match="has pkmkins 0.0.1, this is .*: install the same on all computers"):
+            dask.engine()

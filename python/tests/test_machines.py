@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pkmkins
 import pytest
-from conftest import OTHERS, ROOT, ini
+from conftest import OTHERS, ROOT, ini, needs_linuxcnc
 from pkmkins import Machine, MachineError, machine_of
 from pkmkins.command import pkm
 
@@ -116,6 +116,7 @@ def test_preflight_needs_the_command(monkeypatch, hexapod):
         pkmkins.preflight(ini("hexapod"), ROOT / "configs/hexapod/programs/none.ngc")
 
 
+@needs_linuxcnc
 def test_preflight_answers_as_the_command_does():
     program = ROOT / "configs" / "tripod" / "programs" / "rosette.ngc"
     found = pkmkins.preflight(ini("tripod"), program)

@@ -6,7 +6,11 @@ comes. As a judgement depends on study and numbers alone, no engine changes the 
 """
 
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import signal
+import threading
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import get_context
 
 from .._core import VERSION
@@ -16,8 +20,12 @@ from .candidate import judge
 BATCH = 16
 
 
+# What a run that its workers have left says of it.
+GOES_ON = "what was judged is kept, and the same command goes on"
+
+
 class EngineError(RuntimeError):
-    """Workers that cannot be used: not to be reached, or of another version."""
+    """Workers that cannot be used: not to be reached, gone, or of another version."""
 
 
 class Serial:
@@ -45,9 +53,13 @@ class Processes:
     def each(self, study, candidates):
         """Places and judgements, as they come."""
         pieces = list(batches(candidates, self.workers))
-        started = {self._pool.submit(judged, study, [values for _, values in piece]): piece for piece in pieces}
-        for done in as_completed(started):
-            yield from _placed(started[done], done.result())
+        try:
+            with _uninterrupted():
+                started = {self._pool.submit(judged, study, [values for _, values in piece]): piece for piece in pieces}
+            for done in as_completed(started):
+                yield from _placed(started[done], done.result())
+        except BrokenProcessPool:
+            raise EngineError(f"a worker process was killed, perhaps for want of memory; {GOES_ON}") from None
 
     def close(self):
         """Ends them."""
@@ -64,6 +76,7 @@ class Cluster:
             self._client = Client(address, timeout=timeout)
         except (OSError, TimeoutError, ValueError) as error:
             raise EngineError(f"{address}: no scheduler answers there: {error}") from None
+        self._address = address
         self._refuse_others()
 
     @property
@@ -85,8 +98,11 @@ class Cluster:
             # The same question twice would have one answer: a run is its own.
             done = self._client.submit(judged, study, [values for _, values in piece], VERSION, pure=False, retries=10)
             started[done.key] = (done, piece)
-        for done in as_completed([done for done, _ in started.values()]):
-            yield from _placed(started[done.key][1], done.result())
+        try:
+            for done in as_completed([done for done, _ in started.values()]):
+                yield from _placed(started[done.key][1], done.result())
+        except (CancelledError, OSError):
+            raise EngineError(f"{self._address}: the scheduler is gone; {GOES_ON}") from None
 
     def close(self):
         """Leaves the scheduler and its workers to others."""
@@ -109,6 +125,25 @@ def judged(study, candidates, version=VERSION):
 
 def _placed(piece, judgements):
     return [(place, judgement) for (place, _), judgement in zip(piece, judgements, strict=True)]
+
+
+@contextmanager
+def _uninterrupted():
+    """Ctrl-C, which a terminal sends to all processes, comes when this is over, and never to those that start here."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = []
+    handler = signal.signal(signal.SIGINT, lambda *_: asked.append(True))
+    # What is blocked here stays so in processes that start; a handler would not.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+    if asked:
+        raise KeyboardInterrupt
 
 
 def _alone():

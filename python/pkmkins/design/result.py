@@ -4,6 +4,7 @@
 import csv
 import html
 import io
+import re
 import subprocess
 from collections import Counter
 from dataclasses import dataclass
@@ -181,7 +182,7 @@ def _picture(front, across, up):
 def write_machine(study, values, folder):
     """Writes the machine as a complete configuration by `pkm new`, and proves the required box by `pkm check`.
 
-    The axis limits become the required box about home, where the study asks for one. Returns what pkm check
+    The axis limits become the required box about home, where the study asks for one, and the first program keeps them. Returns what pkm check
     says; CommandFailed where it does not fit, which a sample of poses could not see. `folder` must not be
     there yet.
     """
@@ -193,7 +194,10 @@ def write_machine(study, values, folder):
     file = folder / f"{folder.name}.ini"
     home = machine_of(study.kind, **study.dimensions(values)).home
     if any(low < high for low, high in study.required.box):
-        file.write_text(_with_axis_limits(file.read_text(), _limits(study, home)))
+        limits = _limits(study, home)
+        file.write_text(_with_axis_limits(file.read_text(), limits))
+        for program in folder.glob("programs/*.ngc"):
+            program.write_text(_within(program.read_text(), limits))
     return _run("check", file)
 
 
@@ -217,6 +221,17 @@ def _with_axis_limits(text, limits):
         else:
             lines.append(line)
     return "".join(lines)
+
+
+def _within(program, limits):
+    """The program with its places moved to the limits where they lie beyond."""
+    def nearest(word):
+        letter, value = word[0][0], float(word[0][1:])
+        low, high = limits.get(letter, (value, value))
+        return word[0] if low <= value <= high else f"{letter}{float(min(max(value, low), high))!r}"
+
+    lines = program.splitlines(keepends=True)
+    return "".join(line if line.startswith(";") else re.sub(r"[XYZABC]-?[\d.]+", nearest, line) for line in lines)
 
 
 def _run(*arguments):
