@@ -114,6 +114,21 @@ impl Interval {
         Self::new(low, high)
     }
 
+    /// A product where one may be infinite or NaN: 0 by anything is 0.
+    #[cold]
+    fn unbounded_product(self, o: Self) -> Self {
+        let is_zero = |i: Self| i.low == 0.0 && i.high == 0.0;
+        if is_zero(self) || is_zero(o) {
+            return Self::ZERO;
+        }
+        let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
+        if products.iter().any(|p| p.is_nan()) {
+            return Self::ALL;
+        }
+        let [a, b, c, d] = products;
+        Self::new(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
+    }
+
     /// Hyperbolic cosines.
     pub fn cosh(self) -> Self {
         let (a, b) = (self.low.cosh(), self.high.cosh());
@@ -145,23 +160,32 @@ impl Sub for Interval {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        let is_zero = |i: Self| i.low == 0.0 && i.high == 0.0;
-        if is_zero(self) || is_zero(o) {
-            return Self::ZERO;
+        let [a, b, c, d] =
+            [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
+        if ((a + b) + (c + d)).is_finite() {
+            // One instruction each, which `f64::min` is not: no product is NaN.
+            let least = |x: f64, y: f64| if x < y { x } else { y };
+            let most = |x: f64, y: f64| if x > y { x } else { y };
+            return Self::new(least(least(a, b), least(c, d)), most(most(a, b), most(c, d)));
         }
-        let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
-        if products.iter().any(|p| p.is_nan()) {
-            return Self::ALL;
-        }
-        let [a, b, c, d] = products;
-        Self::new(a.min(b).min(c.min(d)), a.max(b).max(c.max(d)))
+        self.unbounded_product(o)
     }
 }
 
 impl Mul<f64> for Interval {
     type Output = Self;
     fn mul(self, factor: f64) -> Self {
-        self * Self::point(factor)
+        let (a, b) = (self.low * factor, self.high * factor);
+        match (a + b).is_finite() {
+            true => {
+                if a < b {
+                    Self::new(a, b)
+                } else {
+                    Self::new(b, a)
+                }
+            }
+            false => self.unbounded_product(Self::point(factor)),
+        }
     }
 }
 

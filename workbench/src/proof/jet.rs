@@ -48,21 +48,18 @@ impl Jet {
     }
 
     /// The function of this value, given its derivatives of order 0 to 3 there.
-    fn composed(self, derivatives: [Interval; 4]) -> Self {
-        let mut step = self;
-        step.0[0][0] = Interval::point(0.0);
-        let square = step * step;
-        let cube = square * step;
-        let [value, first, second, third] = derivatives;
-        let mut out = step.scaled(first)
-            + square.scaled(second * Interval::point(0.5))
-            + cube.scaled(third * Interval::point(1.0 / 6.0));
-        out.0[0][0] = value;
-        out
-    }
-
-    fn scaled(self, factor: Interval) -> Self {
-        Self(self.0.map(|row| row.map(|x| x * factor)))
+    fn composed(self, [value, first, second, third]: [Interval; 4]) -> Self {
+        let [[_, t], [s, st], [ss, sst]] = self.0;
+        let square = s.squared();
+        let half = second * 0.5;
+        Self([
+            [value, first * t],
+            [first * s, first * st + second * (s * t)],
+            [
+                first * ss + half * square,
+                first * sst + second * (ss * t + s * st) + third * 0.5 * (square * t),
+            ],
+        ])
     }
 
     /// Square root; unbounded where the value may be 0 or less.
@@ -72,9 +69,9 @@ impl Jet {
             return self.composed([Interval::ALL; 4]);
         }
         let (root, over) = (x.sqrt(), x.inverse());
-        let first = root.inverse() * Interval::point(0.5);
-        let second = first * over * Interval::point(-0.5);
-        let third = second * over * Interval::point(-1.5);
+        let first = root.inverse() * 0.5;
+        let second = first * over * -0.5;
+        let third = second * over * -1.5;
         self.composed([root, first, second, third])
     }
 
@@ -82,16 +79,15 @@ impl Jet {
     pub fn inverse(self) -> Self {
         let over = self.0[0][0].inverse();
         let square = over.squared();
-        let second = square * over * Interval::point(2.0);
-        let third = square.squared() * Interval::point(-6.0);
+        let second = square * over * 2.0;
+        let third = square.squared() * -6.0;
         self.composed([over, -square, second, third])
     }
 
     /// Its square.
     pub fn squared(self) -> Self {
-        let mut out = self * self;
-        out.0[0][0] = self.0[0][0].squared();
-        out
+        let x = self.0[0][0];
+        self.composed([x.squared(), x * 2.0, Interval::point(2.0), Interval::ZERO])
     }
 
     /// Sine and cosine of an angle in radians.
@@ -107,7 +103,6 @@ impl Jet {
     pub fn angle(y: Self, x: Self) -> Self {
         // Tangent of the angle from the middle direction: the constant left out is its angle.
         let (a, b) = (x.0[0][0].middle(), y.0[0][0].middle());
-        let (a, b) = (Self::constant(a), Self::constant(b));
         let along = x * a + y * b;
         if !(along.0[0][0].low > 0.0) {
             return x.composed([Interval::ALL; 4]);
@@ -116,8 +111,8 @@ impl Jet {
         let z = tangent.0[0][0];
         let first = (z.squared() + Interval::point(1.0)).inverse();
         let square = first.squared();
-        let second = z * square * Interval::point(-2.0);
-        let third = (z.squared() * Interval::point(6.0) - Interval::point(2.0)) * square * first;
+        let second = z * square * -2.0;
+        let third = (z.squared() * 6.0 - Interval::point(2.0)) * square * first;
         let value = Interval::new(z.low.atan(), z.high.atan());
         tangent.composed([value, first, second, third])
     }
@@ -150,20 +145,26 @@ impl Sub for Jet {
     }
 }
 
+impl Mul<f64> for Jet {
+    type Output = Self;
+    fn mul(self, factor: f64) -> Self {
+        Self(self.0.map(|row| row.map(|x| x * factor)))
+    }
+}
+
 impl Mul for Jet {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        let mut out = Self::constant(0.0);
-        for s in 0..3 {
-            for t in 0..2 {
-                for i in 0..=s {
-                    for j in 0..=t {
-                        out.0[s][t] = out.0[s][t] + self.0[i][j] * o.0[s - i][t - j];
-                    }
-                }
-            }
-        }
-        out
+        let ([[a, at], [a_s, ast], [ass, asst]], [[b, bt], [b_s, bst], [bss, bsst]]) =
+            (self.0, o.0);
+        Self([
+            [a * b, a * bt + at * b],
+            [a * b_s + a_s * b, a * bst + at * b_s + a_s * bt + ast * b],
+            [
+                a * bss + a_s * b_s + ass * b,
+                a * bsst + at * bss + a_s * bst + ast * b_s + ass * bt + asst * b,
+            ],
+        ])
     }
 }
 

@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Proof that a box of poses is one-to-one: sup ‖1 − M J(X)‖ over the box, J = ∂q/∂X.
 //!
-//! Branch and bound. Over a cell with half widths h, J differs from the multilinear
-//! interpolation of its values at the corners, and M J by at most
+//! Branch and bound. Over a cell with half widths h, J is the multilinear interpolation of its
+//! values at the corners less something of
 //!
 //! ```text
-//! B = Σ_k h_k²/2 sup |M ∂_k ∂_k J|   entry by entry
+//! Σ_k [0, h_k²/2] ∂_k ∂_k J
 //! ```
 //!
-//! The interpolation is an average of the values at the corners, so that
+//! Times M this is C ± R, entry by entry. The interpolation is an average of the values at the
+//! corners, so that
 //!
 //! ```text
-//! ‖1 − M J(X)‖ ≤ max over corners ‖1 − M J‖ + ‖B‖
+//! ‖1 − M J(X)‖ ≤ max over corners ‖1 − M J + C‖ + ‖R‖
 //! ```
+//!
+//! Where third derivatives keep their signs, R is half of what it would be about C = 0.
 //!
 //! Norms are those of the coordinates times their weights. The values at the corners are
 //! the core's own; the third derivatives are bounded by interval arithmetic on the
@@ -92,6 +95,16 @@ struct Work<'a> {
     failed: AtomicBool,
     /// Share of the box that is proved.
     done: Mutex<f64>,
+}
+
+/// How J bends over a cell: W (1 − M J) W⁻¹ is the interpolation between the corners plus what is
+/// within `radius` of `middle`.
+struct Bend {
+    middle: Matrix,
+    /// Norm of what is left; infinite where it is not known.
+    radius: f64,
+    /// The coordinate that most of the radius comes from.
+    mostly: usize,
 }
 
 /// What one cell says.
@@ -239,33 +252,26 @@ impl<'a> Prover<'a> {
     }
 
     fn judge(&self, claim: &Claim, cell: &Cell) -> Result<Verdict, Doubt> {
-        let (bend, shares) = self.bend(claim, cell);
-        let (mut widest, mut split) = (-1.0, 0);
-        for &k in &self.active {
-            if shares[k] > widest {
-                (widest, split) = (shares[k], k);
-            }
-        }
-        if !bend.is_finite() {
+        let bend = self.bend(claim, cell);
+        let split = match bend.radius.is_finite() {
+            true => bend.mostly,
             // Every share is unbounded: the widest part of the box.
-            split = self.widest(claim, cell);
-        }
-        // A corner must fit even before the cells are fine enough.
-        let first = self.norm_at(claim, &cell.low)?.max(self.norm_at(claim, &cell.high)?);
-        if first > claim.contraction {
-            return Err(Doubt::Exceeded(cell.low, first));
-        }
-        if !(bend + first <= claim.contraction - ROUNDING) {
-            return Ok(Verdict::Split(split));
-        }
+            false => self.widest(claim, cell),
+        };
+        // What is left for the corners.
+        let most = claim.contraction - ROUNDING - bend.radius;
         for corner in cell.corners(&self.active) {
-            let norm = self.norm_at(claim, &corner)?;
-            if norm > claim.contraction {
-                return Err(Doubt::Exceeded(corner, norm));
+            if is_below(&(self.departure(claim, &corner)? + bend.middle), most) {
+                continue;
             }
-            if !(norm + bend <= claim.contraction - ROUNDING) {
-                return Ok(Verdict::Split(split));
+            // Corners must fit even before the cells are fine enough.
+            for corner in [cell.low, cell.high, corner] {
+                let norm = self.norm_at(claim, &corner)?;
+                if norm > claim.contraction {
+                    return Err(Doubt::Exceeded(corner, norm));
+                }
             }
+            return Ok(Verdict::Split(split));
         }
         Ok(Verdict::Proved)
     }
@@ -279,21 +285,26 @@ impl<'a> Prover<'a> {
         best.copied().unwrap_or(0)
     }
 
-    /// ‖B‖ over the cell, and by the coordinate k that each part of it comes from.
-    fn bend(&self, claim: &Claim, cell: &Cell) -> (f64, [f64; 6]) {
-        let (mut whole, mut shares) = (Matrix::zeros(), [0.0; 6]);
+    /// How J bends over the cell.
+    fn bend(&self, claim: &Claim, cell: &Cell) -> Bend {
+        let (mut middle, mut radius) = (Matrix::zeros(), Matrix::zeros());
+        let (mut most, mut mostly) = (-1.0, 0);
         for &k in &self.active {
             let part = self.bend_along(claim, cell, k);
-            whole += part;
-            shares[k] = norm_of_bound(&part);
+            middle += part.map(Interval::middle);
+            let wide = part.map(|x| 0.5 * (x.high - x.low));
+            radius += wide;
+            if wide.norm() > most {
+                (most, mostly) = (wide.norm(), k);
+            }
         }
-        (norm_of_bound(&whole), shares)
+        Bend { middle, radius: norm_of_bound(&radius), mostly }
     }
 
-    /// h_k²/2 sup |W M ∂_k ∂_k J W⁻¹|, entry by entry.
-    fn bend_along(&self, claim: &Claim, cell: &Cell, k: usize) -> Matrix {
+    /// [0, h_k²/2] W M ∂_k ∂_k J W⁻¹, entry by entry.
+    fn bend_along(&self, claim: &Claim, cell: &Cell, k: usize) -> SMatrix<Interval, 6, 6> {
         let half = 0.5 * (cell.high[k] - cell.low[k]);
-        let mut bound = Matrix::zeros();
+        let mut bend = SMatrix::repeat(Interval::ZERO);
         for &j in &self.active {
             let platform = self.platform(cell, k, j);
             let legs = self.geometry.legs().iter().zip(&self.lead);
@@ -301,14 +312,16 @@ impl<'a> Prover<'a> {
                 legs.map(|(leg, lead)| self.joint(leg, *lead, &platform).third()).collect();
             for &i in &self.active {
                 let row = thirds.iter().zip(&claim.region.matrix[i]);
-                let sum = row
-                    .map(|(third, m)| *third * Interval::point(*m))
-                    .fold(Interval::point(0.0), Add::add);
+                let sum = row.map(|(third, m)| *third * *m).fold(Interval::ZERO, Add::add);
                 let ratio = claim.weight[i] / claim.weight[j];
-                bound[(i, j)] = half * half * sum.magnitude() * ratio;
+                let whole = sum * (half * half * ratio);
+                // NaN stays: the radius is then not known.
+                let low = if whole.low > 0.0 { 0.0 } else { whole.low };
+                let high = if whole.high < 0.0 { 0.0 } else { whole.high };
+                bend[(i, j)] = Interval::new(low, high);
             }
         }
-        bound
+        bend
     }
 
     /// The platform over a cell: s along coordinate `k`, t along coordinate `j`.
@@ -317,7 +330,7 @@ impl<'a> Prover<'a> {
             // In degrees, as the box: a step of s or t is one degree.
             let x = Interval::new(cell.low[n], cell.high[n]);
             let unit = if n < 3 { 1.0 } else { RADIANS };
-            Jet::variable(x, n == k, n == j) * Jet::constant(unit)
+            Jet::variable(x, n == k, n == j) * unit
         };
         let rotation = rotation([along(3), along(4), along(5)]);
         let reference = times(&rotation, self.geometry.centre);
@@ -345,14 +358,14 @@ impl<'a> Prover<'a> {
                 let n = anchor.map(|w| w * over);
                 let axes = [strut.base_axis, strut.platform_axis].map(unit);
                 let turn = torsion(&n, &axes[0], &times(rotation, axes[1]));
-                length + turn * Jet::constant(lead / std::f64::consts::TAU)
+                length + turn * (lead / std::f64::consts::TAU)
             }
             LegKind::Slider(slider) => {
                 let guide = unit(slider.guide);
                 let across = across(guide).map(|e| dot_fixed(&anchor, &e).squared());
                 let square = slider.rod * slider.rod;
                 let root = (Jet::constant(square) - across[0] - across[1]).sqrt();
-                dot_fixed(&anchor, &guide) + root * Jet::constant(f64::from(slider.side))
+                dot_fixed(&anchor, &guide) + root * f64::from(slider.side)
             }
             LegKind::Crank(crank) => {
                 let axis = Vector3::from(unit(crank.axis));
@@ -364,12 +377,12 @@ impl<'a> Prover<'a> {
                 let apart: [Jet; 3] =
                     std::array::from_fn(|n| anchor[n] - Jet::constant(axis[n] * along));
                 let rest = level.norm_squared() - crank.rod * crank.rod;
-                let t = (dot(&apart, &apart) + Jet::constant(rest)) * Jet::constant(0.5);
+                let t = (dot(&apart, &apart) + Jet::constant(rest)) * 0.5;
                 let root = (a.squared() + b.squared() - t.squared()).sqrt();
                 // atan2(b, a) + side acos(T/√(a²+b²)), the latter as the angle of (T, root).
-                let side = Jet::constant(f64::from(crank.side));
+                let side = f64::from(crank.side);
                 let angle = Jet::angle(b, a) + Jet::angle(root, t) * side;
-                angle * Jet::constant(1.0 / RADIANS)
+                angle * (1.0 / RADIANS)
             }
             LegKind::Ring(ring) => {
                 // From base anchor to ring, as the platform sees it: its own arm does not turn there.
@@ -404,13 +417,13 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
 
 /// Angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
 fn torsion(n: &[Jet; 3], base_axis: &[f64; 3], platform_axis: &[Jet; 3]) -> Jet {
-    let base = base_axis.map(Jet::constant);
     let cross: [Jet; 3] = std::array::from_fn(|k| {
         let (p, q) = ((k + 1) % 3, (k + 2) % 3);
-        base[p] * platform_axis[q] - base[q] * platform_axis[p]
+        platform_axis[q] * base_axis[p] - platform_axis[p] * base_axis[q]
     });
     let sine = dot(n, &cross);
-    let cosine = dot(&base, platform_axis) - dot(&base, n) * dot(platform_axis, n);
+    let cosine =
+        dot_fixed(platform_axis, base_axis) - dot_fixed(n, base_axis) * dot(platform_axis, n);
     Jet::angle(sine, cosine)
 }
 
@@ -436,7 +449,7 @@ fn dot(a: &[Jet; 3], b: &[Jet; 3]) -> Jet {
 }
 
 fn dot_fixed(a: &[Jet; 3], b: &[f64; 3]) -> Jet {
-    dot(a, &b.map(Jet::constant))
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
@@ -453,6 +466,11 @@ fn across(u: [f64; 3]) -> [[f64; 3]; 2] {
 /// Norm of a matrix of bounds; infinite where one is not known.
 fn norm_of_bound(bound: &Matrix) -> f64 {
     if bound.iter().all(|x| x.is_finite()) { bound.singular_values()[0] } else { f64::INFINITY }
+}
+
+/// Whether ‖m‖ < most: most² − mᵀm is positive definite. Its rounding is far below `ROUNDING`.
+fn is_below(m: &Matrix, most: f64) -> bool {
+    most > 0.0 && (Matrix::identity() * (most * most) - m.tr_mul(m)).cholesky().is_some()
 }
 
 /// M as a matrix.
@@ -577,8 +595,8 @@ mod tests {
                 }
                 let weight = std::array::from_fn(|k| rows.column(k).norm());
                 let claim = Claim { region, weight, contraction: 0.5 };
-                let (bend, _) = prover.bend(&claim, &cell);
-                if !bend.is_finite() {
+                let bend = prover.bend(&claim, &cell);
+                if !bend.radius.is_finite() {
                     continue;
                 }
                 let corners: Vec<_> = cell.corners(prover.active()).collect();
@@ -586,9 +604,9 @@ mod tests {
                 let mean = mean.sum::<Matrix>() / corners.len() as f64;
                 let there = prover.departure(&claim, &middle).unwrap();
                 // In the middle the interpolation is the mean of the corners.
-                let off = (there - mean).singular_values()[0];
-                assert!(off <= bend + 1e-12, "{name}: {off} {bend}");
-                largest = largest.max(off / bend);
+                let off = (there - mean - bend.middle).singular_values()[0];
+                assert!(off <= bend.radius + 1e-12, "{name}: {off} {}", bend.radius);
+                largest = largest.max((there - mean).singular_values()[0] / bend.radius);
                 checked += 1;
             }
             assert!(checked > 100, "{name}: {checked}");
