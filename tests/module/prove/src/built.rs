@@ -51,6 +51,9 @@ pub struct Segment {
 
 /// A shared library.
 pub struct Built {
+    /// Whether its instructions can be followed, and pointers are known: on x86-64. What needs neither is
+    /// read for 64-bit ARM too.
+    pub is_followed: bool,
     bytes: Vec<(Range<u64>, Vec<u8>)>,
     /// What it defines.
     pub symbols: Vec<Symbol>,
@@ -76,15 +79,18 @@ impl Built {
     /// Words for whoever runs the check.
     pub fn read(data: &[u8]) -> Result<Built, String> {
         let file = ElfFile64::<Endianness>::parse(data).map_err(|e| format!("no ELF file: {e}"))?;
-        if file.architecture() != Architecture::X86_64 {
-            return Err("only x86-64 code can be read".into());
-        }
+        let is_followed = match file.architecture() {
+            Architecture::X86_64 => true,
+            Architecture::Aarch64 => false,
+            _ => return Err("neither x86-64 nor 64-bit ARM".into()),
+        };
         let symbols = symbols(&file);
         if !symbols.iter().any(|s| s.is_code && !s.is_exported) {
             return Err("the file has no local symbols: build it with `make module`".into());
         }
         let pointers = pointers(&file);
         let mut built = Built {
+            is_followed,
             bytes: contents(&file),
             taken: taken(&file, &symbols, &pointers),
             symbols,

@@ -63,9 +63,21 @@ struct Proved<'a> {
     reached: Reached,
 }
 
-/// All checks.
+/// All checks; where instructions cannot be followed, those that do not need it.
 pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
     let contract = &contract.of(&built.imports);
+    let mut checks =
+        vec![exports(built, contract), imports(built, contract), panics(built), allocators(built)];
+    checks.extend(contract.linuxcnc.iter().map(|version| missing(built, contract, version)));
+    if built.is_followed {
+        checks.extend(followed(built, contract));
+    }
+    checks.extend([segments(built), executable_stack(built), relocations(built), binding(built)]);
+    checks
+}
+
+/// Those that follow the instructions from the entry points on.
+fn followed(built: &Built, contract: &Contract) -> Vec<Check> {
     let mut graph = Graph::new(built);
     let proved: Vec<Proved> = contract
         .entry
@@ -76,19 +88,13 @@ pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
         })
         .collect();
     let mut checks = vec![
-        exports(built, contract),
         entries(built, contract, &mut graph, &proved),
-        imports(built, contract),
         imports_at_run(contract, &proved),
-        panics(built),
-        allocators(built),
         traps(&mut graph, &proved),
         calls(&mut graph, &proved),
         recursion(&proved),
     ];
-    checks.extend(contract.linuxcnc.iter().map(|version| missing(built, contract, version)));
     checks.extend(proved.iter().map(stack));
-    checks.extend([segments(built), executable_stack(built), relocations(built), binding(built)]);
     checks
 }
 
