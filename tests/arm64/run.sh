@@ -1,13 +1,15 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Builds the core, the module and their tests for 64-bit ARM, runs them under qemu, and compares every bit of what
-# the module answers with the one built for this processor.
+# Builds the core, the module and their tests for 64-bit ARM, proves of the module what can be without following its
+# instructions, runs the tests under qemu, and compares every bit of what the module answers with the one built for
+# this processor.
 #
 #     tests/arm64/run.sh [answers]      only the comparison
 #
 # Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`make test-arm64` installs them), and the
-# library of Rust for aarch64: that of rustup, or Debian's. LinuxCNC's own modules, beside which ours is tested, come
-# from Debian's package for arm64. Packages are unpacked into target/tools and not installed.
+# library of Rust for aarch64: that of rustup, so that one compiler builds for both, or Debian's. LinuxCNC's own
+# modules, beside which ours is tested, come from Debian's package for arm64. Packages are unpacked into target/tools
+# and not installed.
 # PKMKINS_CASES=0.01 takes a hundredth of the cases: qemu is some ten times as slow.
 set -eu
 cd "$(dirname "$0")/../.."
@@ -42,7 +44,7 @@ unpacked() {
 
 # What runs here is built before the compiler for the other processor takes the place of this one.
 cargo build --release --locked --quiet -p pkmkins --target-dir target/module
-cargo build --profile host --locked --quiet -p abi-tests --bin answers
+cargo build --profile host --locked --quiet -p abi-tests -p prove --bin answers --bin prove
 
 unpacked linuxcnc-uspace "$arm/linuxcnc"
 if [ ! -d "$(rustc --print target-libdir --target $target)" ]; then
@@ -57,6 +59,9 @@ for_arm() { cargo "$@" --locked --quiet --target $target --target-dir target/arm
 for_arm build --release -p pkmkins
 for_arm build --profile host -p abi-tests --bin answers
 module=$PWD/target/arm64/$target/release/libpkmkins.so
+
+# Symbols, imports, panic machinery, rights of memory: what needs no instructions read.
+target/host/prove "$module"
 
 mkdir -p "$out"
 target/host/answers > "$out/here"
