@@ -325,7 +325,8 @@ bare-metal: setup
 msrv: setup
 	@command -v rustup >/dev/null || { echo "pkmkins: rustup is missing: install it from https://rustup.rs"; exit 1; }
 	rustup toolchain install $(RUST) --profile minimal
-	$(CARGO) +$(RUST) check $(LOCKED) --workspace --all-targets --target-dir target/msrv
+	$(CARGO) +$(RUST) check $(LOCKED) --all-targets --target-dir target/msrv
+	$(CARGO) +$(RUST) check $(LOCKED) --release -p pkmkins --target-dir target/msrv
 
 prove: setup module
 	$(HOST_RUN) --bin prove

@@ -583,8 +583,11 @@ unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
     }
 }
 
+/// How many load parameters there are.
+const COUNT: usize = 10;
+
 /// The load parameters, by name.
-const PARAMETERS: [(&str, &load::Parameter); 10] = [
+static PARAMETERS: [(&str, &load::Parameter); COUNT] = [
     ("legs", &load::LEGS),
     ("coordinates", &load::COORDINATES),
     ("table", &load::TABLE),
@@ -597,7 +600,7 @@ const PARAMETERS: [(&str, &load::Parameter); 10] = [
     ("sparm", &load::SPARM),
 ];
 
-fn parsed(parameters: [Option<&[u8]>; PARAMETERS.len()]) -> Result<Load, LoadError> {
+fn parsed(parameters: [Option<&[u8]>; COUNT]) -> Result<Load, LoadError> {
     let [legs, coordinates, table, axes, boxes, second @ ..] = parameters;
     let [second, second_coordinates, second_angles, second_boxes, sparm] = second;
     Load::parse(legs, coordinates, table)?
@@ -611,7 +614,7 @@ fn parsed(parameters: [Option<&[u8]>; PARAMETERS.len()]) -> Result<Load, LoadErr
 /// Loads the component: parameters, pins, state. Returns 0, or a negative errno.
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_main() -> c_int {
-    let parameters = PARAMETERS.map(|(_, parameter)| parameter.text());
+    let parameters = PARAMETERS.each_ref().map(|(_, parameter)| parameter.text());
     let load = match parsed(parameters.map(|text| text.map(CStr::to_bytes))) {
         Ok(load) => load,
         Err(error) => {
@@ -715,7 +718,7 @@ fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
     Ok(unsafe { &mut *pins })
 }
 
-fn refuse_load(error: LoadError, parameters: [Option<&CStr>; PARAMETERS.len()]) {
+fn refuse_load(error: LoadError, parameters: [Option<&CStr>; COUNT]) {
     let mut message = text!["pkmkins: refused"];
     for ((name, _), value) in PARAMETERS.iter().zip(parameters) {
         // Those of a second mechanism and sparm only where they are given.
