@@ -99,7 +99,7 @@ help:
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
-	@echo "make truth      preflight beside LinuxCNC in virtual time: 225 programs, ends in a table"
+	@echo "make truth      preflight beside LinuxCNC in virtual time: 270 programs, ends in a table"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
 	@echo "make screens    every configuration in AXIS, with panel and model; pictures in build/screens"
