@@ -7,6 +7,7 @@ use pkm::check::report::check;
 use pkm::read::diagnostic::Severity;
 use pkm::read::ini::Ini;
 use pkm::read::machine::MachineConfig;
+use std::path::Path;
 
 /// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
 /// have it.
@@ -93,4 +94,20 @@ fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
         assert!(facts.contains("nearest legs: the centre lines of legs 1 and 2 are 103.528 mm"));
         assert!(facts.contains("the least seen in the axis limits"), "{facts}");
     }
+}
+
+#[test]
+fn a_file_with_blanks_in_its_name_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("my first part.ngc");
+    std::fs::write(&program, "M2\n").unwrap();
+    let opening = |name: &Path| {
+        let report = hexapod(|text| {
+            let (before, after) = text.split_once("OPEN_FILE = ").unwrap();
+            format!("{before}OPEN_FILE = {}{}", name.display(), &after[after.find('\n').unwrap()..])
+        });
+        told(&report, Severity::Warning).into_iter().any(|text| text.contains("OPEN_FILE"))
+    };
+    assert!(!opening(&program));
+    assert!(opening(&folder.path().join("my second part.ngc")));
 }

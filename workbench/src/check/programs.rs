@@ -5,7 +5,7 @@ use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::near;
-use crate::read::places::{BIN, HALLIB, MODULES};
+use crate::read::places::{self, BIN, HALLIB, MODULES};
 use std::env;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -27,10 +27,12 @@ const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
     ("HAL", "HALUI", false, &["halui"]),
 ];
 
-/// Everything of it; nothing where LinuxCNC is not on this computer.
+/// Everything of it; where LinuxCNC is not on this computer, that it was not looked at.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     if !Path::new(HALLIB).is_dir() {
-        return vec![];
+        let text =
+            "programs and files that LinuxCNC starts with are not judged: it is not installed here";
+        return vec![(Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text))];
     }
     let programs = PROGRAMS.iter().filter_map(|(section, key, is_needed, known)| {
         program(ini, section, key, *is_needed, known)
@@ -68,16 +70,15 @@ fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> I
 
 /// A program of the user interface that is not there, and folders that are not.
 fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
-    let open = named(ini, "DISPLAY", "OPEN_FILE")
-        .filter(|(_, name)| !place(ini, name).is_file())
-        .map(|(entry, _)| {
-            let text = "there is no such file, which the user interface is to open: expected one, or no such key";
-            ini.refuse(entry, text)
-        });
+    let open = file(ini, "DISPLAY", "OPEN_FILE").filter(|(_, file)| !file.is_file()).map(|(entry, _)| {
+        let text = "there is no such file, which the user interface is to open: expected one, or no such key";
+        ini.refuse(entry, text)
+    });
     let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
     let folders = folders.into_iter().filter_map(move |(section, key)| {
         let entry = ini.first(section, key)?;
-        let name = entry.value.split(':').find(|name| !place(ini, name.trim()).is_dir())?;
+        let name =
+            entry.value.split(':').find(|name| !places::named(ini.file(), name.trim()).is_dir())?;
         let text = format!("there is no folder {}: expected one, or no such key", name.trim());
         Some(ini.refuse(entry, &text))
     });
@@ -86,41 +87,38 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
 
 /// The parameters of programs, which LinuxCNC writes when it ends: the file may be missing, its folder may not.
 fn kept(ini: &Ini) -> Option<IniError> {
-    let (entry, name) = named(ini, "RS274NGC", "PARAMETER_FILE")?;
-    let file = place(ini, name);
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty())?;
-    (!folder.is_dir()).then(|| {
-        let text = format!("there is no folder {}: make it", Path::new(name).parent()?.display());
-        Some(ini.refuse(entry, &text))
-    })?
+    let (entry, file) = file(ini, "RS274NGC", "PARAMETER_FILE")?;
+    let folder =
+        file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())?;
+    Some(ini.refuse(entry, &format!("there is no folder {}: make it", folder.display())))
 }
 
 /// Tables of the errors of screws.
 fn compensations(ini: &Ini) -> impl Iterator<Item = IniError> {
     let tables = ini.entries().filter(|entry| entry.section.starts_with("JOINT_"));
-    tables.filter(|entry| entry.key == "COMP_FILE" && !place(ini, &entry.value).is_file()).map(
-        |entry| {
+    tables
+        .filter(|entry| {
+            entry.key == "COMP_FILE" && !places::named(ini.file(), &entry.value).is_file()
+        })
+        .map(|entry| {
             ini.refuse(
                 entry,
                 "there is no such file: expected the table of the screw's errors, or no such key",
             )
-        },
-    )
+        })
 }
 
-/// The first word of a key's value; none where there is none, or only quotes.
+/// The program that a key names, without the words for it.
 fn named<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, &'a str)> {
     let entry = ini.first(section, key)?;
-    let name = entry.value.split_whitespace().next()?;
-    (!name.trim_matches('"').is_empty()).then_some((entry, name))
+    Some((entry, entry.value.split_whitespace().next()?))
 }
 
-/// LinuxCNC starts its programs in the folder of the INI file.
-fn place(ini: &Ini, name: &str) -> PathBuf {
-    match (name.strip_prefix("~/"), env::var_os("HOME")) {
-        (Some(name), Some(home)) => PathBuf::from(home).join(name),
-        _ => ini.file().parent().unwrap_or(Path::new("")).join(name),
-    }
+/// The file that a key names, blanks and all; none where there is none, or only quotes.
+fn file<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, PathBuf)> {
+    let entry = ini.first(section, key)?;
+    let name = entry.value.trim();
+    (!name.trim_matches('"').is_empty()).then(|| (entry, places::named(ini.file(), name)))
 }
 
 fn is_program(ini: &Ini, name: &str) -> bool {
@@ -128,7 +126,7 @@ fn is_program(ini: &Ini, name: &str) -> bool {
         file.metadata().is_ok_and(|it| it.is_file() && it.permissions().mode() & 0o111 != 0)
     };
     if name.contains('/') {
-        return is_run(place(ini, name));
+        return is_run(places::named(ini.file(), name));
     }
     let home = env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/bin"));
     let path = env::var_os("PATH").unwrap_or_default();

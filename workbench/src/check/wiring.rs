@@ -5,7 +5,7 @@
 use crate::check::cautions::words;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::places::HALLIB;
+use crate::read::places::{self, HALLIB};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -137,14 +137,12 @@ fn is_own(entry: &Entry) -> bool {
 /// Where LinuxCNC looks for a file, in turn; `None` without a name.
 fn places(ini: &Ini, entry: &Entry) -> Option<Vec<PathBuf>> {
     let name = entry.value.split_whitespace().next()?;
-    let folder = ini.file().parent().unwrap_or(Path::new(""));
-    let home = std::env::var_os("HOME").map(PathBuf::from);
-    Some(match (name.strip_prefix("LIB:"), name.strip_prefix("~/"), home) {
-        (Some(name), ..) => vec![Path::new(HALLIB).join(name)],
-        (_, Some(name), Some(home)) => vec![home.join(name)],
-        _ if Path::new(name).is_absolute() => vec![name.into()],
-        _ => vec![folder.join(name), Path::new(HALLIB).join(name)],
-    })
+    if let Some(name) = name.strip_prefix("LIB:") {
+        return Some(vec![Path::new(HALLIB).join(name)]);
+    }
+    let file = places::named(ini.file(), name);
+    let is_whole = name.starts_with("~/") || Path::new(name).is_absolute();
+    Some(if is_whole { vec![file] } else { vec![file, Path::new(HALLIB).join(name)] })
 }
 
 /// A HAL file without its comments, and without those of Debian's that are not installed.

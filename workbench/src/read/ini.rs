@@ -16,7 +16,7 @@
 //! tests/inivar.rs compares this reader with `inivar`.
 
 use crate::files::{self, AtFile};
-use crate::read::near;
+use crate::read::{near, places};
 use keys::{Key, Need, Range};
 use std::borrow::Cow;
 use std::fmt;
@@ -262,11 +262,7 @@ impl Ini {
         if name.contains(['$', '`', '*', '?', '[', '"', '\'', '(', '&', ';', '|', '<', '>']) {
             return Err(refuse("expected a plain file name: the shell would change this one"));
         }
-        let home = std::env::var_os("HOME").map(PathBuf::from);
-        let file = match (name.strip_prefix("~/"), home) {
-            (Some(rest), Some(home)) => home.join(rest),
-            _ => self.file.parent().unwrap_or(Path::new("")).join(name),
-        };
+        let file = places::named(&self.file, name);
         let text = files::read(&file).map_err(|AtFile { error, .. }| {
             refuse(&format!("cannot be read: {error}; LinuxCNC would start without these lines"))
         })?;
