@@ -39,7 +39,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         let section = config.place.joint_section(i);
         kind(report, config, &section, joint);
         following(report, config, &section, joint)?;
-        ramp(report, config, &section, joint)?;
+        ramp(report, config, &section, joint);
     }
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
@@ -120,15 +120,9 @@ fn following(
 }
 
 /// Corrections that come in faster than the drive can accelerate: they have their whole speed in a cycle.
-fn ramp(
-    report: &mut Report,
-    config: &MachineConfig,
-    section: &str,
-    joint: &Joint,
-) -> Result<(), IniError> {
+fn ramp(report: &mut Report, config: &MachineConfig, section: &str, joint: &Joint) {
     let [_, rate] = joint.correction;
-    let seconds = config.ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)? * 1e-9;
-    let most = joint.max_acceleration * seconds / IN_A_CYCLE;
+    let most = joint.max_acceleration * config.period / IN_A_CYCLE;
     if rate > most {
         let text = format!(
             "it begins and ends within a servo cycle, and {most} {} a second are what MAX_ACCELERATION = {} allows then: \
@@ -138,7 +132,6 @@ fn ramp(
         );
         report.finding(Severity::Error, at_key(&config.ini, section, "CORRECTION_RATE", &text));
     }
-    Ok(())
 }
 
 /// Speeds and accelerations of axes that LinuxCNC sets itself.
