@@ -244,19 +244,20 @@ def corrections(out, rate, circles):
         done = subprocess.run([PKM, "joints", session.ini], input=text, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr[-300:]
         computed = numpy.array([list(map(float, line.split(",")))[-6:] for line in done.stdout.splitlines()[1:]])
-        limits = [[float(ini_edit.value(Path(session.ini).read_text(), f"JOINT_{n}", f"MAX_{kind}")) for n in range(6)]
-                  for kind in ("VELOCITY", "ACCELERATION")]
+        ini = Path(session.ini).read_text()
+    limits = [[float(ini_edit.value(ini, f"JOINT_{n}", f"MAX_{kind}")) for n in range(6)]
+              for kind in ("VELOCITY", "ACCELERATION")]
+    period = 1e-9 * float(ini_edit.value(ini, "EMCMOT", "SERVO_PERIOD"))
     assert computed.shape == joints.shape, f"{computed.shape} joint values of {joints.shape} poses"
     apart = abs(joints - effect - computed).max()
     assert apart < OF_ROUNDING, f"joints are {apart} mm off the commanded pose's"
-    corner = abs(effect - ramp(effect, asked, rate)).max()
+    corner = abs(effect - ramp(effect, asked, rate * period)).max()
     assert corner < OF_ROUNDING, f"what is in effect is {corner} mm off its ramp"
     # The drives get joint values two cycles later, smoothed over three by LinuxCNC, the corners of the ramp as well.
     smooth = computed + effect
     smooth = (smooth[:-2] + 4 * smooth[1:-1] + smooth[2:]) / 6
     late = abs(told[3:] - smooth[:-1]).max()
     assert late < OF_ROUNDING, f"drives are told values {late} mm off those of the commanded pose"
-    period = 1e-3
     shares = [max(abs(numpy.diff(values, n=order, axis=0)).max(axis=0) / period**order / limits[order - 1])
               for order in (1, 2) for values in (joints, told)]
     assert max(shares) <= 1, f"of their speed and acceleration joints need {shares}"
@@ -266,12 +267,12 @@ def corrections(out, rate, circles):
             f"{max(shares[2:]):.3f} of its acceleration")
 
 
-def ramp(effect, asked, rate):
-    """What is in effect where it begins in the cycle that the trace shows, and goes at its rate to its end."""
+def ramp(effect, asked, step):
+    """What is in effect where it begins in the cycle that the trace shows, and goes by a step a cycle to its end."""
     ramps = numpy.zeros_like(effect)
     for n, end in enumerate(asked):
         begun = numpy.cumsum(effect[:, n] != 0)
-        ramps[:, n] = numpy.sign(end) * numpy.minimum(begun * rate * 1e-3, abs(end))
+        ramps[:, n] = numpy.sign(end) * numpy.minimum(begun * step, abs(end))
     return ramps
 
 
