@@ -355,7 +355,7 @@ certify: setup module
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
 
-# A minute on two cores; `make test` proves all but the hexapod's.
+# Ten seconds on two cores; `make test` proves all but the hexapod's.
 boxes:
 	$(HOST_BUILD) --bin pkm
 	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done
