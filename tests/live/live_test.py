@@ -542,7 +542,7 @@ def drive_edits(file, machine_keys, joint_keys):
     edits = [{"section": "HAL", "key": "HALFILE",
               "lines": [f"HALFILE = board/board.tcl LIB:{file}", "HALFILE = LIB:pkmkins.tcl"]},
              {"section": "EMCMOT", "key": "BASE_PERIOD", "lines": [f"BASE_PERIOD = {BASE_PERIOD}"]},
-             {"section": "IO", "append": ["TOOL_CHANGE = NONE"]},
+             {"section": "IO", "append": ["ESTOP_PIN = NONE", "TOOL_CHANGE = NONE"]},
              *({"section": section, "append": lines} for section, lines in machine_keys.items())]
     for n in range(6):
         edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
@@ -609,7 +609,7 @@ CARD_OUTPUTS = ["hm2_test.0.gpio.000.out", "hm2_test.0.gpio.001.out"]
 
 def card(parts):
     return {"HOSTMOT2": ["DRIVER = hm2_test test_pattern=12", "BOARD = test", f"CONFIG = {parts}"],
-            "IO": ["ESTOP_PIN = NONE", f"ENABLE_PIN = {' '.join(CARD_OUTPUTS)}"]}
+            "IO": [f"ENABLE_PIN = {' '.join(CARD_OUTPUTS)}"]}
 
 
 def of_steps(n):
@@ -632,7 +632,7 @@ def of_port(n):
 def spindle_and_hot_coolant_pump(out):
     """On parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
     machine_keys = {"PARPORT": ["PORTS = 0x378 out 0x278 out"],
-                    "IO": ["ESTOP_PIN = NONE", "PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
+                    "IO": ["PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
                     "SPINDLE_0": ["OUTPUT_PIN = pwmgen.0.value", "OUTPUT_SCALE = 24000", "RAMP_TIME = 0.5",
                                   "FORWARD_PIN = parport.1.pin-03-out"]}
     edits = drive_edits("pkmkins_parport.tcl", machine_keys, of_port)
@@ -651,7 +651,7 @@ for name, arguments in {
     "mesa_servos": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"), partial(of_servo, at_home)),
     "mesa_servos_homed_by_switch_and_index": ("pkmkins_mesa_servo.tcl", card("num_encoders=6 num_pwmgens=6"),
                                               partial(of_servo, by_switch_and_index)),
-    "steps_of_a_port": ("pkmkins_parport.tcl", {"PARPORT": ["PORTS = 0x378 out"], "IO": ["ESTOP_PIN = NONE"]}, of_port),
+    "steps_of_a_port": ("pkmkins_parport.tcl", {"PARPORT": ["PORTS = 0x378 out"]}, of_port),
 }.items():
     options = {"outputs": CARD_OUTPUTS} if "mesa" in name else {}
     add_test(f"drives_{name}", partial(drives, *arguments, **options, **({"counts": 200} if "index" in name else {})))
