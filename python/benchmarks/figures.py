@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from pkmkins import Machine
 from pkmkins.design import Study
-from pkmkins.design.engine import Cluster, Processes, Serial, judged
-from pkmkins.design.search import sample
+from pkmkins.design.engine import BATCH, Cluster, Processes, Serial, judged
+from pkmkins.design.search import design, sample
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDY = ROOT / "docs" / "examples" / "design-hexapod.toml"
 POSES = 200_000
-TURNS = 5
+TURNS = 15
 CANDIDATES = 240
 
 
@@ -56,37 +56,67 @@ def by_numpy(machine):
     return inverse
 
 
+class Batch:
+    """The batch of workbench/benches/batch.rs, which answers in turns with Python."""
+
+    def __init__(self, ini, poses, folder):
+        rows = folder / "poses"
+        rows.write_bytes(poses.astype("<f8").tobytes())
+        words = ["cargo", "bench", "--locked", "--quiet", "-p", "pkm", "--bench", "batch", "--", ini, rows]
+        self._process = subprocess.Popen(words, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def seconds(self, call):
+        print(call, file=self._process.stdin, flush=True)
+        return float(self._process.stdout.readline())
+
+    def close(self):
+        self._process.communicate()
+
+
 def rates():
-    """Rows of poses a second, in millions: one core, all cores, numpy."""
-    code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from figures import measured; measured()"
-    )
+    """Rows of poses a second, in millions, on one core and on all: processes of their own, as cores are set at the start."""
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from figures import measured; measured()"
     found = []
-    for threads in ("1", "0"):
-        environment = os.environ | ({"RAYON_NUM_THREADS": threads} if threads != "0" else {})
-        run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    for cores in ({"RAYON_NUM_THREADS": "1"}, {}):
+        run = subprocess.run([sys.executable, "-c", code], env=os.environ | cores, stdout=subprocess.PIPE, text=True, check=True)
         found.append(json.loads(run.stdout))
     return found
 
 
 def measured():
-    machine = Machine.from_ini(ROOT / "configs" / "lab-hexapod" / "lab-hexapod.ini")
+    """Prints what one process measures, the calls in turns."""
+    ini = ROOT / "configs" / "lab-hexapod" / "lab-hexapod.ini"
+    machine = Machine.from_ini(ini)
     rng = np.random.default_rng(1)
     poses = machine.home + rng.uniform(-1, 1, (POSES, 6)) * [40, 40, 30, 5, 5, 5]
-    joints = machine.inverse(poses).values
+    joints, seeds = machine.inverse(poses).values, poses + [0.1, 0, 0, 0.01, 0, 0]
     plain = by_numpy(machine)
-    calls = {
-        "inverse": lambda: machine.inverse(poses),
-        "forward, seeds 0.1 mm and 0.01° away": lambda: machine.forward(joints, seed=poses + [0.1, 0, 0, 0.01, 0, 0]),
-        "jacobian": lambda: machine.jacobian(poses),
-        "margins": lambda: machine.margins(poses),
-        "inverse in numpy": lambda: plain(poses),
-    }
-    seconds = {name: [] for name in calls}
-    for _ in range(TURNS):
-        for name, call in calls.items():
-            seconds[name].append(timed(call))
-    print(json.dumps({name: POSES / median(times) * 1e-6 for name, times in seconds.items()}))
+    with tempfile.TemporaryDirectory() as name:
+        batch = Batch(ini, poses, Path(name))
+        calls = {
+            "inverse": lambda: timed(lambda: machine.inverse(poses)),
+            "inverse, batch in Rust": lambda: batch.seconds("inverse"),
+            "inverse in numpy": lambda: timed(lambda: plain(poses)),
+            "forward, seeds 0.1 mm and 0.01° away": lambda: timed(lambda: machine.forward(joints, seed=seeds)),
+            "forward, batch in Rust": lambda: batch.seconds("forward"),
+            "jacobian": lambda: timed(lambda: machine.jacobian(poses)),
+            "margins": lambda: timed(lambda: machine.margins(poses)),
+        }
+        turns = [{name: call() for name, call in calls.items()} for _ in range(TURNS)]
+        batch.close()
+    print(json.dumps({name: POSES / median([turn[name] for turn in turns]) * 1e-6 for name in calls}))
+
+
+def searched():
+    """The front of the study with all its candidates by two processes, and the seconds that it took."""
+    study = Study.read(STUDY)
+    with tempfile.TemporaryDirectory() as name:
+        pool = Processes(2)
+        start = time.perf_counter()
+        front = design(study, Path(name) / "r.jsonl", engine=pool)
+        seconds = time.perf_counter() - start
+        pool.close()
+    return front, seconds
 
 
 def engines():
@@ -123,14 +153,15 @@ def middle(study):
 
 
 def nothing(address):
-    """Milliseconds that the engine adds to one batch: an empty question."""
+    """Milliseconds that client, scheduler and a worker take for a batch without work, many of them under way."""
     from distributed import Client
 
-    client = Client(address)
-    study = Study.read(STUDY)
-    seconds = [timed(lambda: client.submit(judged, study, [], pure=False).result()) for _ in range(50)]
-    client.close()
-    return median(seconds) * 1e3
+    study, count = Study.read(STUDY), 500
+    with Client(address) as client:
+        def empty():
+            client.gather([client.submit(judged, study, [], pure=False) for _ in range(count)])
+
+        return median([timed(empty) for _ in range(5)]) / count * 1e3
 
 
 class dask:
@@ -162,34 +193,73 @@ def processor():
     return f"{len(names)} cores of {names[0]}"
 
 
-def main():
-    one, all_cores = rates()
-    found, cost, size = engines()
+def table(head, rows):
+    """Lines of a table."""
+    return ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
+
+
+def of_rates(one, both):
+    """Poses a second, and beside what."""
+    def share(name, other):
+        return f"{one[name] / one[other]:.2f} and {both[name] / both[other]:.2f}"
+
+    forward = "forward, seeds 0.1 mm and 0.01° away"
+    return [
+        f"Millions of poses a second, lab-hexapod, {POSES} poses, all calls in turns, medians of {TURNS}:",
+        "",
+        *table(["call", "one core", "all cores"], [[name, f"{one[name]:.2f}", f"{both[name]:.2f}"] for name in one]),
+        "",
+        f"Beside the batch in Rust, on one core and on all, inverse reaches {share('inverse', 'inverse, batch in Rust')} of it,",
+        f"forward {share(forward, 'forward, batch in Rust')}; beside numpy inverse is {share('inverse', 'inverse in numpy')} times as fast.",
+    ]
+
+
+def of_search(front, seconds):
+    """The study with all its candidates."""
+    return [
+        f"[design-hexapod.toml](examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
+        f"of which {front.fitting} keep their limits at the poses looked at; {len(front.machines)} are on the front.",
+    ]
+
+
+def of_engines(found, cost, size, each):
+    """Engines beside one another, and what follows for many computers."""
     alone = found["this process"]
-    each = alone / CANDIDATES * 1e3
+    batch = max(1, int(np.ceil(cost / (0.05 * each))))
+    rows = [[name, f"{CANDIDATES / seconds:.1f}", f"{alone / seconds:.2f}"] for name, seconds in found.items()]
+    return [
+        f"The same study, a plain sample of {CANDIDATES}, of which fewer are measured to the end than in a search:",
+        "",
+        *table(["engine", "candidates a second", "beside one process"], rows),
+        "",
+        f"A batch without work takes client, scheduler and worker of Dask {cost:.2f} ms of this computer: {cost / BATCH:.3f} ms a candidate in",
+        f"batches of {BATCH}, which `pkm design` sends at the most, and below 5 % of the work from batches of {batch} on.",
+        "",
+        "## To the scale of the internet",
+        "",
+        f"A judgement of the search takes {each:.1f} ms of one core, and {size:.0f} bytes of the file. A million candidates take",
+        f"{each * 1e6 / 3.6e6:.0f} hours of one core and {size:.0f} MB. The scheduler has one core: with {1e3 / cost:.0f} batches of {BATCH} a second at the most",
+        f"it keeps {each / cost * BATCH:.0f} workers busy. A search waits for the end of each generation, so that more workers than a",
+        "generation has candidates (`population`) stand idle; a plain sample in parts (`--shard`) has neither limit.",
+    ]
+
+
+def main():
+    one, both = rates()
+    front, seconds = searched()
+    found, cost, size = engines()
+    each = 2 * seconds / front.judged * 1e3
     lines = [
         "# Figures of the Python package",
         "",
         f"Written by `make python-figures`. Measured on {processor()}, Python {platform.python_version()}, numpy {np.__version__}.",
-        "Medians of five turns; ratios hold elsewhere, times do not.",
+        "Ratios hold elsewhere, times do not.",
         "",
-        f"Millions of poses a second, lab-hexapod, {POSES} poses:",
+        *of_rates(one, both),
         "",
-        "| call | one core | all cores |",
-        "| --- | --- | --- |",
-        *[f"| {name} | {one[name]:.2f} | {all_cores[name]:.2f} |" for name in one],
+        *of_search(front, seconds),
         "",
-        f"Candidates of [design-hexapod.toml](examples/design-hexapod.toml), a plain sample of {CANDIDATES}:",
-        "",
-        "| engine | candidates a second | beside one process |",
-        "| --- | --- | --- |",
-        *[f"| {name} | {CANDIDATES / seconds:.1f} | {alone / seconds:.2f} |" for name, seconds in found.items()],
-        "",
-        f"A judgement takes {each:.1f} ms of one core and {size:.0f} bytes of the file. An empty batch takes {cost:.1f} ms by Dask's",
-        f"scheduler on the same computer: below 5 % from batches of {max(1, int(np.ceil(cost / (0.05 * each))))} candidates on; `pkm design` sends up to 16.",
-        "",
-        f"A million candidates take {each * 1e6 / 3.6e6:.0f} hours of one core and {size * 1e-3:.0f} MB. The scheduler, which has one",
-        f"core, hands out some {1e3 / cost:.0f} batches a second here: with 16 candidates each it is busy at about {1e3 / cost * 16 * each / 1e3:.0f} workers.",
+        *of_engines(found, cost, size, each),
     ]
     (ROOT / "docs" / "design-figures.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
