@@ -715,7 +715,9 @@ def feedback_without_a_number(machine: Machine, out, joint, code, after):
     machine.start()
     machine.command.mode(linuxcnc.MODE_MDI)
     machine.command.wait_complete()
-    machine.command.mdi("G1 F1200 X30")
+    # Nine seconds of motion: a busy computer may take two of them until the encoder says NaN, and a move that has
+    # ended by then leaves no feed to hold.
+    machine.command.mdi("G1 F200 X30")
     machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
     pin = f"joint.{joint}.motor-pos-fb"
     signal = f"J{joint}:motor-pos-fb"
