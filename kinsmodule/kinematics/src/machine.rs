@@ -208,7 +208,6 @@ impl Machine {
     /// connected one.
     ///
     /// Cost: at most `limit_iterations` linear solves and [`crate::MAX_SUB_STEPS`] sub-steps.
-    #[inline]
     pub fn forward(
         &self,
         joints: &Joints,
@@ -226,7 +225,6 @@ impl Machine {
     ///
     /// # Errors
     /// As [`Machine::forward`].
-    #[inline]
     pub fn forward_into(
         &self,
         joints: &Joints,
