@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The text of an INI file with other values: every other line, comments and layout stay.
 
-use similar::TextDiff;
+use diffy::DiffOptions;
 use std::ops::Range;
 
 /// A section that is not in the file.
@@ -20,13 +20,15 @@ pub struct Edit {
     pub value: String,
 }
 
-/// Both texts as a difference that people and `patch` read, with so many lines around each change.
+/// Both texts as a difference that people and `patch` read, with so many lines around each change; nothing for
+/// texts that are equal.
 pub fn difference(old: &str, new: &str, names: (&str, &str), around: usize) -> String {
-    TextDiff::from_lines(old, new)
-        .unified_diff()
-        .context_radius(around)
-        .header(names.0, names.1)
-        .to_string()
+    let patch = DiffOptions::new()
+        .set_context_len(around)
+        .set_original_filename(names.0.to_owned())
+        .set_modified_filename(names.1.to_owned())
+        .create_patch(old, new);
+    if patch.hunks().is_empty() { String::new() } else { patch.to_string() }
 }
 
 /// The text with these values.
