@@ -2,11 +2,13 @@
 //! One kinematics module, loaded as `rtapi_app` loads it.
 
 use crate::stub::{self, Message, Pin, World, function};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ffi::{CStr, CString, c_char, c_int, c_ulong, c_void};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// LinuxCNC's `EmcPose` as numbers: x y z a b c u v w, degrees for angles.
 pub type Pose = [f64; 9];
@@ -415,14 +417,41 @@ fn linuxcnc_modules() -> PathBuf {
 /// Opens a copy of the file: the dynamic linker knows libraries by inode, and
 /// only another inode gets statics of its own. The name is not needed afterwards.
 fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
-    static NUMBER: AtomicU32 = AtomicU32::new(0);
-    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    let copy =
-        std::env::temp_dir().join(format!("pkmkins-test-{}-{number}.so", std::process::id()));
-    std::fs::copy(path, &copy).map_err(|error| format!("{}: {error}", path.display()))?;
+    let say = |error: std::io::Error| format!("{}: {error}", path.display());
+    let copy = own_name();
+    std::fs::write(&copy, &*without_lines(path).map_err(say)?).map_err(say)?;
     let object = stub::open(&copy, false);
     let _ = std::fs::remove_file(&copy);
     object
+}
+
+/// A name that no other test uses.
+fn own_name() -> PathBuf {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    std::env::temp_dir().join(format!("pkmkins-test-{}-{number}.so", std::process::id()))
+}
+
+/// The file without its lines for a debugger, four fifths of the module: the tests copy it thousands of times.
+fn without_lines(path: &Path) -> std::io::Result<Arc<[u8]>> {
+    static KNOWN: Mutex<BTreeMap<PathBuf, Arc<[u8]>>> = Mutex::new(BTreeMap::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(bytes) = known.get(path) {
+        return Ok(bytes.clone());
+    }
+    let stripped = own_name();
+    let status = Command::new("strip")
+        .arg("--strip-debug")
+        .arg("-o")
+        .args([stripped.as_path(), path])
+        .status()?;
+    if !status.success() {
+        return Err(std::io::Error::other("strip failed"));
+    }
+    let bytes: Arc<[u8]> = std::fs::read(&stripped)?.into();
+    let _ = std::fs::remove_file(&stripped);
+    known.insert(path.into(), bytes.clone());
+    Ok(bytes)
 }
 
 /// Writes loadrt parameters as `rtapi_app` does: through the address symbol.

@@ -210,8 +210,8 @@ fn forward_returns_to_the_pose_on_random_machines() {
                 continue;
             };
             let apart = distance(&found, &pose, pair.machine.radius());
-            let message = format!("{apart} from {pose:?} to {found:?}: {:?}", pair.machine);
-            assert!(apart <= ROUND_TRIP_REL * pair.size, "{message}");
+            let is_found = apart <= ROUND_TRIP_REL * pair.size;
+            assert!(is_found, "{apart} from {pose:?} to {found:?}: {:?}", pair.machine);
             solved += 1;
         }
     }

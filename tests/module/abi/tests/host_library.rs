@@ -127,8 +127,8 @@ fn forward_gives_the_same_bits_as_the_host_library_near_and_far() {
                 let start = kinematics::Pose::from_degrees(six(&seed));
                 let host = frozen.forward(&host_joints(&joints), &start, &tool, &solver);
                 let host = host.expect("solves").pose.to_degrees();
-                let message = format!("{}: {pose:?} from {seed:?}", subject.name);
-                assert_eq!(ours[..6].map_bits(), host.map_bits(), "{message}");
+                let (ours, name) = (ours[..6].map_bits(), subject.name);
+                assert_eq!(ours, host.map_bits(), "{name}: {pose:?} from {seed:?}");
             }
         }
     }

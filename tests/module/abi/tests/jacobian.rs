@@ -71,9 +71,8 @@ fn largest_error(subject: &Subject, module: &Module, pose: &Pose) -> f64 {
         for column in (0..6).filter(|c| subject.machine.moves(*c)) {
             let (one, other) = (found[column], expected[column]);
             let off = (one - other).abs() / scale;
-            let message =
-                format!("{} [{row}][{column}] {one} is not {other} at {pose:?}", subject.name);
-            assert!(off <= DIFFERENCE, "{message}");
+            let name = &subject.name;
+            assert!(off <= DIFFERENCE, "{name} [{row}][{column}] {one} is not {other} at {pose:?}");
             worst = worst.max(off);
         }
     }

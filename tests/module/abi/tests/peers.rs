@@ -116,8 +116,11 @@ impl Peer {
             let code = self.ours.forward_into(joints, &mut world);
             assert_eq!(code, 0, "{pose:?} of {:?}", self.machine);
             let off = distance(&world, &self.beside(&theirs, &world), self.machine.radius()) / size;
-            let message = format!("cycle {cycle}: {off} from {theirs:?} to {world:?}");
-            assert!(off <= allowed, "{message} of {:?}", self.machine);
+            let machine = &self.machine;
+            assert!(
+                off <= allowed,
+                "cycle {cycle}: {off} from {theirs:?} to {world:?} of {machine:?}"
+            );
             self.worst_pose = if cycle == 1 { self.worst_pose.max(off) } else { self.worst_pose };
         }
         self.solved += 1;

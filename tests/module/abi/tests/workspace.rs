@@ -17,8 +17,8 @@ fn error(subject: &Subject, module: &Module, pose: &Pose, seed: &Pose) -> f64 {
     let found = found
         .unwrap_or_else(|code| panic!("{}: code {code} from {seed:?} to {pose:?}", subject.name));
     let apart = distance(&found, pose, subject.machine.radius());
-    let message = format!("{}: {apart} from {pose:?} to {found:?}", subject.name);
-    assert!(apart <= ROUND_TRIP_REL * subject.machine.size(), "{message}");
+    let is_found = apart <= ROUND_TRIP_REL * subject.machine.size();
+    assert!(is_found, "{}: {apart} from {pose:?} to {found:?}", subject.name);
     apart
 }
 
