@@ -178,14 +178,14 @@ impl Machine {
         tool: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        if let Some(spheres) = self.spheres()
-            && let Some(found) = spheres.joints(pose, tool)
-            && let Some(joints) = joints.first_chunk_mut()
-        {
-            *joints = found;
-            return Ok(());
-        }
         each!(self, m => m.inverse(pose, tool, joints))
+    }
+
+    /// Joint values of a pose (machine units, degrees) of three legs that move X, Y and Z, to the bits of
+    /// [`Machine::inverse_into`] and in less time; `None` where that has to tell.
+    #[inline(always)]
+    pub fn joints_of_three(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
+        self.spheres()?.joints(degrees, tool)
     }
 
     /// Whether a tool vector may be computed with.

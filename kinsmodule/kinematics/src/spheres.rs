@@ -38,7 +38,6 @@ use crate::lanes::{
 };
 use crate::leg::{Drive, LEAST_DRIVE, Leg};
 use crate::mechanism::Mechanism;
-use crate::pose::Pose;
 use nalgebra::Vector3;
 use wide::f64x2;
 
@@ -226,14 +225,16 @@ impl Spheres {
         self.sizes = Sizes::of(&rod, &self.bend, self.least_length);
     }
 
-    /// Joint values of a pose, to the bits of the general method; `None` where that has to tell.
+    /// Joint values of a pose in degrees, to the bits of the general method; `None` where that has to tell.
     #[inline(always)]
-    pub fn joints(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<[f64; 3]> {
-        if !(pose.angles == Vector3::zeros() && self.is_within_reach(tool)) {
+    pub fn joints(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
+        let [x, y, z, a, b, c] = *degrees;
+        if !(a == 0.0 && b == 0.0 && c == 0.0 && self.is_within_reach(tool)) {
             return None;
         }
-        let centre = pose.position - tool + (tool + self.reference);
-        let centre = wide(&centre);
+        // Wide from the start: pairs, see `lanes`.
+        let (place, tool, reference) = ([x, y, z].map(both), wide(tool), wide(&self.reference));
+        let centre = sum(&difference(&place, &tool), &sum(&tool, &reference));
         let way = |lane| difference(&sum(&self.arms.pair(lane), &centre), &self.base.pair(lane));
         self.joints_of(&[way(0), way(2)])
     }

@@ -150,7 +150,7 @@ impl Module {
         let pose = Pose::from_degrees(*degrees);
         let result = match self.prepared(|| !is_zero(degrees)) {
             Ok(()) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
-            Ok(()) => self.joints_of(&pose, joints),
+            Ok(()) => self.joints_of(degrees, &pose, joints),
             Err(fault) => Err(fault),
         };
         self.calls.note_inverse(&pose);
@@ -174,11 +174,15 @@ impl Module {
     }
 
     #[inline(always)]
-    fn joints_of(&self, pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
+    fn joints_of(&self, degrees: &[f64; 6], pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
         let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
         let request = self.requested_tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
-            frozen.machine.inverse_into(pose, &tool, joints)?;
+            let three = frozen.machine.joints_of_three(degrees, &tool);
+            match (three, joints.first_chunk_mut()) {
+                (Some(found), Some(joints)) => *joints = found,
+                _ => frozen.machine.inverse_into(pose, &tool, joints)?,
+            }
             self.correction.add(joints);
             return Ok(());
         }
