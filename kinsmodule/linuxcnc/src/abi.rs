@@ -88,50 +88,32 @@ pub struct RotationColumns {
 #[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 pub type PmRotationMatrix = RotationColumns;
 
-const _: () = assert!(size_of::<EmcPose>() == 9 * size_of::<f64>());
+// It is a `World`.
+const _: () = assert!(size_of::<EmcPose>() == size_of::<World>());
 const _: () = assert!(core::mem::offset_of!(EmcPose, w) == 8 * size_of::<f64>());
 
-impl EmcPose {
-    fn degrees(&self) -> [f64; 6] {
-        [self.tran.x, self.tran.y, self.tran.z, self.a, self.b, self.c]
-    }
+/// X … C of LinuxCNC's pose.
+#[inline(always)]
+fn degrees(world: &World) -> &[f64; 6] {
+    let [pose @ .., _, _, _] = world;
+    pose
+}
 
-    fn world(&self) -> World {
-        let [x, y, z, a, b, c] = self.degrees();
-        [x, y, z, a, b, c, self.u, self.v, self.w]
-    }
-
-    fn set_world(&mut self, v: World) {
-        self.set_degrees([v[0], v[1], v[2], v[3], v[4], v[5]]);
-        [self.u, self.v, self.w] = [v[6], v[7], v[8]];
-    }
-
-    /// Writes X … C and leaves U V W alone.
-    fn set_degrees(&mut self, v: [f64; 6]) {
-        self.tran = PmCartesian { x: v[0], y: v[1], z: v[2] };
-        [self.a, self.b, self.c] = [v[3], v[4], v[5]];
-    }
-
-    /// Makes the coordinates that the machine moves NaN; all of X … C if none is known.
-    fn set_nan(&mut self, layout: Option<&Layout>) {
-        let mut values = self.degrees();
-        for (value, letter) in values.iter_mut().zip(Letter::ALL) {
-            if !layout.is_some_and(|layout| layout.is_held(letter)) {
-                *value = f64::NAN;
-            }
+/// Makes the coordinates that the machine moves NaN; all of X … C if none is known.
+fn set_nan(world: &mut World, layout: Option<&Layout>) {
+    for (value, letter) in world.iter_mut().zip(Letter::ALL) {
+        if !layout.is_some_and(|layout| layout.is_held(letter)) {
+            *value = f64::NAN;
         }
-        self.set_degrees(values);
     }
+}
 
-    /// The same of both mechanisms.
-    #[cold]
-    fn set_nan_of_both(&mut self, module: &Module) {
-        self.set_nan(Some(module.layout()));
-        let mut all = self.world();
-        for place in module.load().second().into_iter().flat_map(SecondLetters::places) {
-            all.get_mut(place).into_iter().for_each(|value| *value = f64::NAN);
-        }
-        self.set_world(all);
+/// The same of both mechanisms.
+#[cold]
+fn set_nan_of_both(world: &mut World, module: &Module) {
+    set_nan(world, Some(module.layout()));
+    for place in module.load().second().into_iter().flat_map(SecondLetters::places) {
+        world.get_mut(place).into_iter().for_each(|value| *value = f64::NAN);
     }
 }
 
@@ -218,14 +200,14 @@ pub unsafe extern "C" fn kinematicsForward(
     _iflags: *mut KINEMATICS_INVERSE_FLAGS,
 ) -> c_int {
     // SAFETY: LinuxCNC passes its joint array and pose, from its servo thread.
-    let (world, module) = unsafe { (world.as_mut(), module()) };
+    let (world, module) = unsafe { (world.cast::<World>().as_mut(), module()) };
     let Some(world) = world else { return Cause::NullPointer.code() };
     let Some(module) = module else {
-        world.set_nan(None);
+        set_nan(world, None);
         return Cause::NullPointer.code();
     };
     if joint.is_null() {
-        world.set_nan(Some(module.layout()));
+        set_nan(world, Some(module.layout()));
         return Cause::NullPointer.code();
     }
     // SAFETY: the array holds as many values as the machine has joints.
@@ -244,7 +226,7 @@ pub unsafe extern "C" fn kinematicsForward(
         Ok(()) => {}
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
-        Err(_) => world.set_nan(Some(module.layout())),
+        Err(_) => set_nan(world, Some(module.layout())),
     }
     code(result)
 }
@@ -256,12 +238,12 @@ pub unsafe extern "C" fn kinematicsForward(
 /// [`module`].
 #[cold]
 #[inline(never)]
-unsafe fn inverse_of_both(world: &EmcPose, joint: *mut f64, module: &mut Module) -> c_int {
+unsafe fn inverse_of_both(world: &World, joint: *mut f64, module: &mut Module) -> c_int {
     // SAFETY: the caller vouches for the room.
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.load().joints()) };
     // SAFETY: the caller's reference is the only one.
     let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
-    code(pair.inverse(&world.world(), joints))
+    code(pair.inverse(world, joints))
 }
 
 /// [`kinematicsForward`] of two mechanisms.
@@ -271,33 +253,31 @@ unsafe fn inverse_of_both(world: &EmcPose, joint: *mut f64, module: &mut Module)
 /// [`module`].
 #[cold]
 #[inline(never)]
-unsafe fn forward_of_both(joint: *const f64, world: &mut EmcPose, module: &mut Module) -> c_int {
+unsafe fn forward_of_both(joint: *const f64, world: &mut World, module: &mut Module) -> c_int {
     let address = &raw const *world as usize;
     // SAFETY: as above.
     let joints = unsafe { core::slice::from_raw_parts(joint, module.load().joints()) };
-    let mut all = world.world();
+    let mut all = *world;
     // SAFETY: the caller's reference is the only one.
     let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
     let result = pair.forward(joints, &mut all, address);
     match result {
-        Ok(()) => world.set_world(all),
+        Ok(()) => *world = all,
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
-        Err(_) => world.set_nan_of_both(pair.first),
+        Err(_) => set_nan_of_both(world, pair.first),
     }
     code(result)
 }
 
 /// Forward of a machine whose pose is LinuxCNC's.
 #[inline(always)]
-fn plain_forward(module: &mut Module, joints: &[f64], world: &mut EmcPose) -> Result<(), Fault> {
+fn plain_forward(module: &mut Module, joints: &[f64], world: &mut World) -> Result<(), Fault> {
     let address = &raw const *world as usize;
-    let mut pose = world.degrees();
+    let [pose @ .., _, _, _] = world;
     match module.kind() {
-        Kind::Identity => module.identity_forward(joints, &mut pose),
-        Kind::Machine => module.forward(joints, &mut pose, address),
-    }?;
-    world.set_degrees(pose);
-    Ok(())
+        Kind::Identity => module.identity_forward(joints, pose),
+        Kind::Machine => module.forward(joints, pose, address),
+    }
 }
 
 /// Forward of every machine.
@@ -306,16 +286,16 @@ fn forward_of(
     module: &mut Module,
     joints: &[f64],
     extra: &[f64],
-    world: &mut EmcPose,
+    world: &mut World,
 ) -> Result<(), Fault> {
     let address = &raw const *world as usize;
     module.check_extra(extra)?;
-    let mut all = world.world();
+    let mut all = *world;
     match module.kind() {
         Kind::Identity => module.identity_forward_of(joints, extra, &mut all),
         Kind::Machine => module.forward_of(joints, extra, &mut all, address),
     }?;
-    world.set_world(all);
+    *world = all;
     Ok(())
 }
 
@@ -335,7 +315,7 @@ pub unsafe extern "C" fn kinematicsInverse(
     _fflags: *mut KINEMATICS_FORWARD_FLAGS,
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and joint array, from its servo thread.
-    let (world, module) = unsafe { (world.as_ref(), module()) };
+    let (world, module) = unsafe { (world.cast::<World>().as_ref(), module()) };
     let (Some(world), false, Some(module)) = (world, joint.is_null(), module) else {
         return Cause::NullPointer.code();
     };
@@ -343,20 +323,19 @@ pub unsafe extern "C" fn kinematicsInverse(
     // SAFETY: the array holds as many values as the machine has joints.
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, count) };
     let result = match module.kind() {
-        Kind::Machine if module.is_plain() => module.inverse(&world.degrees(), joints),
+        Kind::Machine if module.is_plain() => module.inverse(degrees(world), joints),
         _ if module.load().second().is_some() => {
             // SAFETY: as above, from its servo thread.
             return unsafe { inverse_of_both(world, joint, module) };
         }
-        Kind::Machine => module.inverse_of(&world.world(), joints),
+        Kind::Machine => module.inverse_of(world, joints),
         Kind::Identity => {
-            let pose = module.without_extra(&world.world());
+            let pose = module.without_extra(world);
             module.identity_inverse(&pose, joints)
         }
     };
     if result.is_ok() && !module.extra().is_empty() {
-        let all = world.world();
-        let values = module.extra().places().filter_map(|place| all.get(place));
+        let values = module.extra().places().filter_map(|place| world.get(place));
         for (i, value) in values.enumerate() {
             // SAFETY: as above; the extra axes' joints stand behind the others.
             unsafe { joint.add(count + i).write(*value) };
@@ -382,26 +361,23 @@ pub unsafe extern "C" fn kinematicsJacobian(
 ) -> c_int {
     // SAFETY: LinuxCNC passes its pose and a 16 × 9 array, from its servo thread.
     let (world, jac, module) =
-        unsafe { (world.as_ref(), jac.cast::<[World; ROWS]>().as_mut(), module()) };
+        unsafe { (world.cast::<World>().as_ref(), jac.cast::<[World; ROWS]>().as_mut(), module()) };
     let (Some(world), Some(jac), Some(module)) = (world, jac, module) else {
         return -1;
     };
     if module.load().second().is_some() {
         let mut rows = [World::default(); ROWS];
         // SAFETY: this reference is the only one.
-        let result =
-            unsafe { pair(module) }.map(|mut pair| pair.jacobian(&world.world(), &mut rows));
+        let result = unsafe { pair(module) }.map(|mut pair| pair.jacobian(world, &mut rows));
         let Some(Ok(())) = result else { return -1 };
         *jac = rows;
     } else {
         let rows = match module.kind() {
             Kind::Identity => Ok((module.identity_jacobian(), None)),
             Kind::Machine if module.is_plain() => {
-                module.jacobian(&Pose::from_degrees(world.degrees())).map(|rows| (rows, None))
+                module.jacobian(&Pose::from_degrees(*degrees(world))).map(|rows| (rows, None))
             }
-            Kind::Machine => {
-                module.jacobian_of(&world.world()).map(|(rows, rates)| (rows, Some(rates)))
-            }
+            Kind::Machine => module.jacobian_of(world).map(|(rows, rates)| (rows, Some(rates))),
         };
         let Ok((rows, rates)) = rows else { return -1 };
         *jac = [World::default(); ROWS];

@@ -54,6 +54,8 @@ impl Seeds {
         (self.callers, self.last) = ([None; CALLERS], None);
     }
 
+    /// Where it is called: a pose that is passed in memory is written in threes and read in pairs.
+    #[inline(always)]
     pub(super) fn remember(&mut self, address: usize, pose: Pose) {
         self.last = Some(pose);
         let entry = Caller { address, pose, seed_is_stale: false };
