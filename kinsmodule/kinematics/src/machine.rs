@@ -161,7 +161,11 @@ impl Machine {
     #[inline(never)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let mut joints = [0.0; MAX_JOINTS];
-        self.inverse_into(pose, tool, &mut joints)?;
+        let spheres = self.spheres();
+        match spheres.and_then(|spheres| spheres.joints(&pose.position, &pose.angles, tool)) {
+            Some([one, two, three]) => (joints[0], joints[1], joints[2]) = (one, two, three),
+            None => self.inverse_into(pose, tool, &mut joints)?,
+        }
         Ok(joints)
     }
 
@@ -185,7 +189,8 @@ impl Machine {
     /// [`Machine::inverse_into`] and in less time; `None` where that has to tell.
     #[inline(always)]
     pub fn joints_of_three(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
-        self.spheres()?.joints(degrees, tool)
+        let [x, y, z, a, b, c] = *degrees;
+        self.spheres()?.joints(&Vector3::new(x, y, z), &Vector3::new(a, b, c), tool)
     }
 
     /// Whether a tool vector may be computed with.

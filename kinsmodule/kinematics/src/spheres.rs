@@ -225,15 +225,21 @@ impl Spheres {
         self.sizes = Sizes::of(&rod, &self.bend, self.least_length);
     }
 
-    /// Joint values of a pose in degrees, to the bits of the general method; `None` where that has to tell.
+    /// Joint values of a control point, and of angles in any unit, to the bits of the general method;
+    /// `None` where that has to tell.
     #[inline(always)]
-    pub fn joints(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
-        let [x, y, z, a, b, c] = *degrees;
-        if !(a == 0.0 && b == 0.0 && c == 0.0 && self.is_within_reach(tool)) {
+    pub fn joints(
+        &self,
+        point: &Vector3<f64>,
+        angles: &Vector3<f64>,
+        tool: &Vector3<f64>,
+    ) -> Option<[f64; 3]> {
+        let turned = angles.x.abs() + angles.y.abs() + angles.z.abs();
+        if !(turned == 0.0 && self.is_within_reach(tool)) {
             return None;
         }
         // Wide from the start: pairs, see `lanes`.
-        let (place, tool, reference) = ([x, y, z].map(both), wide(tool), wide(&self.reference));
+        let (place, tool, reference) = (wide(point), wide(tool), wide(&self.reference));
         let centre = sum(&difference(&place, &tool), &sum(&tool, &reference));
         let way = |lane| difference(&sum(&self.arms.pair(lane), &centre), &self.base.pair(lane));
         self.joints_of(&[way(0), way(2)])
