@@ -582,7 +582,19 @@ fn a_proposal_is_written_whole_or_not_at_all() {
         (
             "place = [0, 0, 580]",
             "place = [0, 0, 5800]",
-            "0 of 30 poses within the machine's limits",
+            "object plate: no pose within the machine's limits: held against it without a tilt, axis Z is at",
+        ),
+        ("tool = [0, 0, 60]", "tool = [0, 0, 1e6]", "axis Z is at"),
+        ("tool = [0, 0, 60]", "tool = [0, 0, 1e300]", "see whether unit, place and tool are right"),
+        (
+            "tool = [0, 0, 60]",
+            "tool = [0, 0, -60]",
+            "tool: expected the other sign of Z, for [PKM]TOOL_DIRECTION = down has the tip below",
+        ),
+        (
+            "size = [120, 120]",
+            "size = [120, 120]\n[[object]]\nname = \"far\"\nplace = [900, 0, 580]\nsize = [50, 50]",
+            "object far: no pose within the machine's limits",
         ),
         ("tool =", "count = 0\ntool =", "count = 0: expected 1 to 500"),
         ("name = \"plate\"", "name = \"a plate\"", "name: expected letters"),

@@ -5,7 +5,7 @@ use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
 use crate::limits;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Pose, Vector3};
+use kinematics::{Fault, Letter, Limit, Margin, Part, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -115,20 +115,54 @@ pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u6
         .collect()
 }
 
+/// Why no program takes the machine to a pose.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Refused {
+    /// A limit of the machine, or of an axis.
+    Limit(Margin),
+    /// There are no joint values.
+    Fault(Fault),
+}
+
+impl Refused {
+    /// What would be, as a sentence.
+    pub(crate) fn sentence(&self, config: &MachineConfig) -> String {
+        match self {
+            Self::Limit(margin) => limits::sentence(config, margin),
+            Self::Fault(fault) => fault.to_string(),
+        }
+    }
+}
+
 /// Whether LinuxCNC lets a program take the machine to a pose: within the limits of the axes too, which it compares
 /// with the position, tool offset included.
-pub(crate) fn is_programmable(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+///
+/// # Errors
+/// What it does not keep.
+pub(crate) fn programmable(
+    config: &MachineConfig,
+    pose: &Pose,
+    tool: &Vector3<f64>,
+) -> Result<(), Refused> {
     let layout = config.machine.layout();
     let values = pose.to_degrees();
-    let within = Letter::ALL.iter().all(|letter| {
-        let axis = &config.axes[letter.index()];
-        layout.is_held(*letter) || (axis.min..=axis.max).contains(&values[letter.index()])
+    let moved = Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
+    let mut axes = moved.map(|letter| {
+        let (axis, value) = (&config.axes[letter.index()], values[letter.index()]);
+        Margin { limit: Limit::Axis, part: Part::Axis(letter), value, range: [axis.min, axis.max] }
     });
-    within && is_legal(config, pose, tool)
+    match axes.find(|margin| !margin.is_kept()) {
+        Some(margin) => Err(Refused::Limit(margin)),
+        None => legal(config, pose, tool),
+    }
 }
 
 /// Whether the machine can take a pose.
 pub(crate) fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
-    let at = config.machine.at(pose, tool);
-    at.is_ok_and(|at| at.check(&limits::beyond_axes(config)).is_ok())
+    legal(config, pose, tool).is_ok()
+}
+
+fn legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Refused> {
+    let at = config.machine.at(pose, tool).map_err(Refused::Fault)?;
+    at.check(&limits::beyond_axes(config)).map_err(Refused::Limit)
 }

@@ -264,7 +264,7 @@ impl<'a> Maker<'a> {
         let [a, b, c] = *angles;
         places.iter().all(|[x, y, z]| {
             let pose = log::shown(self.config, [*x, *y, *z, a, b, c], &self.tool);
-            at_tool::is_programmable(self.config, &pose, &self.tool)
+            at_tool::programmable(self.config, &pose, &self.tool).is_ok()
         })
     }
 

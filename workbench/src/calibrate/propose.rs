@@ -2,7 +2,7 @@
 //! Poses at which to read a gauge: of many that the machine can take, those that make its motion surest, and
 //! a way through them that keeps away from what is measured.
 
-use super::at_tool::{self, CONFIDENCE};
+use super::at_tool::{self, CONFIDENCE, Refused};
 use super::fit::covariance;
 use super::gauge::{Kind, Object, normal};
 use super::log;
@@ -65,6 +65,12 @@ pub enum NoProposal {
     /// An object beside the machine's motion.
     #[error("object {0}: the machine does not move along Z of it: give it other angles")]
     Across(String),
+    /// None within the limits.
+    #[error(
+        "object {0}: no pose within the machine's limits: held against it without a tilt, {1}: see whether unit, place \
+         and tool are right"
+    )]
+    OutOfReach(String, String),
     /// Too few poses within the limits.
     #[error(
         "{found} of {wanted} poses within the machine's limits: say where the objects are, or allow other \
@@ -166,11 +172,38 @@ impl Maker<'_> {
             let draw = std::array::from_fn(|_| random.random_range(-1.0..=1.0));
             found.extend(self.candidate(object, draw));
         }
-        Ok(found)
+        match found.is_empty() {
+            true => Err(NoProposal::OutOfReach(own.name.clone(), self.refused(object))),
+            false => Ok(found),
+        }
+    }
+
+    /// What keeps the machine from an object, at the first pose that it is tried at.
+    fn refused(&self, object: usize) -> String {
+        let own = &self.setup.objects[object];
+        let Some(at) = self.posed(object, [0.0; 5]) else {
+            return "the machine does not move to where the gauge shows what is expected".into();
+        };
+        let over = self.away(own, &at).map_or(at, |away| self.drawn_back(at, &away));
+        match self.judged(&at).and(self.judged(&over)) {
+            Err(refused) => refused.sentence(self.config),
+            Ok(()) => "there is no way to it".into(),
+        }
     }
 
     /// The pose of numbers from -1 to 1: two for the place on the object, three for the angles.
-    fn candidate(&self, object: usize, [u, v, a, b, c]: [f64; 5]) -> Option<Candidate> {
+    fn candidate(&self, object: usize, draw: [f64; 5]) -> Option<Candidate> {
+        let own = &self.setup.objects[object];
+        let at = self.posed(object, draw)?;
+        let expected = self.setup.gauge.expected(self.config, own, at)?;
+        let stop = Stop { object, at, expected };
+        let over = self.drawn_back(at, &self.away(own, &at)?);
+        let is_legal = self.is_legal(&at) && self.is_legal(&over) && self.is_clear(&at, &over);
+        is_legal.then_some(Candidate { stop, over, high: over })
+    }
+
+    /// Where the tip is then.
+    fn posed(&self, object: usize, [u, v, a, b, c]: [f64; 5]) -> Option<[f64; 6]> {
         let own = &self.setup.objects[object];
         let mut at = self.config.home;
         for (k, share) in [(3, a), (4, b), (5, c)] {
@@ -182,13 +215,14 @@ impl Maker<'_> {
         }
         self.place(&mut at, own, self.setup.extents[object], [u, v])?;
         self.round(&mut at);
-        let expected = self.setup.gauge.expected(self.config, own, at)?;
-        let stop = Stop { object, at, expected };
-        let mut over = at;
-        self.shift(&mut over, &(self.away(own, &at)? * self.setup.clearance));
-        self.round(&mut over);
-        let is_legal = self.is_legal(&at) && self.is_legal(&over) && self.is_clear(&at, &over);
-        is_legal.then_some(Candidate { stop, over, high: over })
+        Some(at)
+    }
+
+    /// Away from an object in this direction.
+    fn drawn_back(&self, mut at: [f64; 6], away: &Vector3<f64>) -> [f64; 6] {
+        self.shift(&mut at, &(away * self.setup.clearance));
+        self.round(&mut at);
+        at
     }
 
     /// Puts the tip where the gauge would show what is expected.
@@ -259,9 +293,13 @@ impl Maker<'_> {
     }
 
     /// Whether the machine can take a pose, with the gauge in its spindle.
-    fn is_legal(&self, at: &[f64; 6]) -> bool {
+    fn judged(&self, at: &[f64; 6]) -> Result<(), Refused> {
         let tool = &self.setup.gauge.tool;
-        at_tool::is_programmable(self.config, &log::shown(self.config, *at, tool), tool)
+        at_tool::programmable(self.config, &log::shown(self.config, *at, tool), tool)
+    }
+
+    fn is_legal(&self, at: &[f64; 6]) -> bool {
+        self.judged(at).is_ok()
     }
 
     /// Whether the machine can go straight from one pose to the other.

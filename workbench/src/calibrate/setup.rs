@@ -123,8 +123,20 @@ impl Setup {
         let given: File = toml::from_str(&text).at(file)?;
         check(&given).at(file)?;
         let setup = given.in_machine(config);
+        setup.check_direction(config).at(file)?;
         setup.check_sides().at(file)?;
         Ok(setup)
+    }
+
+    /// Refuses a gauge that points where no tool of the machine does.
+    fn check_direction(&self, config: &MachineConfig) -> Result<(), BadSetup> {
+        match config.tool_direction.filter(|it| it.contradicts(self.gauge.tool.z)) {
+            None => Ok(()),
+            Some(direction) => Err(BadSetup(format!(
+                "tool: expected the other sign of Z, for {}",
+                direction.rule(config.place.machine_section())
+            ))),
+        }
     }
 
     /// Refuses planes whose face the gauge would come to from behind, through the plane.

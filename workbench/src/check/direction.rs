@@ -11,9 +11,9 @@ use crate::read::tools::Tool;
 /// for it, the length can be the difference to a longer tool that lengths were measured with.
 pub(super) fn check(config: &MachineConfig, tools: &[Tool]) -> Vec<(Severity, IniError)> {
     let Some(direction) = config.tool_direction else { return vec![] };
-    let is_wrong = |tool: &&Tool| points_otherwise(direction, tool.offset.z);
+    let is_wrong = |tool: &&Tool| direction.contradicts(tool.offset.z);
     let finding = |tool: &Tool| {
-        let severity = match points_otherwise(direction, tool.offset.z + config.spindle.z) {
+        let severity = match direction.contradicts(tool.offset.z + config.spindle.z) {
             true => Severity::Error,
             false => Severity::Warning,
         };
@@ -22,22 +22,13 @@ pub(super) fn check(config: &MachineConfig, tools: &[Tool]) -> Vec<(Severity, In
     tools.iter().filter(is_wrong).map(finding).collect()
 }
 
-fn points_otherwise(direction: ToolDirection, length: f64) -> bool {
-    ToolDirection::of_length(length).is_some_and(|found| found != direction)
-}
-
 fn text(
     config: &MachineConfig,
     tool: &Tool,
     direction: ToolDirection,
     severity: Severity,
 ) -> String {
-    let (length, sign, section) = (-tool.offset.z, direction.sign(), section(config));
-    let rule = format!(
-        "[{section}]TOOL_DIRECTION = {} has the tip {} the platform's reference point, where lengths are {sign}",
-        direction.name(),
-        direction.side()
-    );
+    let (length, rule) = (-tool.offset.z, direction.rule(config.place.machine_section()));
     match severity {
         Severity::Error => format!(
             "expected {length}: {rule}; where this tool points {}, TOOL_DIRECTION = {}",
@@ -50,8 +41,4 @@ fn text(
             config.spindle.z
         ),
     }
-}
-
-fn section(config: &MachineConfig) -> &'static str {
-    if config.place.is_second { "SECOND" } else { "PKM" }
 }

@@ -38,12 +38,28 @@ impl ToolDirection {
         }
     }
 
+    /// Whether a length has the tip on the other side.
+    pub fn contradicts(self, length: f64) -> bool {
+        Self::of_length(length).is_some_and(|found| found != self)
+    }
+
     /// Where the tip is seen from the reference point.
     pub const fn side(self) -> &'static str {
         match self {
             Self::Down => "below",
             Self::Up => "above",
         }
+    }
+
+    /// What that means for lengths, as the section says it.
+    pub fn rule(self, section: &str) -> String {
+        format!(
+            "[{section}]{} = {} has the tip {} the platform's reference point, where lengths are {}",
+            of_machine::TOOL_DIRECTION.name,
+            self.name(),
+            self.side(),
+            self.sign()
+        )
     }
 
     /// Sign of lengths.
@@ -78,13 +94,9 @@ pub(super) fn read(
     }
     let (name, offset) = (of_machine::SPINDLE_OFFSET.name, offset.unwrap_or(0.0));
     let text = format!(
-        "expected {}, as [{section}]{} = {} has the tip {} the platform's reference point, where lengths \
-         are {}; where the spindle points {}, TOOL_DIRECTION = {}",
+        "expected {}, as {}; where the spindle points {}, TOOL_DIRECTION = {}",
         -offset,
-        key.name,
-        given.name(),
-        given.side(),
-        given.sign(),
+        given.rule(section),
         found.name(),
         found.name(),
     );

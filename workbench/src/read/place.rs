@@ -54,6 +54,11 @@ impl Place {
         POSE_LETTERS[self.places[letter.index()]]
     }
 
+    /// Section of the mechanism as a whole.
+    pub fn machine_section(&self) -> &'static str {
+        if self.is_second { "SECOND" } else { "PKM" }
+    }
+
     /// Section of its leg `n`, counted from 0.
     pub fn leg_section(&self, n: usize) -> String {
         leg_section(self.first_leg + n)
