@@ -229,6 +229,25 @@ fn a_parameter_file_out_of_order_is_named() {
 }
 
 #[test]
+fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(crate::shipped::ini("hexapod")).unwrap();
+    let program = folder.path().join("p.ngc");
+    std::fs::write(&program, "G21 G54 G0 X1\nM2\n").unwrap();
+    std::fs::write(folder.path().join("rs274ngc.var"), "5220\t1\n5221\t7\n").unwrap();
+    for line in ["", "PARAMETER_FILE =", "PARAMETER_FILE = own.var"] {
+        let ini = folder.path().join("hexapod.ini");
+        std::fs::write(&ini, text.replace("PARAMETER_FILE = hexapod.var", line)).unwrap();
+        let mut config = MachineConfig::read(&ini).unwrap();
+        config.program.tool_table = None;
+        let steps = moves(&config, &program, None).unwrap();
+        let expected = if line.ends_with("own.var") { 1.0 } else { 8.0 };
+        let off = steps.last().unwrap().end[0] - expected;
+        assert!(off.abs() <= ROUNDING_MM, "{line:?}: {steps:?}");
+    }
+}
+
+#[test]
 fn loops_without_an_end_end() {
     let patience = Patience { moves: 1000, seconds: 2.0 };
     let folder = tempfile::tempdir().unwrap();

@@ -13,6 +13,7 @@ use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind};
 use crate::read::legs::check_leg_sections;
 use crate::read::models::Model;
 use crate::read::place::Place;
+use crate::read::places;
 use crate::read::values::Values;
 use keys::{machine as of_machine, second as of_second};
 use kinematics::{
@@ -46,7 +47,7 @@ const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
 /// What LinuxCNC's interpreter needs to read programs as this machine does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    /// `[RS274NGC]PARAMETER_FILE`, beside the INI file.
+    /// `[RS274NGC]PARAMETER_FILE`, or what LinuxCNC takes without it, beside the INI file; `None` keeps nothing.
     pub parameter_file: Option<PathBuf>,
     /// `[EMCIO]TOOL_TABLE`, beside the INI file.
     pub tool_table: Option<PathBuf>,
@@ -481,8 +482,10 @@ fn check_second_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
 fn program(ini: &Ini) -> Program {
     let text = |section, key| ini.first(section, key).map(|e: &Entry| e.value.clone());
     let folder = ini.file().parent().unwrap_or(Path::new(""));
+    let parameters = text("RS274NGC", "PARAMETER_FILE").filter(|name| !name.is_empty());
+    let parameters = parameters.unwrap_or(places::PARAMETERS.into());
     Program {
-        parameter_file: text("RS274NGC", "PARAMETER_FILE").map(|name| folder.join(name)),
+        parameter_file: Some(folder.join(parameters)),
         tool_table: text("EMCIO", "TOOL_TABLE").map(|name| folder.join(name)),
         startup_code: text("RS274NGC", "RS274NGC_STARTUP_CODE"),
         random_tools: text("EMCIO", "RANDOM_TOOLCHANGER").is_some_and(|value| value == "1"),

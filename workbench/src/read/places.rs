@@ -10,6 +10,8 @@ pub const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
 /// Programs.
 pub const BIN: &str = "/usr/bin";
+/// Parameters of programs, work offsets among them, where an INI file names no file: beside it.
+pub const PARAMETERS: &str = "rs274ngc.var";
 
 /// The file that a name in an INI file means: LinuxCNC runs in the folder of this, and `~/` is the user's.
 pub fn named(ini: &Path, name: &str) -> PathBuf {
