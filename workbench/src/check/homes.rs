@@ -3,6 +3,7 @@
 
 use crate::check::findings::Report;
 use crate::check::homing::{self, Trouble};
+use crate::check::sequence;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
@@ -28,7 +29,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), M
     let ini = &*config.ini;
     homes(report, ini, config)?;
     for trouble in homing::check(ini, config)? {
-        report.finding(severity(&trouble), homing_problem(ini, config, &trouble));
+        report.finding(severity(&trouble), homing_problem(ini, config, &trouble)?);
     }
     Ok(())
 }
@@ -144,12 +145,25 @@ fn severity(trouble: &Trouble) -> Severity {
     }
 }
 
-fn homing_problem(ini: &Ini, config: &MachineConfig, trouble: &Trouble) -> IniError {
-    match trouble {
+fn homing_problem(
+    ini: &Ini,
+    config: &MachineConfig,
+    trouble: &Trouble,
+) -> Result<IniError, IniError> {
+    Ok(match trouble {
         Trouble::LeftOut(i) => {
-            let text = "Home All leaves this joint out, and without it there is no world mode: give it the \
-                        number of the others";
-            ini.error(&format!("JOINT_{i}"), "HOME_SEQUENCE", None, text)
+            let section = format!("JOINT_{i}");
+            let text = match ini.first(&section, "HOME_SEQUENCE") {
+                None => "Home All leaves this joint out, and without it there is no world mode: give it the \
+                         number of the others"
+                    .into(),
+                Some(_) => format!(
+                    "Home All ends before this joint, for no joint has the number {}, and without it there is no world \
+                     mode: expected numbers from 0 or 1 on without a gap",
+                    sequence::end(ini)?
+                ),
+            };
+            at_key(ini, &section, "HOME_SEQUENCE", &text)
         }
         Trouble::Switch(i, beyond, unit) => {
             let text = format!(
@@ -174,7 +188,7 @@ fn homing_problem(ini: &Ini, config: &MachineConfig, trouble: &Trouble) -> IniEr
             );
             at_sequence(ini, *sequence, &text)
         }
-    }
+    })
 }
 
 fn at_sequence(ini: &Ini, sequence: i64, text: &str) -> IniError {

@@ -5,6 +5,7 @@
 //! sequence from HOME to the switches at HOME_OFFSET and back, its joints together, all others
 //! at HOME: a sequence that moves some of the legs alone tilts the platform.
 
+use crate::check::sequence;
 use crate::limits;
 use crate::read::ini::{Ini, IniError};
 use crate::read::machine::MachineConfig;
@@ -12,9 +13,6 @@ use kinematics::{Joints, MAX_JOINTS, Margin};
 
 /// Places looked at on the way of a sequence.
 const STEPS: u32 = 50;
-
-/// HOME_SEQUENCE of a joint that has none, as LinuxCNC reads it.
-const NO_SEQUENCE: f64 = 999.0;
 
 /// HOME_SEQUENCE of joints that home together and move back together.
 pub(crate) const TOGETHER: i64 = -1;
@@ -95,11 +93,10 @@ pub(crate) fn is_kept_together(ini: &Ini, config: &MachineConfig) -> Result<bool
 fn homing(ini: &Ini, i: usize) -> Result<Homing, IniError> {
     let section = format!("JOINT_{i}");
     let number = |key, default| ini.number_or(&section, key, default);
-    let sequence = number("HOME_SEQUENCE", NO_SEQUENCE)?;
     // With an absolute encoder there is no switch, and HOME_OFFSET is no place.
     let is_absolute = number("HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0;
     Ok(Homing {
-        sequence: (sequence != NO_SEQUENCE).then_some(sequence as i64),
+        sequence: sequence::of(ini, &section)?,
         switch: if is_absolute { None } else { Some(number("HOME_OFFSET", 0.0)?) },
     })
 }

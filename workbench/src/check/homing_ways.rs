@@ -7,6 +7,7 @@
 //! switch by a little, backs off and comes again is left out. With a negative HOME_SEQUENCE the joints of
 //! a sequence wait at their switches for each other.
 
+use crate::check::sequence;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::proof::axis_box;
@@ -26,9 +27,6 @@ const DRAWS: usize = 20 * STARTS;
 
 /// Places looked at on the way of a sequence.
 const STEPS: u32 = 40;
-
-/// HOME_SEQUENCE of a joint that has none, as LinuxCNC reads it.
-const NO_SEQUENCE: f64 = 999.0;
 
 /// How a joint finds its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -380,20 +378,20 @@ impl<'a> Homing<'a> {
 fn joint(ini: &Ini, config: &MachineConfig, i: usize) -> Result<Joint, IniError> {
     let section = config.place.joint_section(i);
     let number = |key, default| ini.number_or(&section, key, default);
-    let sequence = number("HOME_SEQUENCE", NO_SEQUENCE)?;
     let [search, latch] = [number("HOME_SEARCH_VEL", 0.0)?, number("HOME_LATCH_VEL", 0.0)?];
     let place = number("HOME_OFFSET", 0.0)?;
-    let speed = if search == 0.0 { latch.abs() } else { search.abs() };
+    let own = &config.joints[i];
+    // No joint moves faster, whatever its keys say.
+    let speed = if search == 0.0 { latch } else { search }.abs().min(own.max_velocity);
     let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
         0.0 if speed > 0.0 => Way::Search { switch: place, speed },
         0.0 => Way::Known(place),
         kind => Way::Absolute { moves: kind == 1.0 },
     };
-    let own = &config.joints[i];
     let back = number("HOME_FINAL_VEL", 0.0)?;
     Ok(Joint {
         way,
-        sequence: (sequence != NO_SEQUENCE).then_some(sequence as i64),
+        sequence: sequence::of(ini, &section)?,
         speed: if back > 0.0 { back.min(own.max_velocity) } else { own.max_velocity },
         home: own.home,
     })

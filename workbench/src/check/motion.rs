@@ -3,6 +3,7 @@
 
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
+use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::{Joint, JointKind};
@@ -23,6 +24,9 @@ const FAST: f64 = 10.0;
 /// where LinuxCNC changes its mode meanwhile and drops the two cycles by which its smoothing is late.
 const IN_A_CYCLE: f64 = 2.0;
 
+/// Play of a drive, in mm and degrees, beyond which its unit is doubted: worn screws and gears have less.
+const WORN: f64 = 1.0;
+
 /// Steps of differences: share of the machine's size, and degrees.
 const STEP: [f64; 2] = [1e-4, 0.01];
 
@@ -40,6 +44,8 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         kind(report, config, &section, joint);
         following(report, config, &section, joint)?;
         ramp(report, config, &section, joint);
+        backlash(report, config, &section, joint)?;
+        searches(report, config, &section, joint)?;
     }
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
@@ -132,6 +138,58 @@ fn ramp(report: &mut Report, config: &MachineConfig, section: &str, joint: &Join
         );
         report.finding(Severity::Error, at_key(&config.ini, section, "CORRECTION_RATE", &text));
     }
+}
+
+/// Play that no drive has, or that is taken away where it has to be added.
+fn backlash(
+    report: &mut Report,
+    config: &MachineConfig,
+    section: &str,
+    joint: &Joint,
+) -> Result<(), IniError> {
+    const KEY: &str = "BACKLASH";
+    let (ini, unit) = (&config.ini, config.unit(joint.kind));
+    let play = ini.number_or(section, KEY, 0.0)?;
+    let scale = if joint.kind == JointKind::Arm { 1.0 } else { config.units_per_mm };
+    let text = if play < 0.0 {
+        format!("LinuxCNC makes the play larger then: expected {}, or no such key", -play)
+    } else if play > WORN * scale {
+        format!(
+            "at every reversal of {} LinuxCNC moves its drive by it, {play} {unit}, and the platform with it where there \
+             is less play: expected the play in {unit}",
+            joint.name
+        )
+    } else {
+        return Ok(());
+    };
+    report.finding(Severity::Warning, at_key(ini, section, KEY, &text));
+    Ok(())
+}
+
+/// A search for the switch that LinuxCNC makes as fast as the joint can move.
+fn searches(
+    report: &mut Report,
+    config: &MachineConfig,
+    section: &str,
+    joint: &Joint,
+) -> Result<(), IniError> {
+    let ini = &config.ini;
+    let (most, unit) = (joint.max_velocity, config.unit(joint.kind));
+    if ini.number_or(section, "HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0 {
+        return Ok(());
+    }
+    for key in ["HOME_SEARCH_VEL", "HOME_LATCH_VEL"] {
+        if ini.number_or(section, key, 0.0)?.abs() > most {
+            let text = format!(
+                "LinuxCNC takes MAX_VELOCITY = {most} for it, at which {} runs {} {unit} past its switch before it \
+                 stands: expected a speed that is slow",
+                joint.name,
+                limits::shown(most * most / (2.0 * joint.max_acceleration))
+            );
+            report.finding(Severity::Warning, at_key(ini, section, key, &text));
+        }
+    }
+    Ok(())
 }
 
 /// Speeds and accelerations of axes that LinuxCNC sets itself.

@@ -5,7 +5,7 @@ use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::near;
-use crate::read::places::{self, BIN, HALLIB, MODULES};
+use crate::read::places::{self, BIN, HALLIB, MODULES, PARAMETERS};
 use std::env;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -27,18 +27,52 @@ const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
     ("HAL", "HALUI", false, &["halui"]),
 ];
 
+/// Where the file of parameters is named.
+const PARAMETER_FILE: [&str; 2] = ["RS274NGC", "PARAMETER_FILE"];
+
+/// The user interface whose start is known to end at some values; of others that is not known.
+const AXIS: &str = "axis";
+
+/// Whether that is the machine's.
+pub(super) fn is_axis(ini: &Ini) -> bool {
+    named(ini, "DISPLAY", "DISPLAY").is_some_and(|(_, name)| name == AXIS)
+}
+
 /// Everything of it; where LinuxCNC is not on this computer, that it was not looked at.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
+    let mut found: Vec<_> = parameters(ini).into_iter().collect();
     if !Path::new(HALLIB).is_dir() {
         let text =
             "programs and files that LinuxCNC starts with are not judged: it is not installed here";
-        return vec![(Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text))];
+        found.push((Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text)));
+        return found;
     }
     let programs = PROGRAMS.iter().filter_map(|(section, key, is_needed, known)| {
         program(ini, section, key, *is_needed, known)
     });
     let started = programs.chain(controller(ini)).map(|error| (Severity::Error, error));
-    started.chain(opened(ini).map(|error| (Severity::Warning, error))).collect()
+    found.extend(started.chain(opened(ini).map(|error| (Severity::Warning, error))));
+    found
+}
+
+/// The parameters of programs, for which no file is named.
+fn parameters(ini: &Ini) -> Option<(Severity, IniError)> {
+    let [section, key] = PARAMETER_FILE;
+    if file(ini, section, key).is_some() {
+        return None;
+    }
+    let expected = "expected a file of this machine's own, which LinuxCNC makes";
+    let ends = is_axis(ini) && ini.first(section, key).is_none();
+    let (severity, text) = match ends {
+        true => (Severity::Error, format!("AXIS ends here, and LinuxCNC with it: {expected}")),
+        false => (
+            Severity::Warning,
+            format!(
+                "work offsets go to {PARAMETERS}, as those of every machine in this folder: {expected}"
+            ),
+        ),
+    };
+    Some((severity, at_key(ini, section, key, &text)))
 }
 
 fn program(
@@ -87,7 +121,8 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
 
 /// The parameters of programs, which LinuxCNC writes when it ends: the file may be missing, its folder may not.
 fn kept(ini: &Ini) -> Option<IniError> {
-    let (entry, file) = file(ini, "RS274NGC", "PARAMETER_FILE")?;
+    let [section, key] = PARAMETER_FILE;
+    let (entry, file) = file(ini, section, key)?;
     let folder =
         file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())?;
     Some(ini.refuse(entry, &format!("there is no folder {}: make it", folder.display())))

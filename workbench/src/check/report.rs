@@ -14,6 +14,7 @@ use crate::check::order;
 use crate::check::programs;
 use crate::check::screws;
 use crate::check::size;
+use crate::check::speeds;
 use crate::check::tips;
 use crate::check::typos;
 use crate::check::wiring::{self, at_key};
@@ -49,6 +50,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     }
     // Both mechanisms are on one module and in one file.
     if !config.place.is_second {
+        speeds::check(&mut report, config);
         for (severity, error) in wiring::check(&config.ini)? {
             report.finding(severity, error);
         }

@@ -45,8 +45,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     if let Some(i) = homing.joints.iter().position(|joint| joint.sequence.is_none()) {
         let section = config.place.joint_section(i);
-        let text =
-            format!("not judged: [{section}] has no HOME_SEQUENCE: Home All leaves this joint out");
+        let text = format!(
+            "not judged: Home All leaves [{section}] out, which has no HOME_SEQUENCE, or one behind a gap"
+        );
         tell_error(&text);
         return Ok(Verdict::Unjudged);
     }

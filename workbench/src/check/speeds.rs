@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Speeds of the path, `[TRAJ]`, beside those of the axes, and with which jogs of the user interface begin.
+
+use crate::check::findings::Report;
+use crate::check::programs;
+use crate::check::wiring::at_key;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::{Entry, Ini};
+use crate::read::machine::MachineConfig;
+use kinematics::Letter;
+
+/// By how many times the speed of the path may differ from what the axes give: less than a unit (an inch is 25.4 mm,
+/// a minute 60 seconds), more than a machine that is tried out slowly.
+const OFF: f64 = 20.0;
+
+/// In the names of keys.
+const LINEAR: &str = "LINEAR";
+
+/// Everything of it.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+    path(report, config);
+    let moved = || Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
+    for (kind, is_there) in [(LINEAR, true), ("ANGULAR", moved().any(|l| l.is_angle()))] {
+        if is_there {
+            jogs(report, &config.ini, kind);
+        }
+    }
+}
+
+/// A speed of the path that nothing comes near to, or that holds everything back. LinuxCNC compares it with lengths alone.
+fn path(report: &mut Report, config: &MachineConfig) {
+    const KEY: &str = "MAX_LINEAR_VELOCITY";
+    let moved = Letter::ALL
+        .into_iter()
+        .filter(|l| !l.is_angle() && !config.machine.layout().is_held(*l))
+        .map(|letter| config.axes[letter.index()].max_velocity);
+    let (fastest, squares) =
+        moved.fold((0.0_f64, 0.0), |(most, sum), speed| (most.max(speed), sum + speed * speed));
+    let (limit, unit) = (config.max_linear_velocity, config.length_unit());
+    let text = if limit * OFF < fastest {
+        format!(
+            "no move is faster than that, whatever the program says, and [AXIS_*]MAX_VELOCITY allow {fastest} {unit} a \
+             second: expected {unit} a second, as there"
+        )
+    } else if limit.is_finite() && limit > OFF * squares.sqrt() {
+        format!(
+            "it never counts, for [AXIS_*]MAX_VELOCITY allow {:.0} {unit} a second together: expected a speed a \
+             second, not a minute",
+            squares.sqrt()
+        )
+    } else {
+        return;
+    };
+    report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", KEY, &text));
+}
+
+/// What the sliders for jogs begin with and end at.
+fn jogs(report: &mut Report, ini: &Ini, kind: &str) {
+    let [most, first] = [format!("MAX_{kind}_VELOCITY"), format!("DEFAULT_{kind}_VELOCITY")];
+    let is_axis = programs::is_axis(ini);
+    // Of angles AXIS takes 1 for what is no number.
+    let ends = |speed: f64| is_axis && (speed <= 0.0 || (speed.is_nan() && kind == LINEAR));
+    match given(ini, &most) {
+        None if is_axis && kind == LINEAR => {
+            let text = "AXIS ends here, and LinuxCNC with it: expected the largest speed of jogs";
+            report.finding(Severity::Error, at_key(ini, "DISPLAY", &most, text));
+        }
+        Some((entry, speed)) if ends(speed) => {
+            let text = "AXIS ends here, and LinuxCNC with it: expected more than 0";
+            report.finding(Severity::Error, ini.refuse(entry, text));
+        }
+        _ => (),
+    }
+    let (severity, error) = match given(ini, &first) {
+        None if is_axis && given(ini, &most).is_some() => {
+            let text = format!("jogs begin at {most}: expected a slow speed");
+            (Severity::Warning, ini.error("DISPLAY", &first, None, &text))
+        }
+        Some((entry, 0.0)) => {
+            let text = "jogs do not move anything until their slider is: expected a slow speed";
+            (Severity::Warning, ini.refuse(entry, text))
+        }
+        Some((entry, speed)) if ends(speed) => {
+            let text = "AXIS ends here, and LinuxCNC with it: expected a slow speed, more than 0";
+            (Severity::Error, ini.refuse(entry, text))
+        }
+        _ => return,
+    };
+    report.finding(severity, error);
+}
+
+/// The value that user interfaces take, NaN where it is no number.
+fn given<'a>(ini: &'a Ini, key: &str) -> Option<(&'a Entry, f64)> {
+    let entry = ini.first("DISPLAY", key).or_else(|| ini.first("TRAJ", key))?;
+    Some((entry, entry.value.trim().parse().unwrap_or(f64::NAN)))
+}
