@@ -60,4 +60,5 @@ mod travel;
 mod two_mechanisms;
 mod typical;
 mod view;
+mod without_linuxcnc;
 mod workspace;

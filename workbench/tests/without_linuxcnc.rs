@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm check` on a computer without LinuxCNC: what it could not look at it says, and takes for neither good nor bad.
+
+use crate::shipped;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// Where LinuxCNC is on this computer, if it is: in a mount namespace of its own the command finds nothing there.
+const HIDDEN: &str = "for folder in /usr/share/linuxcnc /usr/lib/linuxcnc; do \
+     [ ! -d $folder ] || mount -t tmpfs none $folder || exit 99; done; exec \"$@\"";
+
+/// What the command answers, on both ways out, and its exit status; before it the shell does something more.
+fn answer(before: &str, file: &Path) -> (String, i32) {
+    let done = Command::new("unshare")
+        .args(["--mount", "--map-root-user", "sh", "-c", &format!("{before}{HIDDEN}"), "sh"])
+        .args([env!("CARGO_BIN_EXE_pkm").as_ref(), "check".as_ref(), file.as_os_str()])
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("unshare, of util-linux");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (text(&done.stdout) + &text(&done.stderr), done.status.code().unwrap_or(99))
+}
+
+/// The parts that only a computer with LinuxCNC can show.
+const NOT_JUDGED: [&str; 2] = [
+    "programs and files that LinuxCNC starts with are not judged: it is not installed here",
+    "the drives are not judged: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
+];
+
+fn expect(told: &(String, i32), code: i32, parts: &[&str]) {
+    let (text, found) = told;
+    assert_eq!(*found, code, "{text}");
+    for part in parts {
+        assert!(text.contains(part), "{part:?} is not said:\n{text}");
+    }
+    let warnings = text.matches("\nwarning: ").count();
+    assert!(warnings >= NOT_JUDGED.len(), "{text}");
+    assert!(!text.contains("there is no such"), "{text}");
+}
+
+#[test]
+fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
+    let good = answer("", &shipped::ini("hexapod"));
+    expect(
+        &good,
+        0,
+        &[&NOT_JUDGED[..], &["The machine fits together; look at the warnings."]].concat(),
+    );
+    assert_eq!(good.0.matches("\nwarning: ").count(), NOT_JUDGED.len(), "{}", good.0);
+    // Slips that are not seen without LinuxCNC, then one that is.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("linapod.ini");
+    let text = fs::read_to_string(shipped::ini("linapod")).unwrap();
+    for entry in
+        fs::read_dir(shipped::folder("linapod")).unwrap().map(|entry| entry.unwrap().path())
+    {
+        if entry.is_file() {
+            fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
+        }
+    }
+    let unseen = text
+        .replace("DISPLAY = axis\n", "DISPLAY = axes\n")
+        .replace("TASK = milltask", "TASK = miltask")
+        .replace("LIB:pkmkins_sim.tcl", "LIB:pkmkins_sin.tcl");
+    assert!(unseen.contains("DISPLAY = axes") && unseen.contains("TASK = miltask"));
+    fs::write(&file, &unseen).unwrap();
+    let drives = NOT_JUDGED[1].replace("_sim", "_sin");
+    expect(&answer("", &file), 0, &[NOT_JUDGED[0], &drives]);
+    fs::write(&file, unseen.replace("ANGULAR_UNITS = degree", "ANGULAR_UNITS = gon")).unwrap();
+    expect(
+        &answer("", &file),
+        1,
+        &[NOT_JUDGED[0], &drives, "ANGULAR_UNITS = gon", "does not fit together"],
+    );
+}
+
+#[test]
+fn without_tcl_the_drives_are_not_judged() {
+    let hidden = "mount --bind /dev/null /usr/bin/tclsh || exit 99; ";
+    let told = answer(hidden, &shipped::ini("hexapod"));
+    expect(&told, 0, &[NOT_JUDGED[0], "the drives are not judged: /usr/bin/tclsh", "install tcl"]);
+}
