@@ -111,3 +111,15 @@ fn a_file_with_blanks_in_its_name_is_found() {
     assert!(!opening(&program));
     assert!(opening(&folder.path().join("my second part.ngc")));
 }
+
+#[test]
+fn a_tool_without_a_length_is_proved_as_no_tool_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("four-rod-lathe.ini");
+    std::fs::copy(ini("four-rod-lathe"), &file).unwrap();
+    std::fs::write(file.with_extension("tbl"), "T1 P1 Z0\n").unwrap();
+    let report = check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap();
+    assert!(report.is_whole, "the case is about limits that are proved as a whole");
+    let told = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
+    assert!(told.1.ends_with("; proved for those below"), "{told:?}");
+}

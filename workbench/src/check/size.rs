@@ -26,8 +26,13 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
     let metres = extent * (METRES / config.units_per_mm);
     let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(metres));
     let largest = widest(config, at) * METRES / config.units_per_mm;
+    // Metres show a wrong unit; drawings in inches are in inches.
+    let own = match unit {
+        "mm" => String::new(),
+        _ => format!("{:.3} x {:.3} x {:.3} {unit}, ", extent.x, extent.y, extent.z),
+    };
     let text = format!(
-        "lengths in {unit}; the joints of all legs at home stand in {x:.3} x {y:.3} x {z:.3} m: another \
+        "lengths in {unit}; the joints of all legs at home stand in {own}{x:.3} x {y:.3} x {z:.3} m: another \
          LINEAR_UNITS where that is not this machine"
     );
     report.fact("size", text);

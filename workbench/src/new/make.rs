@@ -279,7 +279,8 @@ fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str) + Sync
             let sections: Vec<String> = found.iter().enumerate().map(section).collect();
             let about = "\n# Start without a seed: poses on which the kinematics are one-to-one. After a change of the\n# geometry let pkm boxes write new sections.\n";
             plan.boxes = (format!("{about}{}", sections.join("\n")), found.len());
-            format!("{} box(es) for the start without a seed proved", found.len())
+            let boxes = if found.len() == 1 { "box" } else { "boxes" };
+            format!("{} {boxes} for the start without a seed proved", found.len())
         }
         Err(doubt) => {
             plan.boxes = without(&doubt);

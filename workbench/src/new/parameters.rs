@@ -107,7 +107,7 @@ pub const HEIGHT: Parameter = optional(
     "height",
     Measure::Place,
     "0",
-    "Z of the base joints, or of the rails (upright ones: where their carriages are at 0)",
+    "Z of the base joints, or of the rails (where their carriages are at 0), over Z = 0 of programs, such as a table's top",
 );
 /// From the platform joints to where tools are measured from.
 pub const NOSE: Parameter = optional(

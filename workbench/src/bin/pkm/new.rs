@@ -107,9 +107,13 @@ fn option(parameter: &Parameter) -> Arg {
         true => format!(" {}{inches}", measure.unit("mm")),
         false => String::new(),
     };
+    let words = match measure {
+        Measure::Choice(words) => format!("{}; ", words.join(" or ")),
+        _ => String::new(),
+    };
     let note = match (need, default) {
         (Need::Optional, "") => String::new(),
-        (Need::Optional, default) => format!(" [default: {default}{unit}]"),
+        (Need::Optional, default) => format!(" [{words}default: {default}{unit}]"),
         (_, "") => " [needed]".into(),
         (_, default) => format!(" [needed, such as {default}{unit}]"),
     };
