@@ -292,12 +292,13 @@ impl Maker<'_> {
         at.iter_mut().for_each(|x| *x = (*x * scale).round() / scale);
     }
 
-    /// Whether the machine can take a pose, with the gauge in its spindle.
+    /// What keeps the machine from a pose, with the gauge in its spindle.
     fn judged(&self, at: &[f64; 6]) -> Result<(), Refused> {
         let tool = &self.setup.gauge.tool;
         at_tool::programmable(self.config, &log::shown(self.config, *at, tool), tool)
     }
 
+    /// Whether nothing does.
     fn is_legal(&self, at: &[f64; 6]) -> bool {
         self.judged(at).is_ok()
     }

@@ -28,7 +28,7 @@ pub(crate) fn end(ini: &Ini) -> Result<i64, IniError> {
 }
 
 fn given(ini: &Ini, section: &str) -> Result<i64, IniError> {
-    Ok(ini.number_or(section, "HOME_SEQUENCE", NONE)? as i64)
+    Ok(ini.number_or(section, "HOME_SEQUENCE", NONE)?.clamp(-NONE, NONE) as i64)
 }
 
 #[cfg(test)]
@@ -52,5 +52,6 @@ mod tests {
         assert_eq!(all(&[0, 2, -2]), [Some(0), None, None]);
         assert_eq!(all(&[-2, -2]), [None, None]);
         assert_eq!(all(&[0, 1, 100]), [Some(0), Some(1), None]);
+        assert_eq!(all(&[0, i64::MIN, i64::MAX]), [Some(0), None, None]);
     }
 }

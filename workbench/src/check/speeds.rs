@@ -37,6 +37,9 @@ fn path(report: &mut Report, config: &MachineConfig) {
     let (fastest, squares) =
         moved.fold((0.0_f64, 0.0), |(most, sum), speed| (most.max(speed), sum + speed * speed));
     let (limit, unit) = (config.max_linear_velocity, config.length_unit());
+    if fastest == 0.0 {
+        return;
+    }
     let text = if limit * OFF < fastest {
         format!(
             "no move is faster than that, whatever the program says, and [AXIS_*]MAX_VELOCITY allow {fastest} {unit} a \
@@ -77,7 +80,7 @@ fn jogs(report: &mut Report, ini: &Ini, kind: &str) {
             (Severity::Warning, ini.error("DISPLAY", &first, None, &text))
         }
         Some((entry, 0.0)) => {
-            let text = "jogs do not move anything until their slider is: expected a slow speed";
+            let text = "jogs move nothing before their slider is moved: expected a slow speed";
             (Severity::Warning, ini.refuse(entry, text))
         }
         Some((entry, speed)) if ends(speed) => {
