@@ -70,6 +70,30 @@ impl Found {
     }
 }
 
+/// The rows that are asked, as they lie in memory.
+struct Given<'a> {
+    view: ArrayView2<'a, f64>,
+    /// All numbers, where each row follows the one before.
+    flat: Option<&'a [f64]>,
+}
+
+impl<'a> Given<'a> {
+    fn of(view: &'a ArrayView2<f64>) -> Self {
+        Self { view: view.view(), flat: view.as_slice() }
+    }
+
+    /// One row; `copy` holds it where its numbers are apart.
+    fn row<'b>(&'b self, number: usize, copy: &'b mut [f64; WIDEST]) -> &'b [f64] {
+        let width = self.view.ncols();
+        if let Some(flat) = self.flat {
+            return &flat[number * width..][..width];
+        }
+        let row = &mut copy[..width];
+        row.iter_mut().zip(self.view.row(number)).for_each(|(to, from)| *to = *from);
+        row
+    }
+}
+
 /// Rows of answers that belong together, and the number of the first one.
 struct Piece<'a> {
     start: usize,
@@ -83,17 +107,14 @@ impl Piece<'_> {
     /// Asks one row after the other; the first that has no answer.
     fn ask<S>(
         self,
-        view: &ArrayView2<f64>,
+        given: &Given,
         state: &mut S,
         ask: impl Fn(&mut S, usize, &[f64], &mut [f64]) -> Result<(), Fault>,
     ) -> Option<(usize, Fault)> {
-        let mut first = None;
+        let (mut first, mut copy) = (None, [0.0; WIDEST]);
         let answers = self.values.chunks_exact_mut(self.width).zip(self.codes).zip(self.parts);
         for (number, ((answer, code), part)) in (self.start..).zip(answers) {
-            let mut row = [0.0; WIDEST];
-            let row = &mut row[..view.ncols()];
-            row.iter_mut().zip(view.row(number)).for_each(|(to, from)| *to = *from);
-            if let Err(fault) = ask(state, number, row, answer) {
+            if let Err(fault) = ask(state, number, given.row(number, &mut copy), answer) {
                 answer.fill(f64::NAN);
                 *code = fault.cause.code();
                 *part = fault.number().map_or(-1, i32::from);
@@ -115,6 +136,7 @@ pub fn each<S>(
 ) -> Found {
     let (view, count) = (rows.view(), rows.count());
     py.detach(|| {
+        let given = Given::of(&view);
         let mut found = Found::of(count, width);
         let pieces = found
             .values
@@ -124,7 +146,7 @@ pub fn each<S>(
             .enumerate();
         let faults = pieces.filter_map(|(n, ((values, codes), parts))| {
             let piece = Piece { start: n * CHUNK, width, values, codes, parts };
-            piece.ask(&view, &mut new(), &ask)
+            piece.ask(&given, &mut new(), &ask)
         });
         found.first = faults.min_by_key(|(number, _)| *number).map(|(_, fault)| fault);
         found
@@ -144,7 +166,7 @@ pub fn in_order<S: Send>(
         let mut found = Found::of(count, width);
         let Found { values, codes, parts, .. } = &mut found;
         let piece = Piece { start: 0, width, values, codes, parts };
-        found.first = piece.ask(&view, &mut state, ask).map(|(_, fault)| fault);
+        found.first = piece.ask(&Given::of(&view), &mut state, ask).map(|(_, fault)| fault);
         found
     })
 }

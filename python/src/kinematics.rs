@@ -15,7 +15,7 @@ use pyo3::types::PySlice;
 pub const POSE: usize = 6;
 
 pub fn pose(row: &[f64]) -> Pose {
-    Pose::from_degrees(std::array::from_fn(|k| row[k]))
+    Pose::from_degrees(*row.first_chunk().expect("the shape was looked at"))
 }
 
 pub fn inverse(

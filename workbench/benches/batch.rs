@@ -9,7 +9,7 @@
 //! `forward`, is answered by the seconds that it took, degrees into radians included, as Python has it. Forward starts from the poses that it looks for, 0.1 units
 //! and 0.01 degrees away. `RAYON_NUM_THREADS` limits the cores.
 
-use kinematics::Pose;
+use kinematics::{MAX_JOINTS, Pose};
 use pkm::read::machine::MachineConfig;
 use rayon::prelude::*;
 use std::hint::black_box;
@@ -35,11 +35,15 @@ fn main() {
     let rows = rows(&given[1]);
     let seeds = rows.iter().map(|[x, y, z, a, b, c]| [x + 0.1, *y, *z, a + 0.01, *b, *c]);
     let seeds: Vec<_> = seeds.collect();
+    // Written where they stay: results that are handed on cost as much again.
     let inverse = || {
-        let found = rows.par_iter().map(|row| machine.inverse(&Pose::from_degrees(*row), tool));
-        found.collect::<Vec<_>>()
+        let mut joints = vec![[0.0; MAX_JOINTS]; rows.len()];
+        rows.par_iter().zip(&mut joints).for_each(|(row, joints)| {
+            machine.inverse_into(&Pose::from_degrees(*row), tool, joints).unwrap();
+        });
+        joints
     };
-    let joints: Vec<_> = inverse().into_iter().map(Result::unwrap).collect();
+    let joints = inverse();
     let forward = || {
         let found = joints.par_iter().zip(&seeds).map(|(joints, seed)| {
             let seed = Pose::from_degrees(*seed);
