@@ -112,6 +112,7 @@ help:
 	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
 	@echo "make test-wheel-debian  the same with the Python of a Debian with nothing else; SUITE=bookworm"
 	@echo "make python-figures  measures the package for Python and writes docs/design-figures.md"
+	@echo "make paper-figures  runs the design studies of the papers and writes docs/design-papers.md"
 	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
 	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
 	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
@@ -242,7 +243,7 @@ test-bare:
 # The package for Python: what `cargo build` makes beside its sources, for the tests of kinematics with the
 # system's Python; and as the wheel that users install, with all that it can need, in an environment of its own.
 PYTHON_BUILT := build/python
-.PHONY: python test-python wheel test-wheel python-figures
+.PHONY: python test-python wheel wheel-env test-wheel python-figures paper-figures
 python: setup
 	$(HOST_BUILD) --bin pkm --lib
 	@rm -rf $(PYTHON_BUILT) && mkdir -p $(PYTHON_BUILT)
@@ -259,12 +260,15 @@ wheel: setup
 	    $(WHEEL_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
 	$(WHEEL_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
 
-# Everything of it, from the wheel in a fresh environment: the search, Dask, the notebooks.
-test-wheel: wheel
-	$(HOST_BUILD) --bin pkm
+# The wheel in a fresh environment.
+wheel-env: wheel
 	@rm -rf build/wheel/env && $(PYTHON) -m venv build/wheel/env && \
 	    build/wheel/env/bin/pip install --quiet --require-hashes -r python/requirements.txt && \
 	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
+
+# Everything of it: the search, Dask, the notebooks.
+test-wheel: wheel-env
+	$(HOST_BUILD) --bin pkm
 	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
 
 # The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
@@ -276,6 +280,10 @@ test-wheel-debian: wheel
 # Writes docs/design-figures.md.
 python-figures: test-wheel
 	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
+
+# Writes docs/design-papers.md.
+paper-figures: wheel-env
+	build/wheel/env/bin/python python/benchmarks/papers.py
 
 # The core, the module and their tests for 64-bit ARM, under qemu; every answer's bits beside this processor's.
 ARM64_PACKAGES := gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Writes docs/design-papers.md: the shipped studies of what papers 001, 003 and 004 ask, beside what they say.
+
+No times: the same on every computer.
+"""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from figures import ROOT, table
+from pkmkins import machine_of
+from pkmkins.design import Study
+from pkmkins.design.engine import Processes
+from pkmkins.design.search import design
+
+EXAMPLES = ROOT / "docs" / "examples"
+NOTEBOOK = ROOT / "python" / "notebooks" / "stiffness-and-platform.ipynb"
+# Machines of a front that a table shows.
+ROWS = 8
+# Inclination of the struts of paper 001, degrees: between what it prints.
+PAPER_001 = (65.0, 67.0)
+# Steps of a level move up and down, mm, and how far it is followed.
+STEP, FAR = 0.5, 700.0
+# Tips of paper 004's statement: this far outside the plane of the platform joints, with that plane so high, mm.
+NOSES, HEIGHTS = (0.0, 100.0, 250.0, 400.0), (600.0, 800.0, 1000.0)
+
+
+def found(name):
+    """The front of a shipped study."""
+    study = Study.read(EXAMPLES / name)
+    with tempfile.TemporaryDirectory() as folder:
+        pool = Processes(2)
+        front = design(study, Path(folder) / "r.jsonl", engine=pool)
+        pool.close()
+    return front
+
+
+def some(front):
+    """Machines from one end of a front to the other, evenly by their number."""
+    last = len(front.machines) - 1
+    return [front.machines[k] for k in sorted({round(k * last / (ROWS - 1)) for k in range(ROWS)})]
+
+
+def machine(front, values):
+    return machine_of(front.study.kind, **front.study.dimensions(values))
+
+
+def inclination(hexapod):
+    """Angle of the struts to the base at home, degrees: all six of a symmetric hexapod stand alike."""
+    return np.degrees(np.arcsin(hexapod.jacobian(hexapod.home).values[0, 2]))
+
+
+def level_travel(hexapod):
+    """How far the level platform moves up and down through home within its limits, mm."""
+    def steps(way):
+        poses = np.tile(hexapod.home, (int(FAR / STEP), 1))
+        poses[:, 2] += way * STEP * np.arange(len(poses))
+        margins = hexapod.margins(poses)
+        fits = margins.answer.ok & (np.nan_to_num(margins.share, nan=0.0) >= 0).all(axis=1)
+        return len(poses) if fits.all() else int(np.argmin(fits)) - 1
+
+    return STEP * (steps(1.0) + steps(-1.0))
+
+
+def said(front):
+    return (
+        f"{front.judged} candidates, of which {front.fitting} keep their limits at the poses looked at; {len(front.machines)} are on the front."
+    )
+
+
+def of_001(front):
+    """Stroke, tilt and inclination."""
+    asked = [(values, *objectives, inclination(machine(front, values))) for values, objectives in front.machines]
+    largest = max(volume for _, volume, _, _ in asked)
+
+    def row(one):
+        values, volume, stroke, angle = one
+        travel = level_travel(machine(front, values))
+        return [*(f"{x:.4g}" for x in values), f"{volume / largest:.2f}", f"{stroke:.0f}", f"{travel:.0f}", f"{angle:.1f}"]
+
+    shown = [asked[front.machines.index(one)] for one in some(front)]
+    like = [one for one in asked if PAPER_001[0] <= one[3] <= PAPER_001[1]]
+    nearest = min(asked, key=lambda one: abs(one[3] - sum(PAPER_001) / 2))
+    head = ["base radius", "half angle", "platform radius", "half angle", "workspace, share of the largest", "stroke that the tilt takes", "level travel in Z", "struts to the base"]
+    values, volume, stroke, angle = nearest
+    smallest = front.study.ranges[0].low
+    ends = sum(one[0][0] < 1.01 * smallest for one in asked)
+    return [
+        "## Paper 001: a stroke of 450 mm, a tilt of 40°",
+        "",
+        "The paper prints a stroke of 450 mm, struts at 65° and 67° to the base, a platform that tilts by about 40° and 430 mm of vertical",
+        "travel; neither radii nor lengths nor what the joints may swing. [design-paper-001.toml](examples/design-paper-001.toml) looks for",
+        "hexapods that take this tilt every way at home, with the largest workspace and with least of the stroke.",
+        f"{said(front)} {ends} have the smallest base radius of the",
+        "range: what is chosen depends on the ranges too. From one end of the front to the other, mm and degrees:",
+        "",
+        *table(head, [row(one) for one in shown]),
+        "",
+        f"Struts stand at {min(one[3] for one in asked):.0f}° to {max(one[3] for one in asked):.0f}° to the base on the front, {len(like)} of {len(asked)} machines between 65° and 67°. The one nearest to 66°,",
+        f"with {angle:.1f}°, has {volume / largest:.0%} of the largest workspace, needs {stroke:.0f} mm of its stroke for the tilt, and travels {level_travel(machine(front, values)):.0f} mm level.",
+        "So the paper's inclination is one of those that nothing beats in both, and no more follows: which of them is best depends on what",
+        "workspace and tilt are worth. A symmetric hexapod has one inclination; two need base joints that are not on one circle, as",
+        "[lab-hexapod](../configs/lab-hexapod/README.md) has them. The printed travel of 430 mm is less than what the stroke gives, as",
+        "[sources.md](sources.md) says.",
+    ]
+
+
+def of_003(front):
+    """A lathe on four rods."""
+    head = ["between the rails", "platform width", "platform length", "rod", "least stiffness, N/µm"]
+    rows = [[*(f"{x:.4g}" for x in values), f"{objectives[0] * 1e-3:.1f}"] for values, objectives in some(front)]
+    ruled = ", ".join(f"{name} ({count})" for name, count in front.killers)
+    return [
+        "## Paper 003: a lathe on four rods",
+        "",
+        "The paper compares layouts of lathes and prints no dimension of any. [design-lathe.toml](examples/design-lathe.toml) asks which rails",
+        "and rods reach a work zone of 150 x 100 x 300 mm with the stiffest tool and the smallest machine; zone, stiffness of the rods",
+        f"(100 N/µm each) and ranges are chosen. {said(front)}",
+        f"Ruled out by: {ruled}. From the stiffest to the smallest, mm:",
+        "",
+        *table(head, rows),
+        "",
+        "There is nothing in the paper to hold these figures against. What its task asks for is the choice: stiffness is bought with",
+        "longer rods between rails that are farther apart.",
+    ]
+
+
+def of_004():
+    """Stiffness over the ratio of radii, by the notebook's own lines."""
+    cell = next(cell for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code")
+    lines = {}
+    exec("".join(cell["source"]), lines)
+    ratios, least = lines["RATIOS"], lines["least"]
+    stiffness = {
+        (height, nose): np.array([least(ratio, nose, height) for ratio in ratios]).T for height in HEIGHTS for nose in NOSES
+    }
+
+    def change(values):
+        return values.max() / values.min()
+
+    inside = max(change(tip) for (_, nose), (tip, _) in stiffness.items() if nose == 0)
+    outside = [change(tip) for (_, nose), (tip, _) in stiffness.items() if nose > 0]
+
+    def row(height, nose):
+        tip, turn = stiffness[height, nose]
+        best = ratios[np.argmax(tip)]
+        return [f"{height:.0f}", f"{nose:.0f}", f"{tip[0]:.2f}", f"{tip[-1]:.2f}", f"{best:.2f}", f"{change(tip):.2f}", f"{turn[-1] / turn[0]:.1f}"]
+
+    low, high = ratios[0], ratios[-1]
+    head = ["height of the platform", "tip outside by", f"least stiffness at {low:.1f}, N/µm", f"at {high:.1f}", "largest at", "largest / smallest", f"against turns, {high:.1f} / {low:.1f}"]
+    return [
+        "## Paper 004: stiffness and the size of the platform",
+        "",
+        "The paper concludes that stiffness grows with the size of the platform, and that with the tool outside the platform the stiffness",
+        "of its tip hardly depends on the ratio of the radii; its maps are pictures without a scale. The same by the",
+        f"[notebook](../python/notebooks/stiffness-and-platform.ipynb): base radius 400 mm, struts of 10 N/µm, platform radius {low:.1f} to {high:.1f}",
+        "times that of the base, least stiffness of the tip at home, mm:",
+        "",
+        *table(head, [row(height, nose) for height in HEIGHTS for nose in NOSES]),
+        "",
+        "The first statement holds against turns, which a larger platform resists many times better. The second holds for a tip in the plane",
+        f"of the platform joints, whose stiffness changes by a factor of {inside:.2f} at the most. Outside of it these factors are {min(outside):.2f} to {max(outside):.2f}:",
+        "little beside that against turns, but not nothing, and beyond the ratio of the largest a larger platform makes the tip softer.",
+    ]
+
+
+def main():
+    lines = [
+        "# What the papers ask",
+        "",
+        "Written by `make paper-figures`: the shipped studies, run to their end, beside what the papers say. [Sources](sources.md) names",
+        "the papers; how a study is read: [choosing a machine](design-study.md).",
+        "",
+        *of_001(found("design-paper-001.toml")),
+        "",
+        *of_003(found("design-lathe.toml")),
+        "",
+        *of_004(),
+    ]
+    (ROOT / "docs" / "design-papers.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
