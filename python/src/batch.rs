@@ -5,8 +5,9 @@ use crate::arrays::{Rows, WIDEST};
 use crate::refusal::refused;
 use kinematics::Fault;
 use numpy::ndarray::ArrayView2;
-use numpy::{IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PySlice;
 use rayon::prelude::*;
 
 /// Rows that one core takes at a time: some ten microseconds of work at the least, so that handing
@@ -30,6 +31,27 @@ impl Answer {
     #[getter]
     fn ok<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.code.bind(py).call_method1("__eq__", (0,))
+    }
+}
+
+impl Answer {
+    /// Numbers `from` to `to` of every row, which become of shape `inner`, in the same memory.
+    pub fn numbers(
+        &self,
+        py: Python<'_>,
+        [from, to]: [usize; 2],
+        inner: &[usize],
+    ) -> PyResult<Self> {
+        let values = self.values.bind(py);
+        let outer = &values.shape()[..values.ndim() - 1];
+        let shape: Vec<usize> = outer.iter().chain(inner).copied().collect();
+        let columns = PySlice::new(py, from as isize, to as isize, 1);
+        let part = values.get_item((py.Ellipsis(), columns))?.cast_into::<PyArrayDyn<f64>>()?;
+        Ok(Self {
+            values: part.reshape(shape)?.unbind(),
+            code: self.code.clone_ref(py),
+            part: self.part.clone_ref(py),
+        })
     }
 }
 

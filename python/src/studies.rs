@@ -23,6 +23,10 @@ pub fn study(text: Option<&str>) -> PyResult<Study> {
     parsed.map_err(|error| machine_error(format!("study: {error}")))
 }
 
+/// Numbers of a compliance, and principal axes of displacements or turns.
+const MATRIX: usize = POSE * POSE;
+const AXES: usize = 3;
+
 /// Where the legs do not hold the platform, as forward refuses it.
 const SINGULAR: Fault = Fault::with_value(Cause::Singular, 0.0);
 
@@ -45,26 +49,21 @@ pub fn stiffness(
     study: &Study,
 ) -> PyResult<Stiffness> {
     let springs = Springs::of(config, study).map_err(machine_error)?;
-    let at = |row: &[f64]| -> Result<stiffness::Stiffness, Fault> {
-        stiffness::Stiffness::at(config, &pose(row), tool, &springs)?.ok_or(SINGULAR)
-    };
-    let matrix = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
-        answer.copy_from_slice(at(row)?.compliance.as_slice());
+    let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+        let at = stiffness::Stiffness::at(config, &pose(row), tool, &springs)?.ok_or(SINGULAR)?;
+        let (compliance, principal) = answer.split_at_mut(MATRIX);
+        let (translation, rotation) = principal.split_at_mut(AXES);
+        compliance.copy_from_slice(at.compliance.as_slice());
+        translation.copy_from_slice(&at.translation().stiffness);
+        rotation.copy_from_slice(&at.rotation().stiffness);
         Ok(())
     };
-    let of = |pick: fn(&stiffness::Stiffness) -> stiffness::Ellipsoid| {
-        let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
-            answer.copy_from_slice(&pick(&at(row)?).stiffness);
-            Ok(())
-        };
-        Py::new(py, each(py, poses, 3, || (), ask).answer(py, poses, &[3])?)
-    };
-    let compliance =
-        each(py, poses, POSE * POSE, || (), matrix).answer(py, poses, &[POSE, POSE])?;
+    let (turns, all) = (MATRIX + AXES, MATRIX + 2 * AXES);
+    let found = each(py, poses, all, || (), ask).answer(py, poses, &[all])?;
     Ok(Stiffness {
-        compliance: Py::new(py, compliance)?,
-        translation: of(stiffness::Stiffness::translation)?,
-        rotation: of(stiffness::Stiffness::rotation)?,
+        compliance: Py::new(py, found.numbers(py, [0, MATRIX], &[POSE, POSE])?)?,
+        translation: Py::new(py, found.numbers(py, [MATRIX, turns], &[AXES])?)?,
+        rotation: Py::new(py, found.numbers(py, [turns, all], &[AXES])?)?,
     })
 }
 
@@ -85,23 +84,21 @@ pub fn sensitivity(
     length: f64,
 ) -> PyResult<Sensitivity> {
     let joints = config.joints.len();
-    let at = |row: &[f64]| -> Result<sensitivity::Sensitivity, Fault> {
-        sensitivity::Sensitivity::at(config, &pose(row), tool, length)?.ok_or(SINGULAR)
-    };
-    let gain = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
-        let found = at(row)?;
-        for (to, row) in answer.chunks_exact_mut(joints).zip(found.gain.row_iter()) {
+    let (gains, all) = (POSE * joints, POSE * joints + 2);
+    let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+        let at = sensitivity::Sensitivity::at(config, &pose(row), tool, length)?.ok_or(SINGULAR)?;
+        let (gain, values) = answer.split_at_mut(gains);
+        for (to, row) in gain.chunks_exact_mut(joints).zip(at.gain.row_iter()) {
             to.iter_mut().zip(row.iter()).for_each(|(to, value)| *to = *value);
         }
+        values.copy_from_slice(&at.singular_values);
         Ok(())
     };
-    let values = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
-        answer.copy_from_slice(&at(row)?.singular_values);
-        Ok(())
-    };
-    let gain = each(py, poses, POSE * joints, || (), gain).answer(py, poses, &[POSE, joints])?;
-    let values = each(py, poses, 2, || (), values).answer(py, poses, &[2])?;
-    Ok(Sensitivity { gain: Py::new(py, gain)?, singular_values: Py::new(py, values)? })
+    let found = each(py, poses, all, || (), ask).answer(py, poses, &[all])?;
+    Ok(Sensitivity {
+        gain: Py::new(py, found.numbers(py, [0, gains], &[POSE, joints])?)?,
+        singular_values: Py::new(py, found.numbers(py, [gains, all], &[2])?)?,
+    })
 }
 
 /// How closely a workspace is looked at.
