@@ -249,8 +249,8 @@ python: setup
 	@rm -rf $(PYTHON_BUILT) && mkdir -p $(PYTHON_BUILT)
 	@cp -r python/pkmkins $(PYTHON_BUILT)/ && cp target/host/lib_core.so $(PYTHON_BUILT)/pkmkins/_core.abi3.so
 
-test-python: python
-	PKM=$(CURDIR)/target/host/pkm PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
+test-python: python virtual
+	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
 	    /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
 
 WHEEL_TOOLS := target/tools/python-package
@@ -267,9 +267,9 @@ wheel-env: wheel
 	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 
 # Everything of it: the search, Dask, the notebooks.
-test-wheel: wheel-env
+test-wheel: wheel-env virtual
 	$(HOST_BUILD) --bin pkm
-	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
+	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
 
 # The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
 .PHONY: test-wheel-debian

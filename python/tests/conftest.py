@@ -18,7 +18,8 @@ MACHINES = sorted(ini.stem for ini in ROOT.glob("configs/*/*.ini") if ini.stem n
 CASES = int(os.environ.get("PKMKINS_CASES", "1"))
 
 
-# Programs are read by LinuxCNC's interpreter, which the package itself does not need.
+# Programs run by LinuxCNC, which the package itself does not need, in virtual time: with the library that make install
+# puts beside it, or the one that PKM_VIRTUAL_LIBRARY names.
 needs_linuxcnc = pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed here")
 
 

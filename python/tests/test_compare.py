@@ -42,3 +42,10 @@ def test_what_cannot_be_said_is_not_judged(capsys):
 def test_missing_files_are_named(words, capsys):
     assert main(words) == 2
     assert "none." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "why"), [("lathe-mirrored", "two mechanisms"), ("hexapod-rotary-table", "carry work, tool or legs")])
+def test_machines_that_the_package_does_not_cover_are_refused_with_the_command_that_does(name, why, capsys):
+    assert main([str(ini("hexapod")), str(ini(name))]) == 2
+    said = capsys.readouterr().err
+    assert f"{name}.ini" in said and why in said and "the command pkm knows such machines" in said

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("pymoo")
 
 from conftest import needs_linuxcnc  # noqa: E402
-from pkmkins import preflight  # noqa: E402
+from pkmkins import CommandFailed, preflight  # noqa: E402
 from pkmkins._core import VERSION  # noqa: E402
 from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
 from pkmkins.design.candidate import MEASURES  # noqa: E402
@@ -195,7 +195,13 @@ def test_the_chosen_machine_is_written_checked_and_has_the_box(study, tmp_path):
     said = write_machine(study, values, tmp_path / "machine")
     assert "fits" in said
     text = (tmp_path / "machine" / "machine.ini").read_text()
-    assert "MIN_LIMIT = -60.0\nMAX_LIMIT = 60.0" in text
+    assert "MIN_LIMIT = -60\nMAX_LIMIT = 60\n" in text
+
+
+def test_a_machine_that_does_not_prove_the_box_is_not_written(tmp_path):
+    with pytest.raises(CommandFailed, match="--limits X -600 600, .*: not proved for every pose within: at X-600 "):
+        write_machine(Study.parse(STUDY.replace("x = [-60, 60]", "x = [-600, 600]")), [400, 15, 180], tmp_path / "machine")
+    assert not (tmp_path / "machine").exists()
 
 
 @needs_linuxcnc
@@ -203,7 +209,7 @@ def test_the_first_program_of_the_chosen_machine_fits(study, tmp_path):
     values, _ = design(study, tmp_path / "r.jsonl").chosen()
     write_machine(study, values, tmp_path / "machine")
     found = preflight(tmp_path / "machine" / "machine.ini", tmp_path / "machine" / "programs" / "first.ngc")
-    assert found["fits"] in (True, None), found
+    assert found["fits"] is True, found
 
 
 def test_an_objective_that_is_no_number_rules_a_machine_out_by_name(study, tmp_path, monkeypatch):

@@ -214,6 +214,57 @@ fn machines_on_rails_and_rings_are_made_and_run() {
 }
 
 #[test]
+fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused() {
+    let bench = Bench::new();
+    let hexapod = example("hexapod");
+    let asked = "--limits X -60.123456789 60 --limits A -10 10 --limits B -10 10";
+    let config = assert_made(&bench, "asked", &format!("{hexapod} {asked}"));
+    let ends = |k: usize| [config.axes[k].min, config.axes[k].max];
+    assert_eq!([ends(0), ends(3), ends(4)], [[-60.123456789, 60.0], [-10.0, 10.0], [-10.0, 10.0]]);
+    // Those of Y, Z and C are found about them.
+    assert!([1, 2, 5].iter().all(|k| ends(*k)[1] - ends(*k)[0] >= 1.0));
+    let files = bench.files();
+    let mut told = String::new();
+    for asked in [
+        "--limits X -600 60 --limits Y -5 5",
+        "--limits Z -5 5",
+        "--limits x -5 5",
+        "--limits X 5 -5",
+        "--limits X -5 5 --limits X -6 6",
+    ] {
+        told += &format!("$ {asked}\n{}", bench.answer(&format!("new {hexapod} {asked}"), ""));
+    }
+    let delta = example("linear-delta");
+    let without = bench.answer(&format!("new {delta} --limits B -5 5"), "");
+    told += &format!("$ --limits B -5 5\n{without}");
+    assert_data_eq!(
+        told,
+        str![[r#"
+$ --limits X -600 60 --limits Y -5 5
+pkm: --limits X -600 60, Y -5 5: not proved for every pose within: at X-600 Y-5 strut 0 is at 1082.300 mm, beyond its limit of 550 to 850 mm. Give less of them, other dimensions, or another place with --home
+exit 1
+$ --limits Z -5 5
+pkm: --limits Z -5 5: home is at Z -650: give limits about it, or another place with --home
+exit 2
+$ --limits x -5 5
+pkm: --limits x -5 5: expected a letter of XYZABC and two decimal numbers, such as X -60 60
+exit 2
+$ --limits X 5 -5
+pkm: --limits X 5 -5: expected the smaller number first
+exit 2
+$ --limits X -5 5 --limits X -6 6
+pkm: --limits X -5 5 X -6 6: expected X once
+exit 2
+$ --limits B -5 5
+pkm: --limits B -5 5: the machine moves XYZ, and no B
+exit 2
+
+"#]]
+    );
+    assert_eq!(bench.files(), files, "nothing is left behind");
+}
+
+#[test]
 fn lathes_are_made_and_run() {
     let bench = Bench::new();
     for kind in ["four-rod-lathe", "six-rod-lathe"] {

@@ -4,7 +4,6 @@
 import csv
 import html
 import io
-import re
 import subprocess
 from collections import Counter
 from dataclasses import dataclass
@@ -180,58 +179,30 @@ def _picture(front, across, up):
 
 
 def write_machine(study, values, folder):
-    """Writes the machine as a complete configuration by `pkm new`, and proves the required box by `pkm check`.
+    """Writes the machine as a complete configuration by `pkm new`, which proves it for every pose of the required box.
 
-    The axis limits become the required box about home, where the study asks for one, and the first program keeps them. Returns what pkm check
-    says; CommandFailed where it does not fit, which a sample of poses could not see. `folder` must not be
-    there yet.
+    The axis limits are the required box about home, where the study asks for one. Returns what pkm check says;
+    CommandFailed where the machine does not fit, which a sample of poses could not see: nothing is written then.
+    `folder` must not be there yet.
     """
     folder = Path(folder)
     options = []
     for name, value in study.dimensions(values).items():
         options += ["--" + name.replace("_", "-"), *words(value)]
+    machine = machine_of(study.kind, **study.dimensions(values))
+    for letter, limits in _limits(study.required, machine).items():
+        options += ["--limits", letter, *words(limits)]
     _run("new", study.kind, "--out", folder, *options)
-    file = folder / f"{folder.name}.ini"
-    home = machine_of(study.kind, **study.dimensions(values)).home
-    if any(low < high for low, high in study.required.box):
-        limits = _limits(study, home)
-        file.write_text(_with_axis_limits(file.read_text(), limits))
-        for program in folder.glob("programs/*.ngc"):
-            program.write_text(_within(program.read_text(), limits))
-    return _run("check", file)
+    return _run("check", folder / f"{folder.name}.ini")
 
 
-def _limits(study, home):
-    """Limits of the letters of the required box; angles that tilt go as far as the tilt."""
-    limits = {axis: (home[k] + low, home[k] + high) for k, (axis, (low, high)) in enumerate(zip("XYZ", study.required.box)) if low < high}
-    tilt = study.required.tilt
-    return limits | ({"A": (-tilt, tilt), "B": (-tilt, tilt)} if tilt else {})
-
-
-def _with_axis_limits(text, limits):
-    lines, section = [], ""
-    for line in text.splitlines(keepends=True):
-        if line.startswith("["):
-            section = line.strip()
-        letter = section[6:-1] if section.startswith("[AXIS_") else ""
-        key = line.split("=")[0].strip()
-        if letter in limits and key in ("MIN_LIMIT", "MAX_LIMIT"):
-            value = limits[letter][key == "MAX_LIMIT"]
-            lines.append(f"{key} = {float(value)!r}\n")
-        else:
-            lines.append(line)
-    return "".join(lines)
-
-
-def _within(program, limits):
-    """The program with its places moved to the limits where they lie beyond."""
-    def nearest(word):
-        letter, value = word[0][0], float(word[0][1:])
-        low, high = limits.get(letter, (value, value))
-        return word[0] if low <= value <= high else f"{letter}{float(min(max(value, low), high))!r}"
-
-    lines = program.splitlines(keepends=True)
-    return "".join(line if line.startswith(";") else re.sub(r"[XYZABC]-?[\d.]+", nearest, line) for line in lines)
+def _limits(required, machine):
+    """Limits of the letters of the required box, if it is one; angles that tilt go as far as the tilt."""
+    sides = zip("XYZ", machine.home, required.box)
+    limits = {letter: (home + low, home + high) for letter, home, (low, high) in sides if low < high}
+    if limits and required.tilt:
+        limits |= {letter: (-required.tilt, required.tilt) for letter in "AB" if letter in machine.coordinates}
+    return limits
 
 
 def _run(*arguments):

@@ -428,6 +428,7 @@ impl Kind {
         if tilts {
             all.extend([TURN, TILT]);
         }
+        all.push(LIMITS);
         all.push(Parameter { default: self.boxes, ..BOXES });
         all
     }

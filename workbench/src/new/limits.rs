@@ -59,13 +59,19 @@ pub fn proved(
         let text = format!("--tilt {tilt}: expected {} degrees or more", NARROWEST[1] / 2.0);
         return Err(Refusal::Input(text));
     }
+    refuse_limits(config, plan)?;
     let reach = Reach::new(config).map_err(|fault| misfit(Stop::Fault(fault)))?;
     reach.check(&config.home).map_err(misfit)?;
     let within = extents(config, &reach, plan)?;
     let enough = if tilt(plan).is_some() { 0.0 } else { ENOUGH };
-    let found = axis_box::in_one_proof(config, &within, enough, progress).map_err(misfit)?;
-    let found = found.rounded();
-    match plan.letters().into_iter().find(|letter| is_narrow(config, &found, *letter)) {
+    let is_asked = Letter::ALL.map(|letter| asked(plan, letter).is_some());
+    let found = axis_box::in_one_proof(config, &within, is_asked, enough, progress);
+    let Some(found) = found.map_err(misfit)? else {
+        return Err(unproved(config, &reach, plan));
+    };
+    let found = found.rounded().with_ends(&within, is_asked);
+    let mut others = plan.letters().into_iter().filter(|letter| asked(plan, *letter).is_none());
+    match others.find(|letter| is_narrow(config, &found, *letter)) {
         None => Ok(found),
         Some(letter) => Err(Refusal::Misfit(format!(
             "about home no room is proved along {}: give {}other dimensions, or another place with --home",
@@ -73,6 +79,52 @@ pub fn proved(
             if plan.tilts() { "less --tilt, " } else { "" }
         ))),
     }
+}
+
+/// The limits that are asked for a letter.
+fn asked(plan: &Plan, letter: Letter) -> Option<[f64; 2]> {
+    plan.values.limits().iter().find(|(of, _)| *of == letter).map(|(_, ends)| *ends)
+}
+
+/// Limits of what does not move, or beside home.
+fn refuse_limits(config: &MachineConfig, plan: &Plan) -> Result<(), Refusal> {
+    for (letter, [low, high]) in plan.values.limits() {
+        let (name, home) = (letter.name(), config.home[letter.index()]);
+        let why = if !plan.letters().contains(letter) {
+            let moved: String = plan.letters().into_iter().map(Letter::name).collect();
+            format!("the machine moves {moved}, and no {name}")
+        } else if !(*low <= home && home <= *high) {
+            format!("home is at {name} {home}: give limits about it, or another place with --home")
+        } else {
+            continue;
+        };
+        return Err(Refusal::Input(format!("--limits {name} {low} {high}: {why}")));
+    }
+    Ok(())
+}
+
+/// That the limits asked for are not proved, with a pose that cannot be taken where one of the corners is such.
+fn unproved(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Refusal {
+    let limits = plan.values.limits();
+    let words: Vec<String> =
+        limits.iter().map(|(l, [low, high])| format!("{} {low} {high}", l.name())).collect();
+    let corner = |n: usize| {
+        let mut pose = config.home;
+        for (bit, (letter, ends)) in limits.iter().enumerate() {
+            pose[letter.index()] = ends[n >> bit & 1];
+        }
+        pose
+    };
+    let stopped = (0..1 << limits.len()).map(corner).find_map(|pose| {
+        let place = limits.iter().map(|(l, _)| format!("{}{}", l.name(), pose[l.index()]));
+        let place = place.collect::<Vec<_>>().join(" ");
+        Some(format!("at {place} {}", shown(config, reach.check(&pose).err()?)))
+    });
+    let why = stopped.unwrap_or_else(|| "the proof does not end".into());
+    Refusal::Misfit(format!(
+        "--limits {}: not proved for every pose within: {why}. Give less of them, other dimensions, or another place with --home",
+        words.join(", ")
+    ))
 }
 
 /// The tilt that is asked for, degrees.
@@ -85,7 +137,9 @@ pub fn short_of_tilt(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> V
     let Some(tilt) = tilt(plan) else { return vec![] };
     let is_short = |letter: &Letter| {
         let k = letter.index();
-        letter.is_angle() && limits.low[k].abs().min(limits.high[k].abs()) < tilt
+        letter.is_angle()
+            && asked(plan, *letter).is_none()
+            && limits.low[k].abs().min(limits.high[k].abs()) < tilt
     };
     let finding = |letter: Letter| {
         let [low, high] = [limits.low, limits.high].map(|ends| ends[letter.index()]);
@@ -118,6 +172,10 @@ fn extents(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Result<AxisBox
     let mut extents = AxisBox { low: config.home, high: config.home };
     for letter in plan.letters() {
         let k = letter.index();
+        if let Some([low, high]) = asked(plan, letter) {
+            (extents.low[k], extents.high[k]) = (low, high);
+            continue;
+        }
         let far = match letter.is_angle() {
             true => tilt(plan).unwrap_or(TILT),
             false => FARTHEST * config.machine.size(),

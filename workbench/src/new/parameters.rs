@@ -30,6 +30,8 @@ pub enum Measure {
     Hands,
     /// Letters of X Y Z A B C.
     Letters,
+    /// Letters of X Y Z A B C, each with its smallest and largest value.
+    Limits,
     /// A file.
     File,
 }
@@ -152,6 +154,13 @@ pub const TILT: Parameter = optional(
     Measure::Angle(90),
     "",
     "Largest A, B and C that the axis limits are to have, either way; without it up to 15, less where that would leave little of X Y Z",
+);
+/// Where the axes are to end.
+pub const LIMITS: Parameter = optional(
+    "limits",
+    Measure::Limits,
+    "",
+    "Axis limits that a letter is to have, all of it proved: --limits X -60 60, again for other letters; those of the others are found",
 );
 /// Speed of the tool.
 pub const FEED: Parameter =
@@ -283,6 +292,7 @@ impl Measure {
             Self::Choice(_) => &["WORD"],
             Self::Hands => &["HANDS"],
             Self::Letters => &["LETTERS"],
+            Self::Limits => &["LETTER", "MIN", "MAX"],
             Self::File => &["FILE.csv"],
         }
     }
@@ -311,6 +321,7 @@ impl Measure {
             Self::Choice(words) => words.join(" or "),
             Self::Hands => "R or L".into(),
             Self::Letters => "of XYZABC".into(),
+            Self::Limits => format!("letter MIN MAX, {length} or degrees"),
             Self::File => "a file".into(),
             _ => length.into(),
         }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What was given of a machine: every value of its kind's table, checked, with defaults.
 
-use crate::new::parameters::{ANCHORS, Measure, Need, Parameter, UNIT};
+use crate::new::parameters::{ANCHORS, LIMITS, Measure, Need, Parameter, UNIT};
 use crate::read::ini::decimal;
+use kinematics::Letter;
 use std::collections::BTreeMap;
 
 /// Millimetres of an inch.
@@ -29,6 +30,7 @@ pub enum Refusal {
 enum Value {
     Numbers(Vec<f64>),
     Word(String),
+    Limits(Vec<(Letter, [f64; 2])>),
 }
 
 /// Values by the names of their parameters, in machine units and degrees.
@@ -122,6 +124,14 @@ impl Values {
         }
     }
 
+    /// The limits that are asked for.
+    pub fn limits(&self) -> &[(Letter, [f64; 2])] {
+        match self.0.get(LIMITS.name) {
+            Some(Value::Limits(limits)) => limits,
+            _ => &[],
+        }
+    }
+
     /// Name of the unit of length.
     pub fn unit(&self) -> &str {
         self.word(UNIT.name)
@@ -201,6 +211,7 @@ fn parsed(parameter: &Parameter, words: &[String]) -> Result<Value, Refusal> {
             word_fits(parameter.measure, &word).map_err(|expected| refused(&expected))?;
             Ok(Value::Word(word))
         }
+        Measure::Limits => limits(words).map(Value::Limits).map_err(|expected| refused(&expected)),
         _ => {
             let numbers: Option<Vec<f64>> = words.iter().map(|word| decimal(word)).collect();
             let count = parameter.measure.values().len();
@@ -215,6 +226,24 @@ fn parsed(parameter: &Parameter, words: &[String]) -> Result<Value, Refusal> {
             Ok(Value::Numbers(numbers))
         }
     }
+}
+
+/// Letters with their limits, three words each.
+fn limits(words: &[String]) -> Result<Vec<(Letter, [f64; 2])>, String> {
+    let of = |three: &[String]| {
+        let [letter, low, high] = three else { return None };
+        let letter = Letter::ALL.into_iter().find(|known| *letter == known.name().to_string())?;
+        Some((letter, [decimal(low)?, decimal(high)?]))
+    };
+    let found: Option<Vec<_>> = words.chunks(3).map(of).collect();
+    let found = found.ok_or("a letter of XYZABC and two decimal numbers, such as X -60 60")?;
+    for (n, (letter, ends)) in found.iter().enumerate() {
+        if found[..n].iter().any(|(other, _)| other == letter) {
+            return Err(format!("{} once", letter.name()));
+        }
+        numbers_fit(Measure::Travel, ends)?;
+    }
+    Ok(found)
 }
 
 fn word_fits(measure: Measure, word: &str) -> Result<(), String> {

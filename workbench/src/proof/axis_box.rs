@@ -77,6 +77,14 @@ impl AxisBox {
         rounded
     }
 
+    /// With the ends of another box where `of` says so.
+    pub fn with_ends(mut self, other: &Self, of: [bool; 6]) -> Self {
+        for k in (0..6).filter(|k| of[*k]) {
+            (self.low[k], self.high[k]) = (other.low[k], other.high[k]);
+        }
+        self
+    }
+
     fn shrunk(&self, to: &[f64; 6], share: f64) -> Self {
         self.with_shares(to, [share; 2])
     }
@@ -148,27 +156,32 @@ pub fn find(
 
 /// A box that one proof covers, so that a check of it as axis limits repeats that proof: with all of the
 /// angles if that leaves a share of the lengths that is `enough`, otherwise with less of them; then faces are
-/// pushed as far as the whole is still proved.
-/// `progress` is told the share of the work that is done.
+/// pushed as far as the whole is still proved. The ends of `asked` coordinates are those of `within` in any case.
+/// `progress` is told the share of the work that is done. `None` where not even these are proved, with the other
+/// coordinates at home.
 ///
 /// # Errors
 /// Home itself is outside.
 pub fn in_one_proof(
     config: &MachineConfig,
     within: &AxisBox,
+    asked: [bool; 6],
     enough: f64,
     mut progress: impl FnMut(f64),
-) -> Result<AxisBox, Stop> {
+) -> Result<Option<AxisBox>, Stop> {
     let mut search = Search::new(config, &Vector3::zeros(), within)?;
-    search.left = PROOFS_CELLS;
+    (search.left, search.asked) = (PROOFS_CELLS, asked);
     if search.is_whole(within) {
-        return Ok(*within);
+        return Ok(Some(*within));
     }
-    let mut found = AxisBox { low: config.home, high: config.home };
+    let mut found = search.part(config, [0.0; 2]);
+    if asked.contains(&true) && !search.is_whole(&found) {
+        return Ok(None);
+    }
     for angles in ANGLES {
         let lengths = search.lengths(config, angles);
         if lengths > 0.0 {
-            found = within.with_shares(&config.home, [lengths, angles]);
+            found = search.part(config, [lengths, angles]);
         }
         progress(1.0 - search.left as f64 / PROOFS_CELLS as f64);
         if lengths > 0.0 && lengths >= enough {
@@ -180,7 +193,7 @@ pub fn in_one_proof(
             progress(1.0 - search.left as f64 / PROOFS_CELLS as f64);
         }
     }
-    Ok(found)
+    Ok(Some(found))
 }
 
 /// What the narrowest side of a box has of that of another one.
@@ -237,6 +250,8 @@ pub fn at_tilt(
 struct Search<'a> {
     reach: Reach<'a>,
     within: AxisBox,
+    /// Coordinates that keep the ends of `within`.
+    asked: [bool; 6],
     /// Cells that may still be looked at.
     left: usize,
 }
@@ -245,7 +260,12 @@ impl<'a> Search<'a> {
     fn new(config: &'a MachineConfig, tool: &Vector3<f64>, within: &AxisBox) -> Result<Self, Stop> {
         let reach = Reach::with_tool(config, config.spindle + tool).map_err(Stop::Fault)?;
         reach.check(&config.home)?;
-        Ok(Self { reach, within: *within, left: ALL_CELLS })
+        Ok(Self { reach, within: *within, asked: [false; 6], left: ALL_CELLS })
+    }
+
+    /// With these shares of lengths and angles, and all of what is asked.
+    fn part(&self, config: &MachineConfig, shares: [f64; 2]) -> AxisBox {
+        self.within.with_shares(&config.home, shares).with_ends(&self.within, self.asked)
     }
 
     /// Pushes the faces as far as they go.
@@ -281,11 +301,13 @@ impl<'a> Search<'a> {
 
     /// The largest share of the lengths that is proved with this share of the angles; 0: none.
     fn lengths(&mut self, config: &MachineConfig, angles: f64) -> f64 {
-        let within = self.within;
+        if self.asked[..3] == [true; 3] {
+            return f64::from(self.is_whole(&self.part(config, [1.0, angles])));
+        }
         let mut found = 0.0;
         for n in 1..=SHRINKS {
             let share = found + 0.5_f64.powi(n);
-            if self.is_whole(&within.with_shares(&config.home, [share, angles])) {
+            if self.is_whole(&self.part(config, [share, angles])) {
                 found = share;
             }
         }

@@ -122,7 +122,12 @@ fn option(parameter: &Parameter) -> Arg {
         _ => clap::ValueHint::Other,
     };
     let count = measure.values().len();
+    let action = match measure {
+        Measure::Limits => clap::ArgAction::Append,
+        _ => clap::ArgAction::Set,
+    };
     Arg::new(name)
+        .action(action)
         .long(name)
         .value_names(measure.values())
         .num_args(count)
