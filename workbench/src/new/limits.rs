@@ -120,7 +120,10 @@ fn unproved(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Refusal {
         let place = place.collect::<Vec<_>>().join(" ");
         Some(format!("at {place} {}", shown(config, reach.check(&pose).err()?)))
     });
-    let why = stopped.unwrap_or_else(|| "the proof does not end".into());
+    let why = stopped.unwrap_or_else(|| {
+        "the corners can be taken, but a pose between them cannot, or the proof takes too long"
+            .into()
+    });
     Refusal::Misfit(format!(
         "--limits {}: not proved for every pose within: {why}. Give less of them, other dimensions, or another place with --home",
         words.join(", ")
