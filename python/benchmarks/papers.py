@@ -155,7 +155,7 @@ def of_004():
         "",
         "The paper concludes that stiffness grows with the size of the platform, and that with the tool outside the platform the stiffness",
         "of its tip hardly depends on the ratio of the radii; its maps are pictures without a scale. The same by the",
-        f"[notebook](../python/notebooks/stiffness-and-platform.ipynb): base radius 400 mm, struts of 10 N/µm, platform radius {low:.1f} to {high:.1f}",
+        f"lines of `python/notebooks/stiffness-and-platform.ipynb`: base radius 400 mm, struts of 10 N/µm, platform radius {low:.1f} to {high:.1f}",
         "times that of the base, least stiffness of the tip at home, mm:",
         "",
         *table(head, [row(height, nose) for height in HEIGHTS for nose in NOSES]),
