@@ -12,8 +12,13 @@ const HIDDEN: &str = "for folder in /usr/share/linuxcnc /usr/lib/linuxcnc; do \
 
 /// What the command answers, on both ways out, and its exit status; before it the shell does something more.
 fn answer(before: &str, file: &Path) -> (String, i32) {
+    // Root needs no namespace of users, which some computers forbid.
+    let user: &[&str] =
+        if rustix::process::geteuid().is_root() { &[] } else { &["--map-root-user"] };
     let done = Command::new("unshare")
-        .args(["--mount", "--map-root-user", "sh", "-c", &format!("{before}{HIDDEN}"), "sh"])
+        .arg("--mount")
+        .args(user)
+        .args(["sh", "-c", &format!("{before}{HIDDEN}"), "sh"])
         .args([env!("CARGO_BIN_EXE_pkm").as_ref(), "check".as_ref(), file.as_os_str()])
         .env("NO_COLOR", "1")
         .output()
