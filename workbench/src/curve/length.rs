@@ -15,12 +15,9 @@ const RULE: [[f64; 2]; 5] = [
 /// Error of an integral, as a share of the whole, and in mm of one that is shorter than 1 mm: some
 /// roundings of a point of the curve.
 const ERROR: f64 = 1e-13;
-/// Halvings one within the other: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the
-/// square of that.
-const DEEPEST: u32 = 40;
-/// Halvings of one integral, some hundred times what a cusp takes: where they do not do, the speed itself is not
-/// known to the error, as beside a pole, which is refused when the path is bounded.
-const MOST: u32 = 4096;
+/// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the square of
+/// that.
+const HALVINGS: u32 = 40;
 /// Nodes between which lengths are kept.
 const NODES: usize = 64;
 /// Newton's steps to a length.
@@ -35,27 +32,23 @@ fn rule(part: &Part, [a, b]: [f64; 2]) -> Result<f64, Trouble> {
     Ok(half * sum)
 }
 
-/// An integral over a range and its halves.
-struct Halving<'a> {
-    part: &'a Part,
+/// The integral over a range, of which one rule gives `whole`, to within an error.
+fn halved(
+    part: &Part,
+    [a, b]: [f64; 2],
+    whole: f64,
     error: f64,
-    /// Halvings that may still be made.
     left: u32,
-}
-
-impl Halving<'_> {
-    /// The integral over a range, of which one rule gives `whole`, to within the error.
-    fn of(&mut self, [a, b]: [f64; 2], whole: f64, deeper: u32) -> Result<f64, Trouble> {
-        let middle = 0.5 * (a + b);
-        let [first, second] = [rule(self.part, [a, middle])?, rule(self.part, [middle, b])?];
-        let sum = first + second;
-        if deeper == 0 || self.left == 0 || !((sum - whole).abs() > self.error) {
-            return Ok(sum);
-        }
-        self.left -= 1;
-        let low = self.of([a, middle], first, deeper - 1)?;
-        Ok(low + self.of([middle, b], second, deeper - 1)?)
+) -> Result<f64, Trouble> {
+    let middle = 0.5 * (a + b);
+    let halves = [rule(part, [a, middle])?, rule(part, [middle, b])?];
+    let sum = halves[0] + halves[1];
+    if left == 0 || !((sum - whole).abs() > error) {
+        return Ok(sum);
     }
+    let [first, second] = halves;
+    Ok(halved(part, [a, middle], first, error, left - 1)?
+        + halved(part, [middle, b], second, error, left - 1)?)
 }
 
 /// Length of a part between two parameters.
@@ -64,8 +57,7 @@ pub(super) fn between(part: &Part, range: [f64; 2]) -> Result<f64, Trouble> {
         return Ok(0.0);
     }
     let whole = rule(part, range)?;
-    let error = ERROR * whole.abs().max(1.0);
-    Halving { part, error, left: MOST }.of(range, whole, DEEPEST)
+    halved(part, range, whole, ERROR * whole.abs().max(1.0), HALVINGS)
 }
 
 /// Lengths of a part at nodes of its range.
