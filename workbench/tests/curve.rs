@@ -273,6 +273,16 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
     }
 }
 
+/// So near to a pole the roundings of the speed outweigh the error that is asked for of its integral.
+#[test]
+fn beside_a_pole_the_length_is_that_of_the_line() {
+    let text = "[curve]\nx_mm = \"1/(t - 1)\"\ny_mm = 0\nt = [0, 0.9999999999]\n";
+    let length = curve(text).unwrap().length;
+    let expected = 1.0 / (1.0 - 0.9999999999) - 1.0;
+    // Places of the rule are rounded to 1e-16 at a distance of 1e-10: a millionth of the speed there.
+    assert!((length / expected - 1.0).abs() < 1e-6, "{length}, not {expected}");
+}
+
 #[test]
 fn a_value_without_its_unit_is_an_unknown_key() {
     for (text, expected) in [
