@@ -4,12 +4,12 @@
 
     tests/live/truth.py [--live short|all] [--alone] [--only EXPRESSION] [--out FOLDER]
 
-Each program is judged by `pkm preflight` and run by `pkm run`; ends in a table of what LinuxCNC did, in
-which line, and what was predicted. With --live all of them, or a handful, run in LinuxCNC itself as well,
-every servo cycle recorded, and a second table compares the two runs; with --alone the other programs are
-left out. Exit code 1 where LinuxCNC stops a program and it was
-not predicted with its line, where something was predicted that did not come, where a peak is not as
-predicted, or where the two runs do anything else in any cycle of a motion.
+Each program is judged by `pkm preflight`, which keeps LinuxCNC's run of it as a trace; ends in a table of
+what LinuxCNC did, in which line, and what was predicted. With --live all of them, or a handful, run in
+LinuxCNC itself as well, every servo cycle recorded, and a second table compares the two runs; with --alone
+the other programs are left out. Exit code 1 where LinuxCNC stops a program and it was not predicted with its
+line, where something was predicted that did not come, where a peak is not as predicted, or where the two
+runs do anything else in any cycle of a motion.
 """
 
 import argparse
@@ -91,7 +91,7 @@ def run_one(job):
     folder, machine, program, trace, is_kept = job
     ini = folder / machine / f"{machine}.ini"
     file = folder / machine / "programs" / f"truth-{program}.ngc"
-    found = {"outcome": truth_virtual.run(PKM, ini, file, trace), "flight": truth_virtual.preflight(PKM, ini, file)}
+    found = truth_virtual.judged(PKM, ini, file, trace)
     if not is_kept:
         trace.unlink(missing_ok=True)
     return name_of(machine, program), found

@@ -1178,6 +1178,7 @@ all/c.ngc  not judged    FOLDER/all/c.ngc:2: Two g codes used from same modal gr
     assert!(bench.answer("preflight linear-delta.ini all/b.nc all/b.nc", "").ends_with("exit 1\n"));
     for (words, said) in [
         ("all --report r.html", "--report takes one program"),
+        ("all --trace t.csv", "--trace takes one program"),
         ("none", "none: No such file or directory"),
     ] {
         let told = bench.answer(&format!("preflight linear-delta.ini {words}"), "");

@@ -66,6 +66,20 @@ fn the_same_program_gives_the_same_rows_also_in_several_runs_at_once() {
 }
 
 #[test]
+fn preflight_writes_the_trace_that_a_run_writes() {
+    let copy = Copy::new(|text| text, SHORT);
+    let traces = ["run", "preflight"].map(|command| {
+        let given = ["hexapod.ini", "programs/p.ngc"].map(|name| copy.file(name));
+        let trace = copy.file(&format!("{command}.csv"));
+        let arguments = [&given[..], &["--trace".into(), trace.clone()]].concat();
+        let (out, error, code) = pkm_with(&copy.file("tmp"), command, &arguments);
+        assert_eq!(code, Some(0), "{out}{error}");
+        fs::read(trace).unwrap()
+    });
+    assert!(traces[0] == traces[1] && traces[0].len() > 10_000, "traces differ");
+}
+
+#[test]
 fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
     let text = "G21 G90 G61\nG1 F3000 X10\nX0\nX500\nM2\n";
     let outcome = run_text("hexapod", text, &Options::default()).unwrap();
@@ -282,14 +296,16 @@ fn what_is_no_program_is_refused_before_anything_starts() {
 fn a_disk_that_is_full_is_named_and_nothing_is_left() {
     // Files of at most so many KiB, as on a disk with as much room, for one process: less than what a run
     // needs in its own folder, and than the trace of half a minute.
-    for (room, full) in [(8, "pkm-control"), (4096, "trace.csv")] {
+    for (command, room, full) in
+        [("run", 8, "pkm-control"), ("run", 4096, "trace.csv"), ("preflight", 4096, "trace.csv")]
+    {
         let copy = Copy::new(|text| text, "G21 G90\nG0 X1\nG4 P30\nM2\n");
-        let script = "trap '' XFSZ; ulimit -f $4; exec \"$0\" run \"$1\" \"$2\" --trace \"$3\"";
+        let script = "trap '' XFSZ; ulimit -f $4; exec \"$0\" $5 \"$1\" \"$2\" --trace \"$3\"";
         let arguments = ["hexapod.ini", "programs/p.ngc", "trace.csv"].map(|name| copy.file(name));
         let output = Command::new("bash")
             .args(["-c", script, env!("CARGO_BIN_EXE_pkm")])
             .args(arguments)
-            .arg(room.to_string())
+            .args([&room.to_string(), command])
             .env("TMPDIR", copy.file("tmp"))
             .output()
             .unwrap();

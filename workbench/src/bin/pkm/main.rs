@@ -37,6 +37,7 @@ mod scene;
 mod sensitivity;
 mod stability;
 mod stiffness;
+mod trace;
 mod travel;
 mod vibration;
 mod view;

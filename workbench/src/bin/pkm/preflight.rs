@@ -3,6 +3,7 @@
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
 use super::run::{Control, Progress};
+use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output, report, told};
 use kinematics::Letter;
 use pkm::check::cautions::{Caution, cautions};
@@ -48,6 +49,9 @@ pub struct Arguments {
     /// Also writes one page with plots; of one program
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
+    /// Also writes every servo cycle, as pkm run does; of one program, and where LinuxCNC ran it
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    trace: Option<PathBuf>,
     #[command(flatten)]
     judging: Judging,
 }
@@ -168,8 +172,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     {
         return run_one(&config, arguments, program);
     }
-    if arguments.report.is_some() {
-        return Err(refused("--report takes one program: name one alone, or leave --report out"));
+    for (name, file) in [("--report", &arguments.report), ("--trace", &arguments.trace)] {
+        if file.is_some() {
+            let text = format!("{name} takes one program: name one alone, or leave {name} out");
+            return Err(refused(text));
+        }
     }
     run_all(&config, arguments, &programs(&arguments.programs)?)
 }
@@ -180,12 +187,16 @@ fn run_one(
     program: &Path,
 ) -> Result<Verdict, Failure> {
     let mut course = arguments.report.as_ref().map(|_| Course::new(config));
+    let mut trace = arguments.trace.as_deref().map(|file| Trace::new(config, file)).transpose()?;
     let answer = judged(config, &arguments.judging, program, &mut |row| {
         if let Some(course) = &mut course {
             course.see(row);
         }
+        // What cannot be written is said at the end; the program is judged in any case.
+        let _ = trace.as_mut().map(|trace| trace.see(row));
     })?;
     let is_judged = matches!(answer.found.time, Time::Judged(_));
+    trace.map_or(Ok(()), |trace| trace.finish(is_judged))?;
     let course = course.filter(|_| is_judged).map(Course::finish);
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();

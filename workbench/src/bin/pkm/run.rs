@@ -2,14 +2,14 @@
 //! `pkm run`.
 
 use super::failure::Failure;
-use super::joints::{coordinates, joint_names};
+use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use pkm::files::{Locate, Whole, open};
+use pkm::files::open;
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
-use std::io::{self, Write};
+use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -89,27 +89,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all()?;
     open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
-    let mut unwritten = None;
     let progress = Progress::new(&config);
     let options = Options { written: arguments.written.clone(), ..arguments.control.options() };
     let outcome = process::run(&config, &arguments.program, &options, |row| {
         progress.see(row);
-        if let Some(trace) = trace.as_mut().filter(|_| unwritten.is_none()) {
-            unwritten = trace.write(row).err();
-        }
-        match unwritten {
-            None => ControlFlow::Continue(()),
-            Some(_) => ControlFlow::Break(()),
-        }
+        trace.as_mut().map_or(ControlFlow::Continue(()), |trace| trace.see(row))
     });
     drop(progress);
-    if let Some(error) = unwritten {
-        return Err(error);
-    }
+    trace.map_or(Ok(()), |trace| trace.finish(outcome.is_ok()))?;
     let outcome = outcome?;
-    if let Some(trace) = trace {
-        trace.finish()?;
-    }
     output::answer(&Answer {
         machine: &config.file,
         program: &arguments.program,
@@ -176,54 +164,5 @@ impl Progress {
                 eprintln!("FILTER_PROGRESS={}", (100 * row.line / lines).min(100));
             }
         }
-    }
-}
-
-/// A file with a row for every servo cycle; it takes its name when it is whole.
-struct Trace<'a> {
-    config: &'a MachineConfig,
-    out: csv::Writer<Whole>,
-    file: &'a Path,
-}
-
-impl<'a> Trace<'a> {
-    fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
-        let mut out = csv::Writer::from_writer(Whole::new(file)?);
-        let joints = joint_names(config.all_joints().count());
-        let errors = joints.iter().map(|name| format!("{name}_error"));
-        let is_pair = config.second.is_some();
-        let beside = |names: &[&str]| -> Vec<String> {
-            names.iter().filter(|_| is_pair).map(ToString::to_string).collect()
-        };
-        let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
-        let tail = ["tool_x", "tool_y", "tool_z"].map(String::from).into_iter();
-        let tail = tail.chain(beside(&["tool_u", "tool_v", "tool_w"])).chain(["feed".into()]);
-        let head = head.chain(beside(&["u", "v", "w"]));
-        out.write_record(head.chain(joints.clone()).chain(errors).chain(tail))?;
-        Ok(Self { config, out, file })
-    }
-
-    fn write(&mut self, row: &Row) -> Result<(), Failure> {
-        let (joints, extra) = (self.config.guarded_joints(), self.config.extra.len());
-        let time = row.cycle as f64 * self.config.period;
-        let [x, y, z, a, b, c] = row.pose;
-        let mut pose = [x, y, z, a, b, c, 0.0, 0.0, 0.0];
-        for (place, value) in self.config.extra_axes.places().zip(row.extra.positions) {
-            pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
-        }
-        let second = self.config.second_letters.as_ref();
-        second.into_iter().for_each(|letters| letters.put(&row.second.pose, &mut pose));
-        let (letters, tools) = if second.is_some() { (9, 3) } else { (6, 0) };
-        let commands = row.joints[..joints].iter().chain(&row.extra.positions[..extra]);
-        let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
-        let values = pose[..letters].iter().chain(commands).chain(errors).chain(&row.tool);
-        let values = values.chain(&row.second.tool[..tools]).chain([&row.feed]).map(f64::to_string);
-        let record = [time.to_string(), row.line.to_string()].into_iter().chain(values);
-        Ok(self.out.write_record(record).map_err(io::Error::from).at(self.file)?)
-    }
-
-    fn finish(self) -> Result<(), Failure> {
-        let whole = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
-        Ok(whole.finish()?)
     }
 }
