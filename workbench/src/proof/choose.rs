@@ -9,13 +9,16 @@
 use crate::proof::one_to_one::{Doubt, Matrix, Prover, Rows, steps_needed};
 use crate::read::boxes::Claim;
 use kinematics::{MAX_LEGS, WorkspaceBox};
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, Vector6};
 
 /// Poses sampled beside the corners.
 const SAMPLES: usize = 400;
 
 /// Sharpness of the smoothed maximum, and how many steps with it.
 const ROUNDS: [(f64, usize); 4] = [(10.0, 300), (40.0, 300), (150.0, 300), (500.0, 300)];
+
+/// Power iterations from the direction of the step before, which is near.
+const ITERATIONS: usize = 2;
 
 /// Share of the gap between the largest norm sampled and 1 that the claim leaves to the
 /// proof: the larger, the fewer cells; the rest decides how many steps the module makes.
@@ -179,11 +182,12 @@ fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
         weight,
     };
     let mut best = (f64::INFINITY, x.clone());
+    let mut directions = vec![Vector6::repeat(1.0); rows.len()];
     let (mut first, mut second) = ([0.0; 54], [0.0; 54]);
     let mut step = 0;
     for (sharpness, count) in ROUNDS {
         for n in 0..count {
-            let (value, gradient) = gradient(active, rows, &x, sharpness);
+            let (value, gradient) = gradient(active, rows, &x, sharpness, &mut directions);
             if value < best.0 {
                 best = (value, x.clone());
             }
@@ -205,19 +209,26 @@ fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
     best.1
 }
 
-/// Largest norm over the samples, and the gradient of its smoothed form.
-fn gradient(active: &[usize], rows: &[Rows], x: &Unknowns, sharpness: f64) -> (f64, [f64; 54]) {
+/// Largest norm over the samples, and the gradient of its smoothed form. The directions that are stretched
+/// most are kept from step to step.
+fn gradient(
+    active: &[usize],
+    rows: &[Rows],
+    x: &Unknowns,
+    sharpness: f64,
+    directions: &mut [Vector6<f64>],
+) -> (f64, [f64; 54]) {
     let over: [f64; 6] = std::array::from_fn(|k| (-x.weight[k]).exp());
     let mut terms = Vec::with_capacity(rows.len());
     let mut largest = 0.0_f64;
-    for rows in rows {
+    for (rows, direction) in rows.iter().zip(directions) {
         let scaled = Rows::from_fn(|i, k| rows[(i, k)] * over[k]);
         let product = x.matrix * scaled;
         let mut departure = -product;
         for &k in active {
             departure[(k, k)] += 1.0;
         }
-        let (norm, u, v) = dominant(&departure);
+        let (norm, u, v) = dominant(&departure, direction);
         largest = largest.max(norm);
         terms.push((norm, u, v, scaled, product));
     }
@@ -240,9 +251,13 @@ fn gradient(active: &[usize], rows: &[Rows], x: &Unknowns, sharpness: f64) -> (f
     (largest, gradient)
 }
 
-/// Largest singular value and its vectors.
-fn dominant(m: &Matrix) -> (f64, nalgebra::Vector6<f64>, nalgebra::Vector6<f64>) {
-    let svd = m.svd(true, true);
-    let (u, v) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
-    (svd.singular_values[0], u.column(0).into_owned(), v.row(0).transpose())
+/// Largest singular value and its vectors, by power iterations from a direction.
+fn dominant(m: &Matrix, direction: &mut Vector6<f64>) -> (f64, Vector6<f64>, Vector6<f64>) {
+    for _ in 0..ITERATIONS {
+        let next = m.tr_mul(&(m * *direction));
+        *direction = next.try_normalize(0.0).unwrap_or(*direction);
+    }
+    let image = m * *direction;
+    let norm = image.norm();
+    (norm, image / norm.max(f64::MIN_POSITIVE), *direction)
 }
