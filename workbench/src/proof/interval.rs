@@ -6,6 +6,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::{Add, Div, Mul, Neg, Sub};
+use wide::f64x2;
 
 /// Numbers from `low` to `high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -160,13 +161,14 @@ impl Sub for Interval {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        let [a, b, c, d] =
-            [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
-        if ((a + b) + (c + d)).is_finite() {
+        // The four products, two and two.
+        let ends = f64x2::new([self.low, self.high]);
+        let (one, other) = (ends * f64x2::new([o.low, o.high]), ends * f64x2::new([o.high, o.low]));
+        let [a, b] = (one + other).to_array();
+        if (a + b).is_finite() {
             // One instruction each, which `f64::min` is not: no product is NaN.
-            let least = |x: f64, y: f64| if x < y { x } else { y };
-            let most = |x: f64, y: f64| if x > y { x } else { y };
-            return Self::new(least(least(a, b), least(c, d)), most(most(a, b), most(c, d)));
+            let ([a, b], [c, d]) = (one.fast_min(other).to_array(), one.fast_max(other).to_array());
+            return Self::new(if a < b { a } else { b }, if c > d { c } else { d });
         }
         self.unbounded_product(o)
     }
