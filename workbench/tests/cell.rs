@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
-use crate::shipped::{MACHINES, config, follow};
+use crate::shipped::{MACHINES, cases, config, follow};
 use kinematics::{Letter, Limit};
 use pkm::check::mobility;
 use pkm::check::report::check;
@@ -109,7 +109,7 @@ fn a_cell_may_come_near_a_limit() {
 #[test]
 fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
     /// Poses drawn from each box.
-    const POSES: usize = 100_000;
+    const POSES: usize = 20_000;
     for machine in MACHINES {
         let config = config(machine);
         for second in config.second.iter() {
@@ -138,7 +138,7 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
             .map(|t| Reach::with_tool(&config, config.spindle + t.offset));
         let tools: Vec<Reach> = reaches.map(Result::unwrap).collect();
         let mut rng = Pcg64::seed_from_u64(6);
-        for n in 0..POSES {
+        for n in 0..cases(POSES) {
             let pose = pose(&mut rng, &limits);
             assert_eq!(reach.check(&pose), Ok(()), "{machine} {pose:?}");
             let with = n % (tools.len() + 1);
