@@ -559,5 +559,8 @@ fn on_a_terminal_everything_is_asked_for() {
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}");
     assert!(told.contains("Length of a rod") && told.contains("is made"), "{told}");
+    // How much of the work is done, and how long the rest takes.
+    let is_foretold = |line: &str| line.contains("proving axis limits") && line.contains("s left");
+    assert!(told.split(['\r', '\n']).any(is_foretold), "{told}");
     assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
 }

@@ -48,16 +48,21 @@ impl From<AtFile<io::Error>> for Refusal {
     }
 }
 
-/// Makes it; `say` is told what goes on.
+/// What takes long.
+const PROVING_LIMITS: &str = "proving axis limits";
+const PROVING_BOXES: &str = "proving boxes for the start without a seed";
+const CHECKING: &str = "checking what was made";
+
+/// Makes it; `say` is told what goes on, and of long work the share that is done.
 ///
 /// # Errors
 /// What was given is wrong, no such machine works, or the folder cannot be written. Nothing is left
 /// behind then.
-pub fn make(order: &Order, say: impl Fn(&str) + Sync) -> Result<Made, Refusal> {
+pub fn make(order: &Order, say: impl Fn(&str, Option<f64>) + Sync) -> Result<Made, Refusal> {
     refuse_name(order.name)?;
     refuse_place(order.folder)?;
     let mut plan = begun(order)?;
-    say("looking for home");
+    say("looking for home", None);
     let (place, config) = home::found(&plan)?;
     plan.home = place;
     if plan.values.number("lead") != 0.0 {
@@ -78,14 +83,14 @@ fn filled(
     order: &Order,
     folder: &Path,
     mut plan: Plan,
-    say: impl Fn(&str) + Sync,
+    say: impl Fn(&str, Option<f64>) + Sync,
 ) -> Result<Made, Refusal> {
     let read = |plan: &Plan| written(folder, plan);
     write_whole(&folder.join(format!("{}.tbl", order.name)), program::tools())?;
     let config = read(&plan)?;
     plan.joints = joints(&config)?;
-    say("proving axis limits");
-    let found = limits::proved(&config, &plan, |_| ())?;
+    say(PROVING_LIMITS, None);
+    let found = limits::proved(&config, &plan, |share| say(PROVING_LIMITS, Some(share)))?;
     plan.speeds = limits::speeds(&config, &plan, &found);
     plan.limits = Some(found);
     let config = read(&plan)?;
@@ -104,8 +109,8 @@ fn filled(
         write_whole(&at(&name), &text)?;
     }
     // With all files in their places, which it looks for.
-    say("checking what was made");
-    let mut report = checked(&config, order)?;
+    say(CHECKING, None);
+    let mut report = checked(&config, order, |share| say(CHECKING, Some(share)))?;
     report.findings.extend(limits::short_of_tilt(&config, &plan, &found));
     name_place(&mut report, order);
     Ok(Made { report, boxes })
@@ -253,7 +258,11 @@ fn joints(config: &MachineConfig) -> Result<Vec<f64>, Refusal> {
 }
 
 /// Proves boxes where they are wanted; what there is to say of them.
-fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str) + Sync) -> String {
+fn with_boxes(
+    plan: &mut Plan,
+    config: &MachineConfig,
+    say: impl Fn(&str, Option<f64>) + Sync,
+) -> String {
     let without = |why: &dyn Display| {
         let text = format!(
             "# There are no [BOX_K] sections for the start without a seed: {why}.\n\
@@ -266,10 +275,8 @@ fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str) + Sync
         plan.boxes = without(&"they were not asked for, --boxes yes");
         return "no boxes for the start without a seed: --boxes yes, or pkm boxes later".into();
     }
-    say("proving boxes for the start without a seed");
-    let told = |share: f64| {
-        say(&format!("proving boxes for the start without a seed: {:.0} %", 100.0 * share));
-    };
+    say(PROVING_BOXES, None);
+    let told = |share: f64| say(PROVING_BOXES, Some(share));
     match boxes::found(config, &told) {
         Ok(found) => {
             let letters = config.machine.layout().coordinates().as_slice();
@@ -290,8 +297,12 @@ fn with_boxes(plan: &mut Plan, config: &MachineConfig, say: impl Fn(&str) + Sync
 }
 
 /// What `pkm check` says of the file, with the place that it will have.
-fn checked(config: &MachineConfig, order: &Order) -> Result<Report, Refusal> {
-    let mut report = check(config, |_| ()).map_err(|error| Refusal::Misfit(error.to_string()))?;
+fn checked(
+    config: &MachineConfig,
+    order: &Order,
+    progress: impl FnMut(f64),
+) -> Result<Report, Refusal> {
+    let mut report = check(config, progress).map_err(|error| Refusal::Misfit(error.to_string()))?;
     name_place(&mut report, order);
     if report.fits() {
         return Ok(report);

@@ -139,7 +139,7 @@ fn passed(
     };
     let mut pass = Pass::new(subject, lines);
     let mut error = None;
-    let progress = Progress::new(subject.config);
+    let mut progress = Progress::new(subject.config, program)?;
     let outcome = process::run(subject.config, program, &arguments.control.options(), |row| {
         progress.see(row);
         error = pass.see(row).err();

@@ -293,7 +293,7 @@ impl Subject<'_> {
         let force = self.acting(self.config.period / cycles)?;
         let mut follower = Follower::new(self.config, &self.model, force, times.step);
         let mut ended = None;
-        let progress = Progress::new(self.config);
+        let mut progress = Progress::new(self.config, program)?;
         let options = self.arguments.control.options();
         let outcome = process::run(self.config, program, &options, |row| {
             progress.see(row);

@@ -310,32 +310,23 @@ fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
 /// All bars: two kinds of work may go on at a time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// What shows how much of a long work is done; hidden where standard error is no terminal, and
-/// gone with its owner.
+/// What shows how much of a long work is done and how long the rest takes; hidden where standard error is no
+/// terminal, and gone with its owner.
 struct Bar(ProgressBar);
 
 impl Bar {
     /// Of work whose length is known.
     fn new(message: &'static str) -> Self {
-        let bar = ProgressBar::new(STEPS).with_message(message);
-        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {percent} %, {eta} left") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(TICK);
-        Self::shown(bar)
+        let bar = Self::spinner(message);
+        bar.set(0.0);
+        bar
     }
 
-    /// Of work that takes as long as it takes.
+    /// Of work that takes as long as it takes, until its share is told.
     fn spinner(message: &'static str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(message);
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed} so far") {
-            bar.set_style(style);
-        }
+        bar.set_style(style(UNKNOWN));
         bar.enable_steady_tick(TICK);
-        Self::shown(bar)
-    }
-
-    fn shown(bar: ProgressBar) -> Self {
         if output::is_quiet() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
             return Self(bar);
@@ -348,10 +339,38 @@ impl Bar {
         self.0.set_message(message);
     }
 
+    /// What is done next, which takes a time of its own.
+    fn next(&self, message: String) {
+        self.0.set_message(message);
+        self.0.unset_length();
+        self.0.set_style(style(UNKNOWN));
+        self.0.reset();
+    }
+
     /// The share that is done.
     fn set(&self, share: f64) {
+        if self.0.length().is_none() {
+            self.0.set_length(STEPS);
+            self.0.set_style(style(KNOWN));
+        }
         self.0.set_position((share * STEPS as f64) as u64);
     }
+
+    /// Nobody knows any more how much is left.
+    fn forget_share(&self) {
+        if self.0.length().is_some() {
+            self.0.unset_length();
+            self.0.set_style(style(UNKNOWN));
+        }
+    }
+}
+
+/// Of a bar with and without a length.
+const KNOWN: &str = "{msg} {bar:40} {percent} %, {eta} left";
+const UNKNOWN: &str = "{spinner} {msg}, {elapsed} so far";
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 impl Drop for Bar {

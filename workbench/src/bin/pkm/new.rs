@@ -179,7 +179,10 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from(&name));
     let order = Order { kind, values: &values, name: &name, folder: &folder };
     let bar = Bar::spinner("making the machine");
-    let made = make(&order, |what| bar.say(what.into()))?;
+    let made = make(&order, |what, share| match share {
+        Some(share) => bar.set(share),
+        None => bar.next(what.into()),
+    })?;
     drop(bar);
     Failure::unless_unread(told(&text(&made, &order)))?;
     let file = folder.join(format!("{name}.ini"));

@@ -2,7 +2,7 @@
 //! `pkm preflight`.
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
-use super::run::{Control, Progress};
+use super::run::{Control, Lines, Progress};
 use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output, report, told};
 use kinematics::Letter;
@@ -328,9 +328,9 @@ fn followed(
 ) -> Result<(Preflight, Vec<PathBuf>), Failure> {
     let options = Options { block: block.map(Into::into), ..judging.control.options() };
     let is_over = AtomicBool::new(false);
-    let progress = match judging.is_filter {
-        false => Progress::new(config),
-        true => Progress::of_filter(config, count_lines(program)?),
+    let mut progress = match judging.is_filter {
+        false => Progress::new(config, program)?,
+        true => Progress::of_filter(config, program)?,
     };
     let run = || {
         timed(config, program, &options, |row| {
@@ -363,20 +363,17 @@ fn read(
     let bar = Bar::spinner(message);
     let mut flight = Flights::new(config)?;
     let patience = Patience { moves: judging.most_moves, seconds: judging.patience };
-    let mut moves = 0;
+    let (mut moves, mut lines) = (0, Lines::of(program)?);
     let files = interpreter::each(config, program, block, &patience, |step| {
         flight.see(step);
         moves += 1;
+        lines.see(step.line);
         if moves % STRIDE == 0 {
             bar.say(format!("{message}: {moves}"));
+            lines.show(&bar);
         }
     })?;
     Ok((flight.finish()?, files))
-}
-
-fn count_lines(program: &Path) -> Result<u32, Failure> {
-    let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
-    Ok(u32::try_from(lines).unwrap_or(u32::MAX))
 }
 
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {

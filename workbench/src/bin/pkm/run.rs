@@ -6,7 +6,7 @@ use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use pkm::files::open;
+use pkm::files::{self, open};
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_all()?;
     open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
-    let progress = Progress::new(&config);
+    let mut progress = Progress::new(&config, &arguments.program)?;
     let options = Options { written: arguments.written.clone(), ..arguments.control.options() };
     let outcome = process::run(&config, &arguments.program, &options, |row| {
         progress.see(row);
@@ -133,12 +133,55 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
     Ok(())
 }
 
+/// How much of a program is done, as its lines tell where they come in their order: in loops, and where subroutines
+/// stand elsewhere, they do not.
+pub struct Lines {
+    all: u32,
+    highest: u32,
+    in_order: bool,
+}
+
+impl Lines {
+    pub fn of(program: &Path) -> Result<Self, Failure> {
+        if !program.is_file() {
+            // What it is the control says.
+            return Ok(Self::new(0));
+        }
+        let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
+        Ok(Self::new(u32::try_from(lines).unwrap_or(u32::MAX)))
+    }
+
+    fn new(all: u32) -> Self {
+        Self { all: all.max(1), highest: 0, in_order: all > 0 }
+    }
+
+    /// A line that moves; 0 is none.
+    pub fn see(&mut self, line: u32) {
+        self.in_order &= line == 0 || line >= self.highest;
+        self.highest = self.highest.max(line);
+    }
+
+    /// Tells the share on a bar, or that it is not known.
+    pub fn show(&self, bar: &Bar) {
+        match self.share() {
+            Some(share) => bar.set(share),
+            None => bar.forget_share(),
+        }
+    }
+
+    fn share(&self) -> Option<f64> {
+        (self.in_order && self.highest > 0)
+            .then(|| (f64::from(self.highest) / f64::from(self.all)).min(1.0))
+    }
+}
+
 /// Line and time of the machine, while the program runs.
 pub struct Progress {
     bar: Bar,
     period: f64,
-    /// Lines of the program, where a user interface of LinuxCNC shows how far it is.
-    of_filter: Option<u32>,
+    lines: Lines,
+    /// Whether a user interface of LinuxCNC shows how far it is.
+    is_filter: bool,
 }
 
 /// Cycles between two words of how far it has come.
@@ -146,23 +189,44 @@ const STRIDE: u64 = 1000;
 
 impl Progress {
     /// Hidden where standard error is no terminal.
-    pub fn new(config: &MachineConfig) -> Self {
-        Self { bar: Bar::spinner("running"), period: config.period, of_filter: None }
+    pub fn new(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
+        let (bar, lines) = (Bar::spinner("running"), Lines::of(program)?);
+        Ok(Self { bar, period: config.period, lines, is_filter: false })
     }
 
     /// In the words of LinuxCNC's filters, on standard error.
-    pub fn of_filter(config: &MachineConfig, lines: u32) -> Self {
-        Self { of_filter: Some(lines.max(1)), ..Self::new(config) }
+    pub fn of_filter(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
+        Ok(Self { is_filter: true, ..Self::new(config, program)? })
     }
 
     /// A servo cycle.
-    pub fn see(&self, row: &Row) {
+    pub fn see(&mut self, row: &Row) {
+        self.lines.see(row.line);
         if row.cycle.is_multiple_of(STRIDE) {
             let seconds = row.cycle as f64 * self.period;
             self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
-            if let Some(lines) = self.of_filter {
-                eprintln!("FILTER_PROGRESS={}", (100 * row.line / lines).min(100));
+            self.lines.show(&self.bar);
+            if self.is_filter {
+                eprintln!("FILTER_PROGRESS={}", (100 * row.line / self.lines.all).min(100));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_tell_how_much_is_done_until_one_comes_again() {
+        let mut lines = Lines::new(10);
+        assert_eq!(lines.share(), None);
+        for line in [0, 2, 2, 5, 0, 5] {
+            lines.see(line);
+        }
+        assert_eq!(lines.share(), Some(0.5));
+        lines.see(3);
+        lines.see(10);
+        assert_eq!(lines.share(), None);
     }
 }
