@@ -4,6 +4,7 @@
 use crate::control::refusal::NotJudged;
 use crate::files::{AtFile, Folder, Locate};
 use crate::read::machine::MachineConfig;
+use crate::read::places::folders;
 use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
@@ -23,14 +24,6 @@ const BUFFERS: [(&str, u32, u32, &str); 5] = [
 
 /// Who opens them: the library, which makes them, milltask, the driver.
 const OPENERS: [(&str, u32); 3] = [("pkmkins", 1), ("emc", 0), ("xemc", 0)];
-
-/// Folders of the INI file, by section and key; several are separated by colons.
-const FOLDERS: [(&str, &str); 4] = [
-    ("DISPLAY", "PROGRAM_PREFIX"),
-    ("RS274NGC", "SUBROUTINE_PATH"),
-    ("RS274NGC", "USER_M_PATH"),
-    ("WIZARD", "WIZARD_ROOT"),
-];
 
 /// What decides how a joint homes; it starts where it is at home instead.
 const HOMING: [&str; 9] = [
@@ -125,7 +118,7 @@ impl Scratch {
 
     /// The machine's INI file with the files and folders of the run; every joint homes at once, where it is.
     fn ini_text(&self, config: &MachineConfig) -> String {
-        let home = &folder_of(config);
+        let file = &from_root(config);
         let mut text = String::new();
         let mut section = String::new();
         for line in config.program.expanded.as_deref().unwrap_or(config.ini.text()).lines() {
@@ -137,7 +130,7 @@ impl Scratch {
                 continue;
             }
             let key = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim()));
-            let replaced = key.map(|(key, value)| self.replaced(&section, key, value, home));
+            let replaced = key.map(|(key, value)| self.replaced(&section, key, value, file));
             text +=
                 &replaced.unwrap_or_else(|| Some(line.into())).map_or(String::new(), |l| l + "\n");
         }
@@ -158,26 +151,25 @@ impl Scratch {
     }
 
     /// A line of the INI file as the run needs it; `None` for one that it must not see.
-    fn replaced(&self, section: &str, key: &str, value: &str, home: &Path) -> Option<String> {
+    fn replaced(&self, section: &str, key: &str, value: &str, file: &Path) -> Option<String> {
         let said = |value: String| Some(format!("{key} = {value}"));
         match (section, key) {
             ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
             ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
             ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
-            _ if FOLDERS.contains(&(section, key)) => {
-                let folders = value.split(':').map(|name| home.join(name).display().to_string());
-                said(folders.collect::<Vec<_>>().join(":"))
-            }
             _ if section.starts_with("JOINT_") && HOMING.contains(&key) => None,
-            _ => said(value.into()),
+            _ => said(folders(file, section, key, value).unwrap_or_else(|| value.into())),
         }
     }
 }
 
 /// The folder of the INI file, from the root on.
 fn folder_of(config: &MachineConfig) -> PathBuf {
-    let file = path::absolute(&config.file).unwrap_or_else(|_| config.file.clone());
-    file.parent().unwrap_or(Path::new("/")).into()
+    from_root(config).parent().unwrap_or(Path::new("/")).into()
+}
+
+fn from_root(config: &MachineConfig) -> PathBuf {
+    path::absolute(&config.file).unwrap_or_else(|_| config.file.clone())
 }
 
 fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {

@@ -7,6 +7,7 @@
 
 use crate::files::{Folder, Locate};
 use crate::read::machine::MachineConfig;
+use crate::read::places::with_folders;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS};
 use serde::Serialize;
 use std::fs;
@@ -400,12 +401,10 @@ impl<'a, R: Read> Records<'a, R> {
 }
 
 fn start(config: &MachineConfig, scratch: &path::Path, request: &Request) -> io::Result<Child> {
-    let mut ini = config.file.canonicalize()?;
-    if let Some(text) = &config.program.expanded {
-        // As LinuxCNC's start script does it.
-        ini = scratch.join("expanded.ini");
-        fs::write(&ini, text)?;
-    }
+    // As LinuxCNC's start script does it, which also goes to the folder of the file.
+    let text = config.program.expanded.as_deref().unwrap_or(config.ini.text());
+    let ini = scratch.join("expanded.ini");
+    fs::write(&ini, with_folders(&path::absolute(&config.file)?, text))?;
     let mut child = Command::new(PYTHON)
         .args(["-c", CANON])
         .env("HOME", scratch)

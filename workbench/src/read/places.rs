@@ -4,6 +4,8 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
+/// What comes with LinuxCNC: programs, subroutines, HAL files.
+pub const SHARE: &str = "/usr/share/linuxcnc";
 /// HAL files that every machine may use: `LIB:` in an INI file.
 pub const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 /// Modules of the real-time part.
@@ -12,6 +14,38 @@ pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
 pub const BIN: &str = "/usr/bin";
 /// Parameters of programs, work offsets among them, where an INI file names no file: beside it.
 pub const PARAMETERS: &str = "rs274ngc.var";
+
+/// Folders of the INI file, by section and key; several are separated by colons.
+const FOLDERS: [(&str, &str); 4] = [
+    ("DISPLAY", "PROGRAM_PREFIX"),
+    ("RS274NGC", "SUBROUTINE_PATH"),
+    ("RS274NGC", "USER_M_PATH"),
+    ("WIZARD", "WIZARD_ROOT"),
+];
+
+/// The folders that a key names, for a process that runs elsewhere; `None` of a key that names none. `ini` is the file
+/// from the root on.
+pub fn folders(ini: &Path, section: &str, key: &str, value: &str) -> Option<String> {
+    let from_root = |name: &str| named(ini, name.trim()).display().to_string();
+    let whole = || value.split(':').map(from_root).collect::<Vec<_>>().join(":");
+    FOLDERS.contains(&(section, key)).then(whole)
+}
+
+/// The text of an INI file with its folders as [`folders`] has them.
+pub fn with_folders(ini: &Path, text: &str) -> String {
+    let mut section = String::new();
+    let line = |line: &str| {
+        if let Some((name, _)) = line.trim().strip_prefix('[').and_then(|l| l.split_once(']')) {
+            section = name.into();
+        }
+        let found = line.split_once('=').and_then(|(key, value)| {
+            let folders = folders(ini, &section, key.trim(), value.trim())?;
+            Some(format!("{} = {folders}", key.trim()))
+        });
+        found.unwrap_or_else(|| line.into()) + "\n"
+    };
+    text.lines().map(line).collect()
+}
 
 /// The file that a name in an INI file means: LinuxCNC runs in the folder of this, and `~/` is the user's.
 pub fn named(ini: &Path, name: &str) -> PathBuf {
