@@ -1332,3 +1332,21 @@ fn no_colours_and_no_bar_go_into_a_pipe() {
     assert!(!output.stdout.contains(&0x1b), "{}", String::from_utf8_lossy(&output.stdout));
     assert_eq!(String::from_utf8_lossy(&output.stderr), "");
 }
+
+/// The folder of subroutines is named from that of the INI file on.
+#[test]
+fn a_line_of_a_subroutine_is_told_with_its_file() {
+    let bench = Bench::new().spoilt("[RS274NGC]\n", "[RS274NGC]\nSUBROUTINE_PATH = .\n");
+    let program = "G21 F6000 M52 P1\nG0 Z80\nG0 X1\no<away> call\nG0 X0\nM2\n";
+    let away = "o<away> sub\n\n\n\n\nG1 X75 Y75\no<away> endsub\nM2\n";
+    let bench = bench.with("p.ngc", program).with("away.ngc", away);
+    let told = bench.answer("preflight linear-delta.ini p.ngc --report p.html", "");
+    // Of the path, and of LinuxCNC's cycles, which know the line alone.
+    for part in ["  axis range ", "  joint speed ", "  feed "] {
+        let line = told.lines().find(|line| line.starts_with(part));
+        assert!(line.is_some_and(|line| line.ends_with("FOLDER/away.ngc, line 6")), "{told}");
+    }
+    let page = fs::read_to_string(bench.0.path().join("p.html")).unwrap();
+    let (all, named) = (page.matches("line 6").count(), page.matches("away.ngc, line 6").count());
+    assert!(named >= 6 && all == named, "{named} of {all}");
+}

@@ -52,6 +52,24 @@ fn every_shipped_program_fits_its_machine() {
     }
 }
 
+#[test]
+fn a_turn_counts_in_the_share_that_runs() {
+    let mut config = config("hexapod");
+    config.programmed[3].max = 10.0;
+    let home = config.start;
+    let turned = |x: f64, a: f64| [home[0] + x, home[1], home[2], a, home[4], home[5]];
+    // The same turn to A20 twice as far as its limit: alone, and behind moves that are kept.
+    let alone = follow(&config, &[rapid(1, turned(0.0, 20.0))]);
+    let behind = follow(&config, &[rapid(1, turned(10.0, 0.0)), rapid(2, turned(10.0, 20.0))]);
+    for (found, line) in [(&alone, 1), (&behind, 2)] {
+        assert_eq!((found.breaks[0].limit, found.breaks[0].line), (Limit::Axis.into(), line));
+    }
+    assert!((alone.runnable - 0.5).abs() < 1e-9, "{}", alone.runnable);
+    let turn = 20.0_f64.to_radians() * config.machine.size() / 2.0;
+    let expected = (10.0 + turn / 2.0) / (10.0 + turn);
+    assert!((behind.runnable - expected).abs() < 1e-9, "{} for {expected}", behind.runnable);
+}
+
 /// The limit that is left need not be the one that is nearer at the start.
 #[test]
 fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {

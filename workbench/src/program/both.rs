@@ -9,7 +9,7 @@
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
 use crate::program::flight::Flight;
-use crate::program::follow::length;
+use crate::program::follow::advance;
 use crate::program::interpreter::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
@@ -119,10 +119,10 @@ struct Between<'a> {
     /// Smallest distance that is kept.
     clearance: f64,
     number: usize,
-    /// Length of the first one's path so far.
-    length: f64,
+    /// How far the first one has gone, with its angles at half of its size.
+    advance: f64,
     /// Distance beyond the clearance where it is least, with its parts and line.
-    least: Option<(f64, [Body; 2], u32)>,
+    least: Option<(f64, [Body; 2], (u32, usize))>,
     broken: Option<Break>,
     fault: Option<Fault>,
 }
@@ -151,7 +151,7 @@ impl<'a> Between<'a> {
             at: configs.map(|config| config.home),
             clearance: limits::least_distance_between(configs[0]),
             number: 0,
-            length: 0.0,
+            advance: 0.0,
             least: None,
             broken: None,
             fault: None,
@@ -175,7 +175,7 @@ impl<'a> Between<'a> {
         let ends = [step.end, beside.end];
         let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
         self.follow(&Leg { step, from: self.at, delta, when: "on this move" });
-        self.length += length(&delta[0]);
+        self.advance += advance(&delta[0], self.arm());
         self.at = ends;
         self.number += 1;
     }
@@ -211,11 +211,7 @@ impl<'a> Between<'a> {
 
     fn follow(&mut self, leg: &Leg) {
         let size = self.configs[0].machine.size();
-        let extent = |delta: &[f64; 6]| {
-            let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
-            length(delta) + turn * size / 2.0
-        };
-        let extent = leg.delta.iter().map(extent).sum::<f64>();
+        let extent = leg.delta.iter().map(|delta| advance(delta, self.arm())).sum::<f64>();
         let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut first: Option<(f64, [Body; 2])> = None;
         let mut open = vec![(0.0, 1.0)];
@@ -244,12 +240,17 @@ impl<'a> Between<'a> {
             if !is_short && (proved < 0.0 || is_coarse) {
                 open.extend([(middle, to), (from, middle)]);
             } else if proved.is_finite() && self.least.is_none_or(|(least, ..)| proved < least) {
-                self.least = Some((proved.min(seen), found.bodies, leg.step.line));
+                self.least = Some((proved.min(seen), found.bodies, (leg.step.line, leg.step.file)));
             }
         }
         if let Some((share, bodies)) = first {
             self.tell(leg, share, bodies);
         }
+    }
+
+    /// Where angles count.
+    fn arm(&self) -> f64 {
+        self.configs[0].machine.size() / 2.0
     }
 
     fn approach(&self, leg: &Leg, middle: f64, half: f64) -> Option<Approach> {
@@ -292,7 +293,7 @@ impl<'a> Between<'a> {
             step: self.number,
             share,
             last: self.number,
-            before: self.length + share * length(&leg.delta[0]),
+            before: self.advance + share * advance(&leg.delta[0], self.arm()),
             text,
         });
     }
@@ -305,7 +306,7 @@ impl<'a> Between<'a> {
         if let Some(fault) = self.fault {
             return Err(fault);
         }
-        if let Some((value, bodies, line)) = self.least {
+        if let Some((value, bodies, (line, file))) = self.least {
             found.margins.push(LeastMargin {
                 limit: Rule::Mechanisms,
                 value,
@@ -313,10 +314,11 @@ impl<'a> Between<'a> {
                 part: self.part(bodies),
                 of: Part::Whole,
                 line,
+                file,
             });
         }
         if let Some(told) = self.broken {
-            let share = if found.length > 0.0 { told.before / found.length } else { 0.0 };
+            let share = if self.advance > 0.0 { told.before / self.advance } else { 0.0 };
             found.runnable = found.runnable.min(share);
             found.breaks.push(told);
         }

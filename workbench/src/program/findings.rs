@@ -3,6 +3,7 @@
 
 use crate::control::row::{Ending, Message};
 use crate::limits;
+use crate::program::lines::Lines;
 use crate::program::offset::Poses;
 use crate::read::machine::MachineConfig;
 use kinematics::{Limit, Part};
@@ -74,7 +75,8 @@ pub struct Break {
     pub part: String,
     /// Line of the program, counted from 1; 0 for what runs before it.
     pub line: u32,
-    /// Number of the file that the line is in, 0 for the program itself.
+    /// Number of the file that the line is in, 0 for the program itself; of what LinuxCNC's cycles show, the
+    /// first of [`Preflight::lines`].
     pub file: usize,
     /// X Y Z A B C there, machine units and degrees; of the mechanism that is meant.
     pub pose: [f64; 6],
@@ -94,7 +96,7 @@ pub struct Break {
     /// The last move that was counted.
     #[serde(skip)]
     pub(super) last: usize,
-    /// Length of the path before it.
+    /// What was gone before it, as [`Preflight::advance`].
     #[serde(skip)]
     pub(super) before: f64,
     /// What breaks, and how: a sentence.
@@ -117,6 +119,8 @@ pub struct LeastMargin {
     pub of: Part,
     /// Line of the program.
     pub line: u32,
+    /// Number of its file, as of a break.
+    pub file: usize,
 }
 
 /// What a program uses of an axis or joint, beside what there is.
@@ -240,7 +244,10 @@ pub struct Preflight {
     pub margins: Vec<LeastMargin>,
     /// What is used of the axes and joints.
     pub ranges: Vec<Range>,
-    /// Share of the path before the first break.
+    /// The same with angles at half of the machine's size, of which [`Self::runnable`] is a share.
+    #[serde(skip)]
+    pub(super) advance: f64,
+    /// Share of the path before the first break, turning included.
     pub runnable: f64,
     /// What depends on time.
     pub time: Time,
@@ -249,6 +256,9 @@ pub struct Preflight {
     /// Whether all moves end at `[TRAJ]HOME`.
     #[serde(skip)]
     pub(super) is_still: bool,
+    /// Which file a line of LinuxCNC's cycles may be of.
+    #[serde(skip)]
+    pub lines: Lines,
     /// Poses for the search of another work offset.
     #[serde(skip)]
     pub poses: Poses,

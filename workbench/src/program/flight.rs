@@ -112,11 +112,13 @@ impl Pilot<'_> {
         self.follow(&leg);
         self.widen_axes(&step.end);
         self.result.poses.see(&from, step);
+        self.result.lines.see(step);
         let stays = step.end == self.config.start;
         let carries = matches!(&leg.course, Course::Carried { delta, .. } if *delta != [0.0; 9]);
         self.result.is_still &= stays && !carries;
         self.result.moves += 1;
         self.result.length += length(&delta);
+        self.result.advance += self.advance(&leg);
         (self.at, self.extra) = (step.end, step.extra_end);
     }
 
@@ -141,7 +143,7 @@ impl Pilot<'_> {
                 [axis.max - leg.from[k], axis.max - end[k]],
             ];
             for [before, margin] in ends.into_iter().filter(|[_, margin]| margin.is_finite()) {
-                self.note(Limit::Axis, margin, part, leg.line);
+                self.note(Limit::Axis, margin, part, leg);
                 if margin < -slack {
                     let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
                     let (limit, ends) = (Limit::Axis, [axis.min, axis.max]);
@@ -154,7 +156,7 @@ impl Pilot<'_> {
     fn finish(mut self) -> Preflight {
         self.result.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         for limit in Limit::ALL {
-            let Some((value, of, line)) = self.margins[limit.index()] else { continue };
+            let Some((value, of, (line, file))) = self.margins[limit.index()] else { continue };
             let unit = limits::unit(self.config, limit, of);
             let part = limits::part(self.config, limit, of);
             self.result.margins.push(LeastMargin {
@@ -164,13 +166,13 @@ impl Pilot<'_> {
                 part,
                 of,
                 line,
+                file,
             });
         }
         self.result.ranges = self.ranges();
         if let Some(first) = self.result.breaks.first() {
-            // A program that only turns has no length.
-            self.result.runnable =
-                if self.result.length > 0.0 { first.before / self.result.length } else { 0.0 };
+            let whole = self.result.advance;
+            self.result.runnable = if whole > 0.0 { first.before / whole } else { 0.0 };
         }
         self.result
     }

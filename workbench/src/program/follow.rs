@@ -11,6 +11,7 @@
 
 use crate::limits;
 use crate::program::findings::{Break, Preflight, Range, Time};
+use crate::program::lines::Lines;
 use crate::program::offset::Poses;
 use crate::proof::carried::Enclosure;
 use crate::proof::cell::Way;
@@ -84,10 +85,6 @@ pub(super) struct Leg {
 }
 
 impl Leg {
-    fn length(&self) -> f64 {
-        length(&self.delta)
-    }
-
     fn at(&self, share: f64) -> [f64; 6] {
         std::array::from_fn(|k| self.from[k] + share * self.delta[k])
     }
@@ -144,7 +141,7 @@ pub(super) struct Pilot<'a> {
     checks: Vec<Check>,
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
-    pub(super) margins: [Option<(f64, Part, u32)>; Limit::ALL.len()],
+    pub(super) margins: [Option<(f64, Part, (u32, usize))>; Limit::ALL.len()],
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
     pub(super) result: Preflight,
@@ -166,6 +163,7 @@ impl<'a> Pilot<'a> {
             result: Preflight {
                 moves: 0,
                 length: 0.0,
+                advance: 0.0,
                 pieces: 0,
                 breaks: vec![],
                 margins: vec![],
@@ -174,6 +172,7 @@ impl<'a> Pilot<'a> {
                 time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
                 is_still: true,
+                lines: Lines::default(),
                 poses: Poses::default(),
             },
         })
@@ -202,14 +201,16 @@ impl<'a> Pilot<'a> {
         }
     }
 
+    /// What a move counts as a share of the program.
+    pub(super) fn advance(&self, leg: &Leg) -> f64 {
+        advance(&leg.delta, self.config.machine.size() / 2.0)
+    }
+
     /// How far the machine goes, more or less, with angles at half of its size.
     fn extent(&self, leg: &Leg) -> f64 {
         let arm = self.config.machine.size() / 2.0;
         match &leg.course {
-            Course::Straight { delta, .. } => {
-                let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
-                length(delta) + turn * arm
-            }
+            Course::Straight { delta, .. } => advance(delta, arm),
             Course::Carried { .. } => {
                 self.enclosure(leg, 0.5, 0.5).map_or(f64::INFINITY, |whole| whole.extent(arm))
             }
@@ -313,7 +314,7 @@ impl<'a> Pilot<'a> {
         let kind = check.limit.index();
         self.least[kind] = self.least[kind].min(check.seen);
         if check.limit != Limit::Reach && check.proved.is_finite() {
-            self.note(check.limit, check.proved.min(check.seen), check.part, leg.line);
+            self.note(check.limit, check.proved.min(check.seen), check.part, leg);
         }
     }
 
@@ -365,10 +366,10 @@ impl<'a> Pilot<'a> {
         axes.chain(joints).collect()
     }
 
-    pub(super) fn note(&mut self, limit: Limit, value: f64, part: Part, line: u32) {
+    pub(super) fn note(&mut self, limit: Limit, value: f64, part: Part, leg: &Leg) {
         let margin = &mut self.margins[limit.index()];
         if margin.is_none_or(|(least, ..)| value < least) {
-            *margin = Some((value, part, line));
+            *margin = Some((value, part, (leg.line, leg.file)));
         }
     }
 
@@ -386,7 +387,7 @@ impl<'a> Pilot<'a> {
                     worst[n] = worst[n].min(check.seen);
                 }
                 if check.seen < 0.0 {
-                    self.note(check.limit, check.seen, check.part, leg.line);
+                    self.note(check.limit, check.seen, check.part, leg);
                 }
             }
         }
@@ -416,7 +417,7 @@ impl<'a> Pilot<'a> {
             step: leg.number,
             share: found.share,
             last: leg.number,
-            before: self.result.length + found.share * leg.length(),
+            before: self.result.advance + found.share * self.advance(leg),
             text: self.sentence(found, worst),
         });
     }
@@ -447,6 +448,12 @@ impl<'a> Pilot<'a> {
             _ => format!("{part} touches its limit of {bound}"),
         }
     }
+}
+
+/// How far a body goes, more or less, that turns as well: its angles count by what is `arm` away.
+pub(super) fn advance(delta: &[f64; 6], arm: f64) -> f64 {
+    let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
+    length(delta) + turn * arm
 }
 
 pub(super) fn length(delta: &[f64; 6]) -> f64 {

@@ -8,6 +8,7 @@ pub mod findings;
 pub mod flight;
 mod follow;
 pub mod interpreter;
+pub mod lines;
 pub mod loads;
 pub mod offset;
 pub mod path;

@@ -14,6 +14,7 @@ use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
 use crate::program::interpreter::Move;
+use crate::program::lines::Lines;
 use crate::program::loads::{Beyond, Demands, Load, Loads};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Limit, Part};
@@ -59,9 +60,10 @@ impl Preflight {
         for (limit, peaks) in
             [(Limit::JointSpeed, &timing.speeds), (Limit::JointAcceleration, &timing.accelerations)]
         {
-            self.margins.extend(least(config, limit, peaks));
+            self.margins.extend(least(config, limit, peaks, &self.lines));
         }
-        self.breaks.extend(timing.breaks.iter().cloned());
+        let in_file = |told: &Break| Break { file: self.lines.files(told.line)[0], ..told.clone() };
+        self.breaks.extend(timing.breaks.iter().map(in_file));
         let first = config.guarded_joints();
         self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
             |(n, (axis, used))| {
@@ -75,7 +77,12 @@ impl Preflight {
 }
 
 /// The least margin of the joints.
-fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
+fn least(
+    config: &MachineConfig,
+    limit: Limit,
+    peaks: &[Peak],
+    lines: &Lines,
+) -> Option<LeastMargin> {
     let margin = |(joint, peak): (usize, &Peak)| LeastMargin {
         limit: limit.into(),
         value: peak.limit - peak.value,
@@ -83,6 +90,7 @@ fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMa
         part: limits::part(config, limit, Part::Joint(joint)),
         of: Part::Joint(joint),
         line: peak.place.line,
+        file: lines.files(peak.place.line)[0],
     };
     let margins = peaks.iter().enumerate().map(margin);
     margins.min_by(|a, b| a.value.total_cmp(&b.value)).filter(|margin| margin.value.is_finite())

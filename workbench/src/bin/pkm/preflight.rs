@@ -14,7 +14,7 @@ use pkm::draw::page::{self, Report, of_program};
 use pkm::files::{self, Locate, open, write_whole};
 use pkm::program::both::Flights;
 use pkm::program::course::{Course, Thinned};
-use pkm::program::findings::{Break, LineLoad, Preflight, Range, Time, Timing};
+use pkm::program::findings::{Break, LineLoad, Preflight, Range, Rule, Time, Timing};
 use pkm::program::interpreter::{self, Patience};
 use pkm::program::offset::{self, Offset};
 use pkm::program::preflight::timed;
@@ -128,6 +128,20 @@ impl Suggestion {
 }
 
 impl Answer {
+    /// Where a finding is. LinuxCNC's cycles have the number of a line alone: every file that moves something there
+    /// is named.
+    pub fn place(&self, limit: Rule, file: usize, line: u32) -> String {
+        match limit.is_of_time() {
+            true => self.place_in_time(line),
+            false => place(&self.files, file, line),
+        }
+    }
+
+    fn place_in_time(&self, line: u32) -> String {
+        let files = self.found.lines.files(line).into_iter();
+        files.map(|file| place(&self.files, file, line)).collect::<Vec<_>>().join(" or ")
+    }
+
     pub fn verdict(&self) -> Verdict {
         match self.fits {
             Some(true) => Verdict::Fits,
@@ -153,9 +167,9 @@ pub fn judgement(machine: &MachineFile, program: &Path) -> Result<Judgement, Fai
     let answer = judged(&config, &Judging::of_filter(), program, &mut |_| {})?;
     let texts = texts(&answer.files)?;
     let blocks: Vec<Vec<&str>> = texts.iter().map(|text| text.lines().collect()).collect();
-    let told = |told| in_a_sentence(&config, told, &answer.files, &blocks);
-    Ok(match (answer.fits, answer.found.time) {
-        (None, Time::NotJudged(cause)) => Judgement::NotJudged(cause),
+    let told = |told| in_a_sentence(&config, &answer, told, &blocks);
+    Ok(match (answer.fits, &answer.found.time) {
+        (None, Time::NotJudged(cause)) => Judgement::NotJudged(cause.clone()),
         (Some(true), _) => Judgement::Fits,
         _ => Judgement::Misfit(answer.found.breaks.iter().map(told).collect()),
     })
@@ -493,7 +507,7 @@ fn facts_in_words(config: &MachineConfig, answer: &Answer) -> String {
         let how_far = if margin.limit.is_of_time() { to_the_stop } else { "" };
         let place = match margin.line {
             0 => format!("{}, before the program", margin.part),
-            line => format!("{}, line {line}", margin.part),
+            line => format!("{}, {}", margin.part, answer.place(margin.limit, margin.file, line)),
         };
         let side = if margin.value < 0.0 { "beyond" } else { "to spare" };
         let amount = format!("{:.4} {}", margin.value.abs(), margin.unit);
@@ -505,7 +519,7 @@ fn facts_in_words(config: &MachineConfig, answer: &Answer) -> String {
     if let Time::Judged(timing) = &found.time
         && let Some(least) = timing.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor))
     {
-        row("feed", feed(least) + to_the_stop);
+        row("feed", feed(answer, least) + to_the_stop);
     }
     if !found.fits() {
         row("runs", format!("{:.1} % of the path before the first limit", 100.0 * found.runnable));
@@ -518,13 +532,13 @@ fn findings_in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str
     let (found, unit) = (&answer.found, config.length_unit());
     let mut text = String::new();
     for told in &found.breaks {
-        text.push_str(&format!("\nerror: {}", in_a_sentence(config, told, &answer.files, blocks)));
+        text.push_str(&format!("\nerror: {}", in_a_sentence(config, answer, told, blocks)));
     }
     for Caution { line, file, text: caution } in &answer.warnings {
         let place = line.map_or(String::new(), |line| place(&answer.files, *file, line) + ": ");
         text.push_str(&format!("\nwarning: {place}{caution}\n"));
     }
-    text.push_str(&shown(found));
+    text.push_str(&shown(answer));
     if let Some(suggestion) = &answer.offset {
         let Suggestion { offset: Offset { shift: [x, y, z], turn }, block, .. } = suggestion;
         let how = match *turn {
@@ -543,12 +557,13 @@ fn findings_in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str
 }
 
 /// What LinuxCNC shows to the operator of a program that it runs to its end.
-fn shown(found: &Preflight) -> String {
-    let Time::Judged(timing) = &found.time else { return String::new() };
+fn shown(answer: &Answer) -> String {
+    let Time::Judged(timing) = &answer.found.time else { return String::new() };
     let shown = timing.messages.iter().filter(|_| timing.ending == Ending::Finished);
     shown
         .map(|Message { text, line, seconds, .. }| {
-            format!("\nnote: line {line}, after {seconds:.1} s: LinuxCNC shows: {text}\n")
+            let place = answer.place_in_time(*line);
+            format!("\nnote: {place}, after {seconds:.1} s: LinuxCNC shows: {text}\n")
         })
         .collect()
 }
@@ -578,7 +593,7 @@ fn summary(answer: &Answer) -> String {
         };
         return format!(
             "{}: {}{more}",
-            place(&answer.files, first.file, first.line),
+            answer.place(first.limit, first.file, first.line),
             first.limit.name()
         );
     }
@@ -602,13 +617,14 @@ fn in_a_table(rows: &[(String, Verdict, String)]) -> String {
 }
 
 /// The greatest feed that the joint speeds allow.
-fn feed(LineLoad { line, factor }: &LineLoad) -> String {
+fn feed(answer: &Answer, LineLoad { line, factor }: &LineLoad) -> String {
+    let place = answer.place_in_time(*line);
     if *factor < LEAST_FEED {
         return format!(
-            "joint speeds allow less than {LEAST_FEED} times the programmed one, in line {line}"
+            "joint speeds allow less than {LEAST_FEED} times the programmed one, in {place}"
         );
     }
-    format!("joint speeds allow {factor:.3} times the programmed one, in line {line}")
+    format!("joint speeds allow {factor:.3} times the programmed one, in {place}")
 }
 
 /// What is in the line of a break.
@@ -619,8 +635,8 @@ fn block<'a>(told: &Break, blocks: &[Vec<&'a str>]) -> Option<&'a str> {
 
 fn in_a_sentence(
     config: &MachineConfig,
+    answer: &Answer,
     told: &Break,
-    files: &[PathBuf],
     blocks: &[Vec<&str>],
 ) -> String {
     let mechanism = config.second.as_deref().filter(|_| told.of_second).unwrap_or(config);
@@ -644,7 +660,7 @@ fn in_a_sentence(
     };
     format!(
         "{}: {}: {}\n{block}  at {}{more}\n",
-        place(files, told.file, told.line),
+        answer.place(told.limit, told.file, told.line),
         told.limit.name(),
         told.text,
         words.join(" ")
@@ -659,10 +675,10 @@ fn write_report(
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let found = &answer.found;
-    let place_of = |told: &Break| place(&answer.files, told.file, told.line);
+    let place_of = |limit: Rule, file: usize, line: u32| answer.place(limit, file, line);
     let block_of = |told: &Break| block(told, blocks).unwrap_or_default().trim().to_string();
-    let marks = report::marks(config, found, course, place_of, block_of);
-    let rows = report::rows(config, found);
+    let marks = report::marks(config, found, course, &place_of, block_of);
+    let rows = report::rows(config, found, &place_of);
     let help = answer.offset.as_ref().map(|found| {
         let words = format!(
             "The program fits with another work offset: {}. Clamp the workpiece there, and once before \
@@ -682,7 +698,7 @@ fn write_report(
             Some(false) => page::Verdict::Misfit,
             None => page::Verdict::NotJudged,
         },
-        why: report::why(found, &rows),
+        why: report::why(found, &rows, &place_of),
         notes: warnings.take(MOST_NOTES).collect(),
         help,
         rows,

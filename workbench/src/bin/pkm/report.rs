@@ -9,17 +9,19 @@ use pkm::program::course::{Abscissa, Thinned};
 use pkm::program::findings::{Break, LeastMargin, Preflight, Range, Rule, Time};
 use pkm::read::machine::MachineConfig;
 
-/// The breaks, with their places on the axis of the plots. `place` names a line of a file, `block`
-/// says what is in it.
+/// Names a line of a file, for what breaks or comes nearest to a limit.
+type PlaceOf<'a> = &'a dyn Fn(Rule, usize, u32) -> String;
+
+/// The breaks, with their places on the axis of the plots. `block` says what is in a line.
 pub fn marks(
     config: &MachineConfig,
     found: &Preflight,
     course: &Thinned,
-    place: impl Fn(&Break) -> String,
+    place: PlaceOf,
     block: impl Fn(&Break) -> String,
 ) -> Vec<Mark> {
     let mark = |told: &Break| Mark {
-        place: place(told),
+        place: place(told.limit, told.file, told.line),
         block: block(told),
         text: format!("{}: {}", told.limit.name(), told.text),
         at: match course.abscissa {
@@ -33,19 +35,19 @@ pub fn marks(
 }
 
 /// All limits that the program was judged by.
-pub fn rows(config: &MachineConfig, found: &Preflight) -> Vec<LimitRow> {
-    let limits = Limit::ALL.into_iter().filter_map(|limit| row(config, found, limit));
-    limits.chain(following_error(config, found)).chain(control(found)).collect()
+pub fn rows(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Vec<LimitRow> {
+    let limits = Limit::ALL.into_iter().filter_map(|limit| row(config, found, limit, place));
+    limits.chain(following_error(config, found, place)).chain(control(found, place)).collect()
 }
 
 /// What the figures of a program that LinuxCNC stopped hold for.
 const TO_THE_STOP: &str = "up to the stop";
 
 /// A limit without figures.
-fn bare(found: &Preflight, limit: Rule, meaning: &str) -> LimitRow {
+fn bare(found: &Preflight, limit: Rule, meaning: &str, place: PlaceOf) -> LimitRow {
     let own = |(number, told): (usize, &Break)| (told.limit == limit).then_some(number);
     let breaks: Vec<usize> = (1..).zip(&found.breaks).filter_map(own).collect();
-    let first = breaks.first().map(|number| found.breaks[number - 1].line);
+    let first = breaks.first().map(|number| &found.breaks[number - 1]);
     LimitRow {
         name: limit.name().into(),
         meaning: meaning.into(),
@@ -53,16 +55,21 @@ fn bare(found: &Preflight, limit: Rule, meaning: &str) -> LimitRow {
         allowed: String::new(),
         used: String::new(),
         margin: String::new(),
-        line: first.map_or(String::new(), |line| format!("line {line}")),
+        line: first.map_or(String::new(), |told| place(limit, told.file, told.line)),
         breaks,
         is_judged: !limit.is_of_time() || found.time.is_whole(),
     }
 }
 
-fn row(config: &MachineConfig, found: &Preflight, limit: Limit) -> Option<LimitRow> {
-    let mut row = bare(found, limit.into(), limits::meaning(limit));
+fn row(
+    config: &MachineConfig,
+    found: &Preflight,
+    limit: Limit,
+    place: PlaceOf,
+) -> Option<LimitRow> {
+    let mut row = bare(found, limit.into(), limits::meaning(limit), place);
     match found.margins.iter().find(|margin| margin.limit == limit) {
-        Some(least) => fill(&mut row, config, found, least),
+        Some(least) => fill(&mut row, config, found, (least, place)),
         // Reach has no size.
         None if !row.breaks.is_empty() => row.used = "beyond it".into(),
         // A limit that the machine has, of a motion that nobody saw.
@@ -72,13 +79,18 @@ fn row(config: &MachineConfig, found: &Preflight, limit: Limit) -> Option<LimitR
     Some(row)
 }
 
-fn fill(row: &mut LimitRow, config: &MachineConfig, found: &Preflight, least: &LeastMargin) {
-    let LeastMargin { limit, value, unit, part, line, of } = least;
+fn fill(
+    row: &mut LimitRow,
+    config: &MachineConfig,
+    found: &Preflight,
+    (least, place): (&LeastMargin, PlaceOf),
+) {
+    let LeastMargin { limit, value, unit, part, line, file, of } = least;
     row.part = part.clone();
     row.margin = format!("{value:.3} {unit}").trim_end().into();
     let worst = match line {
         0 => "before the program".into(),
-        line => format!("line {line}"),
+        _ => place(*limit, *file, *line),
     };
     row.line = match row.line.as_str() {
         first if first.is_empty() || first == worst => worst,
@@ -105,7 +117,7 @@ fn say_how_far(row: &mut LimitRow) {
 }
 
 /// Where a drive comes nearest to what LinuxCNC allows it to lag.
-fn following_error(config: &MachineConfig, found: &Preflight) -> Option<LimitRow> {
+fn following_error(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
     let Time::Judged(timing) = &found.time else { return None };
     let lagging = timing.following_errors.iter().enumerate();
     let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
@@ -117,23 +129,23 @@ fn following_error(config: &MachineConfig, found: &Preflight) -> Option<LimitRow
         allowed: format!("at most {:.3} {unit}", worst.limit),
         used: format!("{:.3} {unit}", worst.value),
         margin: format!("{:.3} {unit}", worst.limit - worst.value),
-        line: format!("line {}", worst.place.line),
-        ..bare(found, Rule::FollowingError, meaning)
+        line: place(Rule::FollowingError, 0, worst.place.line),
+        ..bare(found, Rule::FollowingError, meaning, place)
     };
     say_how_far(&mut row);
     Some(row)
 }
 
 /// What LinuxCNC stops at, if it does.
-fn control(found: &Preflight) -> Option<LimitRow> {
+fn control(found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
     let meaning = "the control's own checks, which stop a program with a message";
-    let row = bare(found, Rule::Control, meaning);
+    let row = bare(found, Rule::Control, meaning, place);
     let said = || LimitRow { allowed: "no error".into(), used: "stopped".into(), ..row.clone() };
     (!row.breaks.is_empty()).then(said)
 }
 
 /// Why the program fits or does not, in a sentence for everybody.
-pub fn why(found: &Preflight, rows: &[LimitRow]) -> String {
+pub fn why(found: &Preflight, rows: &[LimitRow], place: PlaceOf) -> String {
     let Some(first) = found.breaks.first() else {
         if let Time::NotJudged(cause) = &found.time {
             return format!(
@@ -154,7 +166,8 @@ pub fn why(found: &Preflight, rows: &[LimitRow]) -> String {
         more => format!("{more} limits are broken in all."),
     };
     format!(
-        "The machine cannot run this program as it is: in line {}, {}. {rest}",
-        first.line, first.text
+        "The machine cannot run this program as it is: in {}, {}. {rest}",
+        place(first.limit, first.file, first.line),
+        first.text
     )
 }
