@@ -29,7 +29,7 @@ fn answer(before: &str, file: &Path) -> (String, i32) {
 
 /// The parts that only a computer with LinuxCNC can show.
 const NOT_JUDGED: [&str; 2] = [
-    "programs and files that LinuxCNC starts with are not judged: it is not installed here",
+    "the programs that LinuxCNC starts with are not judged: it is not installed here",
     "the drives are not judged: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
 ];
 
@@ -64,6 +64,7 @@ fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
             fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
         }
     }
+    shipped::with_programs("linapod", folder.path());
     let unseen = text
         .replace("DISPLAY = axis\n", "DISPLAY = axes\n")
         .replace("TASK = milltask", "TASK = miltask")
@@ -72,12 +73,20 @@ fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
     fs::write(&file, &unseen).unwrap();
     let drives = NOT_JUDGED[1].replace("_sim", "_sin");
     expect(&answer("", &file), 0, &[NOT_JUDGED[0], &drives]);
-    fs::write(&file, unseen.replace("ANGULAR_UNITS = degree", "ANGULAR_UNITS = gon")).unwrap();
-    expect(
-        &answer("", &file),
-        1,
-        &[NOT_JUDGED[0], &drives, "ANGULAR_UNITS = gon", "does not fit together"],
-    );
+    let seen = unseen
+        .replace("ANGULAR_UNITS = degree", "ANGULAR_UNITS = gon")
+        .replace("OPEN_FILE = programs/", "OPEN_FILE = program/")
+        .replace("PROGRAM_PREFIX = programs", "PROGRAM_PREFIX = /usr/share/linuxcnc/ncfiles")
+        .replace("[JOINT_1]\n", "[JOINT_1]\nCOMP_FILE = screw.comp\n");
+    fs::write(&file, seen).unwrap();
+    let (text, code) = answer("", &file);
+    assert_eq!(code, 1, "{text}");
+    let seen = ["ANGULAR_UNITS = gon", "OPEN_FILE = program/", "COMP_FILE = screw.comp"];
+    let parts = [NOT_JUDGED[0], &drives, "does not fit together"].into_iter().chain(seen);
+    for part in parts {
+        assert!(text.contains(part), "{part:?} is not said:\n{text}");
+    }
+    assert!(!text.contains("PROGRAM_PREFIX ="), "{text}");
 }
 
 #[test]

@@ -26,5 +26,6 @@ mod speeds;
 pub mod suggestion;
 mod tips;
 mod typos;
+mod usual;
 pub(crate) mod wiring;
 mod workspace;

@@ -44,8 +44,13 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         kind(report, config, &section, joint);
         following(report, config, &section, joint)?;
         ramp(report, config, &section, joint);
-        backlash(report, config, &section, joint)?;
-        searches(report, config, &section, joint)?;
+        let drive =
+            Drive { joint, unit: config.unit(joint.kind), turns: joint.kind == JointKind::Arm };
+        backlash(report, config, &section, &drive)?;
+        searches(report, config, &section, &drive)?;
+    }
+    if !config.place.is_second {
+        extra_axes(report, config)?;
     }
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
@@ -55,6 +60,26 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         too_fast(report, config, letter, &section);
     }
     Ok(())
+}
+
+/// The drives of extra axes, whose joints stand behind all others.
+fn extra_axes(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    for (i, axis) in (config.guarded_joints()..).zip(&config.extra) {
+        let section = format!("JOINT_{i}");
+        let unit = axis.unit(config.length_unit());
+        let drive = Drive { joint: &axis.joint, unit, turns: axis.is_rotary() };
+        backlash(report, config, &section, &drive)?;
+        searches(report, config, &section, &drive)?;
+    }
+    Ok(())
+}
+
+/// What moves a leg or an extra axis.
+struct Drive<'a> {
+    joint: &'a Joint,
+    unit: &'static str,
+    /// Whether its values are angles.
+    turns: bool,
 }
 
 /// The kinematics compute in degrees. LinuxCNC takes a name, in small or capital letters, or the number of units in a
@@ -145,12 +170,12 @@ fn backlash(
     report: &mut Report,
     config: &MachineConfig,
     section: &str,
-    joint: &Joint,
+    &Drive { joint, unit, turns }: &Drive,
 ) -> Result<(), IniError> {
     const KEY: &str = "BACKLASH";
-    let (ini, unit) = (&config.ini, config.unit(joint.kind));
+    let ini = &config.ini;
     let play = ini.number_or(section, KEY, 0.0)?;
-    let scale = if joint.kind == JointKind::Arm { 1.0 } else { config.units_per_mm };
+    let scale = if turns { 1.0 } else { config.units_per_mm };
     let text = if play < 0.0 {
         format!("LinuxCNC makes the play larger then: expected {}, or no such key", -play)
     } else if play > WORN * scale {
@@ -171,10 +196,10 @@ fn searches(
     report: &mut Report,
     config: &MachineConfig,
     section: &str,
-    joint: &Joint,
+    &Drive { joint, unit, .. }: &Drive,
 ) -> Result<(), IniError> {
     let ini = &config.ini;
-    let (most, unit) = (joint.max_velocity, config.unit(joint.kind));
+    let most = joint.max_velocity;
     if ini.number_or(section, "HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0 {
         return Ok(());
     }

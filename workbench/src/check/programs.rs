@@ -5,7 +5,7 @@ use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::near;
-use crate::read::places::{self, BIN, HALLIB, MODULES, PARAMETERS};
+use crate::read::places::{self, BIN, HALLIB, MODULES, PARAMETERS, SHARE};
 use std::env;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -27,6 +27,9 @@ const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
     ("HAL", "HALUI", false, &["halui"]),
 ];
 
+/// Programs that come with pkmkins, which is not installed everywhere that a machine is looked at.
+const OWN: [&str; 4] = ["pkm", "pkm-live", "pkmkins-panel", "pkmkins-vismach"];
+
 /// Where the file of parameters is named.
 const PARAMETER_FILE: [&str; 2] = ["RS274NGC", "PARAMETER_FILE"];
 
@@ -38,20 +41,21 @@ pub(super) fn is_axis(ini: &Ini) -> bool {
     named(ini, "DISPLAY", "DISPLAY").is_some_and(|(_, name)| name == AXIS)
 }
 
-/// Everything of it; where LinuxCNC is not on this computer, that it was not looked at.
+/// Everything of it; where LinuxCNC is not on this computer, its programs are not looked at.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let mut found: Vec<_> = parameters(ini).into_iter().collect();
-    if !Path::new(HALLIB).is_dir() {
+    found.extend(opened(ini).map(|error| (Severity::Warning, error)));
+    if !is_installed() {
         let text =
-            "programs and files that LinuxCNC starts with are not judged: it is not installed here";
+            "the programs that LinuxCNC starts with are not judged: it is not installed here";
         found.push((Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text)));
         return found;
     }
     let programs = PROGRAMS.iter().filter_map(|(section, key, is_needed, known)| {
         program(ini, section, key, *is_needed, known)
     });
-    let started = programs.chain(controller(ini)).map(|error| (Severity::Error, error));
-    found.extend(started.chain(opened(ini).map(|error| (Severity::Warning, error))));
+    found.extend(programs.chain(controller(ini)).map(|error| (Severity::Error, error)));
+    found.extend(beside(ini).map(|error| (Severity::Warning, error)));
     found
 }
 
@@ -62,7 +66,9 @@ fn parameters(ini: &Ini) -> Option<(Severity, IniError)> {
         return None;
     }
     let expected = "expected a file of this machine's own, which LinuxCNC makes";
-    let ends = is_axis(ini) && ini.first(section, key).is_none();
+    // LinuxCNC takes a key without a value for none.
+    let is_given = ini.first(section, key).is_some_and(|entry| !entry.value.trim().is_empty());
+    let ends = is_axis(ini) && !is_given;
     let (severity, text) = match ends {
         true => (Severity::Error, format!("AXIS ends here, and LinuxCNC with it: {expected}")),
         false => (
@@ -102,30 +108,84 @@ fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> I
     ini.refuse(entry, &format!("{what}, and LinuxCNC's start ends here: expected {meant}, say"))
 }
 
+/// Whether LinuxCNC is on this computer.
+fn is_installed() -> bool {
+    Path::new(HALLIB).is_dir()
+}
+
+/// Whether a name is of a file or folder that comes with LinuxCNC, which need not be on this computer.
+fn comes_with_linuxcnc(ini: &Ini, name: &str) -> bool {
+    !is_installed() && places::named(ini.file(), name).starts_with(SHARE)
+}
+
 /// A program of the user interface that is not there, and folders that are not.
 fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
-    let open = file(ini, "DISPLAY", "OPEN_FILE").filter(|(_, file)| !file.is_file()).map(|(entry, _)| {
+    let open = file(ini, "DISPLAY", "OPEN_FILE")
+        .filter(|(entry, file)| !file.is_file() && !comes_with_linuxcnc(ini, entry.value.trim()));
+    let open = open.map(|(entry, _)| {
         let text = "there is no such file, which the user interface is to open: expected one, or no such key";
         ini.refuse(entry, text)
     });
     let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
     let folders = folders.into_iter().filter_map(move |(section, key)| {
         let entry = ini.first(section, key)?;
-        let name =
-            entry.value.split(':').find(|name| !places::named(ini.file(), name.trim()).is_dir())?;
-        let text = format!("there is no folder {}: expected one, or no such key", name.trim());
+        let is_absent = |name: &&str| {
+            !places::named(ini.file(), name).is_dir() && !comes_with_linuxcnc(ini, name)
+        };
+        let name = entry.value.split(':').map(str::trim).find(is_absent)?;
+        let text = format!("there is no folder {name}: expected one, or no such key");
         Some(ini.refuse(entry, &text))
     });
     open.into_iter().chain(folders).chain(kept(ini)).chain(compensations(ini))
 }
 
-/// The parameters of programs, which LinuxCNC writes when it ends: the file may be missing, its folder may not.
-fn kept(ini: &Ini) -> Option<IniError> {
-    let [section, key] = PARAMETER_FILE;
-    let (entry, file) = file(ini, section, key)?;
-    let folder =
-        file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())?;
-    Some(ini.refuse(entry, &format!("there is no folder {}: make it", folder.display())))
+/// Parameters of programs and places of joints, which LinuxCNC writes when it ends: the files may be missing, their
+/// folders may not.
+fn kept(ini: &Ini) -> impl Iterator<Item = IniError> {
+    [PARAMETER_FILE, ["TRAJ", "POSITION_FILE"]].into_iter().filter_map(|[section, key]| {
+        let (entry, file) = file(ini, section, key)?;
+        let folder =
+            file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())?;
+        Some(ini.refuse(entry, &format!("there is no folder {}: make it", folder.display())))
+    })
+}
+
+/// Programs beside the user interface, without which it starts, and those that make programs of other files.
+fn beside(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let apps = ini.entries().filter(|entry| entry.section == "APPLICATIONS" && entry.key == "APP");
+    let filters =
+        ini.entries().filter(|entry| entry.section == "FILTER" && entry.key != "PROGRAM_EXTENSION");
+    apps.filter_map(|entry| app(ini, entry)).chain(filters.filter_map(|entry| filter(ini, entry)))
+}
+
+/// A program that shows the machine, and the machine's file that it is given.
+fn app(ini: &Ini, entry: &Entry) -> Option<IniError> {
+    let mut words = entry.value.split_whitespace();
+    let name = words.next()?;
+    let is_own = OWN.contains(&name);
+    if !is_own && !is_program(ini, name) && !is_program(ini, &format!("./{name}")) {
+        let meant = near::among(name, OWN).unwrap_or("the name of a program");
+        let text =
+            format!("there is no such program, and LinuxCNC starts without it: expected {meant}");
+        return Some(ini.refuse(entry, &text));
+    }
+    let of_machine = words.find(|word| is_own && word.ends_with(".ini"))?;
+    (!places::named(ini.file(), of_machine).is_file()).then(|| {
+        let text = format!("there is no file {of_machine}: expected this machine's");
+        ini.refuse(entry, &text)
+    })
+}
+
+fn filter(ini: &Ini, entry: &Entry) -> Option<IniError> {
+    let name = entry.value.split_whitespace().next()?;
+    (!OWN.contains(&name) && !is_program(ini, name)).then(|| {
+        let meant = near::among(name, OWN).unwrap_or("the name of a program");
+        let text = format!(
+            "there is no such program, and the user interface opens no file that ends in .{}: expected {meant}",
+            entry.key
+        );
+        ini.refuse(entry, &text)
+    })
 }
 
 /// Tables of the errors of screws.

@@ -17,6 +17,7 @@ use crate::check::size;
 use crate::check::speeds;
 use crate::check::tips;
 use crate::check::typos;
+use crate::check::usual;
 use crate::check::wiring::{self, at_key};
 use crate::check::workspace;
 use crate::read::diagnostic::Severity;
@@ -42,6 +43,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     let tools = tool_table(&mut report, config);
     understood(&mut report, config, &tools)?;
     motion::check(&mut report, config)?;
+    usual::check(&mut report, config)?;
     homes::check(&mut report, config)?;
     let (fact, error) = homing_ways::told(&config.ini, config)?;
     report.fact("homing", fact);

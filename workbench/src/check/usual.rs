@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Values that LinuxCNC takes as they are, and that are another unit's, another version's or of another machine.
+
+use crate::check::findings::Report;
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::IniError;
+use crate::read::machine::MachineConfig;
+use kinematics::Letter;
+
+/// Seconds from standstill to the largest speed, beyond which the unit of the acceleration is doubted.
+const SLOW: f64 = 5.0;
+
+/// By how many times the acceleration of the path may be below those of the axes: less than a unit is.
+const FAR: f64 = 20.0;
+
+/// Smallest clearance of legs, as a share of the machine's size: thinner legs carry nothing.
+const THIN: f64 = 1e-3;
+
+/// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
+const END: f64 = 0.05;
+
+/// Keys with the values that machines have, and what is expected.
+const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
+    ("TASK", "CYCLE_TIME", [1e-4, 0.1], "expected seconds, mostly 0.001 to 0.01"),
+    ("EMCIO", "CYCLE_TIME", [1e-4, 1.0], "expected seconds, mostly 0.1"),
+    ("DISPLAY", "MAX_FEED_OVERRIDE", [0.0, 10.0], "expected a factor: 1.2 is 120 %"),
+    ("DISPLAY", "MAX_SPINDLE_OVERRIDE", [0.0, 10.0], "expected a factor: 1.2 is 120 %"),
+];
+
+/// Everything of it.
+///
+/// # Errors
+/// A value that is no number.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    if !config.place.is_second {
+        version(report, config);
+        startup(report, config);
+        path(report, config)?;
+        for (section, key, [least, most], expected) in USUAL {
+            let value = config.ini.number_or(section, key, most)?;
+            if !(least..=most).contains(&value) {
+                warn(report, config, (section, key), expected);
+            }
+        }
+    }
+    thin(report, config);
+    for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
+        let axis = &config.axes[letter.index()];
+        let section = config.place.axis_section(letter);
+        if axis.min == axis.max {
+            let text = "the axis cannot move, for MIN_LIMIT is as much: expected more";
+            warn(report, config, (&section, "MAX_LIMIT"), text);
+        }
+        slow(report, config, &section, [axis.max_velocity, axis.max_acceleration]);
+    }
+    for (i, joint) in config.joints.iter().enumerate() {
+        let section = config.place.joint_section(i);
+        slow(report, config, &section, [joint.max_velocity, joint.max_acceleration]);
+        search(report, config, &section, [joint.min, joint.max])?;
+    }
+    Ok(())
+}
+
+fn warn(report: &mut Report, config: &MachineConfig, (section, key): (&str, &str), text: &str) {
+    report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
+}
+
+/// Of another version LinuxCNC changes the file before it starts.
+fn version(report: &mut Report, config: &MachineConfig) {
+    const KEY: (&str, &str) = ("EMC", "VERSION");
+    if config.ini.first(KEY.0, KEY.1).is_none_or(|entry| entry.value != "1.1") {
+        let text =
+            "LinuxCNC takes the file for one of an old version and asks to change it: expected 1.1";
+        warn(report, config, KEY, text);
+    }
+}
+
+/// The unit of programs that name none, and what is no block.
+fn startup(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
+    // Parameters, expressions, remarks and calls are LinuxCNC's to read.
+    if entry.value.contains(['#', '[', '(', ';', '<']) {
+        return;
+    }
+    let block: String = entry.value.to_uppercase().split_whitespace().collect();
+    let words = words(&block);
+    if let Some((letter, number)) = words.iter().find(|(_, number)| number.parse::<f64>().is_err())
+    {
+        let text = format!("LinuxCNC reads no {letter}{number}: expected a letter and a number");
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+        return;
+    }
+    let (other, own) = if config.units_per_mm == 1.0 { ("20", "21") } else { ("21", "20") };
+    if words.contains(&("G", other)) {
+        let text = format!(
+            "programs that say neither G20 nor G21 are read in another unit than the machine's, {}: expected G{own}",
+            config.length_unit()
+        );
+        report.finding(Severity::Warning, config.ini.refuse(entry, &text));
+    }
+}
+
+/// Letters of a block without blanks, each with its number; what stands before the first one has no letter.
+fn words(block: &str) -> Vec<(&str, &str)> {
+    let starts = block.char_indices().filter(|(_, c)| c.is_ascii_alphabetic()).map(|(n, _)| n);
+    let starts: Vec<usize> = starts.collect();
+    let first = starts.first().copied().unwrap_or(block.len());
+    let ends = starts.iter().skip(1).copied().chain([block.len()]);
+    let words = starts.iter().zip(ends).map(|(n, end)| (&block[*n..=*n], &block[n + 1..end]));
+    (first > 0).then_some(("", &block[..first])).into_iter().chain(words).collect()
+}
+
+/// An acceleration of the path that holds everything back.
+fn path(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    const KEY: (&str, &str) = ("TRAJ", "MAX_LINEAR_ACCELERATION");
+    let moved = Letter::ALL
+        .into_iter()
+        .filter(|l| !l.is_angle() && !config.machine.layout().is_held(*l))
+        .map(|letter| config.axes[letter.index()].max_acceleration);
+    let most = moved.filter(|most| most.is_finite()).fold(0.0, f64::max);
+    if config.ini.number_or(KEY.0, KEY.1, most)? * FAR < most {
+        let text = format!(
+            "no move accelerates faster, and [AXIS_*]MAX_ACCELERATION allow {most}: expected {} a second squared, as there",
+            config.length_unit()
+        );
+        warn(report, config, KEY, &text);
+    }
+    Ok(())
+}
+
+/// Legs as thin as none are.
+fn thin(report: &mut Report, config: &MachineConfig) {
+    let least = THIN * config.machine.size();
+    if let Some(clearance) = config.clearance.filter(|clearance| *clearance < least) {
+        let text = format!(
+            "centre lines of legs may come as near as {clearance} {unit}: expected their diameter and some room, in \
+             {unit} as all lengths",
+            unit = config.length_unit()
+        );
+        warn(report, config, ("PKM", "ROD_CLEARANCE"), &text);
+    }
+}
+
+/// An acceleration of another unit than the speed.
+fn slow(report: &mut Report, config: &MachineConfig, section: &str, [speed, most]: [f64; 2]) {
+    let seconds = speed / most;
+    if seconds.is_finite() && seconds > SLOW {
+        let text = format!(
+            "MAX_VELOCITY = {speed} is reached after {} s: expected the unit of MAX_VELOCITY, a second squared",
+            limits::shown(seconds)
+        );
+        warn(report, config, (section, "MAX_ACCELERATION"), &text);
+    }
+}
+
+/// A search that goes away from the switch, or that meets it again faster than at first.
+fn search(
+    report: &mut Report,
+    config: &MachineConfig,
+    section: &str,
+    [min, max]: [f64; 2],
+) -> Result<(), IniError> {
+    let number = |key| config.ini.number_or(section, key, 0.0);
+    let [speed, latch, offset] =
+        [number("HOME_SEARCH_VEL")?, number("HOME_LATCH_VEL")?, number("HOME_OFFSET")?];
+    if speed == 0.0 || number("HOME_ABSOLUTE_ENCODER")? != 0.0 {
+        return Ok(());
+    }
+    let share = (offset - min) / (max - min);
+    let is_behind = if speed > 0.0 { share < END } else { share > 1.0 - END };
+    if is_behind {
+        let end = if speed > 0.0 { "lower" } else { "upper" };
+        let text = format!(
+            "the switch stands at the {end} end, at HOME_OFFSET = {offset}, and the search goes to the other one: \
+             expected {}",
+            -speed
+        );
+        warn(report, config, (section, "HOME_SEARCH_VEL"), &text);
+    }
+    if latch.abs() > speed.abs() {
+        let text = format!(
+            "the switch is met again at this speed, for a place that is exact, and searched at {speed}: expected less"
+        );
+        warn(report, config, (section, "HOME_LATCH_VEL"), &text);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_falls_into_letters_with_their_numbers() {
+        assert_eq!(words("G21G64P0.01"), [("G", "21"), ("G", "64"), ("P", "0.01")]);
+        assert_eq!(words("21G1,5P"), [("", "21"), ("G", "1,5"), ("P", "")]);
+        assert_eq!(words(""), []);
+    }
+}
