@@ -131,6 +131,9 @@ impl Firsts {
     }
 }
 
+/// A least margin, with its part, line and file.
+type Nearest = (f64, Part, (u32, usize));
+
 pub(super) struct Pilot<'a> {
     pub(super) config: &'a MachineConfig,
     pub(super) reach: Reach<'a>,
@@ -141,7 +144,7 @@ pub(super) struct Pilot<'a> {
     checks: Vec<Check>,
     /// Least margins seen, which tell how fine the pieces have to be.
     least: [f64; Limit::ALL.len()],
-    pub(super) margins: [Option<(f64, Part, (u32, usize))>; Limit::ALL.len()],
+    pub(super) margins: [Option<Nearest>; Limit::ALL.len()],
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
     pub(super) result: Preflight,
