@@ -5,9 +5,11 @@
 use crate::commands::Bench;
 use kinematics::Pose;
 use pkm::new::kinds::KINDS;
+use pkm::new::make::{Order, make};
 use pkm::new::parameters::Need;
 use pkm::new::questions::Dialogue;
 use pkm::new::table::columns;
+use pkm::new::values::Values;
 use pkm::panel::Panel;
 use pkm::proof::reach::Reach;
 use pkm::read::machine::MachineConfig;
@@ -16,6 +18,7 @@ use rand_pcg::Pcg64;
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -559,8 +562,24 @@ fn on_a_terminal_everything_is_asked_for() {
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}");
     assert!(told.contains("Length of a rod") && told.contains("is made"), "{told}");
-    // How much of the work is done, and how long the rest takes.
-    let is_foretold = |line: &str| line.contains("proving axis limits") && line.contains("s left");
-    assert!(told.split(['\r', '\n']).any(is_foretold), "{told}");
     assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
+}
+
+#[test]
+fn of_long_work_the_share_that_is_done_is_told() {
+    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
+    let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
+    let words = |text: &str| text.split_whitespace().map(String::from).collect();
+    let given = needed.map(|p| (p.name, words(p.default))).collect();
+    let values = Values::new(kind.name, &kind.parameters(), &given).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("told");
+    let told = Mutex::new(vec![]);
+    let order = Order { kind, values: &values, name: "told", folder: &folder };
+    make(&order, |what, share| told.lock().unwrap().push((what.to_string(), share))).unwrap();
+    let told = told.into_inner().unwrap();
+    let own = told.iter().filter(|(what, _)| what == "proving axis limits");
+    let own: Vec<Option<f64>> = own.map(|(_, share)| *share).collect();
+    let is_rising = own[1..].is_sorted() && own.last().unwrap().is_some_and(|share| share <= 1.0);
+    assert!(own[0].is_none() && own.len() > 1 && is_rising, "{own:?}");
 }

@@ -341,10 +341,10 @@ impl Bar {
 
     /// What is done next, which takes a time of its own.
     fn next(&self, message: String) {
-        self.0.set_message(message);
-        self.0.unset_length();
         self.0.set_style(style(UNKNOWN));
+        self.0.unset_length();
         self.0.reset();
+        self.0.set_message(message);
     }
 
     /// The share that is done.
@@ -359,8 +359,8 @@ impl Bar {
     /// Nobody knows any more how much is left.
     fn forget_share(&self) {
         if self.0.length().is_some() {
-            self.0.unset_length();
             self.0.set_style(style(UNKNOWN));
+            self.0.unset_length();
         }
     }
 }
