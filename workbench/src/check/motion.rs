@@ -97,6 +97,11 @@ fn angles(report: &mut Report, config: &MachineConfig) {
 
 fn period(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
     let [least, most] = PERIODS;
+    let given = config.ini.first("EMCMOT", "SERVO_PERIOD");
+    if let Some(entry) = given.filter(|entry| entry.value.trim().parse::<i64>().is_err()) {
+        let text = "LinuxCNC's start ends here: expected whole nanoseconds, mostly 1000000";
+        report.finding(Severity::Error, config.ini.refuse(entry, text));
+    }
     let period = config.ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
     if !(least..=most).contains(&period) {
         let text = format!(

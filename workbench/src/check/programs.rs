@@ -126,7 +126,11 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
         let text = "there is no such file, which the user interface is to open: expected one, or no such key";
         ini.refuse(entry, text)
     });
-    let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
+    let folders = [
+        ("DISPLAY", "PROGRAM_PREFIX"),
+        ("RS274NGC", "SUBROUTINE_PATH"),
+        ("RS274NGC", "USER_M_PATH"),
+    ];
     let folders = folders.into_iter().filter_map(move |(section, key)| {
         let entry = ini.first(section, key)?;
         let is_absent = |name: &&str| {
@@ -136,7 +140,61 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
         let text = format!("there is no folder {name}: expected one, or no such key");
         Some(ini.refuse(entry, &text))
     });
-    open.into_iter().chain(folders).chain(kept(ini)).chain(compensations(ini))
+    let subroutines = subroutines(ini).chain(shown(ini));
+    open.into_iter().chain(folders).chain(kept(ini)).chain(compensations(ini)).chain(subroutines)
+}
+
+/// Subroutines by which codes are remapped, and that LinuxCNC calls where it stops a program.
+fn subroutines(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
+    let of = |(section, key)| {
+        let names = ini.first(section, key).map_or("", |entry| entry.value.as_str());
+        names.split(':').map(|name| places::named(ini.file(), name.trim()))
+    };
+    let folders: Vec<PathBuf> = folders.into_iter().flat_map(of).collect();
+    let named = |entry: &Entry| -> Option<String> {
+        match entry.key.as_str() {
+            "REMAP" => {
+                let word = entry.value.split_whitespace().find_map(|w| w.strip_prefix("ngc="))?;
+                Some(word.trim_end_matches(".ngc").into())
+            }
+            "ON_ABORT_COMMAND" => {
+                let (_, behind) = entry.value.split_once('<')?;
+                Some(behind.split_once('>')?.0.into())
+            }
+            _ => None,
+        }
+    };
+    ini.entries().filter(|entry| entry.section == "RS274NGC").filter_map(move |entry| {
+        let file = format!("{}.ngc", named(entry)?);
+        // LinuxCNC brings some, which are found where it is.
+        let is_there = folders.iter().any(|folder| folder.join(&file).is_file());
+        let is_elsewhere =
+            !is_installed() && folders.iter().any(|folder| folder.starts_with(SHARE));
+        (!is_there && !is_elsewhere).then(|| {
+            let text = format!(
+                "there is no {file} in [DISPLAY]PROGRAM_PREFIX and [RS274NGC]SUBROUTINE_PATH, where LinuxCNC looks for it"
+            );
+            ini.refuse(entry, &text)
+        })
+    })
+}
+
+/// Files of panels and commands of the user interface.
+fn shown(ini: &Ini) -> impl Iterator<Item = IniError> {
+    const ENDS: [&str; 5] = [".ui", ".glade", ".py", ".xml", ".hal"];
+    const KEYS: [&str; 3] = ["GLADEVCP", "EMBED_TAB_COMMAND", "USER_COMMAND_FILE"];
+    let of_files =
+        |entry: &&Entry| entry.section == "DISPLAY" && KEYS.contains(&entry.key.as_str());
+    ini.entries().filter(of_files).filter_map(|entry| {
+        let is_absent = |word: &&str| {
+            ENDS.iter().any(|end| word.ends_with(end))
+                && !places::named(ini.file(), word).exists()
+                && !comes_with_linuxcnc(ini, word)
+        };
+        let name = entry.value.split_whitespace().find(is_absent)?;
+        Some(ini.refuse(entry, &format!("there is no file {name}: expected one, or no such key")))
+    })
 }
 
 /// Parameters of programs and places of joints, which LinuxCNC writes when it ends: the files may be missing, their

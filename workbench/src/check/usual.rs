@@ -38,6 +38,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         version(report, config);
         startup(report, config);
         path(report, config)?;
+        tool_change(report, config);
         for (section, key, [least, most], expected) in USUAL {
             let value = config.ini.number_or(section, key, most)?;
             if !(least..=most).contains(&value) {
@@ -110,6 +111,29 @@ fn words(block: &str) -> Vec<(&str, &str)> {
     let ends = starts.iter().skip(1).copied().chain([block.len()]);
     let words = starts.iter().zip(ends).map(|(n, end)| (&block[*n..=*n], &block[n + 1..end]));
     (first > 0).then_some(("", &block[..first])).into_iter().chain(words).collect()
+}
+
+/// Where LinuxCNC goes before it asks for another tool.
+fn tool_change(report: &mut Report, config: &MachineConfig) {
+    const KEY: (&str, &str) = ("EMCIO", "TOOL_CHANGE_POSITION");
+    let Some(entry) = config.ini.first(KEY.0, KEY.1) else { return };
+    let numbers: Vec<f64> =
+        entry.value.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    let beyond = Letter::ALL.into_iter().zip(numbers).zip(&config.programmed).find(
+        |((letter, value), axis)| {
+            !config.machine.layout().is_held(*letter) && !(axis.min..=axis.max).contains(value)
+        },
+    );
+    if let Some(((letter, value), axis)) = beyond {
+        let text = format!(
+            "LinuxCNC goes there before every change of a tool, and {} = {value} is outside of {} to {}: expected a \
+             place within the axis limits",
+            config.place.letter(letter),
+            axis.min,
+            axis.max
+        );
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+    }
 }
 
 /// An acceleration of the path that holds everything back.
