@@ -223,6 +223,17 @@ impl<'a> At<'a> {
         once(&self.turns, || self.watch.turns(&self.rotation(), &self.segments))
     }
 
+    /// Whether the tilt, and [`At::cones`] and [`At::turns`] at base and platform, are surely within these
+    /// degrees (0: no limit), in a quarter of the work that they take.
+    pub(crate) fn surely_keeps(
+        &self,
+        tilt: f64,
+        cones: [&PerLeg; 2],
+        pyramids: [&[[f64; 2]; MAX_LEGS]; 2],
+    ) -> bool {
+        self.watch.keeps((&self.rotation(), &self.segments), tilt, cones, pyramids)
+    }
+
     /// The two legs that are nearest to each other, of those that share no anchor.
     pub fn nearest(&self) -> Option<Nearest> {
         once(&self.nearest, || self.watch.nearest(&self.segments))

@@ -312,7 +312,8 @@ impl At<'_> {
         limits: &Limits,
         mut visit: impl FnMut(Margin) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        self.margins_of_shape(limits, &mut visit)?;
+        self.margins_of_place(limits, &mut visit)?;
+        self.margins_of_angles(limits, &mut visit)?;
         if limits.clearance != 0.0
             && let Some(nearest) = self.nearest()
         {
@@ -356,11 +357,17 @@ impl At<'_> {
                 (limits.clearance != 0.0).then(|| self.nearest_within(limits.clearance))??;
             Some(clearance(&nearest, limits)).filter(|margin| !margin.is_kept())
         };
-        self.margins_of_shape(limits, visit).break_value().or_else(near)
+        let leans = || {
+            let cones = [&limits.base_cone, &limits.platform_cone];
+            let pyramids = [&limits.base_pyramid, &limits.platform_pyramid];
+            let are_kept = self.surely_keeps(limits.tilt, cones, pyramids);
+            if are_kept { None } else { self.margins_of_angles(limits, visit).break_value() }
+        };
+        self.margins_of_place(limits, visit).break_value().or_else(leans).or_else(near)
     }
 
-    /// Those of axes, joints, dead points, cones, pyramids and tilt.
-    fn margins_of_shape<B>(
+    /// Those of axes, joints and dead points.
+    fn margins_of_place<B>(
         &self,
         limits: &Limits,
         mut visit: impl FnMut(Margin) -> ControlFlow<B>,
@@ -375,6 +382,15 @@ impl At<'_> {
                 visit(Margin::dead_point(Part::Leg(i), drive))?;
             }
         }
+        ControlFlow::Continue(())
+    }
+
+    /// Those of cones, pyramids and tilt.
+    fn margins_of_angles<B>(
+        &self,
+        limits: &Limits,
+        mut visit: impl FnMut(Margin) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
         self.margins_of_cones(limits, &mut visit)?;
         self.margins_of_pyramids(limits, &mut visit)?;
         if limits.tilt != 0.0 {

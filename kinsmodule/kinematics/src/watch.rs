@@ -3,7 +3,7 @@
 //! point at the reference pose, the fixed axes of their joints, and which of them may not touch.
 
 use crate::geometry::{Geometry, LegGeometry};
-use crate::lanes::{Lanes3, both, cross, dot, put, times, wide};
+use crate::lanes::{Lanes3, both, cross, dot, pair, put, times, wide};
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::{LegKind, direction};
 use crate::segment::Segment;
@@ -31,6 +31,14 @@ struct Joints {
     home: Lanes3<MAX_LEGS>,
     /// Unit vectors of the cardan joints' fixed axes; zeros where none is given.
     axis: Lanes3<MAX_LEGS>,
+}
+
+/// Angles of two legs side by side, by sine and cosine times the same, and the unit that they are
+/// wanted in.
+struct Angles {
+    sine: f64x2,
+    cosine: f64x2,
+    unit: f64x2,
 }
 
 /// Angles by which the legs have left their direction at the reference pose, degrees.
@@ -105,8 +113,8 @@ impl Watch {
         let back = rotation.transpose();
         for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
             let now = spans(legs, i);
-            put(&mut cones.base, i, base.angles(i, &now));
-            put(&mut cones.platform, i, platform.angles(i, &times(&back, &now)));
+            put(&mut cones.base, i, base.cones(i, &now).degrees());
+            put(&mut cones.platform, i, platform.cones(i, &times(&back, &now)).degrees());
         }
         cones
     }
@@ -121,13 +129,47 @@ impl Watch {
         let mut turns = [Turns { about: [f64::NAN; MAX_LEGS], across: [f64::NAN; MAX_LEGS] }; 2];
         let Some([base, platform]) = &self.joints else { return turns };
         let back = rotation.transpose();
-        let [at_base, at_platform] = &mut turns;
         for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
             let now = spans(legs, i);
-            base.turns(i, &now, at_base);
-            platform.turns(i, &times(&back, &now), at_platform);
+            let ends = [base.turns(i, &now), platform.turns(i, &times(&back, &now))];
+            for (turns, [about, across]) in turns.iter_mut().zip(ends) {
+                put(&mut turns.about, i, about.degrees());
+                put(&mut turns.across, i, across.degrees());
+            }
         }
         turns
+    }
+
+    /// See [`crate::At::surely_keeps`].
+    pub(crate) fn keeps(
+        &self,
+        (rotation, legs): (&Matrix3<f64>, &[Segment; MAX_LEGS]),
+        tilt: f64,
+        cones: [&PerLeg; 2],
+        pyramids: [&[[f64; 2]; MAX_LEGS]; 2],
+    ) -> bool {
+        let has_cones = cones != [&[0.0; MAX_LEGS]; 2];
+        let has_pyramids = pyramids != [&[[0.0; 2]; MAX_LEGS]; 2];
+        let mut kept = Angles::of_tilt(rotation).are_within(both(tilt));
+        let Some(joints) = self.joints.as_ref().filter(|_| has_cones || has_pyramids) else {
+            return kept.all() && !(has_cones || has_pyramids);
+        };
+        let back = rotation.transpose();
+        for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
+            let now = spans(legs, i);
+            let ends = joints.iter().zip([now, times(&back, &now)]);
+            for (((joints, now), cone), pyramid) in ends.zip(cones).zip(pyramids) {
+                if has_cones {
+                    kept &= joints.cones(i, &now).are_within(pair(cone, i));
+                }
+                if has_pyramids {
+                    let [about, across] = joints.turns(i, &now);
+                    let most = |way: usize| f64x2::new([pyramid[i][way], pyramid[i + 1][way]]);
+                    kept &= about.are_within(most(0)) & across.are_within(most(1));
+                }
+            }
+        }
+        kept.all()
     }
 
     /// Whether the distance of two legs counts, lower number first: they share no anchor.
@@ -143,14 +185,14 @@ impl Watch {
     /// The same where they are nearer than `most`; else any two, or none.
     pub(crate) fn nearest_within(&self, legs: &[Segment; MAX_LEGS], most: f64) -> Option<Nearest> {
         let (mut middle, mut span) = (Lanes3::<MAX_LEGS>::ZERO, Lanes3::<MAX_LEGS>::ZERO);
-        for (i, leg) in legs.iter().enumerate() {
+        for (i, leg) in legs.iter().enumerate().take(self.count) {
             middle.set(i, leg.base + leg.platform);
             span.set(i, leg.span());
         }
         let mut nearest: Option<Nearest> = None;
-        for i in 0..MAX_LEGS - 1 {
+        for i in (0..MAX_LEGS).take_while(|i| *i < self.count) {
             let own = [wide(&middle.get(i)), wide(&span.get(i))];
-            for j in (0..MAX_LEGS).step_by(2) {
+            for j in (i / 2..MAX_LEGS / 2).map(|pair| 2 * pair).take_while(|j| *j < self.count) {
                 let watched = [self.apart[i][j], self.apart[i][j + 1]];
                 if !(watched[0] || watched[1]) {
                     continue;
@@ -172,8 +214,8 @@ impl Watch {
     }
 }
 
-/// Rounding of a bound that is compared with a distance: legs are passed over only where they
-/// are farther apart by more than this share.
+/// Rounding of bounds: a distance or the square of a cosine is surely beyond its limit only where it
+/// is by more than this share.
 const SLACK: f64 = 1.0 + 1e-9;
 
 /// Whether a leg is surely farther than `distance` from two others, without finding how far: two
@@ -187,6 +229,10 @@ fn are_beyond(one: &[[f64x2; 3]; 2], others: &[[f64x2; 3]; 2], distance: f64) ->
     let square = dot(&between, &between);
     let free = square - dot(&one[1], &between).abs() - dot(&others[1], &between).abs();
     let beside = free.simd_gt(both(0.0)) & (free * free).simd_gt(least * least * square);
+    // Most are.
+    if beside.all() {
+        return [true; 2];
+    }
     let normal = cross(&one[1], &others[1]);
     let apart = dot(&between, &normal);
     let crossing = (apart * apart).simd_gt(least * least * dot(&normal, &normal));
@@ -202,27 +248,58 @@ impl Joints {
         self.axis.set(i, axis);
     }
 
-    /// Angles between legs i and i + 1 and their directions at home, degrees; 0 where a leg has
-    /// no length.
+    /// Angles between legs i and i + 1 and their directions at home; 0 where a leg has no length.
     #[inline(always)]
-    fn angles(&self, i: usize, now: &[f64x2; 3]) -> f64x2 {
+    fn cones(&self, i: usize, now: &[f64x2; 3]) -> Angles {
         let home = self.home.pair(i);
         let across = cross(now, &home);
-        broad_arcs(dot(&across, &across).sqrt(), dot(now, &home)) * both(DEGREES)
+        Angles { sine: dot(&across, &across).sqrt(), cosine: dot(now, &home), unit: both(DEGREES) }
     }
 
+    /// Turns of legs i and i + 1, about the fixed axes and across them.
     #[inline(always)]
-    fn turns(&self, i: usize, now: &[f64x2; 3], turns: &mut Turns) {
+    fn turns(&self, i: usize, now: &[f64x2; 3]) -> [Angles; 2] {
         let (home, axis) = (self.home.pair(i), self.axis.pair(i));
         let along = dot(&axis, now);
         let turned = dot(&home, now) - dot(&axis, &home) * along;
-        let about = broad_arcs(dot(&axis, &cross(&home, now)), turned);
         let beside = cross(&axis, now);
-        let across = broad_arcs(along, dot(&beside, &beside).sqrt());
         // Without an axis there is no turn.
         let unit = dot(&axis, &axis).simd_gt(both(0.0)).select(both(DEGREES), both(f64::NAN));
-        put(&mut turns.about, i, about * unit);
-        put(&mut turns.across, i, across * unit);
+        [
+            Angles { sine: dot(&axis, &cross(&home, now)), cosine: turned, unit },
+            Angles { sine: along, cosine: dot(&beside, &beside).sqrt(), unit },
+        ]
+    }
+}
+
+impl Angles {
+    /// Of the platform's Z with Z of base, in both lanes.
+    #[inline(always)]
+    fn of_tilt(rotation: &Matrix3<f64>) -> Self {
+        let [x, y, z] = [0, 1, 2].map(|row| both(rotation[(row, 2)]));
+        Self { sine: (x * x + y * y).sqrt(), cosine: z, unit: both(DEGREES) }
+    }
+
+    #[inline(always)]
+    fn degrees(&self) -> f64x2 {
+        broad_arcs(self.sine, self.cosine) * self.unit
+    }
+
+    /// A mask of those that are surely within ±`most` degrees, or have no limit (0): their cosine is
+    /// at least 1 − m²/2 + m⁴/24, which no cosine of m exceeds. NaN is not sure.
+    #[inline(always)]
+    fn are_within(&self, most: f64x2) -> f64x2 {
+        let square = most * most * both(1.0 / (DEGREES * DEGREES));
+        let least = both(1.0) + square * (square * both(1.0 / 24.0) - both(0.5));
+        let least = least.fast_max(both(0.0));
+        let own = self.cosine * self.cosine;
+        let length = own + self.sine * self.sine;
+        // A unit that is no number, of what has no axis, makes this no number.
+        let known = (self.cosine * self.unit).simd_gt(both(0.0)) & most.simd_gt(both(0.0));
+        // As in broad_arcs.
+        let known = known & length.simd_ge(both(1e-280)) & length.simd_le(both(1e300));
+        let within = known & own.simd_ge(least * least * both(SLACK) * length);
+        within | most.simd_eq(both(0.0))
     }
 }
 
@@ -271,17 +348,16 @@ mod tests {
         for (direction, degrees) in
             [([3.0, 3.0, 0.0], 45.0), ([-1.0, 0.0, -1.0], 135.0), ([0.0, 0.0, 9.0], 90.0)]
         {
-            for angle in home.angles(2, &wide(Vector3::from(direction))).to_array() {
+            for angle in home.cones(2, &wide(Vector3::from(direction))).degrees().to_array() {
                 assert!((angle - degrees).abs() < 1e-13, "{angle}");
             }
         }
-        assert_eq!(home.angles(0, &wide(Vector3::zeros())).to_array(), [0.0; 2]);
+        assert_eq!(home.cones(0, &wide(Vector3::zeros())).degrees().to_array(), [0.0; 2]);
     }
 
     #[test]
     fn a_joint_turns_about_its_axis_and_then_across_wherever_the_leg_stood() {
         let axis = Vector3::new(0.0, 1.0, 0.0);
-        let none = Turns { about: [0.0; MAX_LEGS], across: [0.0; MAX_LEGS] };
         for lean in [0.0, 20.0, -35.0_f64] {
             let leg = |about: f64, across: f64| {
                 let (sine, cosine) = libm::sincos(about / DEGREES);
@@ -290,16 +366,52 @@ mod tests {
             };
             let joints = joints(leg(10.0, lean), axis);
             for (about, across) in [(0.0, 0.0), (30.0, -20.0), (-100.0, 60.0), (5.0, lean)] {
-                let mut turns = none;
-                joints.turns(4, &wide(leg(10.0 + about, across)), &mut turns);
-                // Degrees: 1e-12 are some ten roundings.
-                assert!((turns.about[5] - about).abs() < 1e-12, "{turns:?}");
-                assert!((turns.across[5] - across).abs() < 1e-12, "{turns:?}");
+                let turns = joints.turns(4, &wide(leg(10.0 + about, across)));
+                for (turn, expected) in turns.iter().zip([about, across]) {
+                    let [_, found] = turn.degrees().to_array();
+                    // Degrees: 1e-12 are some ten roundings.
+                    assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+                }
             }
         }
-        let mut turns = none;
-        joints(axis, Vector3::zeros()).turns(0, &wide(axis), &mut turns);
-        assert!(turns.about[0].is_nan() && turns.across[1].is_nan());
+        let turns = joints(axis, Vector3::zeros()).turns(0, &wide(axis));
+        assert!(turns.iter().all(|turn| turn.degrees().is_nan().all()));
+    }
+
+    #[test]
+    fn angles_that_are_surely_within_a_limit_are_and_most_of_those_within_are_surely() {
+        let number = |k: usize| libm::sin((k * k + 7) as f64);
+        let [mut sure, mut within] = [0; 2];
+        for case in 0..3_000 {
+            let vector = |k: usize| Vector3::from_fn(|axis, _| number(9 * case + 3 * k + axis));
+            let axis = vector(1) / vector(1).norm();
+            // Mostly near each other, so that limits of all sizes are met.
+            let now = vector(0) + vector(2) * [0.03, 0.3, 3.0][case % 3];
+            let joints = joints(vector(0), axis);
+            let [about, across] = joints.turns(0, &wide(now));
+            for angles in [joints.cones(0, &wide(now)), about, across] {
+                let [degrees, _] = angles.degrees().to_array();
+                for most in [degrees.abs(), 1e-3, 3.0, 30.0, 75.0, 100.0, 190.0, -1.0, f64::NAN] {
+                    let is_sure = angles.are_within(both(most)).all();
+                    assert!(!is_sure || degrees.abs() <= most, "{degrees} {most}");
+                    sure += usize::from(is_sure);
+                    within += usize::from(degrees.abs() <= most);
+                    // 1 − m²/2 + m⁴/24 is a cosine of this.
+                    assert!(
+                        is_sure || !(degrees.abs() < 0.99 * most && most <= 75.0 && most > 1.0)
+                    );
+                }
+                assert!(angles.are_within(both(0.0)).all());
+            }
+            let none = Angles { unit: both(f64::NAN), ..joints.cones(0, &wide(now)) };
+            assert!(!none.are_within(both(190.0)).any());
+        }
+        assert!(sure > 20_000 && within > sure + 9_000, "{sure} {within}");
+        // Lengths whose squares vanish, or are infinite, tell nothing.
+        for length in [0.0, 1e-160, 1e160] {
+            let tiny = Angles { sine: both(length), cosine: both(length), unit: both(DEGREES) };
+            assert!(!tiny.are_within(both(80.0)).any());
+        }
     }
 
     #[test]
