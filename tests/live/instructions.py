@@ -26,7 +26,7 @@ from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileg
 
 MODULE = Path("/usr/lib/linuxcnc/modules/pkmkins.so")
 BROWSERS = 10
-# The module writes what only people read in turns of four cycles.
+# The module writes what only people read in turns of eight cycles.
 CYCLES = 8
 # Whether a drive's last digit has moved, and how long the last cycle took, are branches: two counts of the machine
 # alone differ by 0.1 %.

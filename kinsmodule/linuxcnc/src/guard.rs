@@ -18,9 +18,6 @@ const RISE: f64 = 10.0;
 /// poses show it in the one after that.
 pub const LATENCY: f64 = 3.0;
 
-/// Cycles in which all of what people read about the pose is shown anew.
-const SHOWN_IN: u32 = 4;
-
 /// What the guard goes by in one cycle.
 pub struct Cycle<'a> {
     pub pins: &'a Pins,
@@ -39,6 +36,17 @@ pub struct Cycle<'a> {
     pub programmed: Option<Programmed>,
     /// Servo period, seconds.
     pub period: f64,
+    /// What is shown of the pose in this cycle.
+    pub shows: Option<Shown>,
+}
+
+/// A part of what people read about the pose.
+#[derive(Clone, Copy)]
+pub enum Shown {
+    Joints,
+    Cones,
+    Nearest,
+    Conditioning,
 }
 
 /// LinuxCNC's motion in a cycle.
@@ -101,8 +109,6 @@ pub struct Guard {
     jog: Jog,
     inverse_time: i64,
     forward_time: i64,
-    /// Which part of the shown values was shown last.
-    part: u32,
 }
 
 impl Guard {
@@ -117,7 +123,6 @@ impl Guard {
             jog: Jog::new(),
             inverse_time: 0,
             forward_time: 0,
-            part: 0,
         }
     }
 
@@ -168,16 +173,18 @@ impl Guard {
         stopped.or(self.inhibited.filter(|_| !was_inhibited))
     }
 
-    /// What people read about the pose that forward found: of four parts one a cycle, in turn.
-    fn show_pose(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) {
+    /// A part of what people read about the pose that forward found.
+    fn show_pose(&self, cycle: &Cycle<'_>, at: &mut At<'_>) {
+        let Some(part) = cycle.shows else { return };
         let moved = cycle.pose.map(|pose| at.move_to(&pose, cycle.tool));
         let Some(Ok(())) = moved else { return cycle.pins.assembly.set(0) };
-        self.part = if self.part < SHOWN_IN - 1 { self.part + 1 } else { 0 };
-        match self.part {
-            0 => show_joints(cycle, at),
-            1 => show_cones(&cycle.pins.guard, at),
-            2 => show_nearest(cycle, at),
-            _ => cycle.pins.guard.shown.conditioning.set(at.smallest_singular_value()),
+        match part {
+            Shown::Joints => show_joints(cycle, at),
+            Shown::Cones => show_cones(&cycle.pins.guard, at),
+            Shown::Nearest => show_nearest(cycle, at),
+            Shown::Conditioning => {
+                cycle.pins.guard.shown.conditioning.set(at.smallest_singular_value());
+            }
         }
     }
 

@@ -72,6 +72,8 @@ pub struct Module {
     reset_was: bool,
     /// Calls of forward before one that looks at all pins of the geometry, where no monitor runs.
     until_watched: u32,
+    /// Of the cycles in which the monitor shows what only people read, which one this is.
+    turn: u32,
 }
 
 impl Module {
@@ -104,6 +106,7 @@ impl Module {
             reports: Reports::new(place.is_second),
             reset_was: false,
             until_watched: 0,
+            turn: 0,
         }
     }
 

@@ -2,8 +2,11 @@
 //! The function in the servo thread beside the kinematics calls.
 
 use super::{Kind, Module};
-use crate::guard::Cycle;
+use crate::guard::{Cycle, Shown};
 use kinematics::{Fault, Pose};
+
+/// Cycles in which all of what only people read is shown anew.
+const SHOWN_IN: u32 = 8;
 
 impl Module {
     /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
@@ -18,7 +21,10 @@ impl Module {
         self.watch_tool_pins();
         self.advance_tool(commanded, seconds);
         self.advance_correction(seconds);
-        self.watch_geometry();
+        self.turn = if self.turn < SHOWN_IN - 1 { self.turn + 1 } else { 0 };
+        if self.turn == 0 {
+            self.watch_geometry();
+        }
         if let Some(fault) = self.guarded(commanded, seconds) {
             self.record(&fault);
         }
@@ -43,6 +49,14 @@ impl Module {
             lost: self.lost,
             programmed: self.carrying.programmed(period),
             period,
+            // Two mechanisms show their poses in cycles of their own.
+            shows: match (self.turn + u32::from(self.place.is_second)) % SHOWN_IN {
+                1 => Some(Shown::Joints),
+                3 => Some(Shown::Cones),
+                5 => Some(Shown::Nearest),
+                7 => Some(Shown::Conditioning),
+                _ => None,
+            },
         })
     }
 

@@ -164,10 +164,10 @@ impl Module {
         self.monitor_in_cycle_of(PERIOD);
     }
 
-    /// As many runs of the monitor as it takes to show all that people read about a pose: it shows a
-    /// quarter of it in each.
+    /// As many runs of the monitor as it takes to show all that only people read: it shows a part of it in
+    /// every second one.
     pub fn monitor_until_all_is_shown(&self) {
-        for _ in 0..4 {
+        for _ in 0..8 {
             self.monitor();
         }
     }

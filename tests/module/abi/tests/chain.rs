@@ -319,7 +319,7 @@ fn what_cannot_be_is_refused_with_its_axis_and_the_last_good_chain_stays() {
         let before = module.get(pin);
         module.clear_messages();
         module.set(pin, value);
-        module.monitor();
+        module.monitor_until_all_is_shown();
         assert!(module.is_on("geometry-changed"), "{pin}");
         module.apply();
         assert!(!module.is_on("geometry-ok"), "{pin} = {value}");
@@ -331,7 +331,7 @@ fn what_cannot_be_is_refused_with_its_axis_and_the_last_good_chain_stays() {
         module.set("fault-reset", 1.0);
         module.monitor();
         module.set("fault-reset", 0.0);
-        module.monitor();
+        module.monitor_until_all_is_shown();
         assert!(!module.is_on("geometry-changed"), "{pin}");
     }
     let mut given = machine.given;

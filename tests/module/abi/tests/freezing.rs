@@ -114,11 +114,11 @@ fn change_each_pin_and_back(module: &Module) {
     ] {
         let value = module.get(pin);
         module.set(pin, value + 1.0);
-        module.monitor();
+        module.monitor_until_all_is_shown();
         assert!(module.is_on("geometry-changed"), "{pin}");
         assert_eq!(joints(module), before, "{pin}");
         module.set(pin, value);
-        module.monitor();
+        module.monitor_until_all_is_shown();
         assert!(!module.is_on("geometry-changed"), "{pin} set back");
     }
 }

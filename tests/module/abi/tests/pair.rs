@@ -166,6 +166,7 @@ fn both_geometries_are_frozen_or_none() {
         assert_eq!(module.get("fault") as i32, Cause::RodNotPositive.code());
         assert_eq!(module.get("fault-leg"), leg);
         assert_eq!(["geometry-hash", "second.geometry-hash"].map(|pin| module.get(pin)), hashes);
+        module.monitor_until_all_is_shown();
         assert!(module.is_on("geometry-changed"));
         assert_eq!(module.inverse(&good), Ok(joints), "the last good ones stay");
         module.set(good_pin, 700.0);

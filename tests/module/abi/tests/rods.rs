@@ -372,11 +372,11 @@ fn pins_of_rods_changed_after_freezing_are_shown_and_change_no_joint() {
         for pin in pins {
             let value = module.get(pin);
             module.set(pin, value + 1.0);
-            module.monitor();
+            module.monitor_until_all_is_shown();
             assert!(module.is_on("geometry-changed"), "{pin}");
             assert_eq!(module.inverse(&home), Ok(joints), "{pin}");
             module.set(pin, value);
-            module.monitor();
+            module.monitor_until_all_is_shown();
             assert!(!module.is_on("geometry-changed"), "{pin} set back");
             assert_eq!(module.get("geometry-hash"), hash, "{pin}");
         }
