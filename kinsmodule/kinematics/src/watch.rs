@@ -20,8 +20,8 @@ pub struct Watch {
     joints: Option<[Joints; 2]>,
     /// Number of legs.
     count: usize,
-    /// Pairs of legs, lower number first, that share no anchor.
-    apart: [[bool; MAX_LEGS]; MAX_LEGS],
+    /// For each leg those of higher numbers with which it shares no anchor: leg j is the bit 1 << j.
+    apart: [u8; MAX_LEGS],
 }
 
 /// The joints at one end of the legs, in the body that they are fixed to.
@@ -77,10 +77,11 @@ impl Watch {
     ) -> Self {
         let legs = geometry.legs();
         let apart = core::array::from_fn(|i| {
-            core::array::from_fn(|j| {
-                let pair = legs.get(i).zip(legs.get(j));
-                i < j && pair.is_some_and(|(one, other)| !share_anchor(one, other))
-            })
+            let is_apart = |j: &usize| {
+                let pair = legs.get(i).zip(legs.get(*j));
+                i < *j && pair.is_some_and(|(one, other)| !share_anchor(one, other))
+            };
+            (0..MAX_LEGS).filter(is_apart).fold(0, |row, j| row | 1 << j)
         });
         let joints = home.map(|(spans, rotation)| {
             let mut joints = [Joints::NONE, Joints::NONE];
@@ -174,7 +175,7 @@ impl Watch {
 
     /// Whether the distance of two legs counts, lower number first: they share no anchor.
     pub fn is_watched(&self, [i, j]: [usize; 2]) -> bool {
-        self.apart.get(i).and_then(|row| row.get(j)).is_some_and(|apart| *apart)
+        j < MAX_LEGS && self.apart.get(i).is_some_and(|row| row >> j & 1 == 1)
     }
 
     /// The two legs that are nearest to each other, of those that share no anchor.
@@ -190,11 +191,15 @@ impl Watch {
             span.set(i, leg.span());
         }
         let mut nearest: Option<Nearest> = None;
-        for i in (0..MAX_LEGS).take_while(|i| *i < self.count) {
+        for i in 0..MAX_LEGS {
+            let row = self.apart[i];
+            if row == 0 {
+                continue;
+            }
             let own = [wide(&middle.get(i)), wide(&span.get(i))];
-            for j in (i / 2..MAX_LEGS / 2).map(|pair| 2 * pair).take_while(|j| *j < self.count) {
-                let watched = [self.apart[i][j], self.apart[i][j + 1]];
-                if !(watched[0] || watched[1]) {
+            for j in (0..MAX_LEGS).step_by(2) {
+                let watched = [row >> j & 1 == 1, row >> j & 2 == 2];
+                if watched == [false; 2] {
                     continue;
                 }
                 let least = nearest.map_or(most, |n| n.distance);
@@ -289,17 +294,16 @@ impl Angles {
     /// at least 1 − m²/2 + m⁴/24, which no cosine of m exceeds. NaN is not sure.
     #[inline(always)]
     fn are_within(&self, most: f64x2) -> f64x2 {
-        let square = most * most * both(1.0 / (DEGREES * DEGREES));
+        // Nothing is within less than 0, and what is beyond 90 degrees is not sure.
+        let bound = most.fast_max(both(0.0));
+        let square = bound * bound * both(1.0 / (DEGREES * DEGREES));
         let least = both(1.0) + square * (square * both(1.0 / 24.0) - both(0.5));
-        let least = least.fast_max(both(0.0));
-        let own = self.cosine * self.cosine;
-        let length = own + self.sine * self.sine;
-        // A unit that is no number, of what has no axis, makes this no number.
-        let known = (self.cosine * self.unit).simd_gt(both(0.0)) & most.simd_gt(both(0.0));
-        // As in broad_arcs.
-        let known = known & length.simd_ge(both(1e-280)) & length.simd_le(both(1e300));
-        let within = known & own.simd_ge(least * least * both(SLACK) * length);
-        within | most.simd_eq(both(0.0))
+        let least = least.fast_max(both(1e-3));
+        let own = self.cosine * self.cosine.abs();
+        let length = self.cosine * self.cosine + self.sine * self.sine;
+        // Squares that vanish are below what is added; no unit, where there is no axis, makes this no number.
+        let needed = least * least * both(SLACK * DEGREES) * length + both(1e-270);
+        (own * self.unit).simd_gt(needed) | most.simd_eq(both(0.0))
     }
 }
 
