@@ -161,32 +161,47 @@ impl Machine {
     #[inline(never)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let mut joints = [0.0; MAX_JOINTS];
-        let spheres = self.spheres();
-        match spheres.and_then(|spheres| spheres.joints(&pose.position, &pose.angles, tool)) {
-            Some([one, two, three]) => (joints[0], joints[1], joints[2]) = (one, two, three),
-            None => self.inverse_into(pose, tool, &mut joints)?,
-        }
+        self.inverse_inlined(&pose.to_degrees(), pose, tool, &mut joints)?;
         Ok(joints)
     }
 
     /// As [`Machine::inverse`], into the first of `joints`; those beyond the machine's, and
-    /// all after an error, are left alone. For those who count nanoseconds: a `Result` of
-    /// many values is copied about.
+    /// all after an error, are left alone. A `Result` of many values is copied about.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
-    #[inline(always)]
+    #[inline(never)]
     pub fn inverse_into(
         &self,
         pose: &Pose,
         tool: &Vector3<f64>,
         joints: &mut [f64],
     ) -> Result<(), Fault> {
-        each!(self, m => m.inverse(pose, tool, joints))
+        self.inverse_inlined(&pose.to_degrees(), pose, tool, joints)
+    }
+
+    /// As [`Machine::inverse_into`], a part of what calls it, for those who count nanoseconds and have the
+    /// pose in machine units and degrees as well.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    #[inline(always)]
+    pub fn inverse_inlined(
+        &self,
+        degrees: &[f64; 6],
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        joints: &mut [f64],
+    ) -> Result<(), Fault> {
+        match (self.joints_of_three(degrees, tool), joints.first_chunk_mut()) {
+            (Some(three), Some(joints)) => *joints = three,
+            _ => each!(self, m => m.inverse(pose, tool, joints))?,
+        }
+        Ok(())
     }
 
     /// Joint values of a pose (machine units, degrees) of three legs that move X, Y and Z, to the bits of
-    /// [`Machine::inverse_into`] and in less time; `None` where that has to tell.
+    /// the general method and in less time; `None` where that has to tell.
     #[inline(always)]
     pub fn joints_of_three(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
         let [x, y, z, a, b, c] = *degrees;

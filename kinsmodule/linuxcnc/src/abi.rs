@@ -576,6 +576,8 @@ static PARAMETERS: [(&str, &load::Parameter); COUNT] = [
     ("sparm", &load::SPARM),
 ];
 
+// Frames of its own and of a refusal, which are gone while the component starts.
+#[inline(never)]
 fn parsed(parameters: [Option<&[u8]>; COUNT]) -> Result<Load, LoadError> {
     let [legs, coordinates, table, axes, boxes, second @ ..] = parameters;
     let [second, second_coordinates, second_angles, second_boxes, sparm] = second;
@@ -694,6 +696,8 @@ fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
     Ok(unsafe { &mut *pins })
 }
 
+#[cold]
+#[inline(never)]
 fn refuse_load(error: LoadError, parameters: [Option<&CStr>; COUNT]) {
     let mut message = text!["pkmkins: refused"];
     for ((name, _), value) in PARAMETERS.iter().zip(parameters) {

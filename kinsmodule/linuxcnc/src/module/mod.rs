@@ -181,11 +181,7 @@ impl Module {
         let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
         let request = self.requested_tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
-            let three = frozen.machine.joints_of_three(degrees, &tool);
-            match (three, joints.first_chunk_mut()) {
-                (Some(found), Some(joints)) => *joints = found,
-                _ => frozen.machine.inverse_into(pose, &tool, joints)?,
-            }
+            frozen.machine.inverse_inlined(degrees, pose, &tool, joints)?;
             self.correction.add(joints);
             return Ok(());
         }
