@@ -215,7 +215,13 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
             let other = second
                 .machine
                 .at(&at(&beside_from, &beside.end), &(second.spindle + Vector3::from(beside.tool)));
-            least = least.min(Gap::between(&one.unwrap(), &other.unwrap()).distance - 150.0);
+            let (one, other) = (one.unwrap(), other.unwrap());
+            let gap = Gap::between(&one, &other);
+            least = least.min(gap.distance - 150.0);
+            // Where it has to be less than something.
+            assert_eq!(Gap::within(&one, &other, 1.001 * gap.distance), gap);
+            let most = 0.999 * gap.distance;
+            assert_eq!(Gap::within(&one, &other, most).distance, most);
         }
         (from, beside_from) = (step.end, beside.end);
     }

@@ -7,7 +7,10 @@
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
+use crate::lanes::{Lanes3, both, difference, dot, pair, wide};
+use crate::layout::MAX_LEGS;
 use crate::segment::Segment;
+use nalgebra::Vector3;
 
 /// A part of a mechanism that another mechanism may meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,24 +30,62 @@ pub struct Gap {
     pub bodies: [Body; 2],
 }
 
+/// Most lines of a mechanism.
+const LINES: usize = MAX_LEGS * (MAX_LEGS + 1) / 2;
+
+/// The lines of a mechanism.
+struct Lines {
+    each: [(Body, Segment); LINES],
+    count: usize,
+    /// Twice their middles, and their lengths.
+    middle: Lanes3<LINES>,
+    length: [f64; LINES],
+}
+
+impl Lines {
+    fn of(at: &At<'_>) -> Self {
+        let nothing = Segment { base: Vector3::zeros(), platform: Vector3::zeros() };
+        let each = [(Body::Platform, nothing); LINES];
+        let mut lines = Self { each, count: 0, middle: Lanes3::ZERO, length: [0.0; LINES] };
+        each_body(at, |body, line| {
+            let i = lines.count.min(LINES - 1);
+            lines.each[i] = (body, *line);
+            lines.middle.set(i, line.base + line.platform);
+            lines.length[i] = line.span().norm();
+            lines.count += 1;
+        });
+        lines
+    }
+}
+
 impl Gap {
     /// Of two mechanisms, each at a pose.
     pub fn between(one: &At<'_>, other: &At<'_>) -> Self {
-        let mut least = Self { distance: f64::INFINITY, bodies: [Body::Platform; 2] };
+        Self::within(one, other, f64::INFINITY)
+    }
+
+    /// The same where it is less than `most`; else `most`, in less time.
+    pub fn within(one: &At<'_>, other: &At<'_>, most: f64) -> Self {
+        let mut least = Self { distance: most, bodies: [Body::Platform; 2] };
+        let theirs = Lines::of(other);
         each_body(one, |body, mine| {
-            let (middle, half) = (mine.base + mine.platform, mine.span().norm());
-            each_body(other, |of_other, theirs| {
+            let (middle, length) = (wide(&(mine.base + mine.platform)), both(mine.span().norm()));
+            for i in (0..LINES).step_by(2).take_while(|i| *i < theirs.count) {
                 // Twice the way between the middles, less what the halves reach.
-                let way = (middle - theirs.base - theirs.platform).norm_squared();
-                let reach = half + theirs.span().norm() + 2.0 * least.distance;
-                if way > reach * reach {
-                    return;
+                let way = difference(&middle, &theirs.middle.pair(i));
+                let reach = length + pair(&theirs.length, i) + both(2.0 * least.distance);
+                let are_beyond = dot(&way, &way).simd_gt(reach * reach);
+                if are_beyond.all() {
+                    continue;
                 }
-                let distance = mine.distance(theirs);
-                if !(distance >= least.distance) {
-                    least = Self { distance, bodies: [body, of_other] };
+                let two = theirs.each.iter().take(theirs.count).skip(i).take(2);
+                for (of_other, line) in two {
+                    let distance = mine.distance(line);
+                    if !(distance >= least.distance) {
+                        least = Self { distance, bodies: [body, *of_other] };
+                    }
                 }
-            });
+            }
         });
         least
     }

@@ -112,10 +112,18 @@ impl Between {
         let [one, other] = cycle.modules.map(Module::machine);
         let (mut one, mut other) = (one?.nowhere(), other?.nowhere());
         let both = &mut [&mut one, &mut other];
-        let now = cycle.gap(both, 0.0)?;
-        let first_leg = cycle.modules[0].layout().legs();
-        self.pins.show(&now, first_leg as i32);
         let clearance = self.pins.clearance.get();
+        let is_shown = cycle.modules[0].shows_distance();
+        if clearance == 0.0 && !is_shown {
+            return None;
+        }
+        // A place ahead is nearer than this one wherever this one is so far away.
+        let far = clearance + 4.0 * NEARER * clearance.abs();
+        let now = cycle.gap(both, 0.0, if is_shown { f64::INFINITY } else { far })?;
+        let first_leg = cycle.modules[0].layout().legs();
+        if is_shown {
+            self.pins.show(&now, first_leg as i32);
+        }
         if clearance == 0.0 {
             return None;
         }
@@ -125,7 +133,7 @@ impl Between {
             self.next = if self.next < BETWEEN { self.next + 1 } else { 1 };
             let share = f64::from(self.next) / f64::from(BETWEEN + 1);
             for time in [share * horizon, horizon] {
-                let ahead = cycle.gap(both, time);
+                let ahead = cycle.gap(both, time, clearance);
                 // A place that cannot be reached is for the guard of its mechanism.
                 let Some(ahead) = ahead.filter(near) else { continue };
                 found = found.or(Some(ahead));
@@ -153,14 +161,15 @@ fn motion_of(
 }
 
 impl Cycle<'_> {
-    /// The nearest parts after a time at the present speed; `None` where a pose cannot be taken.
-    fn gap(&self, both: &mut [&mut At<'_>; 2], time: f64) -> Option<Gap> {
+    /// The nearest parts after a time at the present speed, see [`Gap::within`]; `None` where a pose cannot
+    /// be taken.
+    fn gap(&self, both: &mut [&mut At<'_>; 2], time: f64, most: f64) -> Option<Gap> {
         let mechanisms = both.iter_mut().zip(self.modules).zip(&self.motions).zip(&self.poses);
         for (((at, module), motion), pose) in mechanisms {
             let pose = motion.as_ref().map_or(*pose, |motion| motion.pose_after(time));
             at.move_to(&pose, &module.tool()).ok()?;
         }
-        Some(Gap::between(both[0], both[1]))
+        Some(Gap::within(both[0], both[1], most))
     }
 
     /// The time at the present speed until both stand, if the feed is inhibited now; `None` where

@@ -336,7 +336,8 @@ impl Probe<'_> {
                 let apart = (own[0] - other[1]).sup(&(other[0] - own[1]));
                 !(apart.max() >= clearance)
             };
-            let is_near = |(other, _): &(At, _)| !(Gap::between(at, other).distance >= clearance);
+            let is_near =
+                |(other, _): &(At, _)| !(Gap::within(at, other, clearance).distance >= clearance);
             match others.iter().filter(near).any(is_near) {
                 true => Err(Border::BETWEEN),
                 false => Ok(()),

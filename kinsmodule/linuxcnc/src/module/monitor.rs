@@ -60,6 +60,11 @@ impl Module {
         })
     }
 
+    /// Whether this cycle shows the distance of two mechanisms.
+    pub fn shows_distance(&self) -> bool {
+        self.turn == SHOWN_IN - 1
+    }
+
     /// Whether no motion may begin or go on.
     pub fn inhibits_feed(&self) -> bool {
         self.tool.is_busy() || self.guard.inhibits_feed()

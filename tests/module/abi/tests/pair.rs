@@ -383,6 +383,7 @@ fn the_distance_shown_is_that_of_a_search_along_all_lines_of_both() {
             let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
             let world = two.world(&poses[0], &poses[1]);
             cycle(&module, &world);
+            module.monitor_until_all_is_shown();
             let joints = module.inverse(&world).expect("poses of both workspaces");
             let count = two.first.machine.joints();
             let one = lines(&two.first.machine, &poses[0], &joints, 0);
