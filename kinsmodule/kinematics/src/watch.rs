@@ -151,26 +151,25 @@ impl Watch {
     ) -> bool {
         let has_cones = cones != [&[0.0; MAX_LEGS]; 2];
         let has_pyramids = pyramids != [&[[0.0; 2]; MAX_LEGS]; 2];
-        let mut kept = Angles::of_tilt(rotation).are_within(both(tilt));
+        let [x, y, z] = [0, 1, 2].map(|row| rotation[(row, 2)]);
+        let upright = are_within(both(z * z.abs()), both(x * x + y * y + z * z), both(tilt)).all();
         let Some(joints) = self.joints.as_ref().filter(|_| has_cones || has_pyramids) else {
-            return kept.all() && !(has_cones || has_pyramids);
+            return upright && !(has_cones || has_pyramids);
         };
         let back = rotation.transpose();
         for i in (0..MAX_LEGS).step_by(2).take_while(|i| *i < self.count) {
             let now = spans(legs, i);
             let ends = joints.iter().zip([now, times(&back, &now)]);
             for (((joints, now), cone), pyramid) in ends.zip(cones).zip(pyramids) {
-                if has_cones {
-                    kept &= joints.cones(i, &now).are_within(pair(cone, i));
-                }
-                if has_pyramids {
-                    let [about, across] = joints.turns(i, &now);
-                    let most = |way: usize| f64x2::new([pyramid[i][way], pyramid[i + 1][way]]);
-                    kept &= about.are_within(most(0)) & across.are_within(most(1));
+                let most = |way: usize| f64x2::new([pyramid[i][way], pyramid[i + 1][way]]);
+                let cone = has_cones.then(|| pair(cone, i));
+                let pyramid = has_pyramids.then(|| [most(0), most(1)]);
+                if !joints.keep(i, &now, cone, pyramid).all() {
+                    return false;
                 }
             }
         }
-        kept.all()
+        upright
     }
 
     /// Whether the distance of two legs counts, lower number first: they share no anchor.
@@ -275,36 +274,58 @@ impl Joints {
             Angles { sine: along, cosine: dot(&beside, &beside).sqrt(), unit },
         ]
     }
+
+    /// A mask of those of legs i and i + 1 that surely keep limits of their cones, and of their turns about
+    /// and across the axes, in degrees.
+    #[inline(always)]
+    fn keep(
+        &self,
+        i: usize,
+        now: &[f64x2; 3],
+        cone: Option<f64x2>,
+        pyramid: Option<[f64x2; 2]>,
+    ) -> f64x2 {
+        let home = self.home.pair(i);
+        let (straight, square) = (dot(now, &home), dot(now, now));
+        let mut kept = both(0.0).simd_eq(both(0.0));
+        if let Some(most) = cone {
+            kept = are_within(straight * straight.abs(), square * dot(&home, &home), most);
+        }
+        if let Some([about, across]) = pyramid {
+            let axis = self.axis.pair(i);
+            // 1, and 0 without an axis: then there is no turn.
+            let unit = dot(&axis, &axis);
+            let along = dot(&axis, now);
+            let turned = straight - dot(&axis, &home) * along;
+            let sine = dot(&axis, &cross(&home, now));
+            let length = turned * turned + sine * sine;
+            kept &= are_within(turned * turned.abs() * unit, length, about);
+            kept &= are_within((square - along * along) * unit, square, across);
+        }
+        kept
+    }
 }
 
 impl Angles {
-    /// Of the platform's Z with Z of base, in both lanes.
-    #[inline(always)]
-    fn of_tilt(rotation: &Matrix3<f64>) -> Self {
-        let [x, y, z] = [0, 1, 2].map(|row| both(rotation[(row, 2)]));
-        Self { sine: (x * x + y * y).sqrt(), cosine: z, unit: both(DEGREES) }
-    }
-
     #[inline(always)]
     fn degrees(&self) -> f64x2 {
         broad_arcs(self.sine, self.cosine) * self.unit
     }
+}
 
-    /// A mask of those that are surely within ±`most` degrees, or have no limit (0): their cosine is
-    /// at least 1 − m²/2 + m⁴/24, which no cosine of m exceeds. NaN is not sure.
-    #[inline(always)]
-    fn are_within(&self, most: f64x2) -> f64x2 {
-        // Nothing is within less than 0, and what is beyond 90 degrees is not sure.
-        let bound = most.fast_max(both(0.0));
-        let square = bound * bound * both(1.0 / (DEGREES * DEGREES));
-        let least = both(1.0) + square * (square * both(1.0 / 24.0) - both(0.5));
-        let least = least.fast_max(both(1e-3));
-        let own = self.cosine * self.cosine.abs();
-        let length = self.cosine * self.cosine + self.sine * self.sine;
-        // Squares that vanish are below what is added; no unit, where there is no axis, makes this no number.
-        let needed = least * least * both(SLACK * DEGREES) * length + both(1e-270);
-        (own * self.unit).simd_gt(needed) | most.simd_eq(both(0.0))
-    }
+/// A mask of angles that are surely within ±`most` degrees, or have no limit (0): their cosine is at least
+/// 1 − m²/2 + m⁴/24, which no cosine of m exceeds. By its square, with its sign, times a length. NaN
+/// is not sure.
+#[inline(always)]
+fn are_within(cosine: f64x2, length: f64x2, most: f64x2) -> f64x2 {
+    // Nothing is within less than 0, and what is beyond 90 degrees is not sure.
+    let bound = most.fast_max(both(0.0));
+    let square = bound * bound * both(1.0 / (DEGREES * DEGREES));
+    let least = both(1.0) + square * (square * both(1.0 / 24.0) - both(0.5));
+    let least = least.fast_max(both(1e-3));
+    // Squares that vanish are below what is added.
+    let needed = least * least * both(SLACK) * length + both(1e-270);
+    cosine.simd_gt(needed) | most.simd_eq(both(0.0))
 }
 
 /// Legs i and i + 1, from base to platform.
@@ -393,29 +414,38 @@ mod tests {
             let now = vector(0) + vector(2) * [0.03, 0.3, 3.0][case % 3];
             let joints = joints(vector(0), axis);
             let [about, across] = joints.turns(0, &wide(now));
-            for angles in [joints.cones(0, &wide(now)), about, across] {
+            let keeps = |[cone, about, across]: [f64; 3]| {
+                joints
+                    .keep(0, &wide(now), Some(both(cone)), Some([both(about), both(across)]))
+                    .all()
+            };
+            assert!(keeps([0.0; 3]));
+            let angles = [joints.cones(0, &wide(now)), about, across];
+            for (k, angles) in angles.iter().enumerate() {
                 let [degrees, _] = angles.degrees().to_array();
                 for most in [degrees.abs(), 1e-3, 3.0, 30.0, 75.0, 100.0, 190.0, -1.0, f64::NAN] {
-                    let is_sure = angles.are_within(both(most)).all();
+                    let mut limits = [0.0; 3];
+                    limits[k] = most;
+                    let is_sure = keeps(limits);
                     assert!(!is_sure || degrees.abs() <= most, "{degrees} {most}");
                     sure += usize::from(is_sure);
                     within += usize::from(degrees.abs() <= most);
                     // 1 − m²/2 + m⁴/24 is a cosine of this.
-                    assert!(
-                        is_sure || !(degrees.abs() < 0.99 * most && most <= 75.0 && most > 1.0)
-                    );
+                    let is_clear = degrees.abs() < 0.99 * most && most <= 75.0 && most > 1.0;
+                    assert!(is_sure || !is_clear, "{degrees} {most}");
                 }
-                assert!(angles.are_within(both(0.0)).all());
             }
-            let none = Angles { unit: both(f64::NAN), ..joints.cones(0, &wide(now)) };
-            assert!(!none.are_within(both(190.0)).any());
         }
         assert!(sure > 20_000 && within > sure + 9_000, "{sure} {within}");
-        // Lengths whose squares vanish, or are infinite, tell nothing.
-        for length in [0.0, 1e-160, 1e160] {
-            let tiny = Angles { sine: both(length), cosine: both(length), unit: both(DEGREES) };
-            assert!(!tiny.are_within(both(80.0)).any());
-        }
+        // Without an axis no turn is kept, and no length whose square vanishes or is infinite.
+        let bare = joints(Vector3::x(), Vector3::zeros());
+        let keeps = |length: f64, cone, pyramid| {
+            bare.keep(0, &wide(Vector3::x() * length), Some(both(cone)), pyramid).all()
+        };
+        assert!(!keeps(1.0, 0.0, Some([both(80.0), both(0.0)])));
+        assert!(!keeps(1.0, 0.0, Some([both(0.0), both(80.0)])));
+        assert!(keeps(1.0, 80.0, Some([both(0.0); 2])) && keeps(1.0, 80.0, None));
+        assert!(![0.0, 1e-160, 1e160].iter().any(|length| keeps(*length, 80.0, None)));
     }
 
     #[test]
