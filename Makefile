@@ -145,7 +145,7 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 
 # First what the others need; then machines live, and behind them, in the time that these leave, what needs no
 # real clock.
-test: setup
+test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
 	$(BESIDE)=3 setup-more ini-cases built
 	$(BESIDE)=3 test-machines test-programs test-aside
@@ -155,8 +155,10 @@ setup-more: setup
 	@$(MAKE) --no-print-directory setup-page
 	@$(MAKE) --no-print-directory setup-screen
 
-built: setup
-	$(HOST_BUILD) --lib --bin pkm --bin judge
+# Needs nothing of LinuxCNC: where a compiler is there, it is built while the rest is being installed. The program
+# that writes the header compiles alone for long: not as the last of all.
+built: $(if $(shell command -v cc),rust,setup)
+	$(HOST_BUILD) --bin pkm --bin judge --bin header
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
