@@ -4,6 +4,7 @@
 pub mod beside;
 pub mod both;
 pub mod course;
+pub mod done;
 pub mod findings;
 pub mod flight;
 mod follow;

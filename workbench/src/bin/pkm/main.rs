@@ -356,6 +356,14 @@ impl Bar {
         self.0.set_position((share * STEPS as f64) as u64);
     }
 
+    /// The share that is done, where anybody knows.
+    fn show(&self, share: Option<f64>) {
+        match share {
+            Some(share) => self.set(share),
+            None => self.forget_share(),
+        }
+    }
+
     /// Nobody knows any more how much is left.
     fn forget_share(&self) {
         if self.0.length().is_some() {

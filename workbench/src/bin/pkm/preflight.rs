@@ -2,7 +2,7 @@
 //! `pkm preflight`.
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
-use super::run::{Control, Lines, Progress};
+use super::run::{Control, Progress};
 use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output, report, told};
 use kinematics::Letter;
@@ -14,6 +14,7 @@ use pkm::draw::page::{self, Report, of_program};
 use pkm::files::{self, Locate, open, write_whole};
 use pkm::program::both::Flights;
 use pkm::program::course::{Course, Thinned};
+use pkm::program::done::Done;
 use pkm::program::findings::{Break, LineLoad, Preflight, Range, Rule, Time, Timing};
 use pkm::program::interpreter::{self, Patience};
 use pkm::program::offset::{self, Offset};
@@ -206,7 +207,7 @@ fn run_one(
         if let Some(course) = &mut course {
             course.see(row);
         }
-        // What cannot be written is said at the end; the program is judged in any case.
+        // What cannot be written is said at the end.
         let _ = trace.as_mut().map(|trace| trace.see(row));
     })?;
     let is_judged = matches!(answer.found.time, Time::Judged(_));
@@ -377,14 +378,14 @@ fn read(
     let bar = Bar::spinner(message);
     let mut flight = Flights::new(config)?;
     let patience = Patience { moves: judging.most_moves, seconds: judging.patience };
-    let (mut moves, mut lines) = (0, Lines::of(program)?);
+    let (mut moves, mut done) = (0, Done::of(program)?);
     let files = interpreter::each(config, program, block, &patience, |step| {
         flight.see(step);
         moves += 1;
-        lines.see(step.line);
+        done.see(step.line);
         if moves % STRIDE == 0 {
             bar.say(format!("{message}: {moves}"));
-            lines.show(&bar);
+            bar.show(done.share());
         }
     })?;
     Ok((flight.finish()?, files))

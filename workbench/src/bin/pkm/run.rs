@@ -6,7 +6,8 @@ use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output};
 use pkm::control::process::{self, Options};
 use pkm::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use pkm::files::{self, open};
+use pkm::files::open;
+use pkm::program::done::Done;
 use pkm::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io::Write;
@@ -133,53 +134,11 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
     Ok(())
 }
 
-/// How much of a program is done, as its lines tell where they come in their order: in loops, and where subroutines
-/// stand elsewhere, they do not.
-pub struct Lines {
-    all: u32,
-    highest: u32,
-    in_order: bool,
-}
-
-impl Lines {
-    pub fn of(program: &Path) -> Result<Self, Failure> {
-        if !program.is_file() {
-            // What it is the control says.
-            return Ok(Self::new(0));
-        }
-        let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
-        Ok(Self::new(u32::try_from(lines).unwrap_or(u32::MAX)))
-    }
-
-    fn new(all: u32) -> Self {
-        Self { all: all.max(1), highest: 0, in_order: all > 0 }
-    }
-
-    /// A line that moves; 0 is none.
-    pub fn see(&mut self, line: u32) {
-        self.in_order &= line == 0 || line >= self.highest;
-        self.highest = self.highest.max(line);
-    }
-
-    /// Tells the share on a bar, or that it is not known.
-    pub fn show(&self, bar: &Bar) {
-        match self.share() {
-            Some(share) => bar.set(share),
-            None => bar.forget_share(),
-        }
-    }
-
-    fn share(&self) -> Option<f64> {
-        (self.in_order && self.highest > 0)
-            .then(|| (f64::from(self.highest) / f64::from(self.all)).min(1.0))
-    }
-}
-
 /// Line and time of the machine, while the program runs.
 pub struct Progress {
     bar: Bar,
     period: f64,
-    lines: Lines,
+    done: Done,
     /// Whether a user interface of LinuxCNC shows how far it is.
     is_filter: bool,
 }
@@ -190,8 +149,8 @@ const STRIDE: u64 = 1000;
 impl Progress {
     /// Hidden where standard error is no terminal.
     pub fn new(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
-        let (bar, lines) = (Bar::spinner("running"), Lines::of(program)?);
-        Ok(Self { bar, period: config.period, lines, is_filter: false })
+        let (bar, done) = (Bar::spinner("running"), Done::of(program)?);
+        Ok(Self { bar, period: config.period, done, is_filter: false })
     }
 
     /// In the words of LinuxCNC's filters, on standard error.
@@ -201,32 +160,14 @@ impl Progress {
 
     /// A servo cycle.
     pub fn see(&mut self, row: &Row) {
-        self.lines.see(row.line);
+        self.done.see(row.line);
         if row.cycle.is_multiple_of(STRIDE) {
             let seconds = row.cycle as f64 * self.period;
             self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
-            self.lines.show(&self.bar);
+            self.bar.show(self.done.share());
             if self.is_filter {
-                eprintln!("FILTER_PROGRESS={}", (100 * row.line / self.lines.all).min(100));
+                eprintln!("FILTER_PROGRESS={}", self.done.percent(row.line));
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_tell_how_much_is_done_until_one_comes_again() {
-        let mut lines = Lines::new(10);
-        assert_eq!(lines.share(), None);
-        for line in [0, 2, 2, 5, 0, 5] {
-            lines.see(line);
-        }
-        assert_eq!(lines.share(), Some(0.5));
-        lines.see(3);
-        lines.see(10);
-        assert_eq!(lines.share(), None);
     }
 }

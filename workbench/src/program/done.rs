@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How far a program is, for those who wait.
+
+use crate::files::{self, AtFile};
+use std::io;
+use std::path::Path;
+
+/// How much of a program is done, as its lines tell where they come in their order: in loops, and where subroutines
+/// stand elsewhere, they do not.
+pub struct Done {
+    all: u32,
+    highest: u32,
+    in_order: bool,
+}
+
+impl Done {
+    /// Of nothing yet.
+    ///
+    /// # Errors
+    /// The program cannot be read.
+    pub fn of(program: &Path) -> Result<Self, AtFile<io::Error>> {
+        if !program.is_file() {
+            // What it is the control says.
+            return Ok(Self::new(0));
+        }
+        let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
+        Ok(Self::new(u32::try_from(lines).unwrap_or(u32::MAX)))
+    }
+
+    fn new(all: u32) -> Self {
+        Self { all: all.max(1), highest: 0, in_order: all > 0 }
+    }
+
+    /// A line that moves; 0 is none.
+    pub fn see(&mut self, line: u32) {
+        self.in_order &= line == 0 || line >= self.highest;
+        self.highest = self.highest.max(line);
+    }
+
+    /// The share that is done; `None` where nobody knows.
+    pub fn share(&self) -> Option<f64> {
+        (self.in_order && self.highest > 0)
+            .then(|| (f64::from(self.highest) / f64::from(self.all)).min(1.0))
+    }
+
+    /// Hundredths of the program that stand before a line, whatever the order.
+    pub fn percent(&self, line: u32) -> u32 {
+        (100 * u64::from(line) / u64::from(self.all)).min(100) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_tell_how_much_is_done_until_one_comes_again() {
+        let mut done = Done::new(10);
+        assert_eq!(done.share(), None);
+        for line in [0, 2, 2, 5, 0, 5] {
+            done.see(line);
+        }
+        assert_eq!(done.share(), Some(0.5));
+        done.see(3);
+        done.see(10);
+        assert_eq!(done.share(), None);
+        assert_eq!([3, 12, u32::MAX].map(|line| done.percent(line)), [30, 100, 100]);
+    }
+}
