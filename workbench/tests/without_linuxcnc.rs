@@ -29,7 +29,7 @@ fn answer(before: &str, file: &Path) -> (String, i32) {
 
 /// The parts that only a computer with LinuxCNC can show.
 const NOT_JUDGED: [&str; 2] = [
-    "the programs that LinuxCNC starts with are not judged: it is not installed here",
+    "programs that are started, and files that come with LinuxCNC, are not judged: it is not installed here",
     "the drives are not judged: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
 ];
 

@@ -41,13 +41,12 @@ pub(super) fn is_axis(ini: &Ini) -> bool {
     named(ini, "DISPLAY", "DISPLAY").is_some_and(|(_, name)| name == AXIS)
 }
 
-/// Everything of it; where LinuxCNC is not on this computer, its programs are not looked at.
+/// Everything of it; where LinuxCNC is not on this computer, programs and its own files are not looked at.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let mut found: Vec<_> = parameters(ini).into_iter().collect();
     found.extend(opened(ini).map(|error| (Severity::Warning, error)));
     if !is_installed() {
-        let text =
-            "the programs that LinuxCNC starts with are not judged: it is not installed here";
+        let text = "programs that are started, and files that come with LinuxCNC, are not judged: it is not installed here";
         found.push((Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text)));
         return found;
     }
