@@ -9,7 +9,7 @@
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
 use crate::program::flight::Flight;
-use crate::program::follow::advance;
+use crate::program::follow::{advance, arm};
 use crate::program::interpreter::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
@@ -175,7 +175,7 @@ impl<'a> Between<'a> {
         let ends = [step.end, beside.end];
         let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
         self.follow(&Leg { step, from: self.at, delta, when: "on this move" });
-        self.advance += advance(&delta[0], self.arm());
+        self.advance += advance(&delta[0], arm(self.configs[0]));
         self.at = ends;
         self.number += 1;
     }
@@ -211,7 +211,8 @@ impl<'a> Between<'a> {
 
     fn follow(&mut self, leg: &Leg) {
         let size = self.configs[0].machine.size();
-        let extent = leg.delta.iter().map(|delta| advance(delta, self.arm())).sum::<f64>();
+        let extent =
+            leg.delta.iter().map(|delta| advance(delta, arm(self.configs[0]))).sum::<f64>();
         let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut first: Option<(f64, [Body; 2])> = None;
         let mut open = vec![(0.0, 1.0)];
@@ -246,11 +247,6 @@ impl<'a> Between<'a> {
         if let Some((share, bodies)) = first {
             self.tell(leg, share, bodies);
         }
-    }
-
-    /// Where angles count.
-    fn arm(&self) -> f64 {
-        self.configs[0].machine.size() / 2.0
     }
 
     fn approach(&self, leg: &Leg, middle: f64, half: f64) -> Option<Approach> {
@@ -293,7 +289,7 @@ impl<'a> Between<'a> {
             step: self.number,
             share,
             last: self.number,
-            before: self.advance + share * advance(&leg.delta[0], self.arm()),
+            before: self.advance + share * advance(&leg.delta[0], arm(self.configs[0])),
             text,
         });
     }

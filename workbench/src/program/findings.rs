@@ -244,7 +244,7 @@ pub struct Preflight {
     pub margins: Vec<LeastMargin>,
     /// What is used of the axes and joints.
     pub ranges: Vec<Range>,
-    /// The same with angles at half of the machine's size, of which [`Self::runnable`] is a share.
+    /// Length of the path with angles at half of the machine's size, of which [`Self::runnable`] is a share.
     #[serde(skip)]
     pub(super) advance: f64,
     /// Share of the path before the first break, turning included.

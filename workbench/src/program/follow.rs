@@ -206,12 +206,12 @@ impl<'a> Pilot<'a> {
 
     /// What a move counts as a share of the program.
     pub(super) fn advance(&self, leg: &Leg) -> f64 {
-        advance(&leg.delta, self.config.machine.size() / 2.0)
+        advance(&leg.delta, arm(self.config))
     }
 
     /// How far the machine goes, more or less, with angles at half of its size.
     fn extent(&self, leg: &Leg) -> f64 {
-        let arm = self.config.machine.size() / 2.0;
+        let arm = arm(self.config);
         match &leg.course {
             Course::Straight { delta, .. } => advance(delta, arm),
             Course::Carried { .. } => {
@@ -451,6 +451,11 @@ impl<'a> Pilot<'a> {
             _ => format!("{part} touches its limit of {bound}"),
         }
     }
+}
+
+/// Where the angles of a machine count: half of its size.
+pub(super) fn arm(config: &MachineConfig) -> f64 {
+    config.machine.size() / 2.0
 }
 
 /// How far a body goes, more or less, that turns as well: its angles count by what is `arm` away.
