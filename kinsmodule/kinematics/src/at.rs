@@ -224,7 +224,7 @@ impl<'a> At<'a> {
     }
 
     /// Whether the tilt, and [`At::cones`] and [`At::turns`] at base and platform, are surely within these
-    /// degrees (0: no limit), in a quarter of the work that they take.
+    /// degrees (0: no limit), in less work than they take.
     pub(crate) fn surely_keeps(
         &self,
         tilt: f64,
