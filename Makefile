@@ -223,6 +223,7 @@ fuzz-short: setup
 ini-cases: install
 	tests/cases/ini/run.py
 	tests/live/pins_test.py
+	tests/live/card_test.py
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
 # programs with the guard on.

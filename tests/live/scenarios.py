@@ -94,12 +94,21 @@ def on_drives(machine: Machine, out, path, lines, seconds, counts, outputs):
     recorder.stop()
     expect_quiet(machine)
     for way in {pin.split(".gpio.")[0] for pin in outputs}:
+        expect_order([f"{way}.read", "motion-command-handler", "motion-controller", f"{way}.write"])
         assert machine.get(f"{way}.read.time") > 0 and machine.get(f"{way}.write.time") > 0, "the card was not read"
         assert not machine.get(f"{way}.io_error")
     errors = [(abs(error), abs(error) / limit) for n in machine.layout.joints
               for error, limit in zip(recorder.column(f"error{n}"), recorder.column(f"limit{n}"))]
     return {"seconds": round(duration, 1), "largest_error": max(error for error, _ in errors),
             "largest_share": max(share for _, share in errors)}
+
+
+def expect_order(functions):
+    """They run in this order in the servo thread, and the monitor after the motion controller."""
+    shown = halcmd("-s", "show", "thread", "servo-thread").split()
+    places = [shown.index(name) for name in functions]
+    assert places == sorted(places), f"order of the servo thread: {shown}"
+    assert shown.index("pkmkins.monitor") > shown.index("motion-controller"), shown
 
 
 def forget_test_card(machine):
