@@ -2,8 +2,8 @@
 //! What LinuxCNC's motion takes otherwise than it is meant: units, periods, and keys that are missing or beyond use.
 
 use crate::check::findings::Report;
+use crate::check::motors::{self, Motor};
 use crate::check::wiring::at_key;
-use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::{Joint, JointKind};
@@ -44,13 +44,9 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         kind(report, config, &section, joint);
         following(report, config, &section, joint)?;
         ramp(report, config, &section, joint);
-        let drive =
-            Drive { joint, unit: config.unit(joint.kind), turns: joint.kind == JointKind::Arm };
-        backlash(report, config, &section, &drive)?;
-        searches(report, config, &section, &drive)?;
     }
-    if !config.place.is_second {
-        extra_axes(report, config)?;
+    for motor in motors::of(config) {
+        backlash(report, config, &motor)?;
     }
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
@@ -60,26 +56,6 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         too_fast(report, config, letter, &section);
     }
     Ok(())
-}
-
-/// The drives of extra axes, whose joints stand behind all others.
-fn extra_axes(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
-    for (i, axis) in (config.guarded_joints()..).zip(&config.extra) {
-        let section = format!("JOINT_{i}");
-        let unit = axis.unit(config.length_unit());
-        let drive = Drive { joint: &axis.joint, unit, turns: axis.is_rotary() };
-        backlash(report, config, &section, &drive)?;
-        searches(report, config, &section, &drive)?;
-    }
-    Ok(())
-}
-
-/// What moves a leg or an extra axis.
-struct Drive<'a> {
-    joint: &'a Joint,
-    unit: &'static str,
-    /// Whether its values are angles.
-    turns: bool,
 }
 
 /// The kinematics compute in degrees. LinuxCNC takes a name, in small or capital letters, or the number of units in a
@@ -174,13 +150,12 @@ fn ramp(report: &mut Report, config: &MachineConfig, section: &str, joint: &Join
 fn backlash(
     report: &mut Report,
     config: &MachineConfig,
-    section: &str,
-    &Drive { joint, unit, turns }: &Drive,
+    Motor { section, joint, unit, turns }: &Motor,
 ) -> Result<(), IniError> {
     const KEY: &str = "BACKLASH";
     let ini = &config.ini;
     let play = ini.number_or(section, KEY, 0.0)?;
-    let scale = if turns { 1.0 } else { config.units_per_mm };
+    let scale = if *turns { 1.0 } else { config.units_per_mm };
     let text = if play < 0.0 {
         format!("LinuxCNC makes the play larger then: expected {}, or no such key", -play)
     } else if play > WORN * scale {
@@ -193,32 +168,6 @@ fn backlash(
         return Ok(());
     };
     report.finding(Severity::Warning, at_key(ini, section, KEY, &text));
-    Ok(())
-}
-
-/// A search for the switch that LinuxCNC makes as fast as the joint can move.
-fn searches(
-    report: &mut Report,
-    config: &MachineConfig,
-    section: &str,
-    &Drive { joint, unit, .. }: &Drive,
-) -> Result<(), IniError> {
-    let ini = &config.ini;
-    let most = joint.max_velocity;
-    if ini.number_or(section, "HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0 {
-        return Ok(());
-    }
-    for key in ["HOME_SEARCH_VEL", "HOME_LATCH_VEL"] {
-        if ini.number_or(section, key, 0.0)?.abs() > most {
-            let text = format!(
-                "LinuxCNC takes MAX_VELOCITY = {most} for it, at which {} runs {} {unit} past its switch before it \
-                 stands: expected a speed that is slow",
-                joint.name,
-                limits::shown(most * most / (2.0 * joint.max_acceleration))
-            );
-            report.finding(Severity::Warning, at_key(ini, section, key, &text));
-        }
-    }
     Ok(())
 }
 

@@ -13,6 +13,7 @@ use crate::check::odd;
 use crate::check::order;
 use crate::check::programs;
 use crate::check::screws;
+use crate::check::searches;
 use crate::check::size;
 use crate::check::speeds;
 use crate::check::tips;
@@ -44,6 +45,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     understood(&mut report, config, &tools)?;
     motion::check(&mut report, config)?;
     usual::check(&mut report, config)?;
+    searches::check(&mut report, config)?;
     homes::check(&mut report, config)?;
     let (fact, error) = homing_ways::told(&config.ini, config)?;
     report.fact("homing", fact);

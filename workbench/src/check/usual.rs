@@ -18,9 +18,6 @@ const FAR: f64 = 20.0;
 /// Smallest clearance of legs, as a share of the machine's size: thinner legs carry nothing.
 const THIN: f64 = 1e-3;
 
-/// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
-const END: f64 = 0.05;
-
 /// Keys with the values that machines have, and what is expected.
 const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
     ("TASK", "CYCLE_TIME", [1e-4, 0.1], "expected seconds, mostly 0.001 to 0.01"),
@@ -59,7 +56,6 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
     for (i, joint) in config.joints.iter().enumerate() {
         let section = config.place.joint_section(i);
         slow(report, config, &section, [joint.max_velocity, joint.max_acceleration]);
-        search(report, config, &section, [joint.min, joint.max])?;
     }
     Ok(())
 }
@@ -177,39 +173,6 @@ fn slow(report: &mut Report, config: &MachineConfig, section: &str, [speed, most
         );
         warn(report, config, (section, "MAX_ACCELERATION"), &text);
     }
-}
-
-/// A search that goes away from the switch, or that meets it again faster than at first.
-fn search(
-    report: &mut Report,
-    config: &MachineConfig,
-    section: &str,
-    [min, max]: [f64; 2],
-) -> Result<(), IniError> {
-    let number = |key| config.ini.number_or(section, key, 0.0);
-    let [speed, latch, offset] =
-        [number("HOME_SEARCH_VEL")?, number("HOME_LATCH_VEL")?, number("HOME_OFFSET")?];
-    if speed == 0.0 || number("HOME_ABSOLUTE_ENCODER")? != 0.0 {
-        return Ok(());
-    }
-    let share = (offset - min) / (max - min);
-    let is_behind = if speed > 0.0 { share < END } else { share > 1.0 - END };
-    if is_behind {
-        let end = if speed > 0.0 { "lower" } else { "upper" };
-        let text = format!(
-            "the switch stands at the {end} end, at HOME_OFFSET = {offset}, and the search goes to the other one: \
-             expected {}",
-            -speed
-        );
-        warn(report, config, (section, "HOME_SEARCH_VEL"), &text);
-    }
-    if latch.abs() > speed.abs() {
-        let text = format!(
-            "the switch is met again at this speed, for a place that is exact, and searched at {speed}: expected less"
-        );
-        warn(report, config, (section, "HOME_LATCH_VEL"), &text);
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What moves the joints of a machine: those of its legs, and those of extra axes.
+
+use crate::read::joints::{Joint, JointKind};
+use crate::read::machine::MachineConfig;
+
+/// What moves a leg or an extra axis.
+pub(super) struct Motor<'a> {
+    /// Its section of the INI file.
+    pub section: String,
+    pub joint: &'a Joint,
+    /// Of its values.
+    pub unit: &'static str,
+    /// Whether these are angles.
+    pub turns: bool,
+}
+
+/// All of a mechanism; extra axes, whose joints stand behind all others, are of the first.
+pub(super) fn of(config: &MachineConfig) -> Vec<Motor<'_>> {
+    let own = config.joints.iter().enumerate().map(|(i, joint)| Motor {
+        section: config.place.joint_section(i),
+        joint,
+        unit: config.unit(joint.kind),
+        turns: joint.kind == JointKind::Arm,
+    });
+    let extra = (config.guarded_joints()..).zip(&config.extra).map(|(i, axis)| Motor {
+        section: format!("JOINT_{i}"),
+        joint: &axis.joint,
+        unit: axis.unit(config.length_unit()),
+        turns: axis.is_rotary(),
+    });
+    own.chain(extra.filter(|_| !config.place.is_second)).collect()
+}

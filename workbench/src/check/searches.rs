@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! How joints look for their switches: which way, how fast, and how they meet them again.
+
+use crate::check::findings::Report;
+use crate::check::motors::{self, Motor};
+use crate::check::wiring::at_key;
+use crate::limits;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::IniError;
+use crate::read::machine::MachineConfig;
+
+/// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
+const END: f64 = 0.05;
+
+/// Everything of it.
+///
+/// # Errors
+/// A value that is no number.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    for motor in motors::of(config) {
+        for (key, text) in of_joint(config, &motor)? {
+            report.finding(Severity::Warning, at_key(&config.ini, &motor.section, key, &text));
+        }
+    }
+    Ok(())
+}
+
+/// Keys of a joint, each with what is wrong with it.
+fn of_joint(
+    config: &MachineConfig,
+    motor: &Motor,
+) -> Result<Vec<(&'static str, String)>, IniError> {
+    let number = |key| config.ini.number_or(&motor.section, key, 0.0);
+    let [speed, latch, offset] =
+        [number("HOME_SEARCH_VEL")?, number("HOME_LATCH_VEL")?, number("HOME_OFFSET")?];
+    let mut found = vec![];
+    found.extend(back(motor, number("HOME_FINAL_VEL")?).map(|text| ("HOME_FINAL_VEL", text)));
+    if number("HOME_ABSOLUTE_ENCODER")? != 0.0 {
+        return Ok(found);
+    }
+    found.extend(fast(motor, speed).map(|text| ("HOME_SEARCH_VEL", text)));
+    found.extend(away(motor, speed, offset).map(|text| ("HOME_SEARCH_VEL", text)));
+    // Which sign it has is free: of the same sign as the search the switch is met once more, of the other one it is left.
+    found.extend(fast(motor, latch).map(|text| ("HOME_LATCH_VEL", text)));
+    if speed != 0.0 && latch.abs() > speed.abs() {
+        let text = format!(
+            "the switch is met again at this speed, for a place that is exact, and searched at {speed}: expected less"
+        );
+        found.push(("HOME_LATCH_VEL", text));
+    }
+    Ok(found)
+}
+
+/// A move to HOME with a sign, which it does not need.
+fn back(motor: &Motor, speed: f64) -> Option<String> {
+    (speed < 0.0).then(|| {
+        format!(
+            "LinuxCNC goes to HOME at MAX_VELOCITY = {} then, on whichever side it is: expected {}",
+            motor.joint.max_velocity, -speed
+        )
+    })
+}
+
+/// A search that LinuxCNC makes as fast as the joint can move.
+fn fast(&Motor { joint, unit, .. }: &Motor, speed: f64) -> Option<String> {
+    let most = joint.max_velocity;
+    (speed.abs() > most).then(|| {
+        format!(
+            "LinuxCNC takes MAX_VELOCITY = {most} for it, at which {} runs {} {unit} past its switch before it \
+             stands: expected a speed that is slow",
+            joint.name,
+            limits::shown(most * most / (2.0 * joint.max_acceleration))
+        )
+    })
+}
+
+/// A search that goes away from the switch.
+fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String> {
+    let share = (offset - joint.min) / (joint.max - joint.min);
+    let (is_away, end) = match speed {
+        speed if speed > 0.0 => (share < END, "lower"),
+        speed if speed < 0.0 => (share > 1.0 - END, "upper"),
+        _ => return None,
+    };
+    is_away.then(|| {
+        format!(
+            "the switch stands at the {end} end, at HOME_OFFSET = {offset}, and the search goes to the other one: \
+             expected {}",
+            -speed
+        )
+    })
+}
