@@ -269,7 +269,29 @@ impl Judge<'_> {
                 format!("{motion} is loaded with num_joints={given}, and [KINS]JOINTS is {count}");
             self.tell(Severity::Error, None, &text);
         }
+        let loaded = arguments.map(|words| {
+            words
+                .iter()
+                .find_map(|word| word.strip_prefix("num_spindles=")?.parse().ok())
+                .unwrap_or(1)
+        });
+        self.spindles(&motion, loaded);
         Ok(())
+    }
+
+    /// LinuxCNC's task sets up as many spindles as the INI file has, and motion has those that it is loaded with.
+    fn spindles(&mut self, motion: &str, loaded: Option<usize>) {
+        let entry = self.ini.first("TRAJ", "SPINDLES");
+        let given =
+            entry.and_then(|entry| Some((entry, entry.value.trim().parse::<usize>().ok()?)));
+        let (Some((entry, given)), Some(loaded)) = (given, loaded) else { return };
+        if given > loaded {
+            let text = format!(
+                "LinuxCNC's start ends here, for {motion} is loaded with num_spindles={loaded}: expected \
+                 [EMCMOT]EMCMOT = {motion} num_spindles={given}, where the HAL file loads it by that key, or {loaded}"
+            );
+            self.found.push((Severity::Error, self.ini.refuse(entry, &text)));
+        }
     }
 
     /// Read, motion, kinematics' monitor, write.

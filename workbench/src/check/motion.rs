@@ -13,6 +13,9 @@ use kinematics::{Joints, Letter, Pose};
 /// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
 const PERIODS: [f64; 2] = [100_000.0, 10_000_000.0];
 
+/// Spindles that LinuxCNC has room for.
+const SPINDLES: usize = 8;
+
 /// Share of a joint's range from which a following error no longer stops anything in time.
 const LOOSE: f64 = 0.1;
 
@@ -38,6 +41,8 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
     if !config.place.is_second {
         angles(report, config);
         period(report, config)?;
+        answers(report, config)?;
+        spindles(report, config);
     }
     for (i, joint) in config.joints.iter().enumerate() {
         let section = config.place.joint_section(i);
@@ -87,6 +92,28 @@ fn period(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
         report.finding(Severity::Warning, at_key(&config.ini, "EMCMOT", "SERVO_PERIOD", &text));
     }
     Ok(())
+}
+
+/// How long LinuxCNC's task waits for motion, which takes a command in a servo cycle.
+fn answers(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+    const KEY: (&str, &str) = ("EMCMOT", "COMM_TIMEOUT");
+    if config.ini.number_or(KEY.0, KEY.1, 1.0)? <= config.period {
+        let text = "LinuxCNC's start ends here, for motion answers once in a servo cycle: expected seconds, mostly 1";
+        report.finding(Severity::Error, at_key(&config.ini, KEY.0, KEY.1, text));
+    }
+    Ok(())
+}
+
+/// How many spindles LinuxCNC's task sets up, and programs may name.
+fn spindles(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("TRAJ", "SPINDLES") else { return };
+    let count = entry.value.trim().parse::<usize>();
+    if !count.is_ok_and(|count| (1..=SPINDLES).contains(&count)) {
+        let text = format!(
+            "LinuxCNC's start ends here: expected a whole number from 1 to {SPINDLES}, 1 for a machine without a spindle"
+        );
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+    }
 }
 
 /// Lengths that are declared as angles, or the other way round.

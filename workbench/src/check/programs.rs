@@ -53,7 +53,9 @@ pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let programs = PROGRAMS.iter().filter_map(|(section, key, is_needed, known)| {
         program(ini, section, key, *is_needed, known)
     });
-    found.extend(programs.chain(controller(ini)).map(|error| (Severity::Error, error)));
+    found.extend(
+        programs.chain(controller(ini)).chain(tools(ini)).map(|error| (Severity::Error, error)),
+    );
     found.extend(beside(ini).map(|error| (Severity::Warning, error)));
     found
 }
@@ -100,6 +102,18 @@ fn controller(ini: &Ini) -> Option<IniError> {
     let (entry, name) = named(ini, "EMCMOT", "EMCMOT")?;
     let is_there = Path::new(MODULES).join(format!("{name}.so")).is_file();
     (!is_there).then(|| absent(ini, entry, "LinuxCNC has no such module", name, &["motmod"]))
+}
+
+/// The program that keeps the tools, in place of the table. LinuxCNC looks for it where it runs, which is the folder
+/// of the INI file, and nowhere else.
+fn tools(ini: &Ini) -> Option<IniError> {
+    let (entry, name) = named(ini, "EMCIO", "DB_PROGRAM")?;
+    let name = if name.contains('/') { name.into() } else { format!("./{name}") };
+    (!is_program(ini, &name)).then(|| {
+        let text = "there is no such program that can be run beside the INI file, and LinuxCNC starts without its tools: \
+                    expected one, as ./tools.py, or no such key";
+        ini.refuse(entry, text)
+    })
 }
 
 fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> IniError {

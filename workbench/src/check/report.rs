@@ -3,6 +3,7 @@
 
 use crate::check::boxes;
 use crate::check::direction;
+use crate::check::display;
 use crate::check::drives;
 use crate::check::findings::Report;
 use crate::check::homes;
@@ -16,15 +17,17 @@ use crate::check::screws;
 use crate::check::searches;
 use crate::check::size;
 use crate::check::speeds;
+use crate::check::startup;
+use crate::check::table;
 use crate::check::tips;
 use crate::check::typos;
 use crate::check::usual;
-use crate::check::wiring::{self, at_key};
+use crate::check::wiring;
 use crate::check::workspace;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
 use crate::read::machine::MachineConfig;
-use crate::read::tools::{self, Tool};
+use crate::read::tools::Tool;
 
 /// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
 ///
@@ -41,7 +44,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     for error in boxes::refused(config, &way) {
         report.finding(Severity::Error, error);
     }
-    let tools = tool_table(&mut report, config);
+    let tools = table::read(&mut report, config);
     understood(&mut report, config, &tools)?;
     motion::check(&mut report, config)?;
     usual::check(&mut report, config)?;
@@ -55,6 +58,8 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     // Both mechanisms are on one module and in one file.
     if !config.place.is_second {
         speeds::check(&mut report, config);
+        startup::check(&mut report, config);
+        display::check(&mut report, config);
         for (severity, error) in wiring::check(&config.ini)? {
             report.finding(severity, error);
         }
@@ -108,23 +113,4 @@ fn understood(
     screws::check(report, config, &at);
     tips::check(report, config, &at, tools);
     Ok(())
-}
-
-/// The tools of the table; none, and what is wrong with it, where it cannot be read.
-fn tool_table(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
-    let tools = tools::read(config).unwrap_or_else(|text| {
-        let text = format!("{text}; LinuxCNC needs it, if only with a line T1 P1 Z0");
-        report.finding(Severity::Warning, at_key(&config.ini, "EMCIO", "TOOL_TABLE", &text));
-        vec![]
-    });
-    for (k, tool) in tools.iter().enumerate() {
-        if let Some(other) = tools[..k].iter().find(|other| other.number == tool.number) {
-            let text = format!(
-                "T{} stands in line {} already: LinuxCNC takes one of them",
-                tool.number, other.line
-            );
-            report.finding(Severity::Warning, tool.refuse_length(config, &text));
-        }
-    }
-    tools
 }

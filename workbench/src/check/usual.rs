@@ -33,7 +33,6 @@ const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
 pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
     if !config.place.is_second {
         version(report, config);
-        startup(report, config);
         path(report, config)?;
         tool_change(report, config);
         for (section, key, [least, most], expected) in USUAL {
@@ -72,41 +71,6 @@ fn version(report: &mut Report, config: &MachineConfig) {
             "LinuxCNC takes the file for one of an old version and asks to change it: expected 1.1";
         warn(report, config, KEY, text);
     }
-}
-
-/// The unit of programs that name none, and what is no block.
-fn startup(report: &mut Report, config: &MachineConfig) {
-    let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
-    // Parameters, expressions, remarks and calls are LinuxCNC's to read.
-    if entry.value.contains(['#', '[', '(', ';', '<']) {
-        return;
-    }
-    let block: String = entry.value.to_uppercase().split_whitespace().collect();
-    let words = words(&block);
-    if let Some((letter, number)) = words.iter().find(|(_, number)| number.parse::<f64>().is_err())
-    {
-        let text = format!("LinuxCNC reads no {letter}{number}: expected a letter and a number");
-        report.finding(Severity::Error, config.ini.refuse(entry, &text));
-        return;
-    }
-    let (other, own) = if config.units_per_mm == 1.0 { ("20", "21") } else { ("21", "20") };
-    if words.contains(&("G", other)) {
-        let text = format!(
-            "programs that say neither G20 nor G21 are read in another unit than the machine's, {}: expected G{own}",
-            config.length_unit()
-        );
-        report.finding(Severity::Warning, config.ini.refuse(entry, &text));
-    }
-}
-
-/// Letters of a block without blanks, each with its number; what stands before the first one has no letter.
-fn words(block: &str) -> Vec<(&str, &str)> {
-    let starts = block.char_indices().filter(|(_, c)| c.is_ascii_alphabetic()).map(|(n, _)| n);
-    let starts: Vec<usize> = starts.collect();
-    let first = starts.first().copied().unwrap_or(block.len());
-    let ends = starts.iter().skip(1).copied().chain([block.len()]);
-    let words = starts.iter().zip(ends).map(|(n, end)| (&block[*n..=*n], &block[n + 1..end]));
-    (first > 0).then_some(("", &block[..first])).into_iter().chain(words).collect()
 }
 
 /// Where LinuxCNC goes before it asks for another tool.
@@ -172,17 +136,5 @@ fn slow(report: &mut Report, config: &MachineConfig, section: &str, [speed, most
             limits::shown(seconds)
         );
         warn(report, config, (section, "MAX_ACCELERATION"), &text);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_block_falls_into_letters_with_their_numbers() {
-        assert_eq!(words("G21G64P0.01"), [("G", "21"), ("G", "64"), ("P", "0.01")]);
-        assert_eq!(words("21G1,5P"), [("", "21"), ("G", "1,5"), ("P", "")]);
-        assert_eq!(words(""), []);
     }
 }

@@ -15,6 +15,10 @@ pub struct Tool {
     pub number: i64,
     /// Its offset x y z, machine units.
     pub offset: Vector3<f64>,
+    /// Its diameter, machine units.
+    pub diameter: f64,
+    /// Whether its line names a pocket, P.
+    pub has_pocket: bool,
     /// Letters of the table that hold it: of a second mechanism U V W.
     letters: [char; 3],
     /// Its line of the table, counted from 1.
@@ -34,10 +38,25 @@ impl Tool {
 
     /// What is wrong with its length along the platform's Z, in the table of this machine.
     pub fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
-        let letter = self.letters[2];
-        let is_length = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
+        self.refuse(config, self.letters[2], self.name(), expected)
+    }
+
+    /// What is wrong with its diameter.
+    pub fn refuse_diameter(&self, config: &MachineConfig, expected: &str) -> IniError {
+        self.refuse(config, 'D', format!("T{} D{}", self.number, self.diameter), expected)
+    }
+
+    /// What is wrong with the word of a letter.
+    fn refuse(
+        &self,
+        config: &MachineConfig,
+        letter: char,
+        found: String,
+        expected: &str,
+    ) -> IniError {
+        let is_it = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
         let words = self.text.split(';').next().unwrap_or_default();
-        let part = words.split_whitespace().find(is_length).map_or(0..words.len(), |word| {
+        let part = words.split_whitespace().find(is_it).map_or(0..words.len(), |word| {
             let start = words.find(word).unwrap_or(0);
             start..start + word.len()
         });
@@ -46,7 +65,7 @@ impl Tool {
             line: Some(self.line),
             section: String::new(),
             key: String::new(),
-            found: Some(self.name()),
+            found: Some(found),
             expected: expected.into(),
             excerpt: Some(Excerpt { text: self.text.clone(), part }),
         }))
@@ -106,7 +125,15 @@ pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
 /// Letters, each with its number behind it.
 fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
     let offset = Vector3::zeros();
-    let mut found = Tool { number: 0, offset, letters, line: 0, text: String::new() };
+    let mut found = Tool {
+        number: 0,
+        offset,
+        diameter: 0.0,
+        has_pocket: false,
+        letters,
+        line: 0,
+        text: String::new(),
+    };
     let mut has_number = false;
     for word in words.split_whitespace() {
         let refused = || BadTool::Word(word.into());
@@ -117,6 +144,10 @@ fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
         }
         if letter == 'T' {
             (found.number, has_number) = (value as i64, true);
+        } else if letter == 'P' {
+            found.has_pocket = true;
+        } else if letter == 'D' {
+            found.diameter = value;
         } else if let Some(k) = letters.iter().position(|own| *own == letter) {
             found.offset[k] = value;
         }

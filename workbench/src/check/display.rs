@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the user interface makes of the machine: which letters its picture has, and whether it takes it for a lathe.
+
+use crate::check::findings::Report;
+use crate::check::programs;
+use crate::read::diagnostic::Severity;
+use crate::read::machine::MachineConfig;
+use kinematics::Letter;
+
+/// Letters that move the tip along the picture's X, Y and Z: AXIS takes those of U, V and W for the same.
+const PLACES: [(Letter, [char; 2]); 3] =
+    [(Letter::X, ['X', 'U']), (Letter::Y, ['Y', 'V']), (Letter::Z, ['Z', 'W'])];
+
+/// Everything of it.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+    if programs::is_axis(&config.ini) {
+        picture(report, config);
+    }
+    lathe(report, config);
+}
+
+/// A picture of the path that leaves a letter out. Letters that turn count behind a `!` alone.
+fn picture(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("DISPLAY", "GEOMETRY") else { return };
+    let given = entry.value.to_uppercase();
+    let moved = PLACES.into_iter().filter(|(letter, _)| !config.machine.layout().is_held(*letter));
+    let absent: String = moved
+        .filter(|(_, letters)| !given.contains(letters))
+        .map(|(_, letters)| letters[0])
+        .collect();
+    if !absent.is_empty() && !given.is_empty() {
+        let text = format!(
+            "the picture of the path in AXIS is flat, for {absent} is not in it: expected XYZ"
+        );
+        report.finding(Severity::Warning, config.ini.refuse(entry, &text));
+    }
+}
+
+/// A lathe that moves Y. User interfaces take the key, whatever its value, for yes.
+fn lathe(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("DISPLAY", "LATHE") else { return };
+    if entry.value.is_empty() || config.machine.layout().is_held(Letter::Y) {
+        return;
+    }
+    let text = "with this key, whatever its value, the user interface shows X and Z alone, and the keys of AXIS jog X the \
+                other way: take the line out, for this machine moves Y";
+    report.finding(Severity::Warning, config.ini.refuse(entry, text));
+}

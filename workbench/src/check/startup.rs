@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The startup code of programs: how those are read that leave something to it, and what is no block.
+
+use crate::check::findings::Report;
+use crate::read::diagnostic::Severity;
+use crate::read::machine::MachineConfig;
+
+/// Everything of it.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
+    // Parameters, expressions, remarks and calls are LinuxCNC's to read.
+    if entry.value.contains(['#', '[', '(', ';', '<']) {
+        return;
+    }
+    let block: String = entry.value.to_uppercase().split_whitespace().collect();
+    let words = words(&block);
+    if let Some((letter, number)) = words.iter().find(|(_, number)| number.parse::<f64>().is_err())
+    {
+        let text = format!("LinuxCNC reads no {letter}{number}: expected a letter and a number");
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+        return;
+    }
+    let (other, own) = if config.units_per_mm == 1.0 { ("20", "21") } else { ("21", "20") };
+    let meant = [
+        (other, format!("another unit than the machine's, {}", config.length_unit()), own),
+        ("91", "steps from where the tool stands".into(), "90"),
+        ("93", "turns a minute of each move, not as speeds".into(), "94"),
+    ];
+    for (number, taken, expected) in meant {
+        if words.contains(&("G", number)) {
+            let text = format!(
+                "programs that say neither G{number} nor G{expected} are read in {taken}: expected G{expected}"
+            );
+            report.finding(Severity::Warning, config.ini.refuse(entry, &text));
+        }
+    }
+}
+
+/// Letters of a block without blanks, each with its number; what stands before the first one has no letter.
+fn words(block: &str) -> Vec<(&str, &str)> {
+    let starts = block.char_indices().filter(|(_, c)| c.is_ascii_alphabetic()).map(|(n, _)| n);
+    let starts: Vec<usize> = starts.collect();
+    let first = starts.first().copied().unwrap_or(block.len());
+    let ends = starts.iter().skip(1).copied().chain([block.len()]);
+    let words = starts.iter().zip(ends).map(|(n, end)| (&block[*n..=*n], &block[n + 1..end]));
+    (first > 0).then_some(("", &block[..first])).into_iter().chain(words).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_falls_into_letters_with_their_numbers() {
+        assert_eq!(words("G21G64P0.01"), [("G", "21"), ("G", "64"), ("P", "0.01")]);
+        assert_eq!(words("21G1,5P"), [("", "21"), ("G", "1,5"), ("P", "")]);
+        assert_eq!(words(""), []);
+    }
+}
