@@ -710,7 +710,7 @@ exit 2
     assert_data_eq!(
         bench.answer("replay linear-delta.ini empty.ngc", ""),
         str![[r#"
-pkm: FOLDER/empty.ngc:1: File ended with no percent sign or program end:
+pkm: FOLDER/empty.ngc:1: File ended with no percent sign[..]or program end[..]:
 exit 2
 
 "#]]
@@ -1123,7 +1123,7 @@ exit 2
     assert_data_eq!(
         bench.answer("preflight linear-delta.ini empty.ngc", ""),
         str![[r#"
-pkm: FOLDER/empty.ngc:1: File ended with no percent sign or program end:
+pkm: FOLDER/empty.ngc:1: File ended with no percent sign[..]or program end[..]:
 exit 2
 
 "#]]
