@@ -2,6 +2,7 @@
 //! Sines, cosines and arcs of angles that mostly are small, two at once: shorter than libm's.
 
 use crate::lanes::both;
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use libm::atan2;
 use wide::f64x2;
 
@@ -22,7 +23,7 @@ pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
 #[inline(always)]
 pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     if !sine.abs().simd_le(both(SHORT) * cosine).all() {
-        return sine.atan2(cosine);
+        return arcs_all_around(sine, cosine);
     }
     short_arc(sine / cosine)
 }
@@ -30,20 +31,54 @@ pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
 /// tan of half the angle up to which [`broad_arcs`] needs one polynomial: 47.3°.
 const BROAD: f64 = 7.0 / 16.0;
 
+const TAN_22_5: f64 = core::f64::consts::SQRT_2 - 1.0;
+
 /// atan2 of two directions that mostly are within 47° of (0, 1).
 #[inline(always)]
 pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (arcs, known) = arcs_by_half(sine, cosine);
-    if known.all() { arcs } else { sine.atan2(cosine) }
+    if known.all() { arcs } else { arcs_all_around(sine, cosine) }
+}
+
+/// atan2 of any two directions, by the nearest of 0°, 45° and 90° to their first octants.
+///
+/// Sums, products and quotients alone, so that every processor gives the same bits: the function that
+/// `wide` has for this multiplies and adds in one rounding where the processor can.
+#[inline(always)]
+fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
+    let (rise, run) = (sine.abs(), cosine.abs());
+    let steep = rise.simd_gt(run);
+    let (less, more) = (steep.select(run, rise), steep.select(rise, run));
+    let level = less.simd_le(both(TAN_22_5) * more);
+    let tangent = level.select(less, less - more) / level.select(more, less + more);
+    // What has no length has no direction either; its angle is 0.
+    let tangent = more.simd_eq(both(0.0)).select(both(0.0), tangent);
+    let to_less = level.select(both(0.0), both(FRAC_PI_4)) + both(0.5) * twice_arcs(tangent);
+    let first = steep.select(both(FRAC_PI_2) - to_less, to_less);
+    let behind = cosine.simd_lt(both(0.0));
+    behind.select(both(PI) - first, first).copysign(sine)
 }
 
 /// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
 /// tells.
+#[inline(always)]
+pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
+    let square = sine * sine + cosine * cosine;
+    let base = cosine + square.sqrt();
+    // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
+    let known = square.simd_ge(both(1e-280))
+        & square.simd_le(both(1e300))
+        & sine.abs().simd_lt(both(BROAD) * base);
+    let t = sine / base;
+    (twice_arcs(t), known)
+}
+
+/// Twice the arcs whose tangents these are, up to [`BROAD`].
 ///
 /// The polynomial is that of FreeBSD's msun (s_atan.c), which libm has as well; what the two say
 /// differs by some units in the last place.
 #[inline(always)]
-pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
+fn twice_arcs(t: f64x2) -> f64x2 {
     const ARC: [f64; 11] = [
         3.333_333_333_333_293e-1,
         -1.999_999_999_987_648_3e-1,
@@ -57,13 +92,6 @@ pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
         -3.653_157_274_421_691_6e-2,
         1.628_582_011_536_578_2e-2,
     ];
-    let square = sine * sine + cosine * cosine;
-    let base = cosine + square.sqrt();
-    // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
-    let known = square.simd_ge(both(1e-280))
-        & square.simd_le(both(1e300))
-        & sine.abs().simd_lt(both(BROAD) * base);
-    let t = sine / base;
     let z = t * t;
     let [a, b, c, d, e, f, g, h, i, j, k] = ARC.map(both);
     let second = z * z;
@@ -72,7 +100,7 @@ pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     let high = (i + j * z) + second * k;
     let fourth = second * second;
     let twice = t + t;
-    (twice - twice * z * (low + fourth * (middle + fourth * high)), known)
+    twice - twice * z * (low + fourth * (middle + fourth * high))
 }
 
 #[inline(always)]
@@ -124,7 +152,6 @@ fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::f64::consts::FRAC_PI_4;
     use libm::sincos;
 
     #[test]
