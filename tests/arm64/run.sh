@@ -65,7 +65,7 @@ target/host/prove "$module"
 
 mkdir -p "$out"
 target/host/answers > "$out/here"
-PKMKINS_SO=$module $CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER \
+PKMKINS_SO=$module STRIP=aarch64-linux-gnu-strip $CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER \
     "target/arm64/$target/host/answers" > "$out/arm64"
 if ! cmp "$out/here" "$out/arm64"; then
     echo "arm64: answers differ: diff $out/here $out/arm64" >&2
@@ -74,5 +74,5 @@ fi
 echo "arm64: $(wc -l < "$out/here") answers, $(cut -d ';' -f 1 "$out/here" | uniq | wc -l) machines: every bit is the same"
 [ "${1:-}" != answers ] || exit 0
 
-PKMKINS_SO=$module LINUXCNC_MODULES=$arm/linuxcnc/usr/lib/linuxcnc/modules \
+PKMKINS_SO=$module STRIP=aarch64-linux-gnu-strip LINUXCNC_MODULES=$arm/linuxcnc/usr/lib/linuxcnc/modules \
     for_arm test --profile host --no-fail-fast -p kinematics -p abi-tests

@@ -433,6 +433,8 @@ fn own_name() -> PathBuf {
 }
 
 /// The file without its lines for a debugger, four fifths of the module: the tests copy it thousands of times.
+///
+/// STRIP names the command for modules of another processor.
 fn without_lines(path: &Path) -> std::io::Result<Arc<[u8]>> {
     static KNOWN: Mutex<BTreeMap<PathBuf, Arc<[u8]>>> = Mutex::new(BTreeMap::new());
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -440,7 +442,8 @@ fn without_lines(path: &Path) -> std::io::Result<Arc<[u8]>> {
         return Ok(bytes.clone());
     }
     let stripped = own_name();
-    let status = Command::new("strip")
+    let command = std::env::var_os("STRIP").unwrap_or_else(|| "strip".into());
+    let status = Command::new(command)
         .arg("--strip-debug")
         .arg("-o")
         .args([stripped.as_path(), path])
