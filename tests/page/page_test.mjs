@@ -134,14 +134,15 @@ async function dragged(page, scene, tool, which) {
 async function isDrawn(page, name) {
   const shot = await page.screenshot();
   if (OUT) writeFileSync(join(OUT, `${name}.png`), shot);
-  const seen = await page.evaluate(async (bytes) => {
-    const bitmap = await createImageBitmap(new Blob([new Uint8Array(bytes)]));
+  const seen = await page.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes]));
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const pen = canvas.getContext("2d", { willReadFrequently: true });
     pen.drawImage(bitmap, 0, 0);
     const colour = ([x, y]) => Array.from(pen.getImageData(Math.round(x), Math.round(y), 1, 1).data.slice(0, 3));
     return window.pkm.seen().map((part) => ({ ...part, colour: colour(part.at) }));
-  }, Array.from(shot));
+  }, shot.toString("base64"));
   const background = [244, 246, 248];
   const isOther = ({ colour }) => Math.hypot(...colour.map((c, k) => c - background[k])) > 40;
   const missing = seen.filter((part) => !isOther(part));
@@ -550,7 +551,7 @@ async function main() {
   if (OUT) mkdirSync(OUT, { recursive: true });
   const browser = await chromium.launch({
     executablePath: "/usr/bin/chromium",
-    args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run", ...(process.getuid() === 0 ? ["--no-sandbox"] : [])],
+    args: ["--use-angle=swiftshader", "--disable-gpu-compositing", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run", ...(process.getuid() === 0 ? ["--no-sandbox"] : [])],
   });
   let failed = 0;
   const chosen = TESTS.filter(([name]) => name.includes(ONLY));
