@@ -347,7 +347,7 @@ width_mm = 16
 step_mm = 5
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'loop'
 start_mm = [-10, -8]
@@ -356,7 +356,7 @@ width_mm = 16
 step_mm = 8
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'box-pocket'
 start_mm = [-10, -8]
@@ -365,14 +365,14 @@ width_mm = 16
 step_mm = 5
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'circle'
 centre_mm = [0, 0]
 radius_mm = 10
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'circle'
 plane = 'zx'
@@ -380,7 +380,7 @@ centre_mm = [0, 0]
 radius_mm = 5
 level_mm = 0
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'circle'
 plane = 'yz'
@@ -388,7 +388,7 @@ centre_mm = [0, 0]
 radius_mm = 5
 level_mm = 0
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'pocket'
 centre_mm = [0, 0]
@@ -396,7 +396,7 @@ radius_mm = 10
 step_mm = 4
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'spiral'
 centre_mm = [0, 0]
@@ -404,7 +404,7 @@ growth_mm = 3
 turns = 2.5
 level_mm = -2
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'helix'
 centre_mm = [0, 0]
@@ -413,7 +413,7 @@ pitch_mm = -1
 turns = 3
 level_mm = 0
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'helix'
 centre_mm = [0, 0]
@@ -423,14 +423,14 @@ pitch_mm = -1
 turns = 3
 level_mm = 0
 clear_mm = 1
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 [[operation]]
 kind = 'drill'
 points = 'down'
 at_mm = [3, 2, 0]
 depth_mm = 4
 clear_mm = 2
-feed_mm_per_min = 300
+feed_mm_per_min = 1200
 ";
 
 /// A program as the command judges it, LinuxCNC's own cycles included.
@@ -456,8 +456,6 @@ fn small_typical_paths_pass_preflight_on_every_machine() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.ngc");
         fs::write(&file, &found.program).unwrap();
-        let read = moves(&config, &file, None).unwrap();
-        assert!(preflight(&config, &read).unwrap().fits(), "{machine}");
         assert_passes(&config, &file);
     }
 }
