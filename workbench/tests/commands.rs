@@ -941,6 +941,30 @@ exit 2
 
 "#]]
     );
+    assert_data_eq!(
+        bench.answer("new lathe", ""),
+        str![[r#"
+error: unrecognized subcommand 'lathe'
+
+  tip: some similar subcommands exist: 'four-rod-lathe', 'six-rod-lathe'
+
+Usage: pkm new [OPTIONS] [COMMAND]
+
+For more information, try '--help'.
+exit 2
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer("check -", ""),
+        str![[r#"
+error: invalid value '-' for '<MACHINE.ini>': a machine is read with the files beside it, and not from standard input: name its INI file
+
+For more information, try '--help'.
+exit 2
+
+"#]]
+    );
 }
 
 #[test]

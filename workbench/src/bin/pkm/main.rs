@@ -43,6 +43,8 @@ mod vibration;
 mod view;
 mod workspace;
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -52,6 +54,7 @@ use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -78,7 +81,8 @@ fn main() -> ExitCode {
         failure.tell();
         return ExitCode::from(2);
     }
-    let matches = grammar().get_matches();
+    let matches =
+        grammar().try_get_matches().unwrap_or_else(|error| with_longer_names(error).exit());
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     cli.settings.choose(words(&matches));
     let code = cli.run();
@@ -90,6 +94,32 @@ fn main() -> ExitCode {
 /// The grammar of the command line, with examples.
 fn grammar() -> clap::Command {
     examples::documented(Cli::command(), "")
+}
+
+/// An error about a word that is no subcommand names those in whose names it stands, as `lathe` in `four-rod-lathe`;
+/// what is spelt alike it names by itself.
+fn with_longer_names(mut error: clap::Error) -> clap::Error {
+    let word = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word))
+            if error.get(ContextKind::SuggestedSubcommand).is_none() =>
+        {
+            word.clone()
+        }
+        _ => return error,
+    };
+    let mut command = grammar();
+    for name in std::env::args_os().skip(1) {
+        match command.find_subcommand(name) {
+            Some(below) => command = below.clone(),
+            None => break,
+        }
+    }
+    let names = command.get_subcommands().map(|below| below.get_name().to_owned());
+    let longer: Vec<String> = names.filter(|name| name.contains(&word)).collect();
+    if !longer.is_empty() {
+        error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(longer));
+    }
+    error
 }
 
 /// The words of the subcommand, such as `stability pose`.
@@ -190,13 +220,27 @@ struct Cli {
 #[derive(clap::Args, Clone, Debug)]
 struct MachineFile {
     /// The machine's LinuxCNC INI file
-    #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
+    #[arg(
+        value_name = "MACHINE.ini",
+        value_hint = clap::ValueHint::FilePath,
+        value_parser = OsStringValueParser::new().try_map(ini_file)
+    )]
     machine: PathBuf,
     /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
     /// C; without it check, boxes, run, preflight, travel and workspace look at both, and all others at
     /// the first
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
     mechanism: Option<u8>,
+}
+
+/// Not standard input, which has no folder.
+fn ini_file(name: OsString) -> Result<PathBuf, &'static str> {
+    match name == input::DASH {
+        true => Err(
+            "a machine is read with the files beside it, and not from standard input: name its INI file",
+        ),
+        false => Ok(name.into()),
+    }
 }
 
 impl MachineFile {
