@@ -75,4 +75,5 @@ echo "arm64: $(wc -l < "$out/here") answers, $(cut -d ';' -f 1 "$out/here" | uni
 [ "${1:-}" != answers ] || exit 0
 
 PKMKINS_SO=$module STRIP=aarch64-linux-gnu-strip LINUXCNC_MODULES=$arm/linuxcnc/usr/lib/linuxcnc/modules \
+    CC=aarch64-linux-gnu-gcc RUNNER=$CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER \
     for_arm test --profile host --no-fail-fast -p kinematics -p abi-tests
