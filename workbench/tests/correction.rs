@@ -74,8 +74,10 @@ fn a_correction_of_100_um_comes_in_while_a_program_runs_and_the_pose_is_that_of_
     };
     let inverse: Vec<Joints> = rows.iter().map(inverse).collect();
     // LinuxCNC's smoothing: a cubic B-spline over three cycles.
-    let smoothed =
-        |n: usize, at: &dyn Fn(usize) -> f64| (at(n - 3) + 4.0 * at(n - 2) + at(n - 1)) / 6.0;
+    let smoothed = |n: usize, at: &dyn Fn(usize) -> f64| {
+        let middle = n - SMOOTHING;
+        (at(middle - 1) + 4.0 * at(middle) + at(middle + 1)) / 6.0
+    };
     let added = |n: usize, i: usize| rows[n].joints[i] - smoothed(n, &|m| inverse[m][i]);
     // It comes in from the first cycle of the control, before the program begins.
     let begin = added(FIRST, 1);
@@ -84,7 +86,7 @@ fn a_correction_of_100_um_comes_in_while_a_program_runs_and_the_pose_is_that_of_
     // A line is smoothed to itself, two cycles late; the corner where it ends is rounded as all else is.
     let ramp =
         |n: usize| (begin + (n as f64 - (FIRST - SMOOTHING) as f64) * RATE * PERIOD).min(LIMIT);
-    for n in FIRST + 1..rows.len() {
+    for n in FIRST..rows.len() {
         let wanted = smoothed(n, &ramp);
         for (i, sign) in [0.0, 1.0, 0.0, 0.0, -1.0, 0.0].into_iter().enumerate() {
             let off = added(n, i) - sign * wanted;
