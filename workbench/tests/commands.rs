@@ -965,6 +965,10 @@ exit 2
 
 "#]]
     );
+    for command in ["panel -", "filter --machine - a.ngc"] {
+        let told = bench.answer(command, "");
+        assert!(told.contains("not from standard input: name its INI file"), "{command}: {told}");
+    }
 }
 
 #[test]

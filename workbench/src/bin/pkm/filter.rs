@@ -35,7 +35,7 @@ pub struct Arguments {
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
     /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
-    #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
+    #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: Option<PathBuf>,
     /// Lets a program through whose path fits where speeds and messages could not be judged
     #[arg(long)]

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What is read from standard input where the command line says `-`.
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use pkm::files::{Folder, write_whole};
 use std::ffi::OsStr;
 use std::io::{IsTerminal, Read};
@@ -15,7 +16,7 @@ pub const DASH: &str = "-";
 #[derive(Clone, Copy, Debug)]
 pub struct Program;
 
-impl clap::builder::TypedValueParser for Program {
+impl TypedValueParser for Program {
     type Value = PathBuf;
 
     fn parse_ref(
@@ -47,6 +48,14 @@ fn spooled() -> Result<PathBuf, String> {
         Ok((folder, file))
     });
     found.as_ref().map(|(_, file)| file.clone()).map_err(Clone::clone)
+}
+
+/// The parser of a machine's INI file: never standard input, which has no folder.
+pub fn ini_file() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(|name| match name == DASH {
+        true => Err("a machine is read with the files beside it, and not from standard input: name its INI file"),
+        false => Ok(PathBuf::from(name)),
+    })
 }
 
 /// A file of rows.

@@ -43,7 +43,6 @@ mod vibration;
 mod view;
 mod workspace;
 
-use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Failure, MovesNothing};
@@ -54,7 +53,6 @@ use pkm::program::beside;
 use pkm::program::interpreter::{self, Move};
 use pkm::read::machine::MachineConfig;
 use pkm::study::file::Study;
-use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -96,8 +94,8 @@ fn grammar() -> clap::Command {
     examples::documented(Cli::command(), "")
 }
 
-/// An error about a word that is no subcommand names those in whose names it stands, as `lathe` in `four-rod-lathe`;
-/// what is spelt alike it names by itself.
+/// An error about a word that is no subcommand names those of whose names it is a word, as `lathe` of
+/// `four-rod-lathe`; what is spelt alike it names by itself.
 fn with_longer_names(mut error: clap::Error) -> clap::Error {
     let word = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word))
@@ -115,7 +113,8 @@ fn with_longer_names(mut error: clap::Error) -> clap::Error {
         }
     }
     let names = command.get_subcommands().map(|below| below.get_name().to_owned());
-    let longer: Vec<String> = names.filter(|name| name.contains(&word)).collect();
+    let longer: Vec<String> =
+        names.filter(|name| name.split('-').any(|part| part == word)).collect();
     if !longer.is_empty() {
         error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(longer));
     }
@@ -223,7 +222,7 @@ struct MachineFile {
     #[arg(
         value_name = "MACHINE.ini",
         value_hint = clap::ValueHint::FilePath,
-        value_parser = OsStringValueParser::new().try_map(ini_file)
+        value_parser = input::ini_file()
     )]
     machine: PathBuf,
     /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
@@ -231,16 +230,6 @@ struct MachineFile {
     /// the first
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
     mechanism: Option<u8>,
-}
-
-/// Not standard input, which has no folder.
-fn ini_file(name: OsString) -> Result<PathBuf, &'static str> {
-    match name == input::DASH {
-        true => Err(
-            "a machine is read with the files beside it, and not from standard input: name its INI file",
-        ),
-        false => Ok(name.into()),
-    }
 }
 
 impl MachineFile {

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// The machine's LinuxCNC INI file
-    #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath)]
+    #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: PathBuf,
     /// Writes the two files into this folder, made if needed, instead of beside the INI file
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
