@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import ini_edit
-from unprivileged import clear_hal
+from unprivileged import clear_hal, lost_its_start
 
 HERE = Path(__file__).resolve().parent
 DISPLAY_FILES = ("browsers.py", "display.py", "guard.py", "ini_edit.py", "machine.py", "recorder.py", "scenarios.py", "truth_run.py",
@@ -55,6 +55,8 @@ class Session:
         job = {"scenario": scenario, "out": str(out), "arguments": arguments}
         (self.copy / "live" / "job.json").write_text(json.dumps(job))
         code = self.start_linuxcnc(limit + START_SECONDS, out / "progress")
+        if not (out / "result.json").exists() and lost_its_start(self.log_text()):
+            code = self.start_linuxcnc(limit + START_SECONDS, out / "progress")
         shutil.copy(self.log, out / "linuxcnc.log")
         if (out / "result.json").exists():
             return json.loads((out / "result.json").read_text())

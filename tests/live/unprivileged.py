@@ -130,3 +130,12 @@ def refuse_beside_other_sessions():
 def clear_hal():
     """Ends a HAL session that an earlier run has left behind."""
     subprocess.run(["halrun", "-U"], stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
+
+
+def lost_its_start(log):
+    """Whether what a session said shows that HAL did not start for a reason of LinuxCNC's own, which goes away.
+
+    rtapi_app makes shared memory as root and only then hands it to the user: who asks in between is refused. Less
+    than one start in a thousand, says its source; the test is that of its message.
+    """
+    return "due to shmget" in log and "Permission denied" in log
