@@ -58,6 +58,8 @@ pub struct State {
 pub struct Tracker<'a> {
     geometry: &'a Geometry,
     machine: Machine,
+    /// Coordinates that the legs move.
+    active: [bool; 6],
     /// Per leg the sign of the nut correction's fold.
     hands: [f64; 8],
 }
@@ -66,7 +68,9 @@ impl<'a> Tracker<'a> {
     /// For a geometry with a reference pose.
     pub fn new(geometry: &'a Geometry) -> Self {
         let machine = Machine::freeze(geometry, &NO_OFFSET).expect("a machine");
-        let mut tracker = Self { geometry, machine, hands: [1.0; 8] };
+        let coordinates = geometry.layout().coordinates();
+        let active = Letter::ALL.map(|letter| coordinates.contains(letter));
+        let mut tracker = Self { geometry, machine, active, hands: [1.0; 8] };
         let state = tracker.home();
         for (i, leg) in geometry.legs().iter().enumerate() {
             if let Some((_, cosine)) = torsion(leg, &state.rotation, &tracker.span(leg, &state)) {
@@ -90,7 +94,7 @@ impl<'a> Tracker<'a> {
     }
 
     pub fn is_active(&self, k: usize) -> bool {
-        self.geometry.layout().coordinates().as_slice().iter().any(|l| l.index() == k)
+        self.active[k]
     }
 
     pub fn turns_freely(&self) -> bool {
@@ -157,10 +161,10 @@ impl<'a> Tracker<'a> {
     pub fn charted(&self, rows: &[Row; 8], state: &State) -> [Row; 8] {
         let map = match self.turns_freely() {
             true => Matrix3::identity(),
-            false => axes_of(&state.angles),
-        };
+            false => axes_of(&state.angles).transpose(),
+        } / self.machine.radius();
         rows.map(|row| {
-            let moment = map.transpose() * row.fixed_rows::<3>(3) / self.machine.radius();
+            let moment = map * row.fixed_rows::<3>(3);
             let mut row = Row::new(row[0], row[1], row[2], moment.x, moment.y, moment.z);
             for k in 0..6 {
                 if !self.is_active(k) {
@@ -228,20 +232,20 @@ impl<'a> Tracker<'a> {
         // Coordinates that do not move get an equation of their own, x = 0.
         let mut a = SMatrix::<f64, 6, 6>::identity();
         let mut b = Row::zeros();
-        let active: Vec<usize> = (0..6).filter(|k| self.is_active(*k)).collect();
+        let active = || (0..6).filter(|k| self.is_active(*k));
         if layout.is_redundant() {
-            for j in &active {
-                for k in &active {
-                    a[(*j, *k)] = rows.iter().map(|row| row[*j] * row[*k]).sum();
+            for j in active() {
+                for k in active() {
+                    a[(j, k)] = rows.iter().map(|row| row[j] * row[k]).sum();
                 }
-                b[*j] = rows.iter().zip(residuals).map(|(row, r)| row[*j] * r).sum();
+                b[j] = rows.iter().zip(residuals).map(|(row, r)| row[j] * r).sum();
             }
         } else {
-            for (i, j) in active.iter().enumerate() {
+            for (i, j) in active().enumerate() {
                 for k in 0..6 {
-                    a[(*j, k)] = rows[i][k];
+                    a[(j, k)] = rows[i][k];
                 }
-                b[*j] = residuals[i];
+                b[j] = residuals[i];
             }
         }
         let lu = a.lu();
