@@ -177,15 +177,9 @@ impl Mul for Interval {
 impl Mul<f64> for Interval {
     type Output = Self;
     fn mul(self, factor: f64) -> Self {
-        let (a, b) = (self.low * factor, self.high * factor);
-        match (a + b).is_finite() {
-            true => {
-                if a < b {
-                    Self::new(a, b)
-                } else {
-                    Self::new(b, a)
-                }
-            }
+        match self.low.is_finite() && self.high.is_finite() && factor.is_finite() {
+            true if factor < 0.0 => Self::new(self.high * factor, self.low * factor),
+            true => Self::new(self.low * factor, self.high * factor),
             false => self.unbounded_product(Self::point(factor)),
         }
     }

@@ -80,10 +80,10 @@ struct Cell {
 }
 
 /// Where the platform is over a cell.
-struct Platform {
+struct Platform<const N: usize> {
     /// Centre, as the legs see it.
-    point: [Jet; 3],
-    rotation: [[Jet; 3]; 3],
+    point: [Jet<N>; 3],
+    rotation: [[Jet<N>; 3]; 3],
 }
 
 /// A proof at work.
@@ -287,10 +287,27 @@ impl<'a> Prover<'a> {
 
     /// How J bends over the cell.
     fn bend(&self, claim: &Claim, cell: &Cell) -> Bend {
+        match self.active.len() {
+            0 | 1 => self.bend_of::<1>(claim, cell),
+            2 => self.bend_of::<2>(claim, cell),
+            3 => self.bend_of::<3>(claim, cell),
+            4 => self.bend_of::<4>(claim, cell),
+            5 => self.bend_of::<5>(claim, cell),
+            _ => self.bend_of::<6>(claim, cell),
+        }
+    }
+
+    /// The same of so many coordinates that the legs move.
+    fn bend_of<const N: usize>(&self, claim: &Claim, cell: &Cell) -> Bend {
+        let platform = self.platform::<N>(cell);
+        let legs = self.geometry.legs().iter().zip(&self.lead);
+        let joints: Vec<Jet<N>> =
+            legs.map(|(leg, lead)| self.joint(leg, *lead, &platform)).collect();
         let (mut middle, mut radius) = (Matrix::zeros(), Matrix::zeros());
         let (mut most, mut mostly) = (-1.0, 0);
-        for &k in &self.active {
-            let part = self.bend_along(claim, cell, k);
+        for (place, &k) in self.active.iter().enumerate() {
+            let half = 0.5 * (cell.high[k] - cell.low[k]);
+            let part = self.bend_along(claim, place, 0.5 * half * half, &joints);
             middle += part.map(Interval::middle);
             let wide = part.map(|x| 0.5 * (x.high - x.low));
             radius += wide;
@@ -301,20 +318,21 @@ impl<'a> Prover<'a> {
         Bend { middle, radius: norm_of_bound(&radius), mostly }
     }
 
-    /// [0, h_k²/2] W M ∂_k ∂_k J W⁻¹, entry by entry.
-    fn bend_along(&self, claim: &Claim, cell: &Cell, k: usize) -> SMatrix<Interval, 6, 6> {
-        let half = 0.5 * (cell.high[k] - cell.low[k]);
+    /// [0, reach] W M ∂_k ∂_k J W⁻¹, entry by entry, k the coordinate with this place among those that the legs move.
+    fn bend_along<const N: usize>(
+        &self,
+        claim: &Claim,
+        place: usize,
+        reach: f64,
+        joints: &[Jet<N>],
+    ) -> SMatrix<Interval, 6, 6> {
         let mut bend = SMatrix::repeat(Interval::ZERO);
-        for &j in &self.active {
-            let platform = self.platform(cell, k, j);
-            let legs = self.geometry.legs().iter().zip(&self.lead);
-            let thirds: Vec<Interval> =
-                legs.map(|(leg, lead)| self.joint(leg, *lead, &platform).third()).collect();
+        for (n, &j) in self.active.iter().enumerate() {
             for &i in &self.active {
-                let row = thirds.iter().zip(&claim.region.matrix[i]);
-                let sum = row.map(|(third, m)| *third * *m).fold(Interval::ZERO, Add::add);
+                let row = joints.iter().zip(&claim.region.matrix[i]);
+                let sum = row.map(|(joint, m)| joint.third(place, n) * *m);
                 let ratio = claim.weight[i] / claim.weight[j];
-                let whole = sum * (half * half * ratio);
+                let whole = sum.fold(Interval::ZERO, Add::add) * (reach * ratio);
                 // NaN stays: the radius is then not known.
                 let low = if whole.low > 0.0 { 0.0 } else { whole.low };
                 let high = if whole.high < 0.0 { 0.0 } else { whole.high };
@@ -324,13 +342,13 @@ impl<'a> Prover<'a> {
         bend
     }
 
-    /// The platform over a cell: s along coordinate `k`, t along coordinate `j`.
-    fn platform(&self, cell: &Cell, k: usize, j: usize) -> Platform {
+    /// The platform over a cell.
+    fn platform<const N: usize>(&self, cell: &Cell) -> Platform<N> {
         let along = |n: usize| {
-            // In degrees, as the box: a step of s or t is one degree.
+            // In degrees, as the box.
             let x = Interval::new(cell.low[n], cell.high[n]);
             let unit = if n < 3 { 1.0 } else { RADIANS };
-            Jet::variable(x, n == k, n == j) * unit
+            Jet::variable(x, self.active.iter().position(|k| *k == n)) * unit
         };
         let rotation = rotation([along(3), along(4), along(5)]);
         let reference = times(&rotation, self.geometry.centre);
@@ -343,10 +361,15 @@ impl<'a> Prover<'a> {
     }
 
     /// Joint value of a leg, up to a constant.
-    fn joint(&self, leg: &LegGeometry, lead: f64, platform: &Platform) -> Jet {
+    fn joint<const N: usize>(
+        &self,
+        leg: &LegGeometry,
+        lead: f64,
+        platform: &Platform<N>,
+    ) -> Jet<N> {
         let (rotation, centre) = (&platform.rotation, self.geometry.centre);
         let arm = times(rotation, std::array::from_fn(|n| leg.platform[n] - centre[n]));
-        let anchor: [Jet; 3] =
+        let anchor: [Jet<N>; 3] =
             std::array::from_fn(|n| platform.point[n] + arm[n] - Jet::constant(leg.base[n]));
         match leg.kind {
             LegKind::Strut(strut) => {
@@ -355,17 +378,17 @@ impl<'a> Prover<'a> {
                     return length;
                 }
                 let over = length.inverse();
-                let n = anchor.map(|w| w * over);
+                let n = anchor.each_ref().map(|w| w * &over);
                 let axes = [strut.base_axis, strut.platform_axis].map(unit);
                 let turn = torsion(&n, &axes[0], &times(rotation, axes[1]));
-                length + turn * (lead / std::f64::consts::TAU)
+                length.and(&turn, lead / std::f64::consts::TAU)
             }
             LegKind::Slider(slider) => {
                 let guide = unit(slider.guide);
                 let across = across(guide).map(|e| dot_fixed(&anchor, &e).squared());
                 let square = slider.rod * slider.rod;
                 let root = (Jet::constant(square) - across[0] - across[1]).sqrt();
-                dot_fixed(&anchor, &guide) + root * f64::from(slider.side)
+                dot_fixed(&anchor, &guide).and(&root, f64::from(slider.side))
             }
             LegKind::Crank(crank) => {
                 let axis = Vector3::from(unit(crank.axis));
@@ -374,22 +397,22 @@ impl<'a> Prover<'a> {
                 let level = arm - axis * along;
                 let a = dot_fixed(&anchor, &level.into());
                 let b = dot_fixed(&anchor, &axis.cross(&level).into());
-                let apart: [Jet; 3] =
+                let apart: [Jet<N>; 3] =
                     std::array::from_fn(|n| anchor[n] - Jet::constant(axis[n] * along));
                 let rest = level.norm_squared() - crank.rod * crank.rod;
                 let t = (dot(&apart, &apart) + Jet::constant(rest)) * 0.5;
                 let root = (a.squared() + b.squared() - t.squared()).sqrt();
                 // atan2(b, a) + side acos(T/√(a²+b²)), the latter as the angle of (T, root).
                 let side = f64::from(crank.side);
-                let angle = Jet::angle(b, a) + Jet::angle(root, t) * side;
+                let angle = Jet::angle(&b, &a).and(&Jet::angle(&root, &t), side);
                 angle * (1.0 / RADIANS)
             }
             LegKind::Ring(ring) => {
                 // From base anchor to ring, as the platform sees it: its own arm does not turn there.
-                let from_base: [Jet; 3] =
+                let from_base: [Jet<N>; 3] =
                     std::array::from_fn(|n| platform.point[n] - Jet::constant(leg.base[n]));
-                let [x, y, height]: [Jet; 3] = std::array::from_fn(|k| {
-                    let axis: [Jet; 3] = std::array::from_fn(|n| rotation[n][k]);
+                let [x, y, height]: [Jet<N>; 3] = std::array::from_fn(|k| {
+                    let axis: [Jet<N>; 3] = std::array::from_fn(|n| rotation[n][k]);
                     dot(&from_base, &axis) + Jet::constant(leg.platform[k] - centre[k])
                 });
                 let rho = (x.squared() + y.squared()).sqrt();
@@ -416,40 +439,45 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
 }
 
 /// Angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
-fn torsion(n: &[Jet; 3], base_axis: &[f64; 3], platform_axis: &[Jet; 3]) -> Jet {
-    let cross: [Jet; 3] = std::array::from_fn(|k| {
+fn torsion<const N: usize>(
+    n: &[Jet<N>; 3],
+    base_axis: &[f64; 3],
+    platform_axis: &[Jet<N>; 3],
+) -> Jet<N> {
+    let cross: [Jet<N>; 3] = std::array::from_fn(|k| {
         let (p, q) = ((k + 1) % 3, (k + 2) % 3);
-        platform_axis[q] * base_axis[p] - platform_axis[p] * base_axis[q]
+        (platform_axis[q] * base_axis[p]).and(&platform_axis[p], -base_axis[q])
     });
     let sine = dot(n, &cross);
     let cosine =
-        dot_fixed(platform_axis, base_axis) - dot_fixed(n, base_axis) * dot(platform_axis, n);
-    Jet::angle(sine, cosine)
+        dot_fixed(platform_axis, base_axis) - &dot_fixed(n, base_axis) * &dot(platform_axis, n);
+    Jet::angle(&sine, &cosine)
 }
 
 /// Rz(C) Ry(B) Rx(A), rows first.
-fn rotation([a, b, c]: [Jet; 3]) -> [[Jet; 3]; 3] {
-    let ((sa, ca), (sb, cb), (sc, cc)) = (a.sincos(), b.sincos(), c.sincos());
+fn rotation<const N: usize>([a, b, c]: [Jet<N>; 3]) -> [[Jet<N>; 3]; 3] {
+    let ((sa, ca), (sb, cb), (sc, cc)) = (&a.sincos(), &b.sincos(), &c.sincos());
+    let (cs, ss) = (&(cc * sb), &(sc * sb));
     [
-        [cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa],
-        [sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa],
-        [-sb, cb * sa, cb * ca],
+        [cc * cb, cs * sa - sc * ca, cs * ca + sc * sa],
+        [sc * cb, ss * sa + cc * ca, ss * ca - cc * sa],
+        [-*sb, cb * sa, cb * ca],
     ]
 }
 
-fn times(rotation: &[[Jet; 3]; 3], v: [f64; 3]) -> [Jet; 3] {
+fn times<const N: usize>(rotation: &[[Jet<N>; 3]; 3], v: [f64; 3]) -> [Jet<N>; 3] {
     rotation.map(|row| dot_fixed(&row, &v))
 }
 
-fn dot(a: &[Jet; 3], b: &[Jet; 3]) -> Jet {
+fn dot<const N: usize>(a: &[Jet<N>; 3], b: &[Jet<N>; 3]) -> Jet<N> {
     let product = |k: usize| {
-        if std::ptr::eq(a, b) { a[k].squared() } else { a[k] * b[k] }
+        if std::ptr::eq(a, b) { a[k].squared() } else { &a[k] * &b[k] }
     };
     product(0) + product(1) + product(2)
 }
 
-fn dot_fixed(a: &[Jet; 3], b: &[f64; 3]) -> Jet {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+fn dot_fixed<const N: usize>(a: &[Jet<N>; 3], b: &[f64; 3]) -> Jet<N> {
+    (a[0] * b[0]).and(&a[1], b[1]).and(&a[2], b[2])
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
@@ -563,10 +591,12 @@ mod tests {
             for _ in 0..200 {
                 let point = cell(&config, prover.active(), 0.0, &mut rng);
                 let rows = prover.jacobian(&point.low).unwrap();
-                for &j in prover.active() {
-                    let platform = prover.platform(&point, j, j);
-                    for (i, leg) in config.geometry.legs().iter().enumerate() {
-                        let slope = prover.joint(leg, prover.lead[i], &platform).slope();
+                // Of six coordinates: what is not active is at no place.
+                let platform = prover.platform::<6>(&point);
+                for (i, leg) in config.geometry.legs().iter().enumerate() {
+                    let joint = prover.joint(leg, prover.lead[i], &platform);
+                    for (place, &j) in prover.active().iter().enumerate() {
+                        let slope = joint.slope(place);
                         let off = (slope.low - rows[(i, j)]).abs();
                         // Some hundred roundings of values up to a few units.
                         assert!(off < 1e-10, "{name} {i} {j}: {slope:?} {}", rows[(i, j)]);
