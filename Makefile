@@ -83,6 +83,7 @@ help:
 	@echo "make demo       a machine runs its program under LinuxCNC; MACHINE=hexapod (default)"
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
 	@echo "                or the INI file of a machine of one's own: MACHINE=my-machine/my-machine.ini"
+	@echo "                PROGRAM=NAME.ngc: one of its folder programs in place of the one that it opens"
 	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
 	@echo "make test       every test: a quarter of an hour on two cores"
 	@echo "make test-long  the same tests with ten times as many cases"

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A leg unlike all others: a sign or a digit of one anchor is seen here, even where every HOME was made from it.
+//! A leg unlike all others: a sign or a digit of one anchor is seen here, even where every HOME was made from it; and
+//! of its joint a limit that no other has.
 
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
+use crate::read::joints::Joint;
 use crate::read::machine::MachineConfig;
 use kinematics::At;
 
@@ -16,6 +18,21 @@ const ALIKE: usize = 3;
 /// the first is more than calibration changes, the second less than a wrong sign does.
 const SAME: f64 = 2e-3;
 const OTHER: f64 = 1e-2;
+
+/// Quotient of values that are near each other, and of one that is another unit's: a minute, an inch.
+const NEAR: f64 = 2.0;
+const FAR: f64 = 10.0;
+
+/// What a key of a joint was read as.
+type Read = fn(&Joint) -> f64;
+
+/// Keys that joints of legs of one kind mostly have alike, and what is read of them.
+const KEYS: [(&str, Read); 4] = [
+    ("MIN_LIMIT", |joint| joint.min),
+    ("MAX_LIMIT", |joint| joint.max),
+    ("MAX_VELOCITY", |joint| joint.max_velocity),
+    ("MAX_ACCELERATION", |joint| joint.max_acceleration),
+];
 
 /// A quantity of which every leg has one.
 struct Quantity {
@@ -48,6 +65,41 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
     let is_given = |key: &&str| config.ini.first(&section, key).is_some();
     let key = keys.into_iter().find(is_given).unwrap_or(keys[0]);
     report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
+}
+
+/// Tells every key whose value one joint has for itself, where those of all other legs are alike.
+pub(super) fn keys(report: &mut Report, config: &MachineConfig) {
+    let joints = &config.joints[..config.legs()];
+    if joints.iter().any(|joint| joint.kind != joints[0].kind) {
+        return;
+    }
+    for (key, of) in KEYS {
+        let values: Vec<f64> = joints.iter().map(of).collect();
+        let Some(leg) = apart(&values) else { continue };
+        let text = format!(
+            "{} is alone with it: the {} others have {}. See whether a digit or the unit is wrong; leave it where the \
+             machine is built like that",
+            joints[leg].name,
+            values.len() - 1,
+            values[if leg == 0 { 1 } else { 0 }]
+        );
+        let section = config.place.joint_section(leg);
+        report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
+    }
+}
+
+/// The one that is not equal to all others, which are equal; or is many times as large or small as all others, which
+/// are near each other.
+fn apart(values: &[f64]) -> Option<usize> {
+    (values.len() > ALIKE).then_some(())?;
+    (0..values.len()).find(|leg| {
+        let others = values.iter().enumerate().filter(|(i, _)| i != leg).map(|(_, value)| *value);
+        let (low, high) = others
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+        let own = values[*leg];
+        let is_far = low > 0.0 && high <= NEAR * low && (own > FAR * high || own * FAR < low);
+        (low == high && own != low) || is_far
+    })
 }
 
 fn quantities(config: &MachineConfig, at: &At) -> Vec<Quantity> {
@@ -101,5 +153,16 @@ mod tests {
         assert_eq!(odd(&[9.0, 9.0, 9.05, 9.0], 10.0), None);
         assert_eq!(odd(&[9.0, 5.0, 9.0, 5.0], 10.0), None);
         assert_eq!(odd(&[5.0, 5.0, 9.0], 10.0), None);
+    }
+
+    #[test]
+    fn one_value_is_apart_where_all_others_are_equal() {
+        assert_eq!(apart(&[9.0, 9.0, 9.5, 9.0]), Some(2));
+        assert_eq!(apart(&[9.5, 9.0, 9.0, 9.0]), Some(0));
+        assert_eq!(apart(&[9.5, 9.0, 9.0, 9.1]), None);
+        assert_eq!(apart(&[9.0, 9.0, 9.0, 9.0]), None);
+        assert_eq!(apart(&[9.0, 9.0, 9.5]), None);
+        assert_eq!(apart(&[4.4, 282.0, 4.7, 4.5]), Some(1));
+        assert_eq!(apart(&[4.4, 8.2, 4.7, 4.5]), None);
     }
 }

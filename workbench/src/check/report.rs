@@ -109,6 +109,7 @@ fn understood(
     let at = at.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;
     size::check(report, config, &at);
     odd::check(report, config, &at);
+    odd::keys(report, config);
     order::check(report, config, &at);
     screws::check(report, config, &at);
     tips::check(report, config, &at, tools);

@@ -6,6 +6,7 @@
 
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
+use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::machine::MachineConfig;
 use kinematics::leg::StrutGeometry;
@@ -14,6 +15,10 @@ use kinematics::{At, LegKind, Vector3};
 /// Cosine of the angle between the two axes, as seen along the strut, below which senses are neither equal nor
 /// opposite: the axes are those of one joint turned by 60 degrees or more.
 const UNCLEAR: f64 = 0.5;
+
+/// Share of a strut's travel that a turn of its screw makes, beyond which the unit of the lead is doubted: the
+/// steepest screws make half of that.
+const STEEP: f64 = 0.2;
 
 /// A strut with a screw.
 struct Screw {
@@ -70,6 +75,34 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
         report.fact("screws", text);
     }
     differing(report, config, &screws);
+    if let Some(screw) = screws.iter().find(|screw| {
+        let joint = &config.joints[screw.leg];
+        screw.lead.abs() > STEEP * (joint.max - joint.min)
+    }) {
+        steep(report, config, screw);
+    }
+}
+
+/// The section and key that a lead stands at.
+fn place_of_lead(config: &MachineConfig, leg: usize) -> (String, &'static str) {
+    let section = config.place.leg_section(leg);
+    match config.ini.first(&section, "LEAD") {
+        Some(_) => (section, "LEAD"),
+        None => ("PKM".into(), "SCREW_LEAD"),
+    }
+}
+
+/// A lead that takes the strut through its travel in few turns.
+fn steep(report: &mut Report, config: &MachineConfig, screw: &Screw) {
+    let (joint, unit) = (&config.joints[screw.leg], config.length_unit());
+    let text = format!(
+        "{} turns through its {} {unit} of travel in {:.1} turns: expected {unit} a turn, as for all lengths",
+        joint.name,
+        limits::shown(joint.max - joint.min),
+        (joint.max - joint.min) / screw.lead.abs()
+    );
+    let (section, key) = place_of_lead(config, screw.leg);
+    report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
 }
 
 fn name(config: &MachineConfig, screw: &Screw) -> usize {

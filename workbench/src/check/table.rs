@@ -3,6 +3,7 @@
 
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
+use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
@@ -41,6 +42,14 @@ fn of_tool(config: &MachineConfig, tool: &Tool, before: &[Tool]) -> Vec<IniError
         let text = format!(
             "T{} stands in line {} already: LinuxCNC takes one of them",
             tool.number, other.line
+        );
+        found.push(tool.refuse_length(config, &text));
+    }
+    let (size, unit) = (config.machine.size(), config.length_unit());
+    if tool.offset.norm() > size {
+        let text = format!(
+            "the tool is longer than the machine is large, {} {unit}: expected {unit} as for all lengths",
+            limits::shown(size)
         );
         found.push(tool.refuse_length(config, &text));
     }

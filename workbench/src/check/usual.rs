@@ -6,6 +6,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
+use crate::read::joints::JointKind;
 use crate::read::machine::MachineConfig;
 use kinematics::Letter;
 
@@ -17,6 +18,9 @@ const FAR: f64 = 20.0;
 
 /// Smallest clearance of legs, as a share of the machine's size: thinner legs carry nothing.
 const THIN: f64 = 1e-3;
+
+/// By how many times the machine's size a place may be away: another unit is 25.4 times as far.
+const AWAY: f64 = 10.0;
 
 /// Keys with the values that machines have, and what is expected.
 const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
@@ -51,10 +55,16 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
             warn(report, config, (&section, "MAX_LIMIT"), text);
         }
         slow(report, config, &section, [axis.max_velocity, axis.max_acceleration]);
+        if !letter.is_angle() {
+            away(report, config, &section, [axis.min, axis.max]);
+        }
     }
     for (i, joint) in config.joints.iter().enumerate() {
         let section = config.place.joint_section(i);
         slow(report, config, &section, [joint.max_velocity, joint.max_acceleration]);
+        if joint.kind != JointKind::Arm {
+            away(report, config, &section, [joint.min, joint.max]);
+        }
     }
     Ok(())
 }
@@ -124,6 +134,20 @@ fn thin(report: &mut Report, config: &MachineConfig) {
             unit = config.length_unit()
         );
         warn(report, config, ("PKM", "ROD_CLEARANCE"), &text);
+    }
+}
+
+/// Limits farther away than the machine is large.
+fn away(report: &mut Report, config: &MachineConfig, section: &str, limits: [f64; 2]) {
+    let (size, unit) = (config.machine.size(), config.length_unit());
+    for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(limits) {
+        if limit.is_finite() && limit.abs() > AWAY * size {
+            let text = format!(
+                "the machine is {} {unit} large, and nothing of it comes so far: expected {unit} as for all lengths",
+                limits::shown(size)
+            );
+            warn(report, config, (section, key), &text);
+        }
     }
 }
 

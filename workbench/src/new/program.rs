@@ -75,7 +75,7 @@ pub fn readme(plan: &Plan) -> String {
             "Tools: X, Y and Z of the tool table are where the tip is from the middle of the platform joints."
         }
         Some("up") => {
-            "Tools: the tip is above the nose, so that Z of a line of the tool table is negative, -60 for a tool of length 60."
+            "Tools: the tip is above the nose, so that Z of a line of the tool table is negative: the tool's length, with a minus before it."
         }
         _ => {
             "Tools: the tip is below the nose; Z of a line of the tool table is the tool's length, positive."

@@ -106,6 +106,26 @@ impl<const N: usize> Jet<N> {
         )
     }
 
+    /// Leibniz's rule.
+    fn product(&self, o: &Self) -> Self {
+        let Self { value: a, first: f, second: ff, third: fff } = self;
+        let Self { value: b, first: g, second: gg, third: ggg } = o;
+        let (two_f, two_g) = (f.map(|x| x + x), g.map(|x| x + x));
+        Self::with(
+            *a * *b,
+            |k| *a * g[k] + f[k] * *b,
+            |k, j| {
+                let mixed = if k == j { f[k] * two_g[k] } else { f[k] * g[j] + f[j] * g[k] };
+                *a * gg[k][j] + mixed + ff[k][j] * *b
+            },
+            |k, j| {
+                let ends = *a * ggg[k][j] + fff[k][j] * *b;
+                let once = f[j] * gg[k][k] + ff[k][k] * g[j];
+                ends + once + (two_f[k] * gg[k][j] + ff[k][j] * two_g[k])
+            },
+        )
+    }
+
     /// Square root; unbounded where the value may be 0 or less.
     pub fn sqrt(&self) -> Self {
         let x = self.value;
@@ -196,22 +216,7 @@ impl<const N: usize> Mul<f64> for Jet<N> {
 impl<const N: usize> Mul for &Jet<N> {
     type Output = Jet<N>;
     fn mul(self, o: Self) -> Jet<N> {
-        let Jet { value: a, first: f, second: ff, third: fff } = self;
-        let Jet { value: b, first: g, second: gg, third: ggg } = o;
-        let (two_f, two_g) = (f.map(|x| x + x), g.map(|x| x + x));
-        Jet::with(
-            *a * *b,
-            |k| *a * g[k] + f[k] * *b,
-            |k, j| {
-                let mixed = if k == j { f[k] * two_g[k] } else { f[k] * g[j] + f[j] * g[k] };
-                *a * gg[k][j] + mixed + ff[k][j] * *b
-            },
-            |k, j| {
-                let ends = *a * ggg[k][j] + fff[k][j] * *b;
-                let once = f[j] * gg[k][k] + ff[k][k] * g[j];
-                ends + once + (two_f[k] * gg[k][j] + ff[k][j] * two_g[k])
-            },
-        )
+        self.product(o)
     }
 }
 
