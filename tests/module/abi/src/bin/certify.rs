@@ -143,13 +143,17 @@ fn genhexkins_pose(random: &mut Random, most: f64) -> Pose {
 /// Both modules with one machine, and how their answers are judged.
 struct Judge {
     machine: Parallel,
+    /// Makes joints of poses. What the module that is judged is told to make joints of counts as a commanded motion,
+    /// which forward is compared with from call to call; poses that are drawn are none.
+    asked: Module,
     modules: [Module; 2],
 }
 
 impl Judge {
     fn new(subject: &Subject) -> Self {
         let machine = subject.machine.clone();
-        Self { modules: [machine.module(), (subject.theirs)()], machine }
+        let modules = [machine.module(), (subject.theirs)()];
+        Self { asked: machine.module(), modules, machine }
     }
 
     fn is_same(&self, one: &Pose, other: &Pose) -> bool {
@@ -160,7 +164,7 @@ impl Judge {
     /// The right pose. One servo step from the seed that is the pose itself; it is followed
     /// only where a module says otherwise.
     fn right(&self, joints: &Joints, seed: &Pose) -> Option<Pose> {
-        connected_pose(&self.modules[0], &self.machine, joints, seed)
+        connected_pose(&self.asked, &self.machine, joints, seed)
     }
 
     /// Counts one pose for both modules.
@@ -171,8 +175,8 @@ impl Judge {
         seed: &Pose,
         (subject, start): (&Subject, Seed),
     ) {
-        let (ours, home) = (&self.modules[0], &subject.home);
-        let Ok(joints) = ours.inverse(pose) else { return };
+        let (asked, home) = (&self.asked, &subject.home);
+        let Ok(joints) = asked.inverse(pose) else { return };
         let found = [0, 1].map(|which| self.modules[which].forward(&joints, seed).ok());
         let found = found.map(|found| found.map(|found| subject.without_held(found)));
         let here = |found: &Option<Pose>| found.is_some_and(|found| self.is_same(&found, pose));
@@ -180,7 +184,7 @@ impl Judge {
             true => Some(*pose),
             false => self.right(&joints, seed),
         };
-        let behind = same_handed(ours, &self.machine, pose, home) != Some(true);
+        let behind = same_handed(asked, &self.machine, pose, home) != Some(true);
         for (row, found) in rows.iter_mut().zip(found) {
             let count = if behind { &mut row.behind } else { &mut row.before };
             count.calls += 1;
