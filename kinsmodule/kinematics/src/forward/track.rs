@@ -90,6 +90,9 @@ impl<const N: usize> Mechanism<N> {
         let mut done = 0.0;
         let mut share = shrunk(1.0, h_whole);
         let mut ahead = Ahead::NOT;
+        // Where base anchors move, or legs are in excess, there is none to expect: the legs do not fit half-way. Nor
+        // where one was not there: next to singular poses every second sub-step would go for it.
+        let mut looks_ahead = !self.moving && !self.layout.is_redundant();
         effort.sub_steps = 0;
         while effort.sub_steps < MAX_SUB_STEPS {
             effort.sub_steps += 1;
@@ -108,6 +111,7 @@ impl<const N: usize> Mechanism<N> {
                 Err(_) if ahead.is_ahead() => {
                     effort.spend()?;
                     ahead.by = [0.0; 6];
+                    looks_ahead = false;
                     share /= 2.0;
                     continue;
                 }
@@ -118,9 +122,7 @@ impl<const N: usize> Mechanism<N> {
             if taken.arrives {
                 return Ok(place);
             }
-            // A ball about the middle reaches twice as far. Where base anchors move, or legs are in excess,
-            // there is none to expect: the legs do not fit half-way.
-            let looks_ahead = !self.moving && !self.layout.is_redundant();
+            // A ball about the middle reaches twice as far.
             let halves = if ahead.is_ahead() || !looks_ahead { 1.0 } else { 2.0 };
             share = taken.share * 0.95 * (halves * CERTIFIED / taken.h).min(4.0);
             let covered = if ahead.is_ahead() { taken.share / 2.0 } else { taken.share };
