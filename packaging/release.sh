@@ -26,6 +26,7 @@ grep -q "\"pkmkins $version\"" docs/pkmkins.9 || refuse "docs/pkmkins.9 names an
 sed '/^#/d; s/ .*//' docs/names.txt | sort -u | while read -r of; do
     grep -q "^## \[$of\]" CHANGELOG.md || refuse "docs/names.txt has names of $of, which CHANGELOG.md does not have: make names"
 done
+[ -f target/module/release/libpkmkins.so ] || refuse "the module is not built here: make release builds and tests first"
 ! tag=$(git rev-parse --quiet --verify "v$version^{commit}") || [ "$tag" = "$(git rev-parse HEAD)" ] ||
     refuse "v$version is already another commit: a released version never changes"
 

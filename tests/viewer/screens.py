@@ -65,7 +65,7 @@ def copied(name, folder):
     assert text.count(model) == 1, f"{name}.ini starts no model"
     # Nobody moves the windows apart.
     text = text.replace(model, f"{model} --geometry {MODEL}")
-    # AXIS draws ten times a second otherwise, which without a card is half of all that this costs.
+    # AXIS draws ten times a second otherwise, which without a card is more than a quarter of what this costs.
     ini.write_text(text.replace("[DISPLAY]\n", "[DISPLAY]\nCYCLE_TIME = 0.5\n"))
     return ini
 

@@ -81,7 +81,10 @@ pub(super) fn keys(report: &mut Report, config: &MachineConfig) {
              machine is built like that",
             joints[leg].name,
             values.len() - 1,
-            values[if leg == 0 { 1 } else { 0 }]
+            match beside(&values, leg) {
+                [low, high] if low == high => low.to_string(),
+                [low, high] => format!("{low} to {high}"),
+            }
         );
         let section = config.place.joint_section(leg);
         report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
@@ -93,10 +96,7 @@ pub(super) fn keys(report: &mut Report, config: &MachineConfig) {
 fn apart(values: &[f64]) -> Option<usize> {
     (values.len() > ALIKE).then_some(())?;
     (0..values.len()).find(|leg| {
-        let others = values.iter().enumerate().filter(|(i, _)| i != leg).map(|(_, value)| *value);
-        let (low, high) = others
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-        let own = values[*leg];
+        let ([low, high], own) = (beside(values, *leg), values[*leg]);
         let is_far = low > 0.0 && high <= NEAR * low && (own > FAR * high || own * FAR < low);
         (low == high && own != low) || is_far
     })
@@ -131,15 +131,17 @@ fn quantities(config: &MachineConfig, at: &At) -> Vec<Quantity> {
 /// The one leg that differs from all others, which do not differ from each other.
 fn odd(values: &[f64], scale: f64) -> Option<usize> {
     (0..values.len()).find(|leg| {
-        let others =
-            || values.iter().enumerate().filter(|(i, _)| i != leg).map(|(_, value)| *value);
-        let (low, high) = others()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-                (low.min(value), high.max(value))
-            });
+        let [low, high] = beside(values, *leg);
         let away = (low - values[*leg]).max(values[*leg] - high);
-        others().count() >= ALIKE && high - low <= SAME * scale && away > OTHER * scale
+        values.len() > ALIKE && high - low <= SAME * scale && away > OTHER * scale
     })
+}
+
+/// Least and largest value of all other legs.
+fn beside(values: &[f64], leg: usize) -> [f64; 2] {
+    let others = values.iter().enumerate().filter(|(i, _)| *i != leg);
+    others
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, x)| [low.min(*x), high.max(*x)])
 }
 
 #[cfg(test)]

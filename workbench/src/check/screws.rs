@@ -16,8 +16,8 @@ use kinematics::{At, LegKind, Vector3};
 /// opposite: the axes are those of one joint turned by 60 degrees or more.
 const UNCLEAR: f64 = 0.5;
 
-/// Share of a strut's travel that a turn of its screw makes, beyond which the unit of the lead is doubted: the
-/// steepest screws make half of that.
+/// Share of a strut's travel that a turn of its screw makes, beyond which the unit of the lead is doubted: a
+/// choice of this check, five turns from end to end.
 const STEEP: f64 = 0.2;
 
 /// A strut with a screw.

@@ -9,6 +9,10 @@ use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
 use crate::read::tools::{self, Tool};
 
+/// By how many times the machine's size (its largest length from an origin) a tool may be long, before its unit is doubted: a
+/// choice, for small machines have tools as long as their radius.
+const LONG: f64 = 2.0;
+
 /// The tools of the table, and what is wrong with them; none where it cannot be read.
 pub(super) fn read(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
     let whole = |text: &str| at_key(&config.ini, "EMCIO", "TOOL_TABLE", text);
@@ -46,9 +50,10 @@ fn of_tool(config: &MachineConfig, tool: &Tool, before: &[Tool]) -> Vec<IniError
         found.push(tool.refuse_length(config, &text));
     }
     let (size, unit) = (config.machine.size(), config.length_unit());
-    if tool.offset.norm() > size {
+    if tool.offset.norm() > LONG * size {
         let text = format!(
-            "the tool is longer than the machine is large, {} {unit}: expected {unit} as for all lengths",
+            "no anchor is farther than {} {unit} from the origin of its frame, and the tool is more than twice as long: \
+             expected {unit} as for all lengths",
             limits::shown(size)
         );
         found.push(tool.refuse_length(config, &text));

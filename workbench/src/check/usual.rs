@@ -19,7 +19,8 @@ const FAR: f64 = 20.0;
 /// Smallest clearance of legs, as a share of the machine's size: thinner legs carry nothing.
 const THIN: f64 = 1e-3;
 
-/// By how many times the machine's size a place may be away: another unit is 25.4 times as far.
+/// By how many times the machine's size (its largest length from an origin) a limit may be away: a choice between what
+/// machines have and another unit, which is 25.4 times as far.
 const AWAY: f64 = 10.0;
 
 /// Keys with the values that machines have, and what is expected.
@@ -143,7 +144,8 @@ fn away(report: &mut Report, config: &MachineConfig, section: &str, limits: [f64
     for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(limits) {
         if limit.is_finite() && limit.abs() > AWAY * size {
             let text = format!(
-                "the machine is {} {unit} large, and nothing of it comes so far: expected {unit} as for all lengths",
+                "no anchor is farther than {} {unit} from the origin of its frame, and nothing comes so far: expected {unit} as for all \
+                 lengths",
                 limits::shown(size)
             );
             warn(report, config, (section, key), &text);
