@@ -31,6 +31,6 @@ pub mod suggestion;
 mod table;
 mod tips;
 mod typos;
-mod usual;
+pub(crate) mod usual;
 pub(crate) mod wiring;
 mod workspace;

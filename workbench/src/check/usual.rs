@@ -21,7 +21,10 @@ const THIN: f64 = 1e-3;
 
 /// By how many times the machine's size (its largest length from an origin) a limit may be away: a choice between what
 /// machines have and another unit, which is 25.4 times as far.
-const AWAY: f64 = 10.0;
+pub(crate) const AWAY: f64 = 10.0;
+
+/// Largest angle that radians have names for: no joint of a leg swings as little in degrees.
+const RADIANS: f64 = std::f64::consts::PI;
 
 /// Keys with the values that machines have, and what is expected.
 const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
@@ -48,6 +51,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
         }
     }
     thin(report, config);
+    angles(report, config);
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let axis = &config.axes[letter.index()];
         let section = config.place.axis_section(letter);
@@ -135,6 +139,42 @@ fn thin(report: &mut Report, config: &MachineConfig) {
             unit = config.length_unit()
         );
         warn(report, config, ("PKM", "ROD_CLEARANCE"), &text);
+    }
+}
+
+/// Limits of angles in radians.
+fn angles(report: &mut Report, config: &MachineConfig) {
+    let cones = |key, of: &[Option<f64>]| {
+        let is_small = |angle: &Option<f64>| angle.is_some_and(|angle| angle <= RADIANS);
+        let leg = of.iter().position(is_small)?;
+        Some((config.place.leg_section(leg), key, of[leg]?))
+    };
+    let least = |of: &[Option<[f64; 2]>]| -> Vec<Option<f64>> {
+        of.iter().map(|both| both.map(|[about, across]| about.min(across))).collect()
+    };
+    let found = [
+        cones("BASE_CONE", &config.base_cone),
+        cones("PLATFORM_CONE", &config.platform_cone),
+        cones("BASE_PYRAMID", &least(&config.base_pyramid)),
+        cones("PLATFORM_PYRAMID", &least(&config.platform_pyramid)),
+        config
+            .tilt_limit
+            .filter(|most| *most <= RADIANS)
+            .map(|most| ("PKM".into(), "TILT_LIMIT", most)),
+    ];
+    for (section, key, angle) in found.into_iter().flatten() {
+        let text = format!(
+            "hardly a pose keeps it: expected degrees, as for all angles; {angle} radians are {:.1}",
+            angle.to_degrees()
+        );
+        warn(report, config, (&section, key), &text);
+    }
+    let is_turned =
+        |letter: &Letter| letter.is_angle() && !config.machine.layout().is_held(*letter);
+    if config.tilt_limit.is_some() && !Letter::ALL.iter().any(is_turned) {
+        let text =
+            "the platform keeps its direction, so that nothing is limited: leave the key out";
+        warn(report, config, ("PKM", "TILT_LIMIT"), text);
     }
 }
 

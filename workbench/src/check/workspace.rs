@@ -93,7 +93,8 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Se
          a sign or a unit of that is wrong; else take the limits at the end, which are proved, as pkm check \
          --fix does"
     );
-    report.finding(Severity::Warning, first_axis(ini, config, &text));
+    let severity = if seen.taken == 0 { Severity::Error } else { Severity::Warning };
+    report.finding(severity, first_axis(ini, config, &text));
 }
 
 fn first_axis(ini: &Ini, config: &MachineConfig, text: &str) -> crate::read::ini::IniError {

@@ -76,7 +76,7 @@ const PYRAMID: &[Parameter] = &[
 const IN_THE_MIDDLE: &str = "World origin: the middle of the base seen from above, Z up. Pose: the spindle's nose, which is the tip of a tool without a length.";
 const PYRAMID_FRAME: &str = "World origin: the middle between the feet of the guides as seen from above, Z up; the height of the feet is their Z. Pose: the spindle's nose; what the table moves is relative to the work. A column or slide has to hold what the legs do not move: the platform's point CENTRE at 0.";
 const RAILS_FRAME: &str = "World origin: in the middle of the carriages' travel and of the rails, Z up, rails along X. Pose: the spindle's nose. A joint value is the place of a carriage on its rail.";
-const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there.";
+const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there. Where the spindle is in X and Y the kinematics need not know: the work offset (G54) has it, touched off.";
 
 /// All kinds.
 pub const KINDS: &[Kind] = &[

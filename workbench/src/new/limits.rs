@@ -2,6 +2,7 @@
 //! Limits of the axes, proved, and what they ask of the drives.
 
 use crate::check::findings::Finding;
+use crate::check::usual::AWAY;
 use crate::check::wiring::at_key;
 use crate::limits::sentence;
 use crate::new::ini::Plan;
@@ -10,7 +11,7 @@ use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
 use crate::read::machine::MachineConfig;
-use kinematics::{Joints, Letter};
+use kinematics::{Joints, Letter, leg};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -52,8 +53,16 @@ pub fn proved(
 ) -> Result<AxisBox, Refusal> {
     let misfit = |stop: Stop| {
         let why = shown(config, stop);
-        let text = format!("at home {why}: give other dimensions, or another place with --home");
-        Refusal::Misfit(text)
+        let way = if is_of_two_units(config, plan) {
+            format!(
+                "see whether struts and joints are all in {}, for the struts are more than {AWAY} times as long as any joint is \
+                 away from its origin",
+                config.length_unit()
+            )
+        } else {
+            "give other dimensions, or another place with --home".into()
+        };
+        Refusal::Misfit(format!("at home {why}: {way}"))
     };
     if let Some(tilt) = tilt(plan).filter(|tilt| *tilt < NARROWEST[1] / 2.0) {
         let text = format!("--tilt {tilt}: expected {} degrees or more", NARROWEST[1] / 2.0);
@@ -79,6 +88,11 @@ pub fn proved(
             if plan.tilts() { "less --tilt, " } else { "" }
         ))),
     }
+}
+
+/// Whether struts are as long as another unit makes them.
+fn is_of_two_units(config: &MachineConfig, plan: &Plan) -> bool {
+    plan.kind.leg == leg::Kind::Strut && plan.range()[1] > AWAY * config.machine.size()
 }
 
 /// The limits that are asked for a letter.

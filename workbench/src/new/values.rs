@@ -251,9 +251,9 @@ fn word_fits(measure: Measure, word: &str) -> Result<(), String> {
     match measure {
         Measure::Choice(words) if !words.contains(&word) => Err(words.join(" or ")),
         Measure::Hands if !of("RL") => {
-            Err("letters R and L, one for all screws or one for each".into())
+            Err("capital letters R and L, one for all screws or one for each".into())
         }
-        Measure::Letters if !of("XYZABC") => Err("letters of XYZABC".into()),
+        Measure::Letters if !of("XYZABC") => Err("capital letters of XYZABC".into()),
         _ => Ok(()),
     }
 }

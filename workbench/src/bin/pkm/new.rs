@@ -231,6 +231,6 @@ fn text(made: &Made, order: &Order) -> String {
         made.boxes
     );
     format!(
-        "{notes}{findings}Next:\n\n  pkm check {folder}/{name}.ini\n  pkm preflight {folder}/{name}.ini {folder}/programs/first.ngc\n  linuxcnc {folder}/{name}.ini\n"
+        "{notes}{findings}Next:\n\n  pkm check {folder}/{name}.ini\n  pkm view {folder}/{name}.ini\n  pkm preflight {folder}/{name}.ini {folder}/programs/first.ngc\n  linuxcnc {folder}/{name}.ini\n"
     )
 }

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{self, Judging};
-use super::{Bar, MachineFile, Verdict, output};
+use super::{Bar, MachineFile, Verdict, output, told};
 use pkm::files::{Folder, Locate, Whole, read, write_whole};
 use pkm::program::course::Course;
 use pkm::program::findings::Time;
@@ -106,6 +106,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let html = html(arguments, &config);
     if let Some(file) = &html {
         write_whole(file, &page)?;
+    }
+    if let (Some(file), None) = (&html, &arguments.html) {
+        Failure::unless_unread(told(&format!(
+            "{} is written: open it in a browser\n",
+            file.display()
+        )))?;
     }
     if arguments.video.is_some() && !data.moves() {
         return Err(refused(
