@@ -73,7 +73,7 @@ packed() {
     echo "pkmkins: $file, $(($(stat -c %s "$file") / 1024)) KiB, $(dpkg-deb --field "$file" Installed-Size) KiB installed"
 }
 
-maintainer=$(sed -n 's/^maintainer = "\(.*\)"$/\1/p' workbench/Cargo.toml)
+maintainer=$(sed -n 's/^maintainer = "\(.*\)"$/\1/p' command/Cargo.toml)
 rm -rf "$stage" target/debian
 mkdir -p "$stage" target/debian
 # cargo-about reads the licences in the crates of the lock file, and wants to have all of them.
@@ -87,7 +87,7 @@ set --
 CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" "$@"
 
 lay_out install-pkm PKM=target/deb/pkm DESTDIR="$stage/pkm" PREFIX=/usr
-documents pkm workbench 1 page/built/LICENSES.txt
+documents pkm command 1 page/built/LICENSES.txt
 packed pkm usr/bin/pkm 1 --profile deb
 
 # Those with symbols alone are as cargo-deb makes them, without documents of their own.

@@ -57,7 +57,7 @@ def by_numpy(machine):
 
 
 class Batch:
-    """The batch of workbench/benches/batch.rs, which answers in turns with Python."""
+    """The batch of command/benches/batch.rs, which answers in turns with Python."""
 
     def __init__(self, ini, poses, folder):
         rows = folder / "poses"

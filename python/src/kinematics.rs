@@ -5,11 +5,11 @@ use crate::arrays::Rows;
 use crate::batch::{Answer, Found, each, in_order};
 use kinematics::{At, Fault, Limits, Margin, Pose, Vector3};
 use numpy::{IntoPyArray, PyArray1};
-use pkm::limits;
-use pkm::read::machine::MachineConfig;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
+use workbench::limits;
+use workbench::read::machine::MachineConfig;
 
 /// The six numbers of a pose, angles in degrees.
 pub const POSE: usize = 6;

@@ -9,17 +9,17 @@ use crate::sections::Parts;
 use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
 use kinematics::{Letter, Vector3};
 use numpy::{IntoPyArray, PyArray1};
-use pkm::new::kinds::KINDS;
-use pkm::new::make::sketched;
-use pkm::new::values::Values;
-use pkm::read::ini::Ini;
-use pkm::read::machine::MachineConfig;
-use pkm::study::workspace::tilts;
 use pyo3::exceptions::{PyNotImplementedError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use workbench::new::kinds::KINDS;
+use workbench::new::make::sketched;
+use workbench::new::values::Values;
+use workbench::read::ini::Ini;
+use workbench::read::machine::MachineConfig;
+use workbench::study::workspace::tilts;
 
 /// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
 const DIRECTIONS: usize = 12;

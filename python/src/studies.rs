@@ -7,15 +7,15 @@ use crate::kinematics::{POSE, pose};
 use crate::refusal::machine_error;
 use kinematics::{Cause, Fault, Vector3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
-use pkm::read::machine::MachineConfig;
-use pkm::study::body::{Body, Effort, counted};
-use pkm::study::file::Study;
-use pkm::study::sensitivity;
-use pkm::study::springs::Springs;
-use pkm::study::stiffness;
-use pkm::study::workspace;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use workbench::read::machine::MachineConfig;
+use workbench::study::body::{Body, Effort, counted};
+use workbench::study::file::Study;
+use workbench::study::sensitivity;
+use workbench::study::springs::Springs;
+use workbench::study::stiffness;
+use workbench::study::workspace;
 
 /// A study from the text of its file.
 pub fn study(text: Option<&str>) -> PyResult<Study> {

@@ -3,14 +3,14 @@
 
 use crate::trace::{Report, RunResult};
 use maud::{Markup, html};
-use pkm::draw::motion;
-use pkm::draw::page::page;
-use pkm::draw::plot::Plot;
-use pkm::draw::sample::Sample;
-use pkm::files::write_whole;
-use pkm::read::machine::MachineConfig;
 use std::error::Error;
 use std::path::Path;
+use workbench::draw::motion;
+use workbench::draw::page::page;
+use workbench::draw::plot::Plot;
+use workbench::draw::sample::Sample;
+use workbench::files::write_whole;
+use workbench::read::machine::MachineConfig;
 
 /// Writes plots and report.html into `folder`, which is made if needed.
 ///

@@ -6,14 +6,14 @@
 //! and hold positions, speeds and cones to the limits of the INI file.
 
 use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
-use pkm::check::mobility::Structure;
-use pkm::draw::sample::Sample;
-use pkm::limits;
-use pkm::read::joints::{Group, JointKind};
-use pkm::read::machine::MachineConfig;
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
+use workbench::check::mobility::Structure;
+use workbench::draw::sample::Sample;
+use workbench::limits;
+use workbench::read::joints::{Group, JointKind};
+use workbench::read::machine::MachineConfig;
 
 /// Coarse joint commands against host inverse, in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;

@@ -4,9 +4,9 @@
 
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
-use pkm::draw::sample::Sample;
-use pkm::read::joints::JointKind;
-use pkm::read::machine::MachineConfig;
+use workbench::draw::sample::Sample;
+use workbench::read::joints::JointKind;
+use workbench::read::machine::MachineConfig;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

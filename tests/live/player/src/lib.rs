@@ -14,14 +14,14 @@
 //! Only for simulation: files are read when it is loaded. In a cycle it allocates nothing.
 
 use kinematics::{Joints, MAX_JOINTS, Pose, Solver, Vector3};
-use pkm::calibrate::model::Frame;
-use pkm::calibrate::plate::Plate;
-use pkm::read::machine::MachineConfig;
 use std::cell::UnsafeCell;
 use std::error::Error;
 use std::ffi::{CStr, CString, c_char, c_int, c_long, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
+use workbench::calibrate::model::Frame;
+use workbench::calibrate::plate::Plate;
+use workbench::read::machine::MachineConfig;
 
 const NAME: &CStr = c"pkmkins_truth";
 const IN: c_int = 16;

@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
+//! positions a second of a study of the workspace, stability in the cut, and programs judged before
+//! cutting. Times are printed, never asserted; what stays are the ratios of one run.
+
+use kinematics::{Machine, Pose, Vector3};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::fmt::Write;
+use std::fs;
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+use workbench::control::process::Options;
+use workbench::program::findings::Time;
+use workbench::program::flight::Flight;
+use workbench::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, Patience};
+use workbench::program::offset::Offset;
+use workbench::program::preflight::timed;
+use workbench::read::machine::MachineConfig;
+use workbench::stability::lobes::Lobes;
+use workbench::stability::map::StableMap;
+use workbench::stability::pose::Setup;
+use workbench::study::body::{Body, Effort, counted};
+use workbench::study::file::Study;
+use workbench::study::workspace::Workspace;
+
+/// Lines of the long program.
+const LINES: u32 = 1_000_000;
+
+/// Poses a scan, and scans of each kind in turns; the median counts.
+const POSES: u32 = 200_000;
+const SCANS: usize = 11;
+
+/// Rays from pole to pole, steps along one, and points of the grid along its longest side.
+const BANDS: usize = 24;
+const STEPS: f64 = 300.0;
+const GRID: usize = 60;
+
+/// A raster about home: 50 units and 10 degrees either way, whatever is active.
+fn raster(config: &MachineConfig) -> Vec<Pose> {
+    let home = config.home_pose().to_degrees();
+    let layout = config.machine.layout();
+    let active = kinematics::Letter::ALL.map(|letter| !layout.is_held(letter));
+    let pose = |n: u32| {
+        let mut pose = home;
+        for (k, value) in pose.iter_mut().enumerate().filter(|(k, _)| active[*k]) {
+            let share = f64::from(n % (11 + 2 * k as u32)) / f64::from(10 + 2 * k as u32);
+            *value += (2.0 * share - 1.0) * if k < 3 { 50.0 } else { 10.0 };
+        }
+        Pose::from_degrees(pose)
+    };
+    (0..POSES).map(pose).collect()
+}
+
+/// Millions a second, by the median of times.
+fn millions(count: f64, times: &mut [f64]) -> String {
+    times.sort_by(f64::total_cmp);
+    format!("{:.1}", count / times[times.len() / 2] * 1e-6)
+}
+
+fn one_by_one(machine: &Machine, poses: &[Pose], tool: &Vector3<f64>) {
+    for pose in poses {
+        let _ = black_box(machine.inverse(pose, tool));
+    }
+}
+
+fn row(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
+    let (machine, tool) = (&config.machine, &config.spindle);
+    let poses = raster(config);
+    let mut seconds = vec![Vec::new(); cores.len() + 1];
+    for _ in 0..SCANS {
+        seconds[0].push(seconds_of(|| one_by_one(machine, &poses, tool)).1);
+        for (times, cores) in seconds[1..].iter_mut().zip(cores) {
+            let scan = || {
+                let joints = poses.par_iter().map(|pose| machine.inverse(pose, tool));
+                black_box(cores.install(|| joints.collect::<Vec<_>>()));
+            };
+            times.push(seconds_of(scan).1);
+        }
+    }
+    let found = poses.iter().filter(|pose| machine.inverse(pose, tool).is_ok()).count();
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(f64::from(POSES), times)).collect();
+    println!("| {name} | {found} of {POSES} | {} |", rates.join(" | "));
+}
+
+/// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
+fn looked_over(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
+    let workspace =
+        Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
+    let from = config.home_pose().position;
+    let look = || {
+        let step = workspace.extent() / STEPS;
+        let effort = Effort { bands: BANDS, step, grid: GRID, progress: &|_| () };
+        let body = Body::seen(&workspace, from, &effort).unwrap();
+        body.looked() + counted(&workspace, &body.corners(), &effort).points
+    };
+    let positions = look();
+    let mut seconds = vec![Vec::new(); cores.len()];
+    for _ in 0..SCANS {
+        for (times, cores) in seconds.iter_mut().zip(cores) {
+            times.push(seconds_of(|| black_box(cores.install(look))).1);
+        }
+    }
+    let rates: Vec<String> =
+        seconds.iter_mut().map(|times| millions(positions as f64, times)).collect();
+    println!("| {name} | {positions} | {} |", rates.join(" | "));
+}
+
+/// Straight lines about the middle of the workspace, of half a millimetre each: a spiral that goes
+/// out and in again.
+fn long_program() -> String {
+    let mut text = String::from("G21 G90 G64\nM52 P1\nG0 X0 Y0 Z220\n");
+    for n in 0..LINES {
+        let turn = f64::from(n) * 0.02;
+        let radius = 25.0 + 20.0 * (f64::from(n) * 1e-4).sin();
+        let (x, y) = (radius * turn.cos(), radius * turn.sin());
+        let z = 220.0 + 10.0 * (turn * 0.1).sin();
+        // Writing to a String does not fail.
+        let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F12000");
+    }
+    text + "M2\n"
+}
+
+/// Largest memory of this process so far, MB.
+fn memory() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
+}
+
+/// A program read and followed, run by LinuxCNC, and both at once, as `pkm preflight` has it.
+fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
+    let options = Options { block: Some(offset.block()), ..Options::default() };
+    let follow = || {
+        let (mut flight, mut lines) = (Flight::new(config).unwrap(), 0);
+        let block = options.block.as_deref();
+        let see = |step: &Move| {
+            flight.see(step);
+            lines = lines.max(step.line);
+        };
+        interpreter::each(config, program, block, &Patience::default(), see).unwrap();
+        let found = flight.finish().unwrap();
+        (found.pieces, lines)
+    };
+    let run = || match timed(config, program, &options, |_| ControlFlow::Continue(())) {
+        Time::Judged(timing) => timing.seconds,
+        Time::NotJudged(cause) => panic!("{name}: {cause}"),
+    };
+    let ((pieces, lines), alone) = seconds_of(follow);
+    let (machine, virtual_time) = seconds_of(run);
+    let (_, both) = seconds_of(|| {
+        std::thread::scope(|scope| {
+            scope.spawn(run);
+            follow();
+        });
+    });
+    println!(
+        "| {name} | {lines} | {pieces} | {alone:.1} s | {machine:.0} s | {virtual_time:.1} s | {:.0} | \
+         {:.0} | {both:.1} s | {:.0} MB |",
+        machine / config.period / virtual_time,
+        machine / virtual_time,
+        memory().unwrap_or(f64::NAN)
+    );
+}
+
+/// Spindle speeds of the lobes, and places along each side of the map of limit depths.
+const SPEEDS: usize = 1000;
+const SIDE: usize = 100;
+
+/// Stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
+fn stability(configs: &Path, cores: &[ThreadPool]) {
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let study = Study::read(&configs.join("hexapod/cutting.toml")).unwrap();
+    let setup = Setup::new(&config, &study).unwrap();
+    let (pose, tool) = (config.home_pose(), config.spindle);
+    let rows = setup.rows(&pose, &tool, &Vector3::x()).unwrap();
+    let speeds: Vec<f64> =
+        (0..SPEEDS).map(|k| 3000.0 + 15_000.0 * k as f64 / SPEEDS as f64).collect();
+    let lobes = || {
+        let lobes = Lobes::new(&rows, &setup.process, speeds[0]);
+        speeds.par_iter().map(|rpm| lobes.limit(*rpm)).collect::<Vec<_>>()
+    };
+    let depths = || StableMap::new(&rows, &setup.process, [3000.0, 18_000.0], 5.0, 61, |_| ());
+    let places = || {
+        let place = |n: usize| {
+            let mut at = pose;
+            at.position.x = -150.0 + 300.0 * (n % SIDE) as f64 / SIDE as f64;
+            at.position.y = -150.0 + 300.0 * (n / SIDE) as f64 / SIDE as f64;
+            setup.least(&at, &tool, None).unwrap()
+        };
+        (0..SIDE * SIDE).into_par_iter().map(place).collect::<Vec<_>>()
+    };
+    let row = |name: &str, work: &(dyn Fn() + Sync)| {
+        let times = cores.iter().map(|cores| seconds_of(|| cores.install(work)).1);
+        let times: Vec<String> = times.map(|time| format!("{time:.2} s")).collect();
+        println!("| {name} | {} |", times.join(" | "));
+    };
+    row("lobes of 1,000 spindle speeds at a pose", &|| drop(black_box(lobes())));
+    row("unstable depths by collocation, from 61 speeds on", &|| drop(black_box(depths())));
+    row("limit depths at 10,000 poses, 18 feeds each", &|| drop(black_box(places())));
+}
+
+/// At 600 mm/min a row of 80 mm takes eight seconds.
+const HOUR_ROWS: u32 = 440;
+
+/// About an hour of milling: a surface of waves, in rows of lines of two millimetres.
+fn hour_of_milling() -> String {
+    let mut text = String::from("G21 G90 G64 P0.01\nS9000 M3\nG0 X-40 Y-40 Z220\n");
+    for row in 0..HOUR_ROWS {
+        let y = 80.0 * f64::from(row) / f64::from(HOUR_ROWS) - 40.0;
+        for k in 0..=40 {
+            let x =
+                if row % 2 == 0 { 2.0 * f64::from(k) - 40.0 } else { 40.0 - 2.0 * f64::from(k) };
+            let z = 220.0 + 3.0 * (x * 0.08).sin() * (y * 0.05).cos();
+            let _ = writeln!(text, "G1 X{x:.4} Y{y:.4} Z{z:.4} F600");
+        }
+    }
+    text + "M5\nM2\n"
+}
+
+/// The cutting report of an hour of program, as the command writes it.
+fn cutting_report(configs: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("hour.ngc");
+    fs::write(&program, hour_of_milling()).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+    command.arg("cut").arg(configs.join("hexapod/hexapod.ini")).arg(program);
+    command.arg("--study").arg(configs.join("hexapod/cut.toml")).args(["--format", "json"]);
+    let (output, seconds) = seconds_of(|| command.output().unwrap());
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    println!("\n`pkm cut` of a long program on the hexapod, LinuxCNC's run of it included:\n");
+    println!("| machine's time | moments judged | places of stability | wall time |");
+    println!("|--:|--:|--:|--:|");
+    println!(
+        "| {:.0} s | {} | {} | {seconds:.1} s |",
+        found["seconds"].as_f64().unwrap(),
+        found["moments"],
+        found["stability"]["places"]
+    );
+}
+
+/// A result, and how long it took.
+fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64())
+}
+
+fn programs(configs: &Path) {
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let long = folder.path().join("long.ngc");
+    fs::write(&long, long_program()).unwrap();
+    println!(
+        "\nPrograms judged by preflight on the hexapod: their path read and followed, LinuxCNC in virtual \
+         time, and both at once; memory is the most of this process so far:\n"
+    );
+    println!(
+        "| program | lines | pieces | path | machine's time | LinuxCNC | cycles a second | times real time \
+         | both at once | memory |"
+    );
+    println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    let chips = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
+    judged(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
+    judged(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });
+}
+
+fn main() {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+    let pool = |threads: usize| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let most = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut cores = vec![pool(1)];
+    cores.extend((most > 1).then(|| pool(most)));
+    let threads = || cores.iter().map(ThreadPool::current_num_threads);
+    let columns: Vec<String> = threads().map(|n| format!("batch, threads: {n}")).collect();
+    println!("\nInverse over a raster of poses, in million poses a second:\n");
+    println!("| machine | within reach | one by one | {} |", columns.join(" | "));
+    println!("|---|--:|--:|{}", "--:|".repeat(columns.len()));
+    for name in ["hexapod", "six-rod-lathe", "pyramid"] {
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        row(&config, name, &cores);
+    }
+    let columns: Vec<String> = threads().map(|n| format!("threads: {n}")).collect();
+    println!("\nPositions of `pkm workspace`, every limit checked, in millions a second:\n");
+    println!("| machine | positions | {} |", columns.join(" | "));
+    println!("|---|--:|{}", "--:|".repeat(columns.len()));
+    for name in ["hexapod", "six-rod-lathe", "linear-delta"] {
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        looked_over(&config, name, &cores);
+    }
+    println!("\nStability in the cut of the hexapod:\n");
+    println!("| answer | {} |", columns.join(" | "));
+    println!("|---|{}", "--:|".repeat(columns.len()));
+    stability(&configs, &cores);
+    cutting_report(&configs);
+    programs(&configs);
+}

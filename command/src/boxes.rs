@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm boxes`.
+
+use super::failure::{Failure, tell_error};
+use super::{Bar, MachineFile, Verdict, output, told};
+use serde::Serialize;
+use serde_json::json;
+use workbench::check::boxes::refused;
+use workbench::check::fixes::rewritten;
+use workbench::files::write_over;
+use workbench::proof::boxes as proof;
+use workbench::proof::one_to_one::Doubt;
+use workbench::read::boxes::{self, BoxSection};
+use workbench::read::machine::MachineConfig;
+
+/// Finds and proves boxes of poses for the start without a seed
+///
+/// With boxes= in [KINS]KINEMATICS every [BOX_K] section of the file is proved again: that on its
+/// poses no two have the same joint values. Without, boxes that fill the axis limits are sought
+/// and proved; standard output gets their sections, to be put into the file, and the number for
+/// boxes=. That takes seconds to minutes. It is also done where the sections of the file are refused,
+/// as those that were proved for another geometry are.
+///
+/// Exit status: 0 where all boxes are proved, 1 where one is not or none is found, or where the file has
+/// others than those that were found and --write is not given, 2 where the file describes no machine.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// Write the sections that are found, and their number, into the file, in the place of those that it
+    /// has; comments stay
+    #[arg(long)]
+    write: bool,
+}
+
+/// What is said of the boxes of a mechanism.
+struct Answer {
+    /// For standard output.
+    text: String,
+    /// Of every box its section, and into how many cells its proof cuts it.
+    proved: Vec<Proved>,
+    /// Those that the file should have.
+    sections: Vec<BoxSection>,
+    /// Whether the file has them.
+    is_there: bool,
+}
+
+/// A box that is proved.
+#[derive(Serialize)]
+struct Proved {
+    section: String,
+    cells: usize,
+    contraction: f64,
+    is_in_file: bool,
+}
+
+/// Why there is no proof.
+#[derive(Debug, thiserror::Error)]
+enum Unproved {
+    /// Of any box.
+    #[error(transparent)]
+    Search(#[from] Doubt),
+    /// Of a section of the file.
+    #[error("[{0}] {1}")]
+    Section(String, Doubt),
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all_without_boxes()?;
+    let mut verdict = Verdict::Fits;
+    let mut text = match arguments.write {
+        true => config.ini.editable()?,
+        false => config.ini.text(),
+    }
+    .to_string();
+    let (mut boxes, mut sections) = (vec![], String::new());
+    for mechanism in config.mechanisms() {
+        for refused in refused(mechanism, "looking for others") {
+            tell_error(&refused);
+        }
+        let answer = match of_mechanism(mechanism) {
+            Ok(answer) => answer,
+            Err(error) => {
+                tell_error(&format!("{}: {error}", config.file.display()));
+                verdict = Verdict::Misfit;
+                continue;
+            }
+        };
+        Failure::unless_unread(told(&answer.text))?;
+        boxes.extend(answer.proved);
+        if answer.is_there {
+            continue;
+        }
+        sections += &answer.text;
+        match arguments.write {
+            true => {
+                text = rewritten(&text, mechanism, &answer.sections)
+                    .map_err(|error| Failure::at(config.file.display(), error))?;
+            }
+            // Without boxes in the file there is nothing wrong with it.
+            false if mechanism.refused_boxes.is_none() => {}
+            false => {
+                let file = config.file.display();
+                tell_error(&format!("{file}: pkm boxes --write puts these sections into it"));
+                verdict = Verdict::Misfit;
+            }
+        }
+    }
+    let is_written = text != config.ini.text();
+    if is_written {
+        write_over(&config.file, &text)?;
+    }
+    let machine = &config.file;
+    output::answer(
+        &json!({ "machine": machine, "boxes": boxes, "sections": sections, "is_written": is_written }),
+    )?;
+    Ok(verdict)
+}
+
+fn of_mechanism(config: &MachineConfig) -> Result<Answer, Unproved> {
+    let bar = Bar::new("proving boxes");
+    match config.boxes.len() {
+        0 => found(config, &bar),
+        _ => proved(config, &bar),
+    }
+}
+
+fn found(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
+    let found = proof::found(config, &|share| bar.set(share))?;
+    let letters = config.machine.layout().coordinates().as_slice();
+    let parameter = config.place.boxes_parameter();
+    let mut text = format!("# {parameter}={} in [KINS]KINEMATICS\n", found.len());
+    for (k, (section, cells)) in found.iter().enumerate() {
+        text += &format!("\n# proved with {cells} cells\n");
+        text += &boxes::text(&config.place.box_section(k), section, letters, config.legs());
+    }
+    let of = |(k, (section, cells)): (usize, &(BoxSection, usize))| Proved {
+        section: config.place.box_section(k),
+        cells: *cells,
+        contraction: section.claim.contraction,
+        is_in_file: false,
+    };
+    let proved = found.iter().enumerate().map(of).collect();
+    let sections = found.into_iter().map(|(section, _)| section).collect();
+    Ok(Answer { text, proved, sections, is_there: false })
+}
+
+fn proved(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
+    let (mut text, mut proved) = (String::new(), vec![]);
+    for (k, section) in config.boxes.iter().enumerate() {
+        let name = config.place.box_section(k);
+        let count = config.boxes.len() as f64;
+        let told = |share: f64| bar.set((k as f64 + share) / count);
+        let cells = proof::prove(config, section, &told)
+            .map_err(|doubt| Unproved::Section(name.clone(), doubt))?;
+        let c = section.claim.contraction;
+        text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");
+        proved.push(Proved { section: name, cells, contraction: c, is_in_file: true });
+    }
+    Ok(Answer { text, proved, sections: vec![], is_there: true })
+}

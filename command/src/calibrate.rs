@@ -1,0 +1,468 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm calibrate`.
+
+use super::failure::{Failure, refused};
+use super::{Bar, MachineFile, Verdict, output};
+use serde_json::{Value, json};
+use statrs::distribution::{ContinuousCDF, Normal};
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::PathBuf;
+use workbench::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
+use workbench::calibrate::model::{Parameter, Quantity, Tolerance};
+use workbench::calibrate::rewrite;
+use workbench::calibrate::sheet::Sheet;
+use workbench::calibrate::study::{self, Agreement, Study, Wishes};
+use workbench::files::{write_over, write_whole};
+use workbench::read::machine::MachineConfig;
+
+/// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
+/// fifth that is held out has places of its own.
+const HELD_OUT: f64 = 1.5;
+
+/// A change by more of its deviations happens once in 16000 times.
+const FAR: f64 = 4.0;
+
+/// Finds a machine's true geometry from what it measured of itself
+///
+/// Reads logs of the calibration program, which probes the holes of a plate (--plate), files of
+/// (PROBEOPEN) with the same touches, or tables of a tracker or ball-bar as CSV (columns
+/// x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below lines "# geometry HASH" and "# tool X Y Z").
+/// Or the table of `pkm measure` with the readings of a dial gauge, a ball bar or a feeler gauge, which
+/// somebody has typed. Each file is one place of plate or instrument, which is found as well. All files belong to the
+/// geometry of MACHINE.ini: others are refused.
+///
+/// A file of PROBEOPEN needs comments on top that say what it belongs to: "# machine MACHINE.ini",
+/// "# geometry HASH", "# tool X Y Z", "# coordinates machine" (probed without a work offset, in the
+/// machine's unit) and "# plate X Y Z A B C", about where the plate lies. Each line is taken for
+/// the wall or face that it is nearest to, within a quarter of the ball's diameter; of lines that
+/// follow each other within a tenth of it, at one orientation, the last counts (a slow trip after
+/// a fast one).
+///
+/// Told are: what the measurements determine and what not, and why; every changed value with the
+/// half width of its 95 % interval; where the tip then is with 95 %; how well measurements are met
+/// that were not used. What they do not determine keeps the value of the file. Measurements that
+/// do not agree with the others are named and left out.
+///
+/// A change above --threshold is not written, unless --accept is given. Typed readings in which one slip
+/// explains why they do not fit (another unit, two exchanged, a row too high) are refused with the
+/// line.
+///
+/// Exit status: 0 where all is well, 1 where something should be looked at (a measurement left
+/// out, a machine unlike its drawing), 2 where there is no result.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// Logs of the calibration program, files of PROBEOPEN, or tables, of `pkm measure` too
+    #[arg(value_name = "LOG", required = true, value_hint = clap::ValueHint::FilePath)]
+    files: Vec<PathBuf>,
+    /// The plate that was probed
+    #[arg(long, value_name = "FILE.toml", value_hint = clap::ValueHint::FilePath)]
+    plate: Option<PathBuf>,
+    /// Writes the machine's file with the new geometry to another file
+    #[arg(long, value_name = "NEW.ini", value_hint = clap::ValueHint::FilePath)]
+    write: Option<PathBuf>,
+    /// Writes the new geometry into MACHINE.ini itself
+    #[arg(long, conflicts_with = "write")]
+    in_place: bool,
+    /// Proves new [BOX_K] for the start without a seed (minutes); without it they are taken out
+    #[arg(long)]
+    boxes: bool,
+    /// Standard deviation of an anchor's coordinate and of a length from the drawing, machine
+    /// units [default: 1 mm]
+    #[arg(long, value_name = "LENGTH")]
+    tolerance: Option<f64>,
+    /// Standard deviation of one measured number; without it the measurements tell
+    #[arg(long, value_name = "LENGTH")]
+    noise: Option<f64>,
+    /// Standard deviation of the screw lead as a share of it; 0 leaves it alone
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    lead: f64,
+    /// Standard deviation of the way by which the probe trips late, machine units; 0 leaves it out
+    /// [default: 0.05 mm]
+    #[arg(long, value_name = "LENGTH")]
+    trigger: Option<f64>,
+    /// Largest change of an anchor's coordinate or of a length that is written unasked, machine units
+    /// [default: 4 times --tolerance]
+    #[arg(long, value_name = "LENGTH")]
+    threshold: Option<f64>,
+    /// Writes what changes more than --threshold as well
+    #[arg(long)]
+    accept: bool,
+    /// Also tells so many poses to measure next, best first
+    #[arg(long, value_name = "COUNT", default_value_t = 0)]
+    next: usize,
+}
+
+/// The machine's own file for a new one.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is the machine's own file: --in-place writes into it", .0.display())]
+struct OwnFile(PathBuf);
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_unchained("the log")?;
+    let wishes = wishes(arguments, &config)?;
+    if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
+        return Err(OwnFile(config.file).into());
+    }
+    let given = study::read(&config, &arguments.files, &wishes)?;
+    study::look_for_slips(&config, &given, &arguments.files)?;
+    let bar = Bar::new("calibrating");
+    let study = study::study(&config, given, |share| bar.set(share))?;
+    let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
+    let new = new_text(arguments, &config, &study)?;
+    drop(bar);
+    let mut text = in_words(&config, &study);
+    if arguments.next > 0 {
+        text += &next(&config, &study, arguments.next)?;
+    }
+    let mut concerns = beyond(arguments, &config, &study);
+    let is_kept = !concerns.is_empty() && !arguments.accept;
+    if let Some(target) = target.filter(|_| is_kept) {
+        concerns
+            .push(format!("{} is not written: --accept writes it all the same", target.display()));
+    }
+    if let Some(target) = target.filter(|_| !is_kept) {
+        let names = (config.file.display().to_string(), target.display().to_string());
+        match arguments.in_place {
+            true => write_over(target, &new)?,
+            false => write_whole(target, &new)?,
+        }
+        text += &format!(
+            "\n{}\nwritten: {}\n",
+            rewrite::difference(config.ini.text(), &new, (&names.0, &names.1)),
+            names.1
+        );
+    }
+    concerns.extend(others(&config, &study));
+    for concern in &concerns {
+        let _ = write!(text, "\nwarning: {concern}\n");
+    }
+    let verdict = if concerns.is_empty() { Verdict::Fits } else { Verdict::Misfit };
+    let written = target.filter(|_| !is_kept);
+    output::answer(&for_programs(&config, &study, written, &concerns))?;
+    let mut out = output::people();
+    // A reader that has gone away does not change the verdict.
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    Failure::unless_unread(written.map_err(Failure::from))?;
+    Ok(verdict)
+}
+
+fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
+    let real = |file: &std::path::Path| std::fs::canonicalize(file).ok();
+    real(a).is_some() && real(a) == real(b)
+}
+
+fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failure> {
+    let Arguments { tolerance, noise, lead, trigger, .. } = arguments;
+    let threshold = arguments.threshold;
+    for (name, value) in [("tolerance", *tolerance), ("noise", *noise), ("threshold", threshold)] {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+            return Err(refused(format!("--{name} {value}: expected more than 0")));
+        }
+    }
+    let trigger = trigger.unwrap_or(0.05 * config.units_per_mm);
+    for (name, value) in [("lead", *lead), ("trigger", trigger)] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(refused(format!("--{name} {value}: expected 0 or more")));
+        }
+    }
+    let lengths = tolerance.unwrap_or(config.units_per_mm);
+    let is_probed = arguments.plate.is_some();
+    let tolerance = Tolerance {
+        lead: *lead,
+        trigger: if is_probed { trigger } else { 0.0 },
+        ..Tolerance::of_lengths(lengths)
+    };
+    Ok(Wishes { tolerance, noise: *noise, plate: arguments.plate.clone() })
+}
+
+/// The new file; nothing is written yet.
+fn new_text(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    study: &Study,
+) -> Result<String, Failure> {
+    let new = rewrite::calibrated(config, &study.model, &study.found.changes)?;
+    match arguments.boxes {
+        true => Ok(rewrite::with_boxes(&config.file, &new)?),
+        false => Ok(new),
+    }
+}
+
+fn in_words(config: &MachineConfig, study: &Study) -> String {
+    let Study { model, readings, found, .. } = study;
+    let unit = config.length_unit();
+    let mut text = format!("{}\n", config.file.display());
+    let mut row = |name: &str, value: String| {
+        let _ = writeln!(text, "  {name:<14} {value}");
+    };
+    row(
+        "measured",
+        format!("{} readings, {} numbers in use", readings.len(), found.residuals.len()),
+    );
+    row(
+        "residuals",
+        format!(
+            "rms {:.6} {unit} as drawn, {:.6} calibrated, {:.6} where not used",
+            study.as_drawn,
+            found.rms(),
+            study.held_out
+        ),
+    );
+    row("noise", format!("{:.6} {unit} of one number", found.noise));
+    if let Some(worst) = study.holes.first() {
+        let rms = (study.holes.iter().map(|hole| hole.miss * hole.miss).sum::<f64>()
+            / study.holes.len() as f64)
+            .sqrt();
+        row(
+            "holes",
+            format!(
+                "as the control saw them off by {:.4} {unit} at most, rms {rms:.4} ({})",
+                worst.miss, worst.name
+            ),
+        );
+    }
+    let all = model.parameters.len();
+    row(
+        "determined",
+        format!("{} of {all} values; {} better than by the drawing", study.rank, study.improved),
+    );
+    for (count, why) in &study.unseen {
+        row("", format!("{count} not: {why}"));
+    }
+    for (k, instrument) in study.instruments.iter().enumerate() {
+        let [x, y, z] = model.frame(k, &found.changes).origin.into();
+        row("instrument", format!("{instrument} at {x:.4} {y:.4} {z:.4} {unit}"));
+    }
+    for (name, (before, after)) in
+        ["tip at home", "tip at worst"].iter().zip(study.at_tool.iter().flatten())
+    {
+        row(name, ellipsoid(before, after, unit));
+    }
+    let [before, after] = study.shape;
+    row(
+        "tip's motion",
+        format!(
+            "rms {:.5} {unit} over the workspace, with {:.0} % below {:.5}; by the drawing {:.5}",
+            after.expected,
+            100.0 * CONFIDENCE,
+            after.below,
+            before.expected
+        ),
+    );
+    if let Some(Agreement { chi_square, numbers, most, .. }) = study.agreement {
+        row(
+            "agreement",
+            format!(
+                "chi-square {chi_square:.1} of {numbers} numbers, at most {most:.1} where deviations and \
+                 tolerance are as stated"
+            ),
+        );
+    }
+    for typed in &study.typed {
+        row("two runs", scatter(&typed.sheet));
+    }
+    text += &values(study);
+    text
+}
+
+/// What a second run says of the gauge.
+fn scatter(sheet: &Sheet) -> String {
+    let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
+    match sheet.scatter() {
+        None => format!("only one was typed: nothing says that {stated} {scale} is the deviation"),
+        Some(found) => format!(
+            "{} poses twice: deviation {:.3} {scale}, stated {stated}; the second {:+.3} {scale} on the mean",
+            found.rows, found.deviation, found.drift
+        ),
+    }
+}
+
+fn ellipsoid(before: &Ellipsoid, after: &Ellipsoid, unit: &str) -> String {
+    let axes = |e: &Ellipsoid| e.half_axes.map(|axis| format!("{axis:.5}")).join(" x ");
+    let [x, y, z] = after.direction.into();
+    format!(
+        "with {:.0} % within {} {unit} (longest along {x:.2} {y:.2} {z:.2}); by the drawing {}",
+        100.0 * CONFIDENCE,
+        axes(after),
+        axes(before)
+    )
+}
+
+fn name(quantity: Quantity) -> String {
+    let axis = |k: usize| ["X", "Y", "Z"][k % 3];
+    match quantity {
+        Quantity::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
+        Quantity::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
+        Quantity::Length(leg) => format!("LEG_{leg} length"),
+        Quantity::Lead => "lead".into(),
+        Quantity::Trigger => "probe late by".into(),
+        Quantity::Zero(gauge) => format!("zero of gauge {}", gauge + 1),
+        Quantity::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
+    }
+}
+
+fn values(study: &Study) -> String {
+    let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
+    let mut text = "\n  value                    change       +-   of the drawing's\n".to_string();
+    let is_frame = |quantity| matches!(quantity, Quantity::Frame(..));
+    let parameters = study.model.parameters.iter().enumerate();
+    for (k, parameter) in parameters.filter(|(_, p)| !is_frame(p.quantity)) {
+        let half = reach * study.found.deviation(k);
+        let share = study.found.deviation(k) / parameter.deviation;
+        let _ = writeln!(
+            text,
+            "  {:<22} {:>10.5} {half:>9.5}   {:>3.0} %",
+            name(parameter.quantity),
+            study.found.changes[k],
+            100.0 * share
+        );
+    }
+    text
+}
+
+/// Changes so large that they are not written unasked.
+fn beyond(arguments: &Arguments, config: &MachineConfig, study: &Study) -> Vec<String> {
+    let unit = config.length_unit();
+    let mut all = vec![];
+    for (k, Parameter { quantity, deviation }) in study.model.parameters.iter().enumerate() {
+        let most = match (quantity, arguments.threshold) {
+            (Quantity::Lead, _) | (_, None) => FAR * deviation,
+            (_, Some(threshold)) => threshold,
+        };
+        let change = study.found.changes[k];
+        if quantity.is_of_machine() && !(change.abs() <= most) {
+            all.push(format!(
+                "{} changes by {change:.4} {unit}, more than {most} {unit} (--threshold): not this machine, or a \
+                 larger --tolerance",
+                name(*quantity)
+            ));
+        }
+    }
+    all
+}
+
+fn others(config: &MachineConfig, study: &Study) -> Vec<String> {
+    let Study { found, readings, .. } = study;
+    let unit = config.length_unit();
+    let left_out = |outlier: &workbench::calibrate::fit::Outlier| {
+        let name = &readings[outlier.reading].name;
+        format!(
+            "{name} is left out: {:.4} {unit} from what the others say, {:.0} standard deviations",
+            outlier.miss, outlier.deviations
+        )
+    };
+    let mut all: Vec<String> = found.outliers.iter().map(left_out).collect();
+    if study.held_out > HELD_OUT * expected_held_out(study) {
+        all.push("readings that were not used are met much worse than those that were: measure at more places".into());
+    }
+    if let Some(Agreement { chi_square, most, foremost, .. }) = study.agreement
+        && chi_square > most
+    {
+        let (number, share) = foremost;
+        all.push(format!(
+            "the readings fit worse than their deviations and --tolerance allow, chi-square {chi_square:.1} above \
+             {most:.1}, {share:.1} of it by {}: read again, state a larger deviation, or give a larger --tolerance",
+            readings[number].name
+        ));
+    }
+    for typed in &study.typed {
+        all.extend(of_runs(&typed.sheet));
+    }
+    all
+}
+
+/// What a table says against itself: readings too good to be read, and the second run against the first.
+fn of_runs(sheet: &Sheet) -> Vec<String> {
+    let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
+    let mut all = vec![];
+    if sheet.is_too_good() {
+        all.push(format!(
+            "the readings are what the table expects, nearer than the stated deviation of {stated} {scale} lets any \
+             be: the column expected typed again, or a deviation that is too large"
+        ));
+    }
+    let Some(found) = sheet.scatter() else { return all };
+    if found.is_more {
+        all.push(format!(
+            "two runs scatter by {:.3} {scale}, more than the deviation stated, {stated} {scale}: the larger one counts",
+            found.deviation
+        ));
+    }
+    if found.is_drift {
+        all.push(format!(
+            "the second run shows {:+.3} {scale} on the mean: something has moved or grown warm; measure again",
+            found.drift
+        ));
+    }
+    all
+}
+
+/// Residual of what was not used, by the theory of linear least squares: n numbers, less a fifth,
+/// determine r values.
+fn expected_held_out(study: &Study) -> f64 {
+    let (n, r) = (study.found.residuals.len() as f64, study.rank as f64);
+    study.found.rms() * ((1.0 + r / (0.8 * n)) / (1.0 - r / n)).sqrt()
+}
+
+fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, Failure> {
+    let poses = study::next_poses(config, study, count)?;
+    let mut text = "\n  to measure next, best first: tip X Y Z, A B C\n".to_string();
+    for pose in poses {
+        let words = pose.map(|value| format!("{:>10.3}", value + 0.0));
+        let _ = writeln!(text, "  {}", words.concat());
+    }
+    Ok(text)
+}
+
+/// What was found, for programs.
+fn for_programs(
+    config: &MachineConfig,
+    study: &Study,
+    written: Option<&PathBuf>,
+    concerns: &[String],
+) -> Value {
+    let Study { model, readings, found, .. } = study;
+    let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
+    let value = |(k, parameter): (usize, &Parameter)| {
+        json!({
+            "name": name(parameter.quantity),
+            "change": found.changes[k],
+            "half_width": reach * found.deviation(k),
+            "share_of_drawing": found.deviation(k) / parameter.deviation,
+        })
+    };
+    let tip = |(before, after): &(Ellipsoid, Ellipsoid)| {
+        json!({
+            "pose": after.pose.to_degrees(),
+            "half_axes": after.half_axes,
+            "half_axes_by_drawing": before.half_axes,
+        })
+    };
+    let residuals = json!({ "as_drawn": study.as_drawn, "calibrated": found.rms(), "not_used": study.held_out });
+    json!({
+        "machine": config.file,
+        "readings": readings.len(),
+        "numbers": found.residuals.len(),
+        "residuals": residuals,
+        "noise": found.noise,
+        "determined": study.rank,
+        "better_than_drawing": study.improved,
+        "values": model.parameters.iter().enumerate().map(value).collect::<Vec<_>>(),
+        "tip": study.at_tool.iter().flatten().map(tip).collect::<Vec<_>>(),
+        "motion": {
+            "by_drawing": study.shape[0].expected,
+            "expected": study.shape[1].expected,
+            "below": study.shape[1].below,
+        },
+        "agreement": {
+            "chi_square": study.agreement.map(|it| it.chi_square),
+            "numbers": study.agreement.map(|it| it.numbers),
+            "most": study.agreement.map(|it| it.most),
+        },
+        "warnings": concerns,
+        "written": written,
+    })
+}

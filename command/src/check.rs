@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm check`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::{Bar, MachineFile, Verdict, output, told};
+use serde_json::{Value, json};
+use std::io::Write;
+use workbench::check::between::{self, Between};
+use workbench::check::findings::Report;
+use workbench::check::fixes::{fixed, machine};
+use workbench::check::report::check;
+use workbench::check::suggestion::{axis_lines, tilt_table};
+use workbench::files::write_over;
+use workbench::read::diagnostic::rendered;
+use workbench::read::edit::difference;
+use workbench::read::machine::MachineConfig;
+
+/// Checks that a machine's INI file fits together
+///
+/// Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it understood:
+/// joints and mobility, geometry hash, unit and size, the order of the legs around the base, leads and
+/// hands of the screws, where every tool tip is, which limit is nearest at home. It checks HOME of
+/// joints and axes against the kinematics, homing order against the limits of the pose, homing from
+/// wherever the machine was switched off, whether HAL files are there, in order, and wire drives and
+/// the module's guard, names that are near to those that are read,
+/// joint ranges, how near the legs come to each other and how well they hold the platform at home and
+/// at worst. Every row says what to do with it. At the end
+/// stand [AXIS_*] limits in which, without a tool, every pose is proved to keep all limits: reach,
+/// joint ranges, cones and pyramids, tilt, the distance of the legs and the conditioning; of a machine
+/// that tilts also whether that is proved with every tool of the tool table, and what a smaller tilt
+/// gains in X, Y and Z. They stay within the axis limits that the file gives already; where it gives
+/// none, the machine sets the end.
+///
+/// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
+/// other at home and, seen, within the axis limits.
+///
+/// Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2
+/// where the file describes no machine.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// Propose on standard output, as a unified diff, what would put the file right: HOME of joints and
+    /// axes with all digits, axis limits that are missing or of which most is out of reach, the
+    /// order of homing, and boxes that belong to another geometry, which are proved again
+    #[arg(long)]
+    fix: bool,
+    /// Write what --fix proposes into the file
+    #[arg(long, requires = "fix")]
+    write: bool,
+}
+
+/// Lines around each change of a proposal, as `diff -u` has them.
+const AROUND: usize = 3;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all_without_boxes()?;
+    if arguments.fix {
+        return propose(arguments, &config);
+    }
+    let mut fits = true;
+    let mut mechanisms = vec![];
+    for mechanism in config.mechanisms() {
+        let bar = Bar::new("looking for boxes of poses");
+        let report = check(mechanism, |share| bar.set(share))?;
+        drop(bar);
+        fits &= report.fits();
+        mechanisms.push(of_report(&report));
+        // A reader that has gone away does not change the verdict.
+        let heading = config.second.as_ref().map(|_| match mechanism.place.is_second {
+            true => "\nThe second mechanism\n",
+            false => "The first mechanism\n",
+        });
+        let told = write(&report, heading.unwrap_or_default());
+        Failure::unless_unread(told.map_err(Failure::from))?;
+    }
+    let between = between::check(&config)?;
+    if let Some(between) = &between {
+        fits &= between.fits();
+        Failure::unless_unread(write_between(between).map_err(Failure::from))?;
+    }
+    let between = between
+        .map(|Between { facts, findings }| json!({ "facts": named(&facts), "findings": findings }));
+    output::answer(
+        &json!({ "machine": config.file, "mechanisms": mechanisms, "between": between }),
+    )?;
+    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+}
+
+/// What was found of a mechanism, for programs.
+fn of_report(report: &Report) -> Value {
+    let tilts = report.tilts.iter().map(|(tilt, limits)| json!({ "tilt": tilt, "limits": limits }));
+    json!({
+        "facts": named(&report.facts),
+        "findings": report.findings,
+        "limits": report.suggestion,
+        "limits_are_those_of_the_file": report.is_whole,
+        "tilts": tilts.collect::<Vec<_>>(),
+    })
+}
+
+/// Facts that have no name of their own belong to the one before.
+fn named(facts: &[(String, String)]) -> Vec<Value> {
+    facts.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect()
+}
+
+/// The difference that puts the file right; what is left then decides whether it fits.
+fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
+    if arguments.machine.mechanism.is_some() {
+        return Err(refused("--fix looks at the whole file: leave --mechanism out"));
+    }
+    let bar = Bar::spinner("homes");
+    let fixed = fixed(config, |what| bar.say(what.into()))
+        .map_err(|error| Failure::at(config.file.display(), error))?;
+    let new = machine(&config.file, &fixed.text)?;
+    let mut findings = vec![];
+    let mut fits = fixed.left.is_empty();
+    bar.say("checking what is proposed".into());
+    for mechanism in new.mechanisms() {
+        let report = check(mechanism, |_| ())?;
+        fits &= report.fits();
+        findings.extend(report.findings);
+    }
+    if let Some(between) = between::check(&new)? {
+        fits &= between.fits();
+        findings.extend(between.findings);
+    }
+    drop(bar);
+    for text in &fixed.left {
+        tell_error(&format!("{}: {text}", config.file.display()));
+    }
+    let old = config.ini.text();
+    if fixed.text == old {
+        tell_error(&format!("{}: nothing that pkm check can put right", config.file.display()));
+    } else if arguments.write {
+        write_over(&config.file, &fixed.text)?;
+    }
+    let name = config.file.display().to_string();
+    let difference = difference(old, &fixed.text, (&name, &name), AROUND);
+    Failure::unless_unread(told(&difference))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "difference": difference,
+        "is_written": arguments.write && fixed.text != old,
+        "findings": findings,
+    }))?;
+    // What a user has to see to himself.
+    for finding in &findings {
+        let _ = writeln!(anstream::stderr(), "\n{}", rendered(finding.severity, &finding.problem));
+    }
+    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn write_between(between: &Between) -> std::io::Result<()> {
+    let (mut facts, mut out) = (output::facts(), output::people());
+    writeln!(facts, "\nBetween the two")?;
+    for (name, value) in &between.facts {
+        writeln!(facts, "  {name:<14} {value}")?;
+    }
+    for finding in &between.findings {
+        writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
+    }
+    out.flush()
+}
+
+fn write(report: &Report, heading: &str) -> std::io::Result<()> {
+    let config = &report.config;
+    let (mut facts, mut out) = (output::facts(), output::people());
+    write!(facts, "{heading}")?;
+    writeln!(facts, "{}", config.file.display())?;
+    for (name, value) in &report.facts {
+        writeln!(facts, "  {name:<14} {value}")?;
+    }
+    for finding in &report.findings {
+        writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
+    }
+    if output::is_quiet() {
+        return out.flush();
+    }
+    if let Some(limits) = &report.suggestion {
+        let limited = if report.is_whole { "its axis limits" } else { "these limits" };
+        let text = "Proved: without a tool the machine can take every pose within";
+        let whose = match config.chain.is_empty() {
+            true => "",
+            false => {
+                ", of its own coordinates: those of base, axes that carry something taken away"
+            }
+        };
+        writeln!(out, "\n{text} {limited}{whose}:\n")?;
+        write!(out, "{}", axis_lines(config, limits))?;
+    }
+    if !report.tilts.is_empty() {
+        let unit = config.length_unit();
+        writeln!(
+            out,
+            "\nBoxes in {unit} about home proved for A and B up to a tilt, without a tool:\n"
+        )?;
+        write!(out, "{}", tilt_table(config, &report.tilts))?;
+    }
+    writeln!(out, "\n{}", verdict(report))?;
+    out.flush()
+}
+
+fn verdict(report: &Report) -> &'static str {
+    match (report.fits(), report.findings.is_empty()) {
+        (true, true) => "The machine fits together.",
+        (true, false) => "The machine fits together; look at the warnings.",
+        (false, _) => "The machine does not fit together.",
+    }
+}

@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm dynamics`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::poses::At;
+use super::run::{Control, Progress};
+use super::vibration::{
+    Answer, EllipseAnswer, LinearAnswer, ModeAnswer, Spectra, UM, of_record, response_header,
+    response_row, roots, tell,
+};
+use super::{Bar, MachineFile, Verdict, in_words, output};
+use kinematics::{Matrix3, Pose, Vector3};
+use std::f64::consts::TAU;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use workbench::control::process;
+use workbench::control::row::Ending;
+use workbench::draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
+use workbench::draw::plot::Plot;
+use workbench::dynamics::linear::Linear;
+use workbench::dynamics::milling::{Milling, frame};
+use workbench::dynamics::model::Model;
+use workbench::dynamics::noise::{Noise, Spectrum};
+use workbench::dynamics::record::Record;
+use workbench::dynamics::response::frequencies;
+use workbench::dynamics::run::{Ended, Follower, Force, Times, standing};
+use workbench::dynamics::structure::{Structure, legs};
+use workbench::files::{Locate, csv, open, write_whole};
+use workbench::proof::axis_box;
+use workbench::read::machine::MachineConfig;
+use workbench::study::file::{Lacking, Study};
+use workbench::study::forcing::Force as Random;
+use workbench::study::map::Map;
+use workbench::study::workspace::Workspace;
+
+/// A response goes on to this many times the highest natural frequency.
+const BEYOND: f64 = 1.5;
+
+/// How a machine vibrates
+///
+/// Takes the platform as a rigid body on the springs and dampers of its legs from a study file and tells,
+/// at one pose: natural frequencies, damping ratios, and how each mode moves the tool tip. With --shake it
+/// moves the machine in time under a random or a milling force, with --program under the commands of a
+/// program as LinuxCNC gives them to the drives in virtual time, and tells where the tip goes beside its
+/// command; under a random force the same from the linear theory stands beside it.
+///
+/// Damping and cutting coefficients are measurements of the user: what is told here is as good as they are.
+/// The modes of spindle and tool are not those of the platform, and not here.
+///
+/// Hz, mm, um, N, degrees; machine axes.
+///
+///     [platform]                       # all that moves with the platform joints
+///     mass_kg = 25
+///     centre_mm = [0, 0, 120]          # centre of mass in the platform frame
+///     inertia_kg_m2 = [[0.45, 0, 0], [0, 0.45, 0], [0, 0, 0.60]]
+///     [legs]                           # one number, or a list, one for each leg
+///     stiffness_n_per_um = 10
+///     damping_n_s_per_mm = 0.8         # or damping_ratio = 0.02
+///     [force]                          # --shake noise
+///     sigma_n = [30, 30, 15]
+///     corner_hz = 150                  # or band_hz and band_quality
+///     seconds = 5
+///
+/// docs/dynamics.md has all keys.
+///
+/// Exit status: 0, 1 where the legs do not hold the platform there or LinuxCNC stops the program, 2 where
+/// input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// TOML file with masses, springs and dampers
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: PathBuf,
+    #[command(flatten)]
+    at: At,
+    /// Draws responses, and what is asked for beside them, as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+    /// Writes the frequency response of the tip as CSV: Hz, then mm/N
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    response: Option<PathBuf>,
+    /// Highest frequency of the response, Hz; without it half as much again as that of the highest mode
+    #[arg(long, value_name = "HZ")]
+    top: Option<f64>,
+    /// Writes a map of the lowest natural frequency and of the largest swing as CSV: three planes through
+    /// the pose, as far as the axis limits and the machine's limits go; with --plots drawn too
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    map: Option<PathBuf>,
+    /// Points along each side of a map
+    #[arg(long, value_name = "N", default_value_t = 41, value_parser = clap::value_parser!(u16).range(2..=1001))]
+    grid: u16,
+    /// Moves the machine in time under a force on its tip
+    #[arg(long, value_enum)]
+    shake: Option<Shake>,
+    /// Moves the machine in time under the commands of a program, from its first pose
+    #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
+    program: Option<PathBuf>,
+    /// Writes the motion in time as CSV: seconds, and um of the tip from its command
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    trace: Option<PathBuf>,
+    /// Writes the spectrum of that motion as CSV: Hz, densities of the tip in um²/Hz, and under a random force
+    /// those of the linear theory
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    spectrum: Option<PathBuf>,
+    #[command(flatten)]
+    control: Control,
+}
+
+/// A force.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
+enum Shake {
+    /// Random, [force] of the study
+    Noise,
+    /// Of a milling cutter, [cutting] and [milling] of the study
+    Milling,
+}
+
+/// A machine at a pose, and the files it is from.
+struct Subject<'a> {
+    arguments: &'a Arguments,
+    config: &'a MachineConfig,
+    study: &'a Study,
+    model: Model,
+    pose: Pose,
+    tool: Vector3<f64>,
+    structure: Structure,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    check(arguments)?;
+    let config = arguments.machine.read()?;
+    let study = Study::read(&arguments.study)?;
+    let model = Model::of(&config, &study).at(&arguments.study)?;
+    let (pose, tool) = arguments.at.read(&config)?;
+    let structure = Structure::at(&config, &model, &pose, &tool)
+        .map_err(|fault| Failure::at(in_words(&pose), fault))?;
+    let subject =
+        Subject { arguments, config: &config, study: &study, model, pose, tool, structure };
+    let Some(mut answer) = subject.answer() else {
+        tell_error(&format!("{}: {}", in_words(&pose), Ended::Singular));
+        return Ok(Verdict::Misfit);
+    };
+    let moved = subject.moved()?;
+    let linear = match (&moved, subject.noise()) {
+        (Some((record, _)), Some(noise)) if arguments.program.is_none() => {
+            subject.linear(&noise, record).map(|linear| (linear, noise))
+        }
+        _ => None,
+    };
+    subject.write(&answer, moved.as_ref().map(|(record, _)| record), linear.as_ref())?;
+    let verdict = moved.as_ref().map_or(Verdict::Fits, |(_, verdict)| *verdict);
+    let told = linear.map(|((covariance, leg_rms_n, spread), _)| LinearAnswer {
+        rms_um: roots(&covariance),
+        ellipse: EllipseAnswer::of(&covariance),
+        leg_rms_n,
+        spread,
+    });
+    answer.motion = moved.map(|(record, _)| of_record(&record, told));
+    output::answer(&answer)?;
+    tell(&answer, &pose)?;
+    Ok(verdict)
+}
+
+/// What the grammar of the command line lets pass.
+fn check(arguments: &Arguments) -> Result<(), Failure> {
+    let moves = arguments.shake.is_some() || arguments.program.is_some();
+    for (name, file) in [("--trace", &arguments.trace), ("--spectrum", &arguments.spectrum)] {
+        if file.is_some() && !moves {
+            return Err(refused(format!("{name}: nothing moves; name --shake or --program")));
+        }
+    }
+    match arguments.top {
+        Some(top) if !(top > 0.0 && top.is_finite()) => {
+            Err(refused(format!("--top {top}: expected more than 0 Hz")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Covariance of the tip, standard deviations of the legs' forces, and of variances of a record.
+type OfNoise = (Matrix3<f64>, Vec<f64>, [f64; 3]);
+
+impl Subject<'_> {
+    fn answer(&self) -> Option<Answer> {
+        let mode = |mode: &workbench::dynamics::mode::Mode| ModeAnswer {
+            hz: mode.omega / TAU,
+            damping_ratio: mode.zeta,
+            // One t is 1000 kg.
+            tip: (mode.tip / 1e3_f64.sqrt()).into(),
+        };
+        let still = self.structure.receptance(0.0)?.map(|h| h.re * UM);
+        Some(Answer {
+            machine: self.config.file.clone(),
+            pose: self.pose.to_degrees(),
+            modes: self.structure.modes()?.iter().map(mode).collect(),
+            poles: self.structure.poles()?.iter().map(|pole| [pole.re, pole.im]).collect(),
+            compliance_um_per_n: [0, 1, 2].map(|i| [0, 1, 2].map(|k| still[(i, k)])),
+            bearing_n: self.structure.bearing.clone(),
+            motion: None,
+        })
+    }
+
+    fn lacks(&self, section: &'static str, key: &'static str) -> Failure {
+        let lacking: Result<(), Lacking> = Err(Lacking::Key { section, key });
+        match lacking.at(&self.arguments.study) {
+            Err(error) => error.into(),
+            Ok(()) => refused(section),
+        }
+    }
+
+    /// The random force, where one is asked for and named.
+    fn noise(&self) -> Option<Random> {
+        self.study.force.filter(|_| self.arguments.shake == Some(Shake::Noise))
+    }
+
+    /// The force that is asked for, the highest frequency in it, and how long it acts.
+    fn force(&self) -> Result<(f64, f64), Failure> {
+        match self.arguments.shake {
+            None => Ok((0.0, 0.0)),
+            Some(Shake::Noise) => {
+                let force = self.study.force.ok_or_else(|| self.lacks("force", "sigma_n"))?;
+                Ok((Spectrum::from(force.band).reach(), force.seconds))
+            }
+            Some(Shake::Milling) => {
+                let (milling, seconds) = self.milling()?;
+                Ok((milling.reach(), seconds))
+            }
+        }
+    }
+
+    fn milling(&self) -> Result<(Milling, f64), Failure> {
+        let cutter = self.study.cutting.ok_or_else(|| self.lacks("cutting", "teeth"))?;
+        let run = self.study.milling.ok_or_else(|| self.lacks("milling", "speed_rpm"))?;
+        let depth = cutter.depth_mm.ok_or_else(|| self.lacks("cutting", "depth_mm"))?;
+        Ok((Milling::of(&cutter, &run, depth), run.seconds.0))
+    }
+
+    /// The force as it acts on the tip, sampled every `step` seconds.
+    fn acting(&self, step: f64) -> Result<Force, Failure> {
+        match self.arguments.shake {
+            None => Ok(Force::None),
+            Some(Shake::Noise) => {
+                let force = self.study.force.ok_or_else(|| self.lacks("force", "sigma_n"))?;
+                let spectrum = force.band.into();
+                Ok(Force::Noise(Noise::new(force.sigma_n.into(), &spectrum, step, force.seed)))
+            }
+            Some(Shake::Milling) => {
+                let (milling, _) = self.milling()?;
+                let feed = self.study.milling.and_then(|run| run.feed);
+                let feed = feed.map_or(Vector3::x(), |feed| feed.0);
+                let frame = frame(&feed, &self.pose.rotation().column(2).into_owned());
+                let frame = frame.ok_or_else(|| {
+                    refused(format!(
+                        "{}: feed of [milling] points along the tool axis; name one across it",
+                        self.arguments.study.display()
+                    ))
+                })?;
+                Ok(Force::Milling(milling, frame))
+            }
+        }
+    }
+
+    /// The motion in time that is asked for.
+    fn moved(&self) -> Result<Option<(Record, Verdict)>, Failure> {
+        if self.arguments.shake.is_none() && self.arguments.program.is_none() {
+            return Ok(None);
+        }
+        let (reach, seconds) = self.force()?;
+        let times = Times::of(&self.structure, reach);
+        let times = times.ok_or_else(|| Failure::at(in_words(&self.pose), Ended::Singular))?;
+        if let Some(program) = &self.arguments.program {
+            return self.followed(program, &times).map(Some);
+        }
+        let force = self.acting(times.step)?;
+        let bar = Bar::new("shaking");
+        let at = (&self.pose, &self.tool);
+        let show = |share: f64| bar.set(share);
+        let record = standing(self.config, &self.model, at, force, (&times, seconds), show)?;
+        Ok(Some((record, Verdict::Fits)))
+    }
+
+    fn followed(&self, program: &Path, times: &Times) -> Result<(Record, Verdict), Failure> {
+        open(program)?;
+        if self.config.chain.is_bare() {
+            return Err(refused(
+                "not judged: an axis carries the tool, or the work is on the platform: where the force acts is \
+                 not known along a program",
+            ));
+        }
+        let cycles = (self.config.period / times.step).ceil();
+        let force = self.acting(self.config.period / cycles)?;
+        let mut follower = Follower::new(self.config, &self.model, force, times.step);
+        let mut ended = None;
+        let mut progress = Progress::new(self.config, program)?;
+        let options = self.arguments.control.options();
+        let outcome = process::run(self.config, program, &options, |row| {
+            progress.see(row);
+            let (pose, tool) = row.machine(self.config);
+            match follower.see(&Pose::from_degrees(pose), &tool) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(error) => {
+                    ended = Some(Failure::at(
+                        format!("{}: line {}", program.display(), row.line),
+                        error,
+                    ));
+                    ControlFlow::Break(())
+                }
+            }
+        });
+        drop(progress);
+        if let Some(error) = ended {
+            return Err(error);
+        }
+        let outcome = outcome?;
+        let record = follower.finish()?;
+        if record.tip.is_empty() {
+            return Err(super::failure::MovesNothing(program.into()).into());
+        }
+        let verdict = match outcome.ending {
+            Ending::Finished => Verdict::Fits,
+            Ending::Stopped => {
+                outcome.messages.iter().filter(|message| message.is_error()).for_each(|message| {
+                    tell_error(&format!("{}: {}", program.display(), message.text));
+                });
+                Verdict::Misfit
+            }
+        };
+        Ok((record, verdict))
+    }
+
+    fn linear(&self, force: &Random, record: &Record) -> Option<OfNoise> {
+        // The simulation has drives without mass; its linear theory too.
+        let model = self.model.without_drive_masses();
+        let structure = Structure::at(self.config, &model, &self.pose, &self.tool).ok()?;
+        let at = self.config.machine.at(&self.pose, &self.tool).ok()?;
+        let found = legs(self.config, &at, &self.tool, model.screw).ok()?;
+        let stiffness: Vec<f64> =
+            found.iter().zip(&model.legs).map(|(leg, own)| own.spring.along(leg.gain)).collect();
+        let dampers: Vec<f64> = model.legs.iter().map(|leg| leg.damping).collect();
+        let sigma = force.sigma_n.into();
+        let linear = Linear::of(&structure, &stiffness, &sigma, &force.band.into())?;
+        let linear = linear.with_dampers(&structure, &dampers)?;
+        let covariance = linear.covariance()?;
+        let seconds = record.tip.len() as f64 * record.step;
+        let spread = [0, 1, 2].map(|axis| linear.spread(&covariance, axis, seconds).unwrap_or(0.0));
+        Some((linear.of_tip(&covariance), linear.of_legs(&covariance), spread))
+    }
+
+    fn write(
+        &self,
+        answer: &Answer,
+        record: Option<&Record>,
+        linear: Option<&(OfNoise, Random)>,
+    ) -> Result<(), Failure> {
+        let modes = self.structure.modes().unwrap_or_default();
+        let highest = answer.modes.iter().map(|mode| mode.hz).fold(0.0, f64::max);
+        let top = self.arguments.top.unwrap_or(BEYOND * highest);
+        let at = |hz: f64| self.structure.receptance(TAU * hz).map(|h| (hz, h));
+        let frequencies = frequencies(&modes, top);
+        let response: Vec<_> = frequencies.iter().copied().filter_map(at).collect();
+        let maps = self.arguments.map.as_ref().map(|_| self.maps()).transpose()?;
+        let force = linear.map(|(_, force)| force);
+        let is_asked = self.arguments.spectrum.is_some() || self.arguments.plots.is_some();
+        let spectra = record
+            .filter(|_| is_asked)
+            .map(|record| Spectra::of(&self.structure, record, force, &frequencies));
+        let mut plots = vec![];
+        if self.arguments.plots.is_some() {
+            plots.push(of_response(&response)?);
+            for map in maps.iter().flatten() {
+                plots.extend(of_map(self.config.length_unit(), map)?);
+            }
+            if let Some(record) = record {
+                plots.push(of_trace(record, linear.map(|((covariance, ..), _)| covariance))?);
+                plots.push(of_deviation(record)?);
+            }
+            if let Some(Spectra { hz, found, linear }) = &spectra {
+                plots.push(of_spectrum(hz, found, linear)?);
+            }
+        }
+        if let (Some(file), Some(spectra)) = (&self.arguments.spectrum, &spectra) {
+            spectra.write(file)?;
+        }
+        if let Some(file) = &self.arguments.response {
+            write_whole(file, &csv(&response_header(), response.iter().map(response_row)))?;
+        }
+        if let (Some(file), Some(maps)) = (&self.arguments.map, &maps) {
+            let header = ["x", "y", "z", "lowest_hz", "largest_swing_um_per_n"];
+            let rows = maps.iter().flat_map(Map::rows);
+            let rows = rows.map(|[x, y, z, hz, swing]| [x, y, z, hz, swing * UM]);
+            write_whole(file, &csv(&header, rows))?;
+        }
+        if let (Some(file), Some(record)) = (&self.arguments.trace, record) {
+            let header = ["time", "x_um", "y_um", "z_um"];
+            let rows = record
+                .tip
+                .iter()
+                .enumerate()
+                .map(|(n, tip)| [n as f64 * record.step, tip.x * UM, tip.y * UM, tip.z * UM]);
+            write_whole(file, &csv(&header, rows))?;
+        }
+        match &self.arguments.plots {
+            Some(folder) => Ok(Plot::write_all(&plots, folder)?),
+            None => Ok(()),
+        }
+    }
+
+    fn maps(&self) -> Result<[Map; 3], Failure> {
+        let [_, _, _, a, b, c] = self.pose.to_degrees();
+        let workspace = Workspace::new(self.config, self.tool, vec![[a, b, c]], self.study)?;
+        let range = axis_box::range(self.config);
+        let bar = Bar::new("mapping");
+        let planes = [[0, 1], [0, 2], [1, 2]];
+        let map = |plane: [usize; 2]| {
+            bar.set(planes.iter().take_while(|other| **other != plane).count() as f64 / 3.0);
+            let corners = [&range.low, &range.high];
+            Map::over(&self.pose, plane, corners, self.arguments.grid.into(), |pose| {
+                workspace.check(&pose.position).ok()?;
+                Structure::at(self.config, &self.model, pose, &self.tool).ok()?.softest()
+            })
+        };
+        let maps = planes.map(map);
+        match maps.iter().all(Map::is_empty) {
+            true => Err(refused(format!(
+                "{}: no place of the maps is within the machine's limits; name another pose by --pose, or \
+                 look at what pkm check says of the axis limits",
+                self.config.file.display()
+            ))),
+            false => Ok(maps),
+        }
+    }
+}

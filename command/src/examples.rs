@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Examples and further reading of every subcommand: one table for help and manual pages.
+
+use clap::Command;
+use workbench::new::kinds::KINDS;
+use workbench::new::parameters::{Measure, Need, Parameter};
+
+/// A page of help.
+pub struct Page {
+    /// Words of the subcommand; none of pkm itself.
+    command: &'static str,
+    /// A command line each, and what it does.
+    examples: &'static [(&'static str, &'static str)],
+    /// Names of subcommands, and files of the documentation.
+    see: &'static [&'static str],
+}
+
+const fn page(
+    command: &'static str,
+    examples: &'static [(&'static str, &'static str)],
+    see: &'static [&'static str],
+) -> Page {
+    Page { command, examples, see }
+}
+
+/// Every page but those of the kinds of `pkm new`, which follow from their table.
+const PAGES: &[Page] = &[
+    page(
+        "",
+        &[
+            ("pkm check hexapod.ini", "does the machine fit together?"),
+            ("pkm preflight hexapod.ini part.ngc", "does a program fit it?"),
+            ("pkm help preflight", "what a subcommand does, with its options"),
+        ],
+        &["new", "check", "preflight", "docs/pkm.md", "docs/json.md"],
+    ),
+    page(
+        "new",
+        &[
+            ("pkm new", "asks for everything, on a terminal"),
+            ("pkm new linear-delta", "asks for what a linear delta needs"),
+            (
+                "pkm new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 \
+                 --platform-half-angle 15 --strut 550 850 --lead 5 --hands RLRLRL --tool up my-hexapod",
+                "a hexapod with the tool pointing up and screws of both hands",
+            ),
+            (
+                "pkm new struts --anchors anchors.csv --strut 300 520 --coordinates XYZAB",
+                "struts between anchors of a table; - for standard input",
+            ),
+        ],
+        &["check", "view", "preflight", "docs/pkm.md"],
+    ),
+    page(
+        "check",
+        &[
+            ("pkm check hexapod.ini", "what was understood, and what does not fit"),
+            ("pkm check hexapod.ini --quiet", "what does not fit alone"),
+            ("pkm check hexapod.ini --fix", "what would put the file right, as a diff"),
+            ("pkm check hexapod.ini --fix --write", "writes that into the file"),
+        ],
+        &["homing", "boxes", "preflight", "docs/pkm.md", "docs/drives.md"],
+    ),
+    page(
+        "homing",
+        &[
+            ("pkm homing hexapod.ini", "does the way home keep the limits of the legs?"),
+            ("pkm homing hexapod.ini --html home.html", "shows the worst way in a browser"),
+        ],
+        &["check", "view", "docs/homing.md"],
+    ),
+    page(
+        "preflight",
+        &[
+            ("pkm preflight hexapod.ini part.ngc", "does the program fit the machine?"),
+            ("pkm preflight hexapod.ini part.ngc --report part.html", "a page with plots as well"),
+            (
+                "pkm preflight hexapod.ini programs",
+                "all programs of a folder, with a table at the end",
+            ),
+            (
+                "pkm random hexapod.ini | pkm preflight hexapod.ini -",
+                "a program from standard input",
+            ),
+        ],
+        &["run", "filter", "view", "docs/preflight.md", "docs/json.md"],
+    ),
+    page(
+        "filter",
+        &[("pkm filter part.ngc --machine hexapod.ini", "the program, if it fits the machine")],
+        &["preflight", "docs/preflight.md"],
+    ),
+    page(
+        "joints",
+        &[
+            ("pkm joints hexapod.ini --pose 10 0 250 0 0 0", "joint values of a pose"),
+            ("pkm joints hexapod.ini --pose X10 A5", "the same, all other coordinates at home"),
+            ("pkm joints hexapod.ini --rows poses.csv > joints.csv", "of many poses"),
+        ],
+        &["pose", "replay", "travel"],
+    ),
+    page(
+        "pose",
+        &[
+            ("pkm pose hexapod.ini --joints 300 300 300 300 300 300", "the pose of joint values"),
+            ("pkm joints hexapod.ini --rows poses.csv | pkm pose hexapod.ini", "there and back"),
+        ],
+        &["joints"],
+    ),
+    page(
+        "run",
+        &[
+            ("pkm run hexapod.ini part.ngc", "what LinuxCNC says, and how long it takes"),
+            ("pkm run hexapod.ini part.ngc --trace part.csv", "every servo cycle as well"),
+        ],
+        &["preflight", "replay", "docs/preflight.md"],
+    ),
+    page(
+        "replay",
+        &[
+            ("pkm replay hexapod.ini part.ngc > part.csv", "joint values along a program"),
+            (
+                "pkm replay hexapod.ini part.ngc --plots plots > part.csv",
+                "pictures of them as well",
+            ),
+        ],
+        &["joints", "run", "rods"],
+    ),
+    page(
+        "path",
+        &[
+            ("pkm path pyramid.ini cycloid.toml -o cycloid.ngc", "a program along a curve"),
+            (
+                "pkm path pyramid.ini cycloid.toml -o cycloid.ngc --csv joints.csv",
+                "with the joints",
+            ),
+        ],
+        &["preflight", "docs/paths.md"],
+    ),
+    page(
+        "scene",
+        &[("pkm scene hexapod.ini -o scene.json", "the machine for a viewer")],
+        &["view", "docs/scene.md"],
+    ),
+    page(
+        "frames",
+        &[("pkm frames hexapod.ini -o frames.svg", "the drawing, for a browser or a printer")],
+        &["check", "view", "docs/frames.md"],
+    ),
+    page(
+        "view",
+        &[
+            ("pkm view hexapod.ini part.ngc --html part.html", "a page with machine and program"),
+            ("pkm view hexapod.ini part.ngc --video part.mp4", "a video of it"),
+        ],
+        &["preflight", "scene", "docs/view.md"],
+    ),
+    page(
+        "panel",
+        &[("pkm panel hexapod.ini", "the panel beside the INI file, and the lines that it needs")],
+        &["travel", "docs/panel.md"],
+    ),
+    page(
+        "travel",
+        &[
+            ("pkm travel hexapod.ini", "how far the machine can go from home"),
+            ("pkm travel hexapod.ini --pose X20 Z300 A5 --tool 0 0 80", "from a pose, with a tool"),
+        ],
+        &["joints", "panel", "docs/panel.md"],
+    ),
+    page(
+        "rods",
+        &[
+            ("pkm rods hexapod.ini part.ngc > rods.csv", "where the legs are along a program"),
+            ("pkm rods hexapod.ini part.ngc --period 0.001 > rods.csv", "in every servo cycle"),
+            ("pkm rods hexapod.ini --rows poses.csv --study legs.toml", "at poses of one's own"),
+        ],
+        &["replay", "workspace", "docs/pkm.md"],
+    ),
+    page(
+        "sensitivity",
+        &[
+            ("pkm sensitivity hexapod.ini --study errors.toml", "at home"),
+            (
+                "pkm sensitivity hexapod.ini --pose 0 0 300 10 0 0 --along part.ngc --csv errors.csv",
+                "at a pose, and along a program",
+            ),
+        ],
+        &["stiffness", "calibrate", "docs/pkm.md"],
+    ),
+    page(
+        "stiffness",
+        &[
+            ("pkm stiffness hexapod.ini --study cutting.toml", "at home"),
+            (
+                "pkm stiffness hexapod.ini --study cutting.toml --pose 0 0 300 10 0 0 --plots plots",
+                "at a pose, with maps through it",
+            ),
+        ],
+        &["dynamics", "sensitivity", "docs/pkm.md"],
+    ),
+    page(
+        "stability",
+        &[("pkm stability pose hexapod.ini --study cutting.toml", "how deep may be cut at home?")],
+        &[
+            "stability pose",
+            "stability map",
+            "stability program",
+            "stability lag",
+            "docs/stability.md",
+        ],
+    ),
+    page(
+        "stability pose",
+        &[
+            (
+                "pkm stability pose hexapod.ini --study cutting.toml --rpm 6000",
+                "at home, at one speed",
+            ),
+            (
+                "pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots",
+                "at a pose, with its map of speeds",
+            ),
+        ],
+        &["stability map", "dynamics", "docs/stability.md"],
+    ),
+    page(
+        "stability map",
+        &[(
+            "pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots",
+            "over a plane through home",
+        )],
+        &["stability pose", "docs/stability.md"],
+    ),
+    page(
+        "stability program",
+        &[(
+            "pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv",
+            "the line that comes nearest to chatter",
+        )],
+        &["stability pose", "cut", "docs/stability.md"],
+    ),
+    page(
+        "stability lag",
+        &[(
+            "pkm stability lag --study cutting.toml --overhang 500 300 --plots plots",
+            "two overhangs beside each other",
+        )],
+        &["stability spindle", "docs/stability.md"],
+    ),
+    page(
+        "stability spindle",
+        &[("pkm stability spindle --study spindle.toml --overhang 32 90", "for two tools")],
+        &["stability lag", "docs/stability.md"],
+    ),
+    page(
+        "dynamics",
+        &[
+            ("pkm dynamics hexapod.ini --study dynamics.toml", "natural frequencies at home"),
+            (
+                "pkm dynamics hexapod.ini --study dynamics.toml --pose -80 60 350 10 -20 0 --shake noise",
+                "at a pose, under a random force",
+            ),
+        ],
+        &["stiffness", "stability", "docs/dynamics.md"],
+    ),
+    page(
+        "cut",
+        &[(
+            "pkm cut hexapod.ini part.ngc --study cut.toml --report part.html",
+            "what a program asks of drives and tool, on a page",
+        )],
+        &["preflight", "stability program", "docs/cut.md"],
+    ),
+    page(
+        "workspace",
+        &[
+            ("pkm workspace hexapod.ini", "with the platform level"),
+            (
+                "pkm workspace hexapod.ini --tilt 15 --mesh body.obj",
+                "with every tilt up to 15 degrees",
+            ),
+            (
+                "pkm workspace lathe.ini --mechanism 1 --beside home --plots .",
+                "of two mechanisms, with the other one at home",
+            ),
+        ],
+        &["check", "rods", "docs/pkm.md"],
+    ),
+    page(
+        "boxes",
+        &[
+            ("pkm boxes hexapod.ini", "proves the boxes of the file, or finds some"),
+            ("pkm boxes hexapod.ini --write", "writes those that are found into it"),
+        ],
+        &["check", "docs/start-without-a-seed.md"],
+    ),
+    page(
+        "random",
+        &[("pkm random hexapod.ini --seed 3 --seconds 600 > random.ngc", "ten minutes of moves")],
+        &["preflight", "run"],
+    ),
+    page(
+        "measure",
+        &[(
+            "pkm measure hexapod.ini dial.toml -o dial",
+            "dial.ngc, which stops at each pose, and dial.csv",
+        )],
+        &["calibrate", "docs/calibration.md"],
+    ),
+    page(
+        "calibrate",
+        &[
+            (
+                "pkm calibrate hexapod.ini probed.log --plate plate.toml --write true.ini",
+                "a file with the geometry that a probed plate shows",
+            ),
+            ("pkm calibrate hexapod.ini dial.csv --write true.ini", "the same from typed readings"),
+        ],
+        &["measure", "check", "sensitivity", "docs/calibration.md"],
+    ),
+    page("man", &[("pkm man pages", "pages/pkm.1 and one for each subcommand")], &["completions"]),
+    page(
+        "completions",
+        &[("pkm completions bash > ~/.local/share/bash-completion/completions/pkm", "for bash")],
+        &["man"],
+    ),
+];
+
+/// What a page of help ends with.
+pub struct Ending {
+    /// A command line each, and what it does.
+    pub examples: Vec<(String, String)>,
+    /// Manual pages and files of the documentation.
+    pub see: Vec<String>,
+}
+
+/// That of a subcommand by its words.
+pub fn ending(command: &str) -> Ending {
+    if let Some(kind) = command.strip_prefix("new ") {
+        return of_kind(kind);
+    }
+    let found = PAGES.iter().find(|page| page.command == command);
+    let Some(Page { examples, see, .. }) = found else {
+        return Ending { examples: vec![], see: vec![] };
+    };
+    let mut see: Vec<String> = see.iter().map(|name| reference(name)).collect();
+    if !command.is_empty() {
+        see.insert(0, reference(""));
+    }
+    let examples = examples.iter().map(|(line, what)| ((*line).into(), (*what).into())).collect();
+    Ending { examples, see }
+}
+
+/// Of a kind of machine: with everything that it needs.
+fn of_kind(name: &str) -> Ending {
+    let kind = KINDS.iter().find(|kind| kind.name == name);
+    let parameters = kind.map(|kind| kind.parameters()).unwrap_or_default();
+    let needed = parameters.iter().filter(|parameter| parameter.need != Need::Optional);
+    let value = |parameter: &Parameter| match parameter.measure {
+        Measure::File => "anchors.csv",
+        _ => parameter.default,
+    };
+    let words: String =
+        needed.map(|parameter| format!(" --{} {}", parameter.name, value(parameter))).collect();
+    let line = format!("pkm new {name}{words} my-{name}");
+    let see = ["new", "check", "docs/pkm.md"].map(reference).into();
+    Ending { examples: vec![(line, "with what it needs".into())], see }
+}
+
+/// A subcommand by its manual page, a file as it is.
+fn reference(name: &str) -> String {
+    match name {
+        "" => "pkm(1)".into(),
+        name if name.starts_with("docs/") => name.into(),
+        name => format!("pkm-{}(1)", name.replace(' ', "-")),
+    }
+}
+
+/// Columns of an example; a longer one goes on in the next line, as a shell takes it.
+const WIDEST: usize = 90;
+
+fn continued(line: &str) -> String {
+    let (mut text, mut column) = (String::new(), 0);
+    for word in line.split(' ') {
+        match column {
+            0 => {}
+            _ if column + word.len() > WIDEST => (text, column) = (text + " \\\n      ", 6),
+            _ => (text, column) = (text + " ", column + 1),
+        }
+        text += word;
+        column += word.len();
+    }
+    text
+}
+
+/// Gives every subcommand its ending, in the long help.
+pub fn documented(command: Command, words: &str) -> Command {
+    let below = |part: Command| {
+        let words = format!("{words} {}", part.get_name());
+        documented(part, words.trim_start())
+    };
+    let Ending { examples, see } = ending(words);
+    let lines: String = examples
+        .iter()
+        .map(|(line, what)| format!("  {}\n      {what}\n", continued(line)))
+        .collect();
+    let text = format!("Examples:\n{lines}\nSee also: {}", see.join(", "));
+    command.mut_subcommands(below).after_long_help(text)
+}

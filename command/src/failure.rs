@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The one way of an error to the terminal.
+
+use super::output;
+use std::error::Error;
+use std::fmt::{self, Display};
+use std::io::{self, ErrorKind, Write};
+use std::path::PathBuf;
+use workbench::read::diagnostic::{Severity, rendered};
+use workbench::read::error::MachineError;
+use workbench::read::ini::IniError;
+
+/// Why a subcommand gave no answer: any error, which has its place and tells what to do.
+#[derive(Debug)]
+pub struct Failure(Box<dyn Error + Send + Sync>);
+
+impl<E: Error + Send + Sync + 'static> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self(Box::new(error))
+    }
+}
+
+/// What the grammar of the command line lets pass.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Refused(String);
+
+/// Refuses arguments or standard input, in a sentence.
+pub fn refused(text: impl Into<String>) -> Failure {
+    Refused(text.into()).into()
+}
+
+/// A program in which the machine stays where it is.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
+pub struct MovesNothing(pub PathBuf);
+
+/// An error at a place that has no type of its own: a pose, a line of standard input.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {error}")]
+struct At {
+    place: String,
+    error: Box<dyn Error + Send + Sync>,
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl Failure {
+    /// An error with its place.
+    pub fn at(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
+        At { place: place.to_string(), error: Box::new(error) }.into()
+    }
+
+    /// The result of writing to standard output, whose reader may have gone away.
+    pub fn unless_unread(written: Result<(), Self>) -> Result<(), Self> {
+        match written {
+            Err(failure) if failure.is_unread() => Ok(()),
+            other => other,
+        }
+    }
+
+    /// Whether nobody reads standard output any more.
+    pub fn is_unread(&self) -> bool {
+        let json = self.0.downcast_ref::<serde_json::Error>();
+        if json.is_some_and(|error| error.io_error_kind() == Some(ErrorKind::BrokenPipe)) {
+            return true;
+        }
+        let written = match self.0.downcast_ref::<csv::Error>().map(csv::Error::kind) {
+            Some(csv::ErrorKind::Io(error)) => Some(error),
+            _ => self.0.downcast_ref::<io::Error>(),
+        };
+        written.is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+    }
+
+    /// Tells it on standard error: marked in the text where it is of an INI file.
+    pub fn tell(&self) {
+        if let Some(error) = self.0.downcast_ref::<IniError>() {
+            tell_lines(&marked(error));
+        } else if let Some(error) = self.0.downcast_ref::<MachineError>() {
+            tell_lines(&of_machine(error));
+        } else if self.0.is::<io::Error>()
+            || self.0.is::<csv::Error>()
+            || self.0.is::<serde_json::Error>()
+        {
+            // Errors of files have their names; what has none was written to standard output.
+            tell_error(&format!("standard output: {}", self.0));
+        } else {
+            tell_error(&self.0);
+        }
+    }
+}
+
+/// Tells on standard error what is wrong.
+pub fn tell_error(error: &(impl Display + ?Sized)) {
+    tell_lines(&format!("pkm: {error}"));
+}
+
+fn tell_lines(text: &str) {
+    let plain = anstream::adapter::strip_str(text).to_string();
+    output::keep_error(plain.strip_prefix("pkm: ").unwrap_or(&plain));
+    // Nothing is left to do where standard error is closed as well.
+    let _ = writeln!(anstream::stderr(), "{text}");
+}
+
+fn marked(error: &IniError) -> String {
+    rendered(Severity::Error, &error.0)
+}
+
+fn of_machine(error: &MachineError) -> String {
+    match error {
+        MachineError::Ini(errors) => errors.iter().map(marked).collect::<Vec<_>>().join("\n\n"),
+        MachineError::Geometry(_, _, Some(section)) => marked(section),
+        MachineError::Geometry(_, _, None) => format!("pkm: {error}"),
+    }
+}

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm filter`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::preflight::{Judgement, judgement};
+use super::{MachineFile, Verdict, output};
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+use workbench::files::read;
+
+/// What LinuxCNC calls the file of the machine that runs.
+const INI: &str = "INI_FILE_NAME";
+
+/// Lets a program through into a user interface of LinuxCNC where it fits the machine
+///
+/// For AXIS and the others, which run a filter on every file that they open. In the INI file:
+///
+///     [FILTER]
+///     PROGRAM_EXTENSION = .ngc,.nc G code that fits the machine
+///     ngc = pkm filter
+///     nc = pkm filter
+///
+/// A program that fits comes out as it is. Of any other one the user interface shows every
+/// limit that it leaves with its first line and the reason, as `pkm preflight` does, and does
+/// not load it. How far the check is goes to the bar of the user interface. A program is held
+/// back as well where LinuxCNC could not run it in virtual time, so that speeds and messages are
+/// not judged, with the reason; --path-is-enough lets it through where its path fits.
+///
+/// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
+    program: PathBuf,
+    /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
+    #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
+    machine: Option<PathBuf>,
+    /// Lets a program through whose path fits where speeds and messages could not be judged
+    #[arg(long)]
+    path_is_enough: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let given = arguments.machine.clone().or_else(|| std::env::var_os(INI).map(Into::into));
+    let Some(machine) = given else {
+        return Err(refused(format!(
+            "which machine? LinuxCNC names its INI file in {INI}; elsewhere --machine MACHINE.ini does"
+        )));
+    };
+    let program = &arguments.program;
+    let file = machine.clone();
+    let text = read(program)?;
+    let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
+    let (verdict, reasons) = match judgement {
+        Judgement::Fits => (Verdict::Fits, vec![]),
+        Judgement::NotJudged(_) if arguments.path_is_enough => (Verdict::Fits, vec![]),
+        Judgement::NotJudged(cause) => (
+            Verdict::Unjudged,
+            vec![
+                format!(
+                    "the path of {} fits, its speeds are not judged: {cause}",
+                    program.display()
+                ),
+                "`pkm filter --path-is-enough` in [FILTER] lets such programs through".into(),
+            ],
+        ),
+        Judgement::Misfit(reasons) => {
+            let head = format!("{} does not fit the machine\n", program.display());
+            (Verdict::Misfit, [vec![head], reasons].concat())
+        }
+    };
+    output::answer(&json!({ "machine": file, "program": program, "reasons": reasons }))?;
+    for reason in &reasons {
+        tell_error(reason);
+    }
+    if verdict == Verdict::Fits {
+        let mut out = output::people();
+        out.write_all(&text)?;
+        out.flush()?;
+    }
+    Ok(verdict)
+}

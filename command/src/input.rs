@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What is read from standard input where the command line says `-`.
+
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use std::ffi::OsStr;
+use std::io::{IsTerminal, Read};
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use workbench::files::{Folder, write_whole};
+
+/// What the command line calls it.
+pub const DASH: &str = "-";
+
+/// A program, of which LinuxCNC's interpreter needs a file: that of the name, or what stands on standard
+/// input. The parser of the command line, so that everything behind it knows files alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Program;
+
+impl TypedValueParser for Program {
+    type Value = PathBuf;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        _: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<PathBuf, clap::Error> {
+        if value != DASH {
+            return Ok(value.into());
+        }
+        spooled().map_err(|text| {
+            clap::Error::raw(clap::error::ErrorKind::Io, format!("{text}\n")).with_cmd(command)
+        })
+    }
+}
+
+/// A file with what stands on standard input, which can be read once; gone when the command ends.
+fn spooled() -> Result<PathBuf, String> {
+    static FILE: OnceLock<Result<(Folder, PathBuf), String>> = OnceLock::new();
+    let found = FILE.get_or_init(|| {
+        let mut text = String::new();
+        std::io::stdin()
+            .read_to_string(&mut text)
+            .map_err(|error| format!("standard input: {error}; name a file instead of -"))?;
+        let folder = Folder::new().map_err(|error| error.to_string())?;
+        let file = folder.path().join("standard-input.ngc");
+        write_whole(&file, &text).map_err(|error| error.to_string())?;
+        Ok((folder, file))
+    });
+    found.as_ref().map(|(_, file)| file.clone()).map_err(Clone::clone)
+}
+
+/// The parser of a machine's INI file: never standard input, which has no folder.
+pub fn ini_file() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(|name| match name == DASH {
+        true => Err("a machine is read with the files beside it, and not from standard input: name its INI file"),
+        false => Ok(PathBuf::from(name)),
+    })
+}
+
+/// A file of rows.
+#[derive(clap::Args, Clone, Debug)]
+pub struct RowFile {
+    /// CSV file with the rows; - or nothing is standard input
+    #[arg(long, value_name = "ROWS.csv", value_hint = clap::ValueHint::FilePath)]
+    rows: Option<PathBuf>,
+}
+
+impl RowFile {
+    /// The file; `None` is standard input.
+    pub fn file(&self) -> Option<&PathBuf> {
+        self.rows.as_ref().filter(|file| file.as_os_str() != DASH)
+    }
+
+    /// Whether somebody would have to type the rows who may not know it.
+    pub fn is_forgotten(&self) -> bool {
+        self.rows.is_none() && std::io::stdin().is_terminal()
+    }
+
+    /// Whether a file or standard input is named.
+    pub const fn is_named(&self) -> bool {
+        self.rows.is_some()
+    }
+}
+
+/// The name of a file that is read once.
+pub fn file_of_dash(word: String) -> String {
+    if word == DASH { "/dev/stdin".into() } else { word }
+}

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm joints`: inverse kinematics.
+
+use super::failure::Failure;
+use super::input::RowFile;
+use super::poses::PoseWords;
+use super::rows::{Answer, Question, answer};
+use super::{MachineFile, Verdict};
+use kinematics::{Letter, Pose, Vector3};
+use workbench::read::machine::MachineConfig;
+
+/// Joint values of poses (inverse kinematics)
+///
+/// Takes one pose (--pose), or CSV with a header that names x y z a b c from a file or standard
+/// input, and writes the joint values, a row for each pose. Machine units and degrees. Joint limits
+/// and cones are not looked at.
+///
+/// Exit status: 0, or 1 where a pose has no joint values: its cells stay empty, and the reason
+/// stands on standard error.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    pose: PoseWords,
+    #[command(flatten)]
+    rows: RowFile,
+    #[command(flatten)]
+    tool: Tool,
+}
+
+/// The tool in the spindle.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Tool {
+    /// Tool offset X Y Z, as G43 would set it
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    tool: Option<Vec<f64>>,
+}
+
+impl Tool {
+    /// The tool vector, spindle offset included.
+    pub fn vector(&self, config: &MachineConfig) -> Vector3<f64> {
+        let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
+        config.spindle + Vector3::from_fn(|k, _| given[k])
+    }
+}
+
+/// Names of the coordinates of a pose.
+pub fn coordinates() -> Vec<String> {
+    Letter::ALL.iter().map(|letter| letter.name().to_ascii_lowercase().to_string()).collect()
+}
+
+/// Names of the joint values.
+pub fn joint_names(count: usize) -> Vec<String> {
+    (0..count).map(|i| format!("joint_{i}")).collect()
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let tool = arguments.tool.vector(&config);
+    let reply = |row: &[f64]| -> Answer {
+        let pose = Pose::from_degrees(std::array::from_fn(|k| row[k]));
+        let joints = config.machine.inverse(&pose, &tool)?;
+        Ok(joints[..config.joints.len()].to_vec())
+    };
+    let question = match arguments.pose.is_given() {
+        true => {
+            arguments.pose.without_rows(&arguments.rows)?;
+            Question::Row(arguments.pose.read(&config)?.into())
+        }
+        false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
+    };
+    answer(&config.file, &question, &coordinates(), &joint_names(config.joints.len()), reply)
+}

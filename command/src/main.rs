@@ -1,0 +1,466 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The command `pkm`: one module and one line of the table for each subcommand.
+//!
+//! A module has `Arguments`, whose documentation is the help, manual page and completion, and
+//! `run`. Results go to standard output, what is wrong with the input to standard error.
+
+mod boxes;
+mod calibrate;
+mod check;
+mod completions;
+mod cut;
+mod dynamics;
+mod examples;
+mod failure;
+mod filter;
+mod frames;
+mod homing;
+mod input;
+mod joints;
+mod man;
+mod measure;
+mod new;
+mod other;
+mod output;
+mod panel;
+mod path;
+mod pose;
+mod poses;
+mod preflight;
+mod random;
+mod replay;
+mod report;
+mod rods;
+mod rows;
+mod run;
+mod scene;
+mod sensitivity;
+mod stability;
+mod stiffness;
+mod trace;
+mod travel;
+mod vibration;
+mod view;
+mod workspace;
+
+use clap::error::{ContextKind, ContextValue};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use failure::{Failure, MovesNothing};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use kinematics::{Letter, Pose};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::LazyLock;
+use std::time::Duration;
+use workbench::files::{leave_nothing, open, write_whole};
+use workbench::program::beside;
+use workbench::program::interpreter::{self, Move};
+use workbench::read::machine::MachineConfig;
+use workbench::study::file::Study;
+
+/// Steps of a progress bar.
+const STEPS: u64 = 1000;
+
+/// Of what shows that something goes on.
+const TICK: Duration = Duration::from_millis(100);
+
+/// What a shell takes for "interrupted".
+const INTERRUPTED: i32 = 130;
+
+fn main() -> ExitCode {
+    // Where the system refuses a handler, an interruption still ends the command.
+    let _ = ctrlc::set_handler(|| {
+        leave_nothing();
+        std::process::exit(INTERRUPTED);
+    });
+    output::choose_colours(std::env::args_os());
+    if let Some(failure) = other::run(std::env::args_os().skip(1)) {
+        failure.tell();
+        return ExitCode::from(2);
+    }
+    let matches =
+        grammar().try_get_matches().unwrap_or_else(|error| with_longer_names(error).exit());
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    cli.settings.choose(words(&matches));
+    let code = cli.run();
+    // What stood on standard input.
+    leave_nothing();
+    code
+}
+
+/// The grammar of the command line, with examples.
+fn grammar() -> clap::Command {
+    examples::documented(Cli::command(), "")
+}
+
+/// An error about a word that is no subcommand names those of whose names it is a word, as `lathe` of
+/// `four-rod-lathe`; what is spelt alike it names by itself.
+fn with_longer_names(mut error: clap::Error) -> clap::Error {
+    let word = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word))
+            if error.get(ContextKind::SuggestedSubcommand).is_none() =>
+        {
+            word.clone()
+        }
+        _ => return error,
+    };
+    let mut command = grammar();
+    for name in std::env::args_os().skip(1) {
+        match command.find_subcommand(name) {
+            Some(below) => command = below.clone(),
+            None => break,
+        }
+    }
+    let names = command.get_subcommands().map(|below| below.get_name().to_owned());
+    let longer: Vec<String> =
+        names.filter(|name| name.split('-').any(|part| part == word)).collect();
+    if !longer.is_empty() {
+        error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(longer));
+    }
+    error
+}
+
+/// The words of the subcommand, such as `stability pose`.
+fn words(matches: &clap::ArgMatches) -> String {
+    match matches.subcommand() {
+        None => String::new(),
+        Some((name, below)) => format!("{name} {}", words(below)).trim_end().into(),
+    }
+}
+
+/// What a subcommand has found, the worst last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Everything fits.
+    Fits,
+    /// Something does not.
+    Misfit,
+    /// Not all could be judged.
+    Unjudged,
+}
+
+impl Verdict {
+    /// The same for programs; `None` where not all could be judged.
+    const fn fits(self) -> Option<bool> {
+        match self {
+            Self::Fits => Some(true),
+            Self::Misfit => Some(false),
+            Self::Unjudged => None,
+        }
+    }
+}
+
+/// The table of the subcommands.
+macro_rules! commands {
+    ($($variant:ident => $module:ident,)*) => {
+        #[derive(Debug, Subcommand)]
+        enum Command {
+            $($variant($module::Arguments),)*
+        }
+
+        impl Command {
+            fn run(&self) -> Result<Verdict, Failure> {
+                match self { $(Self::$variant(arguments) => $module::run(arguments),)* }
+            }
+        }
+    };
+}
+
+commands! {
+    New => new,
+    Check => check,
+    Homing => homing,
+    Preflight => preflight,
+    Filter => filter,
+    Joints => joints,
+    Pose => pose,
+    Run => run,
+    Replay => replay,
+    Path => path,
+    Scene => scene,
+    Frames => frames,
+    View => view,
+    Panel => panel,
+    Travel => travel,
+    Rods => rods,
+    Sensitivity => sensitivity,
+    Stiffness => stiffness,
+    Stability => stability,
+    Dynamics => dynamics,
+    Cut => cut,
+    Workspace => workspace,
+    Boxes => boxes,
+    Random => random,
+    Measure => measure,
+    Calibrate => calibrate,
+    Man => man,
+    Completions => completions,
+}
+
+/// Knows before cutting whether a parallel machine and a program fit.
+///
+/// Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
+/// pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is built,
+/// come with the Python package pkmkins.
+///
+/// Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be
+/// judged: bad input, or a file that cannot be written.
+#[derive(Debug, Parser)]
+#[command(name = "pkm", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    settings: output::Settings,
+}
+
+/// The machine, for every subcommand that needs one.
+#[derive(clap::Args, Clone, Debug)]
+struct MachineFile {
+    /// The machine's LinuxCNC INI file
+    #[arg(
+        value_name = "MACHINE.ini",
+        value_hint = clap::ValueHint::FilePath,
+        value_parser = input::ini_file()
+    )]
+    machine: PathBuf,
+    /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
+    /// C; without it check, boxes, run, preflight, travel and workspace look at both, and all others at
+    /// the first
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
+    mechanism: Option<u8>,
+}
+
+impl MachineFile {
+    /// One mechanism: the one that is meant.
+    fn read(&self) -> Result<MachineConfig, Failure> {
+        self.meant(MachineConfig::read(&self.machine)?)
+    }
+
+    /// Of what the file describes, the one that is meant.
+    fn meant(&self, mut config: MachineConfig) -> Result<MachineConfig, Failure> {
+        let second = config.second.take();
+        let file = self.machine.display();
+        match (self.mechanism, second) {
+            (Some(2), Some(second)) => return Ok(*second),
+            (Some(2), None) => return Err(self.has_one()),
+            (None, Some(_)) => failure::tell_error(&format!(
+                "{file} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second"
+            )),
+            _ => {}
+        }
+        Ok(config)
+    }
+
+    /// Everything that the file describes.
+    fn read_whole(&self) -> Result<MachineConfig, Failure> {
+        Ok(MachineConfig::read(&self.machine)?)
+    }
+
+    /// Of `whole`, the mechanism of this number, and the other one, if there are two.
+    fn of<'a>(
+        &self,
+        whole: &'a MachineConfig,
+        number: Option<u8>,
+    ) -> Result<(&'a MachineConfig, Option<&'a MachineConfig>), Failure> {
+        match (number, whole.second.as_deref()) {
+            (Some(2), Some(second)) => Ok((second, Some(whole))),
+            (Some(2), None) => Err(self.has_one()),
+            (_, second) => Ok((whole, second)),
+        }
+    }
+
+    fn has_one(&self) -> Failure {
+        failure::refused(format!(
+            "--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another",
+            self.machine.display()
+        ))
+    }
+
+    /// Both mechanisms, of which the first has the second beside it, or the one that is named.
+    fn read_all(&self) -> Result<MachineConfig, Failure> {
+        match self.mechanism {
+            None => Ok(MachineConfig::read(&self.machine)?),
+            Some(_) => self.read(),
+        }
+    }
+
+    /// The same, whatever the boxes in the file.
+    fn read_all_without_boxes(&self) -> Result<MachineConfig, Failure> {
+        let config = MachineConfig::read_without_boxes(&self.machine)?;
+        match self.mechanism {
+            None => Ok(config),
+            Some(_) => self.meant(config),
+        }
+    }
+
+    /// A machine whose pose is that of programs, for what knows no other.
+    fn read_unchained(&self, what: &str) -> Result<MachineConfig, Failure> {
+        let config = self.read()?;
+        match config.chain.is_empty() {
+            true => Ok(config),
+            false => Err(failure::refused(format!(
+                "{}: not judged: axes carry the work, the tool or the legs, or the work is on the \
+                 platform, and {what} of a program knows the machine's own coordinates alone",
+                self.machine.display()
+            ))),
+        }
+    }
+}
+
+/// Writes text into a file, whole or not at all, or without one to standard output.
+fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
+    match file {
+        Some(file) => Ok(write_whole(file, text)?),
+        None => told(text),
+    }
+}
+
+/// Writes text for people to standard output.
+fn told(text: &str) -> Result<(), Failure> {
+    let mut out = output::people();
+    out.write_all(text.as_bytes())?;
+    out.flush()?;
+    Ok(())
+}
+
+/// The moves of a program, which has to move something.
+fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
+    // Told before the interpreter, in the system's words.
+    open(program)?;
+    let moves = match config.place.is_of_pair {
+        true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
+        false => interpreter::moves(config, program, None)?,
+    };
+    let stays = |step: &Move| step.end == config.start && step.extra_end == moves[0].extra_end;
+    match moves.iter().all(stays) {
+        true => Err(MovesNothing(program.into()).into()),
+        false => Ok(moves),
+    }
+}
+
+/// All bars: two kinds of work may go on at a time.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// What shows how much of a long work is done and how long the rest takes; hidden where standard error is no
+/// terminal, and gone with its owner.
+struct Bar(ProgressBar);
+
+impl Bar {
+    /// Of work whose length is known.
+    fn new(message: &'static str) -> Self {
+        let bar = Self::spinner(message);
+        bar.set(0.0);
+        bar
+    }
+
+    /// Of work that takes as long as it takes, until its share is told.
+    fn spinner(message: &'static str) -> Self {
+        let bar = ProgressBar::new_spinner().with_message(message);
+        bar.set_style(style(UNKNOWN));
+        bar.enable_steady_tick(TICK);
+        if output::is_quiet() {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+            return Self(bar);
+        }
+        Self(BARS.add(bar))
+    }
+
+    /// How far work of unknown length has come.
+    fn say(&self, message: String) {
+        self.0.set_message(message);
+    }
+
+    /// What is done next, which takes a time of its own.
+    fn next(&self, message: String) {
+        self.0.set_style(style(UNKNOWN));
+        self.0.unset_length();
+        self.0.reset();
+        self.0.set_message(message);
+    }
+
+    /// The share that is done.
+    fn set(&self, share: f64) {
+        if self.0.length().is_none() {
+            self.0.set_length(STEPS);
+            self.0.set_style(style(KNOWN));
+        }
+        self.0.set_position((share * STEPS as f64) as u64);
+    }
+
+    /// The share that is done, where anybody knows.
+    fn show(&self, share: Option<f64>) {
+        match share {
+            Some(share) => self.set(share),
+            None => self.forget_share(),
+        }
+    }
+
+    /// Nobody knows any more how much is left.
+    fn forget_share(&self) {
+        if self.0.length().is_some() {
+            self.0.set_style(style(UNKNOWN));
+            self.0.unset_length();
+        }
+    }
+}
+
+/// Of a bar with and without a length.
+const KNOWN: &str = "{msg} {bar:40} {percent} %, {eta} left";
+const UNKNOWN: &str = "{spinner} {msg}, {elapsed} so far";
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// What LinuxCNC does not know of the machine.
+#[derive(clap::Args, Clone, Debug)]
+struct StudyFile {
+    /// A TOML file with what studies need: stiffnesses, errors, diameters, limits
+    #[arg(long = "study", value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: Option<PathBuf>,
+}
+
+impl StudyFile {
+    /// The file, or a study in which every value is missing.
+    fn read(&self) -> Result<Study, Failure> {
+        Ok(self.study.as_deref().map_or(Ok(Study::default()), Study::read)?)
+    }
+}
+
+/// A pose as a block of a program would name it.
+fn in_words(pose: &Pose) -> String {
+    let word = |(letter, value): (&Letter, f64)| format!("{}{:.4}", letter.name(), value + 0.0);
+    Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
+}
+
+impl Cli {
+    /// Runs the subcommand; what goes wrong is told on standard error.
+    fn run(&self) -> ExitCode {
+        let verdict = match self.command.run() {
+            Ok(verdict) => verdict,
+            Err(failure) if failure.is_unread() => return ExitCode::SUCCESS,
+            Err(failure) => {
+                failure.tell();
+                Verdict::Unjudged
+            }
+        };
+        // A reader that has gone away does not change the verdict.
+        if let Err(failure) = Failure::unless_unread(output::finish(verdict)) {
+            failure.tell();
+            return ExitCode::from(2);
+        }
+        match verdict {
+            Verdict::Fits => ExitCode::SUCCESS,
+            Verdict::Misfit => ExitCode::from(1),
+            Verdict::Unjudged => ExitCode::from(2),
+        }
+    }
+}

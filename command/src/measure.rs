@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm measure`.
+
+use super::failure::{Failure, refused};
+use super::{Bar, MachineFile, Verdict, output, told};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use workbench::calibrate::model::Tolerance;
+use workbench::calibrate::propose::{Proposal, Step, propose};
+use workbench::calibrate::setup::Setup;
+use workbench::calibrate::sheet;
+use workbench::calibrate::{probing, program};
+use workbench::files::{read_text, write_whole};
+use workbench::program::interpreter::{Move, MoveKind, Spindle};
+use workbench::program::preflight::preflight;
+use workbench::read::machine::MachineConfig;
+
+/// Writes a program that stops where a gauge is to be read, and the table for the readings
+///
+/// GAUGE.toml says what is measured with (a dial gauge in the spindle, a ball bar, a feeler gauge) and
+/// against what (planes and balls, about where they are); configs/hexapod/calibration has one of each.
+/// Poses are chosen so that the readings make the motion of the tip as sure as they can. The whole
+/// way is followed through the machine's limits before anything is written. The program, NAME.ngc,
+/// stops at each pose and says what to read; NAME.csv takes the readings, once in the column reading
+/// and, from a second run, in the column again. `pkm calibrate MACHINE.ini NAME.csv` makes a
+/// geometry of it.
+///
+/// With gauge = "probe" the program probes the holes of a plate at the tilts that the machine has, and logs
+/// each touch into NAME.log for `pkm calibrate --plate`; the second file is NAME.hal, which holds the
+/// joints for it. Tools may point up or down: angles says which way the plate looks.
+///
+/// Exit status: 0 where both files are written, 2 where none is.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// What to measure with, and against what
+    #[arg(value_name = "GAUGE.toml", value_hint = clap::ValueHint::FilePath)]
+    gauge: PathBuf,
+    /// The program, NAME.ngc, and the table, NAME.csv; files that are there are kept
+    #[arg(short, long, value_name = "NAME", default_value = "measure")]
+    output: PathBuf,
+    /// Standard deviation of an anchor's coordinate and of a length from the drawing, machine
+    /// units [default: 1 mm]
+    #[arg(long, value_name = "LENGTH")]
+    tolerance: Option<f64>,
+}
+
+/// A file that would be lost.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is there already, and may hold readings: give another name with --output", .0.display())]
+struct IsThere(PathBuf);
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_unchained("the tip")?;
+    let tolerance = arguments.tolerance.unwrap_or(config.units_per_mm);
+    if !(tolerance > 0.0 && tolerance.is_finite()) {
+        return Err(refused(format!("--tolerance {tolerance}: expected more than 0")));
+    }
+    let text = read_text(&arguments.gauge)?;
+    match probing::is_one(&text) {
+        true => probe(arguments, &config),
+        false => read(arguments, &config, &Tolerance::of_lengths(tolerance)),
+    }
+}
+
+/// The two files of this name, which are not there yet.
+fn files(arguments: &Arguments, endings: [&str; 2]) -> Result<[PathBuf; 2], Failure> {
+    let files = endings.map(|ending| with_ending(&arguments.output, ending));
+    match files.iter().find(|file| file.exists()) {
+        Some(there) => Err(IsThere(there.clone()).into()),
+        None => Ok(files),
+    }
+}
+
+/// Program and table of a gauge that somebody reads.
+fn read(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    tolerance: &Tolerance,
+) -> Result<Verdict, Failure> {
+    let files = files(arguments, ["ngc", "csv"])?;
+    let setup = Setup::read(config, &arguments.gauge)?;
+    let bar = Bar::new("choosing poses");
+    let proposal = propose(config, &setup, tolerance, |share| bar.set(share))
+        .map_err(|error| Failure::at(arguments.gauge.display(), error))?;
+    drop(bar);
+    follow(config, &setup, &proposal)?;
+    let [program, table] = &files;
+    let name = table.file_name().unwrap_or_default().to_string_lossy();
+    write_both(
+        (program, &program::text(config, &setup, &proposal, &name)),
+        (table, &sheet::empty(config, &setup.gauge, &setup.objects, &proposal.stops)),
+    )?;
+    told(&in_words(config, &setup, &proposal, &files))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "files": files,
+        "stops": proposal.stops.len(),
+        "tip": { "by_drawing": proposal.drawn.expected, "with_readings": proposal.measured.expected },
+    }))?;
+    Ok(Verdict::Fits)
+}
+
+/// Program and HAL file of a probe.
+fn probe(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
+    let [program, hal] = files(arguments, ["ngc", "hal"])?;
+    let log = with_ending(&arguments.output, "log");
+    let log = log.file_name().unwrap_or_default().to_string_lossy();
+    let found = probing::probing(config, &arguments.gauge, &log)?;
+    write_both((&program, &found.program), (&hal, &found.hal))?;
+    let tilts: Vec<String> =
+        found.tilts.iter().map(|[a, b, c]| format!("A{a} B{b} C{c}")).collect();
+    told(&format!(
+        "{}\n  touches        {}, within all limits\n  tilts          {}\nwritten: {}, {}\n",
+        config.file.display(),
+        found.touches,
+        tilts.join(", "),
+        program.display(),
+        hal.display()
+    ))?;
+    output::answer(&json!({
+        "machine": config.file,
+        "files": [program, hal],
+        "stops": found.touches,
+        "tilts": found.tilts,
+    }))?;
+    Ok(Verdict::Fits)
+}
+
+/// A name with an ending behind it, whatever dots it has.
+fn with_ending(name: &Path, ending: &str) -> PathBuf {
+    let mut name = name.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    name.into()
+}
+
+/// Both files or none.
+fn write_both(first: (&Path, &str), second: (&Path, &str)) -> Result<(), Failure> {
+    write_whole(first.0, first.1)?;
+    write_whole(second.0, second.1).inspect_err(|_| drop(std::fs::remove_file(first.0)))?;
+    Ok(())
+}
+
+/// Follows the way through the machine's limits, as preflight does.
+fn follow(config: &MachineConfig, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
+    let tool = setup.gauge.tool - config.spindle;
+    let steps = proposal.ways.iter().flatten().chain(&proposal.home);
+    let moves: Vec<Move> = steps.map(|step| moved(step, tool.into(), setup.feed / 60.0)).collect();
+    match preflight(config, &moves)?.breaks.first() {
+        None => Ok(()),
+        Some(found) => {
+            Err(refused(format!("the way to the poses leaves the limits: {}", found.text)))
+        }
+    }
+}
+
+fn moved(step: &Step, tool: [f64; 3], feed: f64) -> Move {
+    let mut end = step.at;
+    (0..3).for_each(|k| end[k] += tool[k]);
+    Move {
+        kind: if step.is_slow { MoveKind::Feed } else { MoveKind::Rapid },
+        line: 0,
+        end,
+        feed,
+        angular_feed: feed,
+        tool,
+        file: 0,
+        extra: false,
+        second: None,
+        lasts: None,
+        extra_end: Default::default(),
+        spindle: Spindle::Unknown,
+    }
+}
+
+fn in_words(
+    config: &MachineConfig,
+    setup: &Setup,
+    proposal: &Proposal,
+    [program, table]: &[PathBuf; 2],
+) -> String {
+    let unit = config.length_unit();
+    let Proposal { stops, spread, drawn, measured, .. } = proposal;
+    let ([low, high], scale) = (setup.gauge.range, setup.gauge.scale);
+    format!(
+        "{}\n  poses          {}, within all limits on the whole way\n  tip's motion   rms {:.5} {unit} over the workspace by \
+         the drawing, {:.5} with one reading of {} {} at each\n  readings       about {}, by the drawing's tolerances with a deviation of {spread:.0} {scale}; the gauge shows {low} to \
+         {high}: type - where it does not\nwritten: {}, {}\n",
+        config.file.display(),
+        stops.len(),
+        drawn.expected,
+        measured.expected,
+        setup.gauge.deviation,
+        scale,
+        setup.expected,
+        program.display(),
+        table.display()
+    )
+}

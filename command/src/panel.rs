@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm panel`.
+
+use super::failure::{Failure, refused};
+use super::{Verdict, output, told};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use workbench::files::{Locate, write_whole};
+use workbench::panel::Panel;
+use workbench::read::machine::MachineConfig;
+
+/// The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
+///
+/// Writes NAME-panel.xml, a panel of PyVCP, and NAME-panel.tcl, which connects it, beside the INI file or
+/// into a folder, and tells the two lines that the INI file needs. The panel shows every joint in its
+/// range, the cones, what the guard does, travel left along every letter, the kinematics in force, the
+/// geometry, and why something was refused. It has to be written again when limits or axes of the
+/// machine change. docs/panel.md describes it.
+///
+/// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The machine's LinuxCNC INI file
+    #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
+    machine: PathBuf,
+    /// Writes the two files into this folder, made if needed, instead of beside the INI file
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    output_dir: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = MachineConfig::read(&arguments.machine)?;
+    let name = config.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    if let Some(odd) = name.chars().find(|c| !(c.is_alphanumeric() || "-_.+".contains(*c))) {
+        return Err(refused(format!(
+            "{}: the name holds {odd:?}, on which LinuxCNC parts the names of HAL files: rename the file with \
+             letters, digits, - and _",
+            config.file.display()
+        )));
+    }
+    let beside = config.file.parent().unwrap_or(Path::new(""));
+    let folder = arguments.output_dir.as_deref().unwrap_or(beside);
+    let Panel { widgets, wiring } = Panel::new(&config, &name);
+    if arguments.output_dir.is_some() {
+        std::fs::create_dir_all(folder).at(folder)?;
+    }
+    let [xml, tcl] = ["xml", "tcl"].map(|ending| format!("{name}-panel.{ending}"));
+    write_whole(&folder.join(&xml), &widgets)?;
+    write_whole(&folder.join(&tcl), &wiring)?;
+    let files = [folder.join(&xml), folder.join(&tcl)];
+    output::answer(&json!({ "machine": config.file, "files": files }))?;
+    told(&format!("[DISPLAY]\nPYVCP = {xml}\n\n[HAL]\nPOSTGUI_HALFILE = {tcl}\n"))?;
+    Ok(Verdict::Fits)
+}

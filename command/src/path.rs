@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm path`.
+
+use super::failure::{Failure, refused};
+use super::{MachineFile, Verdict, output, write_out};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use workbench::curve::carriages;
+use workbench::curve::file::PathFile;
+use workbench::curve::job::{self, Job, job};
+use workbench::curve::route::{Route, route};
+use workbench::curve::table::csv;
+use workbench::draw::curve::{of_carriages, of_job, of_route};
+use workbench::draw::plot::{DrawError, Plot};
+use workbench::files::write_whole;
+use workbench::read::machine::MachineConfig;
+
+/// Programs along curves, and what they ask of the joints
+///
+/// Takes a curve from a TOML file: two one-parametric families, x = f(t) and y = g(t) or
+/// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws of height, tilt and speed; or a free-form
+/// curve from control points, or from a DXF or SVG drawing. Writes a program whose distance from the curve is proved to be below
+/// chord_mm, to standard output or to --output, if the machine can take the path. Turning points
+/// of t are reported, a singular point is refused with its place.
+///
+///     [parameters]
+///     h = 16
+///     [curve]
+///     x_mm = "h*(t - sin(t))"      # or alpha, beta and start_mm
+///     y_mm = 0
+///     t = [0, "2*pi"]
+///     [laws]                       # of t, s (arc length, mm), u (its share), x, y, z
+///     z_mm = "h*(1 - cos(t))"
+///     b_deg = "-15*cos(t/2)"
+///     speed_mm_per_s = 20
+///     [tolerance]
+///     chord_mm = 0.005
+///     angle_deg = 0.01
+///     [program]
+///     zero_mm = [0, 0, 160]        # of the work, in the machine
+///     tool = 1
+///     spindle_rpm = 6000
+///     clear_z_mm = 40
+///     moves = "arcs"               # or "lines"
+///
+/// In place of x_mm, y_mm and t, a drawing; its arcs stay arcs, its splines splines:
+///
+///     [curve]
+///     dxf = "part.dxf"             # or svg; points for control points as CSV
+///     dxf_layer = "CUT"
+///
+/// The other way round, laws of the joints give the path of the tool, as CSV:
+///
+///     [carriages]
+///     t_s = [0, 6]
+///     laws_mm_or_deg = ["810 + 5*sin(t)", ...] # one a joint
+///
+/// Typical paths are given as [[operation]], zigzag to drill.
+///
+/// Expressions know + - * / ^, sin cos tan asin acos atan atan2 sinh cosh tanh asinh exp ln sqrt,
+/// pi and the names of [parameters]; their angles are radians. docs/paths.md lists all keys.
+///
+///     pkm path pyramid.ini cycloid.toml -o cycloid.ngc --csv cycloid.csv
+///
+/// Exit status: 0, or 2 where the file describes no path that the machine can take; then nothing
+/// is written.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The path
+    #[arg(value_name = "PATH.toml", value_hint = clap::ValueHint::FilePath)]
+    path: PathBuf,
+    /// Writes the program here instead of to standard output
+    #[arg(short, long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
+    output: Option<PathBuf>,
+    /// Writes t, arc length, pose, tangent, joints, their rates at the programmed speed, and the
+    /// platform's centre for the end of every move: work coordinates in mm and degrees, joints and
+    /// centre in machine units
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Draws the families with the curve, the split and the joints as SVG files into this folder, made
+    /// if needed; of a job, each joint over the length of every operation
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_unchained("the path")?;
+    let file = PathFile::read(&arguments.path)?;
+    let place = arguments.path.display();
+    match (&file.curve, file.operation.is_empty(), &file.carriages) {
+        (Some(_), true, None) => {
+            let found = route(&config, &file).map_err(|error| Failure::at(place, error))?;
+            let plots = || of_route(&config, &found);
+            write(arguments, &found.program, || csv(&config, &found.rows), plots)?;
+            tell(&found);
+            output::answer(&of_program(arguments, &config, &found.program, &told_route(&found)))?;
+        }
+        (None, true, Some(_)) => return backwards(arguments, &config, &file),
+        (None, false, None) => {
+            let found = job(&config, &file).map_err(|error| Failure::at(place, error))?;
+            let plots = || of_job(&config, &found);
+            write(arguments, &found.program, || job::csv(&config, &found), plots)?;
+            tell_job(&config, &found);
+            let operations = json!({ "operations": found.done.iter().map(|done| json!({
+                "name": done.name,
+                "length": done.along.last().map_or(0.0, |along| along.length),
+            })).collect::<Vec<_>>() });
+            output::answer(&of_program(arguments, &config, &found.program, &operations))?;
+        }
+        _ => {
+            let text = format!("{place}: expected one of [curve], [[operation]] and [carriages]");
+            return Err(refused(text));
+        }
+    }
+    Ok(Verdict::Fits)
+}
+
+/// Laws of the joints in, path of the tool out.
+fn backwards(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    file: &PathFile,
+) -> Result<Verdict, Failure> {
+    if arguments.output.is_some() {
+        let text = "--output: laws of joints give no program; --csv writes the path of the tool";
+        return Err(refused(text));
+    }
+    let places = carriages::taken(config, file)
+        .map_err(|error| Failure::at(arguments.path.display(), error))?;
+    if let Some(folder) = &arguments.plots {
+        Plot::write_all(&of_carriages(config, &places)?, folder)?;
+    }
+    let text = carriages::csv(config, &places);
+    write_out(&text, arguments.csv.as_deref())?;
+    output::answer(&json!({ "machine": config.file, "path": arguments.path, "table": text }))?;
+    Ok(Verdict::Fits)
+}
+
+/// A program, and what is said of it, for programs.
+fn of_program(arguments: &Arguments, config: &MachineConfig, text: &str, told: &Value) -> Value {
+    let files: Vec<_> = [&arguments.output, &arguments.csv].into_iter().flatten().collect();
+    let mut all = json!({
+        "machine": config.file,
+        "path": arguments.path,
+        "program": text,
+        "files": files,
+    });
+    if let (Some(all), Some(told)) = (all.as_object_mut(), told.as_object()) {
+        all.extend(told.clone());
+    }
+    all
+}
+
+fn told_route(found: &Route) -> Value {
+    let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
+    json!({
+        "lines": found.pieces.len() - arcs,
+        "arcs": arcs,
+        "deviation_mm": found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max),
+        "length_mm": found.curve.length,
+        "seconds": found.seconds,
+        "turnings": found.curve.turnings.iter().map(|turning| json!({ "t": turning.t, "at": turning.at })).collect::<Vec<_>>(),
+        "is_closed": found.curve.is_closed,
+    })
+}
+
+fn write(
+    arguments: &Arguments,
+    program: &str,
+    csv: impl FnOnce() -> String,
+    plots: impl FnOnce() -> Result<Vec<Plot>, DrawError>,
+) -> Result<(), Failure> {
+    if let Some(folder) = &arguments.plots {
+        Plot::write_all(&plots()?, folder)?;
+    }
+    if let Some(file) = &arguments.csv {
+        write_whole(file, &csv())?;
+    }
+    write_out(program, arguments.output.as_deref())
+}
+
+/// Changes of the joints by operation (paper 003, figure 8).
+fn tell_job(config: &MachineConfig, job: &Job) {
+    let unit = config.length_unit();
+    for (n, done) in job.done.iter().enumerate() {
+        let Some(end) = done.along.last() else { continue };
+        let change = |i: usize| {
+            let values = done.along.iter().map(|along| along.change[i]);
+            let (low, high) =
+                values.fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+            format!("{} {low:.3}..{high:.3}", config.joints[i].name)
+        };
+        let changes: Vec<String> = (0..config.joints.len()).map(change).collect();
+        let changes = changes.join(", ");
+        output::remark(&format!("{}: {}, {:.3} {unit}; {changes}", n + 1, done.name, end.length));
+    }
+}
+
+fn tell(found: &Route) {
+    let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
+    let most = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
+    output::remark(&format!(
+        "{} lines and {arcs} arcs, at most {most:.6} mm from the curve; {:.6} mm long, {:.2} s at \
+         the programmed speeds",
+        found.pieces.len() - arcs,
+        found.curve.length,
+        found.seconds
+    ));
+    for turning in &found.curve.turnings {
+        let [x, y] = turning.at;
+        output::remark(&format!("t turns back at t = {:.6}: x {x:.6} y {y:.6}", turning.t));
+    }
+    if found.curve.is_closed {
+        output::remark("the curve is closed");
+    }
+}

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The pose of the command line, and poses that a study runs through: those of a program, or CSV.
+
+use super::failure::{Failure, refused};
+use super::input::{Program, RowFile};
+use super::joints::{Tool, coordinates};
+use super::{Bar, moves, output, rows};
+use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
+use std::path::{Path, PathBuf};
+use workbench::program::replay::{duration_of_all, replay_seen};
+use workbench::read::machine::MachineConfig;
+
+/// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so
+/// that this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.
+const USUAL_POSES: f64 = 1e4;
+
+/// Where the poses come from.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Source {
+    /// A program, followed as `pkm replay` does, - for standard input; without it CSV is read, with a
+    /// header that names x y z a b c
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = Program, conflicts_with = "rows")]
+    program: Option<PathBuf>,
+    #[command(flatten)]
+    rows: RowFile,
+    /// Seconds between poses of a program; without it [EMCMOT]SERVO_PERIOD, or so much longer that a
+    /// program has 10000 poses
+    #[arg(long, value_name = "SECONDS")]
+    period: Option<f64>,
+    #[command(flatten)]
+    tool: Tool,
+}
+
+/// A pose, home where none is given.
+#[derive(clap::Args, Clone, Debug)]
+pub struct PoseWords {
+    /// The pose, machine units and degrees: six numbers X Y Z A B C, or words as in a block of a program,
+    /// such as X20 Z300 A5, of which one that is missing is that of home
+    #[arg(long, num_args = 1..=9, value_name = "WORD", allow_negative_numbers = true)]
+    pose: Vec<String>,
+}
+
+impl PoseWords {
+    pub const fn is_given(&self) -> bool {
+        !self.pose.is_empty()
+    }
+
+    /// Refuses rows beside it.
+    pub fn without_rows(&self, rows: &RowFile) -> Result<(), Failure> {
+        match rows.is_named() {
+            true => Err(refused("--pose and --rows: give one of them")),
+            false => Ok(()),
+        }
+    }
+
+    /// X Y Z A B C.
+    pub fn read(&self, config: &MachineConfig) -> Result<[f64; 6], Failure> {
+        let letters: String = Letter::ALL.iter().map(|letter| letter.name()).collect();
+        let mut pose = config.home;
+        for (place, value) in self.words(&letters)? {
+            pose[place] = value;
+        }
+        Ok(pose)
+    }
+
+    /// Places among LinuxCNC's nine coordinates and values of what is given, of these letters.
+    pub fn words(&self, letters: &str) -> Result<Vec<(usize, f64)>, Failure> {
+        let finite = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
+        let numbers: Option<Vec<f64>> = self.pose.iter().map(|word| finite(word)).collect();
+        match numbers {
+            Some(numbers) if numbers.is_empty() || numbers.len() == 6 => {
+                Ok(numbers.into_iter().enumerate().collect())
+            }
+            Some(numbers) => {
+                let count = numbers.len();
+                Err(refused(format!("--pose: found {count} numbers; expected X Y Z A B C")))
+            }
+            None => self.pose.iter().map(|word| word_of(letters, word)).collect(),
+        }
+    }
+}
+
+/// Place and value of a word such as `X20`.
+fn word_of(letters: &str, word: &str) -> Result<(usize, f64), Failure> {
+    let letter = word.chars().next().map(|letter| letter.to_ascii_uppercase());
+    let place = POSE_LETTERS.iter().position(|known| Some(*known) == letter);
+    let value =
+        word.get(1..).and_then(|number| number.parse().ok()).filter(|v: &f64| v.is_finite());
+    match place.filter(|place| letters.contains(POSE_LETTERS[*place])).zip(value) {
+        Some(found) => Ok(found),
+        None => Err(refused(format!(
+            "--pose: \"{word}\": expected six numbers, or a letter of {letters} and a number each, such as \
+             {}20; files go before --pose",
+            &letters[..1]
+        ))),
+    }
+}
+
+/// One pose, home where nothing is given, and the tool there.
+#[derive(clap::Args, Clone, Debug)]
+pub struct At {
+    #[command(flatten)]
+    pose: PoseWords,
+    #[command(flatten)]
+    tool: Tool,
+}
+
+impl At {
+    /// Pose and tool vector, spindle offset included.
+    pub fn read(&self, config: &MachineConfig) -> Result<(Pose, Vector3<f64>), Failure> {
+        let pose = match self.pose.is_given() {
+            true => Pose::from_degrees(self.pose.read(config)?),
+            false => config.home_pose(),
+        };
+        Ok((pose, self.tool.vector(config)))
+    }
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Stop {
+    /// Seconds, and line of the program; without a program 0 and the line of the input.
+    pub time: f64,
+    /// See `time`.
+    pub line: u64,
+    /// The pose.
+    pub pose: Pose,
+    /// Tool vector, spindle offset included.
+    pub tool: Vector3<f64>,
+}
+
+/// The poses, and whether all of a program were reached.
+pub struct Stops {
+    /// In order.
+    pub stops: Vec<Stop>,
+    /// Whether they belong to a program.
+    pub is_program: bool,
+    /// Why the program ends early.
+    pub end: Option<String>,
+}
+
+impl Source {
+    /// All poses.
+    pub fn read(&self, config: &MachineConfig) -> Result<Stops, Failure> {
+        let stops = match &self.program {
+            Some(program) => self.of_program(config, program)?,
+            None => self.of_input(config)?,
+        };
+        match stops.stops.is_empty() {
+            true => Err(refused(
+                "there is no pose to look at; give a program that moves, or rows below the header",
+            )),
+            false => Ok(stops),
+        }
+    }
+
+    fn of_program(&self, config: &MachineConfig, program: &Path) -> Result<Stops, Failure> {
+        if let Some(period) = self.period.filter(|period| !(*period > 0.0 && period.is_finite())) {
+            return Err(refused(format!("--period {period}: expected more than 0 seconds")));
+        }
+        let moves = moves(config, program)?;
+        let whole = duration_of_all(config, &moves);
+        let usual = config.period.max(whole / USUAL_POSES);
+        let period = self.period.unwrap_or(usual);
+        if self.period.is_none() && usual > config.period {
+            output::remark(&format!(
+                "a pose every {usual:.4} s, {USUAL_POSES} in all; --period {} has every servo cycle, {:.0} \
+                 times as many",
+                config.period,
+                usual / config.period
+            ));
+        }
+        let mut stops = vec![];
+        let bar = Bar::new("following the program");
+        let replayed = replay_seen(config, &moves, period, |visit| {
+            bar.set(visit.time / whole);
+            stops.push(Stop {
+                time: visit.time,
+                line: visit.line.into(),
+                pose: Pose::from_degrees(visit.pose),
+                tool: visit.tool.into(),
+            });
+        });
+        let end = replayed.err().map(|fault| format!("{}: {fault}", program.display()));
+        Ok(Stops { stops, is_program: true, end })
+    }
+
+    fn of_input(&self, config: &MachineConfig) -> Result<Stops, Failure> {
+        let tool = self.tool.vector(config);
+        let mut stops = vec![];
+        let instead = "a program, - for one on standard input";
+        rows::Rows::open(&self.rows, &coordinates(), instead)?.each(|line, row| {
+            let pose = Pose::from_degrees(std::array::from_fn(|k| row[k]));
+            stops.push(Stop { time: 0.0, line, pose, tool });
+            Ok(())
+        })?;
+        Ok(Stops { stops, is_program: false, end: None })
+    }
+}

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm random`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::{MachineFile, Verdict, output, told};
+use serde_json::json;
+use workbench::program::random_program::random_program;
+
+/// Writes a program of random moves and tool changes that the machine can run
+///
+/// Straight moves within joint ranges and cones at feeds that all joints keep up with, tilted
+/// where the machine tilts, and changes of the tool offset: for soak tests of a machine or of its
+/// simulation. The program goes to standard output.
+///
+/// Exit status: 0 where a program was made, 1 where no move is possible, 2 where the file describes
+/// no machine.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The same number makes the same program
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    seed: u64,
+    /// Least duration of the program
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    seconds: f64,
+}
+
+/// Longest program, seconds: a day.
+const LONGEST: f64 = 86_400.0;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let seconds = arguments.seconds;
+    if !(seconds > 0.0 && seconds <= LONGEST) {
+        let text = format!("--seconds {seconds}: expected more than 0 and at most {LONGEST}");
+        return Err(refused(text));
+    }
+    let config = arguments.machine.read()?;
+    match random_program(&config, arguments.seed, seconds) {
+        Ok(text) => {
+            told(&text)?;
+            output::answer(&json!({ "machine": config.file, "program": text }))?;
+            Ok(Verdict::Fits)
+        }
+        Err(error) => {
+            tell_error(&format!("{}: {error}", config.file.display()));
+            Ok(Verdict::Misfit)
+        }
+    }
+}

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm replay`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::joints::{coordinates, joint_names};
+use super::output::Table;
+use super::{Bar, MachineFile, Verdict, moves};
+use std::path::PathBuf;
+use workbench::draw::motion;
+use workbench::draw::plot::Plot;
+use workbench::draw::sample::Sample;
+use workbench::files::Locate;
+use workbench::program::replay::{Visit, duration_of_all, replay_seen};
+use workbench::read::machine::MachineConfig;
+
+/// Writes the joint values that a program asks for
+///
+/// LinuxCNC's interpreter reads the program with the machine's tool table, parameters and
+/// startup code; every move runs at its feed without acceleration and blending, and poses at the
+/// servo period go through the kinematics. Standard output gets CSV: time in seconds, line of
+/// the program, pose and joint values, machine units and degrees. Limits that the program leaves
+/// are told on standard error.
+///
+/// Exit status: 0 where the program stays within all limits, 1 where it does not, 2 where the
+/// interpreter refuses it or files cannot be read or written.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
+    program: PathBuf,
+    /// Seconds between poses instead of [EMCMOT]SERVO_PERIOD
+    #[arg(long, value_name = "SECONDS")]
+    period: Option<f64>,
+    /// Also draws joint values, speeds and path as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+/// Shortest time between poses, seconds: far below any servo period.
+const SHORTEST_PERIOD: f64 = 1e-6;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let period = arguments.period.unwrap_or(config.period);
+    if !(period >= SHORTEST_PERIOD && period.is_finite()) {
+        let text = format!("--period {period}: expected at least {SHORTEST_PERIOD} seconds");
+        return Err(refused(text));
+    }
+    let moves = moves(&config, &arguments.program)?;
+    if let Some(folder) = &arguments.plots {
+        std::fs::create_dir_all(folder).at(folder)?;
+    }
+    let names =
+        [vec!["time".into(), "line".into()], coordinates(), joint_names(config.joints.len())];
+    let mut table = Table::new(names.concat())?;
+    let mut samples = vec![];
+    let mut unwritten = None;
+    let whole = duration_of_all(&config, &moves);
+    let bar = Bar::new("replaying");
+    let replayed = replay_seen(&config, &moves, period, |visit| {
+        bar.set(visit.time / whole);
+        if unwritten.is_none() {
+            unwritten = table.row(row(&config, visit)).err();
+        }
+        if arguments.plots.is_some() {
+            samples.push(sample(visit));
+        }
+    });
+    drop(bar);
+    match unwritten {
+        Some(error) => return Err(error),
+        None => table.finish(&config.file)?,
+    }
+    let told = match &replayed {
+        Ok(replay) => replay.violations(&config),
+        Err(fault) => vec![fault.to_string()],
+    };
+    for text in &told {
+        tell_error(&format!("{}: {text}", arguments.program.display()));
+    }
+    if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
+        Plot::write_all(&motion::all(&config, &samples)?, folder)?;
+    }
+    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn row(config: &MachineConfig, visit: &Visit) -> Vec<Option<f64>> {
+    let place = [visit.time, f64::from(visit.line)].into_iter().chain(visit.pose);
+    place.chain(visit.joints.into_iter().take(config.joints.len())).map(Some).collect()
+}
+
+fn sample(visit: &Visit) -> Sample {
+    Sample {
+        time: visit.time,
+        in_world: true,
+        pose: visit.pose,
+        joints: visit.joints,
+        motors: visit.joints,
+        passed: 0.0,
+        forward: visit.pose,
+        corrections: visit.corrections,
+        tool: visit.tool,
+        iterations: 0.0,
+        residual: 0.0,
+    }
+}

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What the page of `pkm preflight --report` tells.
+
+use kinematics::{Limit, Margin};
+use workbench::draw::over::Mark;
+use workbench::draw::page::LimitRow;
+use workbench::limits;
+use workbench::program::course::{Abscissa, Thinned};
+use workbench::program::findings::{Break, LeastMargin, Preflight, Range, Rule, Time};
+use workbench::read::machine::MachineConfig;
+
+/// Names a line of a file, for what breaks or comes nearest to a limit.
+type PlaceOf<'a> = &'a dyn Fn(Rule, usize, u32) -> String;
+
+/// The breaks, with their places on the axis of the plots. `block` says what is in a line.
+pub fn marks(
+    config: &MachineConfig,
+    found: &Preflight,
+    course: &Thinned,
+    place: PlaceOf,
+    block: impl Fn(&Break) -> String,
+) -> Vec<Mark> {
+    let mark = |told: &Break| Mark {
+        place: place(told.limit, told.file, told.line),
+        block: block(told),
+        text: format!("{}: {}", told.limit.name(), told.text),
+        at: match course.abscissa {
+            Abscissa::Seconds => told.seconds,
+            Abscissa::Length => None,
+        }
+        .or_else(|| course.place(config, told.line, &told.pose)),
+        pose: told.pose,
+    };
+    found.breaks.iter().map(mark).collect()
+}
+
+/// All limits that the program was judged by.
+pub fn rows(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Vec<LimitRow> {
+    let limits = Limit::ALL.into_iter().filter_map(|limit| row(config, found, limit, place));
+    limits.chain(following_error(config, found, place)).chain(control(found, place)).collect()
+}
+
+/// What the figures of a program that LinuxCNC stopped hold for.
+const TO_THE_STOP: &str = "up to the stop";
+
+/// A limit without figures.
+fn bare(found: &Preflight, limit: Rule, meaning: &str, place: PlaceOf) -> LimitRow {
+    let own = |(number, told): (usize, &Break)| (told.limit == limit).then_some(number);
+    let breaks: Vec<usize> = (1..).zip(&found.breaks).filter_map(own).collect();
+    let first = breaks.first().map(|number| &found.breaks[number - 1]);
+    LimitRow {
+        name: limit.name().into(),
+        meaning: meaning.into(),
+        part: String::new(),
+        allowed: String::new(),
+        used: String::new(),
+        margin: String::new(),
+        line: first.map_or(String::new(), |told| place(limit, told.file, told.line)),
+        breaks,
+        is_judged: !limit.is_of_time() || found.time.is_whole(),
+    }
+}
+
+fn row(
+    config: &MachineConfig,
+    found: &Preflight,
+    limit: Limit,
+    place: PlaceOf,
+) -> Option<LimitRow> {
+    let mut row = bare(found, limit.into(), limits::meaning(limit), place);
+    match found.margins.iter().find(|margin| margin.limit == limit) {
+        Some(least) => fill(&mut row, config, found, (least, place)),
+        // Reach has no size.
+        None if !row.breaks.is_empty() => row.used = "beyond it".into(),
+        // A limit that the machine has, of a motion that nobody saw.
+        None if limits::is_of_feed(limit) && !row.is_judged => {}
+        None => return None,
+    }
+    Some(row)
+}
+
+fn fill(
+    row: &mut LimitRow,
+    config: &MachineConfig,
+    found: &Preflight,
+    (least, place): (&LeastMargin, PlaceOf),
+) {
+    let LeastMargin { limit, value, unit, part, line, file, of } = least;
+    row.part = part.clone();
+    row.margin = format!("{value:.3} {unit}").trim_end().into();
+    let worst = match line {
+        0 => "before the program".into(),
+        _ => place(*limit, *file, *line),
+    };
+    row.line = match row.line.as_str() {
+        first if first.is_empty() || first == worst => worst,
+        first => format!("{first}, worst in {worst}"),
+    };
+    let Rule::Limit(limit) = *limit else { return };
+    let Some(range) = limits::range(config, limit, *of) else { return };
+    let margin = Margin { limit, part: *of, value: f64::NAN, range };
+    row.allowed = limits::allowed(config, &margin);
+    let whole = found.ranges.iter().find(|range| range.part == *part);
+    let used = match (range, whole.filter(|_| limit == Limit::Axis || limit == Limit::JointRange)) {
+        (_, Some(Range { used: [low, high], .. })) => format!("{low:.3} to {high:.3}"),
+        ([_, high], None) if high.is_finite() => format!("{:.3}", high - value),
+        ([low, _], None) => format!("{:.3}", low + value),
+    };
+    row.used = format!("{used} {unit}").trim_end().into();
+    say_how_far(row);
+}
+
+fn say_how_far(row: &mut LimitRow) {
+    if !row.is_judged {
+        row.used = format!("{} {TO_THE_STOP}", row.used);
+    }
+}
+
+/// Where a drive comes nearest to what LinuxCNC allows it to lag.
+fn following_error(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
+    let Time::Judged(timing) = &found.time else { return None };
+    let lagging = timing.following_errors.iter().enumerate();
+    let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
+    let (joint, worst) = lagging.max_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
+    let unit = config.unit_of(joint);
+    let meaning = "how far a drive may lag behind its command";
+    let mut row = LimitRow {
+        part: worst.joint.clone(),
+        allowed: format!("at most {:.3} {unit}", worst.limit),
+        used: format!("{:.3} {unit}", worst.value),
+        margin: format!("{:.3} {unit}", worst.limit - worst.value),
+        line: place(Rule::FollowingError, 0, worst.place.line),
+        ..bare(found, Rule::FollowingError, meaning, place)
+    };
+    say_how_far(&mut row);
+    Some(row)
+}
+
+/// What LinuxCNC stops at, if it does.
+fn control(found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
+    let meaning = "the control's own checks, which stop a program with a message";
+    let row = bare(found, Rule::Control, meaning, place);
+    let said = || LimitRow { allowed: "no error".into(), used: "stopped".into(), ..row.clone() };
+    (!row.breaks.is_empty()).then(said)
+}
+
+/// Why the program fits or does not, in a sentence for everybody.
+pub fn why(found: &Preflight, rows: &[LimitRow], place: PlaceOf) -> String {
+    let Some(first) = found.breaks.first() else {
+        if let Time::NotJudged(cause) = &found.time {
+            return format!(
+                "The path stays within the limits of the machine. How fast its joints would have to move \
+                 is not known, because LinuxCNC could not run the program: {cause}."
+            );
+        }
+        return "Every move stays within all limits of the machine, from its start to its end."
+            .into();
+    };
+    let broken = rows.iter().filter(|row| !row.breaks.is_empty()).count();
+    let rest = match broken {
+        1 if rows.iter().all(|row| row.is_judged) => "All other limits are kept.".into(),
+        1 => {
+            "The other limits of the path are kept; what depends on time is not judged to its end."
+                .into()
+        }
+        more => format!("{more} limits are broken in all."),
+    };
+    format!(
+        "The machine cannot run this program as it is: in {}, {}. {rest}",
+        place(first.limit, first.file, first.line),
+        first.text
+    )
+}

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm rods`.
+
+use super::failure::{Failure, tell_error};
+use super::joints::{coordinates, joint_names};
+use super::output::Table;
+use super::poses::{Source, Stop};
+use super::{MachineFile, StudyFile, Verdict};
+use kinematics::Vector3;
+use std::path::PathBuf;
+use workbench::draw::course::Course;
+use workbench::draw::plot::Plot;
+use workbench::draw::rods::of_rods;
+use workbench::read::machine::MachineConfig;
+use workbench::study::rods::{Rods, View};
+
+/// Where the legs are along a program or a list of poses
+///
+/// Writes CSV to standard output, a row a pose: joint values, both ends of every leg (that at
+/// the base moves with its carriage or arm), its length, its elevation above the XY plane and its
+/// azimuth about Z, its angles to its direction at home at both joints and to its guide, the
+/// angles between all legs, the gap of the two nearest legs with their numbers, and points of
+/// the platform. Machine units and degrees. The gap is the distance of the centre lines less
+/// `rod_diameter_mm` of the study file.
+///
+/// Exit status: 0, 1 where a pose has no joint values (told on standard error), 2 where input or
+/// output failed.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    source: Source,
+    /// A point of the platform to follow, in its frame; may be given several times
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    point: Vec<f64>,
+    #[command(flatten)]
+    study: StudyFile,
+    /// Also draws angles, gaps and points as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = arguments.study.read()?;
+    let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
+    let points = arguments.point.chunks(3).map(Vector3::from_column_slice).collect();
+    let view = View::new(&config, points, diameter);
+    let mut source = arguments.source.read(&config)?;
+    let mut told: Vec<String> = source.end.take().into_iter().collect();
+    let mut seen = vec![];
+    for stop in &source.stops {
+        match view.at(&stop.pose, &stop.tool) {
+            Ok(rods) => seen.push((*stop, rods)),
+            Err(fault) => told.push(format!("line {}: {fault}", stop.line)),
+        }
+    }
+    if let Some(folder) = arguments.plots.as_ref().filter(|_| !seen.is_empty()) {
+        let course = match source.is_program {
+            true => Course::in_time(seen.iter().map(|(stop, _)| stop.time).collect()),
+            false => Course::by_number(seen.len()),
+        };
+        let rods: Vec<Rods> = seen.iter().map(|(_, rods)| rods.clone()).collect();
+        Plot::write_all(&of_rods(&config, &course, &rods)?, folder)?;
+    }
+    for text in &told {
+        tell_error(text);
+    }
+    write_rows(&config, &view, &seen)?;
+    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
+    let names = [
+        vec!["time".into(), "line".into()],
+        coordinates(),
+        joint_names(config.joints.len()),
+        view.names(),
+    ];
+    let mut table = Table::new(names.concat())?;
+    for (stop, rods) in seen {
+        let joints = config.machine.inverse(&stop.pose, &stop.tool)?;
+        let place = [stop.time, stop.line as f64].into_iter().chain(stop.pose.to_degrees());
+        let numbers = place.chain(joints.into_iter().take(config.joints.len())).map(Some);
+        table.row(numbers.chain(rods.values()).collect())?;
+    }
+    table.finish(&config.file)
+}

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Rows of numbers: from the command line, or as CSV from a file or standard input.
+
+use super::Verdict;
+use super::failure::{Failure, refused, tell_error};
+use super::input::RowFile;
+use super::output::{self, Table};
+use kinematics::Fault;
+use serde_json::json;
+use std::io::{Read, Write};
+use std::path::Path;
+use workbench::files::open;
+
+const INPUT: &str = "standard input";
+
+/// What a row came to: numbers, or why there are none.
+pub type Answer = Result<Vec<f64>, Fault>;
+
+/// What is asked: one row, or those of a file.
+pub enum Question<'a> {
+    Row(Vec<f64>),
+    /// With the option that gives one row instead.
+    Rows(&'a RowFile, &'static str),
+}
+
+/// Answers one row of numbers with a line of numbers, or every row of a file, whose header has to
+/// name all `columns` (others are left alone), with a row of CSV under the header `named`. A row
+/// without an answer leaves its cells empty.
+pub fn answer(
+    machine: &Path,
+    question: &Question,
+    columns: &[String],
+    named: &[String],
+    mut reply: impl FnMut(&[f64]) -> Answer,
+) -> Result<Verdict, Failure> {
+    let given = match question {
+        Question::Row(given) => given,
+        Question::Rows(file, instead) => {
+            return stream(machine, Rows::open(file, columns, instead)?, named, reply);
+        }
+    };
+    match reply(given) {
+        Ok(values) => {
+            let mut out = output::people();
+            for (name, value) in named.iter().zip(&values) {
+                writeln!(out, "{name} = {value}")?;
+            }
+            output::answer(&json!({ "machine": machine, "columns": named, "rows": [values] }))?;
+            Ok(Verdict::Fits)
+        }
+        Err(fault) => {
+            tell_error(&fault);
+            Ok(Verdict::Misfit)
+        }
+    }
+}
+
+fn stream(
+    machine: &Path,
+    rows: Rows,
+    named: &[String],
+    mut reply: impl FnMut(&[f64]) -> Answer,
+) -> Result<Verdict, Failure> {
+    let name = rows.name.clone();
+    let mut table = Table::new(named.to_vec())?;
+    let mut verdict = Verdict::Fits;
+    rows.each(|line, values| {
+        let cells = match reply(values) {
+            Ok(values) => values.into_iter().map(Some).collect(),
+            Err(fault) => {
+                tell_error(&format!("{name}:{line}: {fault}"));
+                verdict = Verdict::Misfit;
+                vec![None; named.len()]
+            }
+        };
+        table.row(cells)
+    })?;
+    table.finish(machine)?;
+    Ok(verdict)
+}
+
+/// Rows of a file or of standard input, whose header has named the columns wanted.
+pub struct Rows {
+    reader: csv::Reader<Box<dyn Read>>,
+    places: Vec<usize>,
+    /// Of the file.
+    name: String,
+}
+
+impl Rows {
+    /// Reads the header, which has to name all `columns`; others are left alone. `instead` names what else
+    /// could have been given, to somebody who gave nothing.
+    pub fn open(file: &RowFile, columns: &[String], instead: &str) -> Result<Self, Failure> {
+        let names = columns.join(",");
+        if file.is_forgotten() {
+            let text = "nothing is given, and standard input is a terminal";
+            return Err(refused(format!("{text}: give {instead}, or rows under a header {names}")));
+        }
+        let (name, input): (String, Box<dyn Read>) = match file.file() {
+            None => (INPUT.into(), Box::new(std::io::stdin().lock())),
+            Some(file) => (file.display().to_string(), Box::new(open(file)?)),
+        };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
+        let header = reader.headers().map_err(|error| unread(&name, error))?;
+        let place = |name: &String| header.iter().position(|word| word.eq_ignore_ascii_case(name));
+        if let Some(missing) = columns.iter().find(|name| place(name).is_none()) {
+            let text = format!("{name}:1: the header names no column {missing}");
+            return Err(refused(format!("{text}; expected {names}")));
+        }
+        let places = columns.iter().filter_map(place).collect();
+        Ok(Self { reader, places, name })
+    }
+
+    /// Shows every row with its line.
+    pub fn each(
+        self,
+        mut see: impl FnMut(u64, &[f64]) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let name = &self.name;
+        for record in self.reader.into_records() {
+            let record = record.map_err(|error| unread(name, error))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let values = numbers(&record, &self.places)
+                .map_err(|error| Failure::at(format_args!("{name}:{line}"), error))?;
+            see(line, &values)?;
+        }
+        Ok(())
+    }
+}
+
+/// A cell that holds none.
+#[derive(Debug, thiserror::Error)]
+#[error("\"{0}\" is no number; expected one such as 12.5")]
+struct NoNumber(String);
+
+fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoNumber> {
+    let number = |place: &usize| {
+        let word = record.get(*place).unwrap_or_default();
+        word.parse().map_err(|_| NoNumber(word.into()))
+    };
+    places.iter().map(number).collect()
+}
+
+/// A row of another length, or bytes that are no text, with its line.
+fn unread(name: &str, error: csv::Error) -> Failure {
+    let line = error.position().map(csv::Position::line);
+    let place = line.map_or(name.to_string(), |line| format!("{name}:{line}"));
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => refused(format!(
+            "{place}: {len} cells; expected {expected_len}, as many as the header names"
+        )),
+        csv::ErrorKind::Utf8 { .. } => refused(format!("{place}: no text; expected CSV in UTF-8")),
+        _ => Failure::at(place, error),
+    }
+}

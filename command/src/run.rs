@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm run`.
+
+use super::failure::Failure;
+use super::trace::Trace;
+use super::{Bar, MachineFile, Verdict, output};
+use serde::Serialize;
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use workbench::control::process::{self, Options};
+use workbench::control::row::{Ending, Message, MessageKind, Outcome, Row};
+use workbench::files::open;
+use workbench::program::done::Done;
+use workbench::read::machine::MachineConfig;
+
+/// Runs a program by LinuxCNC itself, without hardware and faster than the machine
+///
+/// LinuxCNC's interpreter, planner and motion controller run in virtual time, with pkmkins, with drives
+/// that keep the joints' speeds and accelerations, and with a spindle that takes its time. Standard
+/// output gets what LinuxCNC says to the operator and how long the program takes. With --trace a file
+/// gets a row for every servo cycle: time, line, pose, commanded joint values, following errors, tool
+/// offset in effect and the feed that the guard allows, in machine units and degrees.
+///
+/// The machine's own files are not written, and a machine that runs on this computer is not touched.
+///
+/// Exit status: 0 where the program runs to its end, 1 where LinuxCNC stops it, 2 where it could not be
+/// run.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
+    program: PathBuf,
+    /// Writes every servo cycle into this file, as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    trace: Option<PathBuf>,
+    /// Copies what the program writes into files, as by LOGOPEN, into this folder
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    written: Option<PathBuf>,
+    #[command(flatten)]
+    control: Control,
+}
+
+/// How a program is run, as options.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Control {
+    /// Gives up after this time of the machine
+    #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_seconds)]
+    most_time: f64,
+    /// Gives up when nothing moves for this time of the machine
+    #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_standstill)]
+    most_standstill: f64,
+    /// Carries out this HAL file too, after those of the simulated machine: a probe, another spindle
+    #[arg(long, value_name = "FILE.hal", value_hint = clap::ValueHint::FilePath)]
+    hal: Vec<PathBuf>,
+}
+
+impl Default for Control {
+    fn default() -> Self {
+        let Options { most_seconds: most_time, most_standstill, .. } = Options::default();
+        Self { most_time, most_standstill, hal: vec![] }
+    }
+}
+
+impl Control {
+    /// The same for a run.
+    pub fn options(&self) -> Options {
+        Options {
+            most_seconds: self.most_time,
+            most_standstill: self.most_standstill,
+            hal: self.hal.clone(),
+            ..Options::default()
+        }
+    }
+}
+
+/// What is told.
+#[derive(Serialize)]
+struct Answer<'a> {
+    machine: &'a Path,
+    program: &'a Path,
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+    trace: Option<&'a Path>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all()?;
+    open(&arguments.program)?;
+    let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
+    let mut progress = Progress::new(&config, &arguments.program)?;
+    let options = Options { written: arguments.written.clone(), ..arguments.control.options() };
+    let outcome = process::run(&config, &arguments.program, &options, |row| {
+        progress.see(row);
+        trace.as_mut().map_or(ControlFlow::Continue(()), |trace| trace.see(row))
+    });
+    drop(progress);
+    trace.map_or(Ok(()), |trace| trace.finish(outcome.is_ok()))?;
+    let outcome = outcome?;
+    output::answer(&Answer {
+        machine: &config.file,
+        program: &arguments.program,
+        outcome: &outcome,
+        trace: arguments.trace.as_deref(),
+    })?;
+    tell(&arguments.program, &outcome)?;
+    Ok(match outcome.ending {
+        Ending::Finished => Verdict::Fits,
+        Ending::Stopped => Verdict::Misfit,
+    })
+}
+
+fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    let mut out = output::people();
+    for message in &outcome.messages {
+        let word = match message.kind {
+            MessageKind::Error => "error: ",
+            MessageKind::Text | MessageKind::Display => "",
+        };
+        let Message { line, read, seconds, text, .. } = message;
+        let place = match line {
+            0 => format!("reading line {read}, before the first move"),
+            _ => format!("line {line}, {seconds:.3} s"),
+        };
+        writeln!(out, "{}: {place}: {word}{text}", program.display())?;
+    }
+    let ending = match outcome.ending {
+        Ending::Finished => "runs to its end in",
+        Ending::Stopped => "is stopped by LinuxCNC after",
+    };
+    writeln!(out, "{}: {ending} {:.3} s", program.display(), outcome.seconds)?;
+    Ok(())
+}
+
+/// Line and time of the machine, while the program runs.
+pub struct Progress {
+    bar: Bar,
+    period: f64,
+    done: Done,
+    /// Whether a user interface of LinuxCNC shows how far it is.
+    is_filter: bool,
+}
+
+/// Cycles between two words of how far it has come.
+const STRIDE: u64 = 1000;
+
+impl Progress {
+    /// Hidden where standard error is no terminal.
+    pub fn new(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
+        let (bar, done) = (Bar::spinner("running"), Done::of(program)?);
+        Ok(Self { bar, period: config.period, done, is_filter: false })
+    }
+
+    /// In the words of LinuxCNC's filters, on standard error.
+    pub fn of_filter(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
+        Ok(Self { is_filter: true, ..Self::new(config, program)? })
+    }
+
+    /// A servo cycle.
+    pub fn see(&mut self, row: &Row) {
+        self.done.see(row.line);
+        if row.cycle.is_multiple_of(STRIDE) {
+            let seconds = row.cycle as f64 * self.period;
+            self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
+            self.bar.show(self.done.share());
+            if self.is_filter {
+                eprintln!("FILTER_PROGRESS={}", self.done.percent(row.line));
+            }
+        }
+    }
+}

@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stability lag`.
+
+use super::super::Verdict;
+use super::super::failure::Failure;
+use super::super::output;
+use nalgebra::{Complex, ComplexField};
+use serde::Serialize;
+use serde_json::json;
+use std::f64::consts::TAU;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use workbench::draw::plot::Plot;
+use workbench::draw::stability::{of_overhangs, of_partitions, of_responses};
+use workbench::files::{Locate, csv, write_whole};
+use workbench::stability::lag::{Crossing, Lag};
+use workbench::stability::response::{Response, unwrapped};
+use workbench::stability::system::Adjustment;
+use workbench::study::cutting::Chip;
+use workbench::study::file::Study;
+
+/// Overhangs of the curve that is drawn.
+const OVERHANGS: usize = 200;
+
+/// How deep masses on springs may cut, with a force that lags behind (paper 002)
+///
+/// The tool moves against the work as the sum of masses on springs, or the modes of a spindle, and
+/// the cutting force K/(1 + T p) follows the displacement with a lag T. Tells the limit cutting
+/// stiffness: all K at which a pair of roots passes the imaginary axis, the smallest positive one,
+/// and that numbers of unstable roots, counted by eigenvalues, confirm it; the lag at which the
+/// limit is least; limit width and depth of cut; and at a cutting stiffness how far it is from the
+/// limit: gain, phase and distance, index of oscillation (largest amplitude over that at rest),
+/// bandwidth and settling time. --plots draws the partitions of the planes of K, of T and K, and
+/// of the first link's stiffness and K, hatched on the side with fewer unstable roots and with
+/// their number in every region; responses and hodograph; the limit by overhang.
+///
+///     [lag]
+///     time_constant_ms = 3.0
+///     [[links]]                    # one or more
+///     name = "spindle"
+///     mass_kg = 2270
+///     damping_n_s_per_mm = 13.96
+///     stiffness_n_per_um = 38.9
+///     [chip]                       # for width and depth: K = factor * ratio * strength * width
+///     factor = 1.4
+///     ratio = 2.2
+///     strength_n_per_mm2 = 750
+///     angle_deg = 60
+///     [overhang]                   # compliance of the first link: a0 + a1 l + a2 l^2, and
+///     compliance_um_per_n = [0.0146, 1.064e-4, 3.7e-7]
+///     cantilever_um_per_n = 1.27e-4    # (l/at)^3 of that
+///     cantilever_at_mm = 70
+///
+///     pkm stability lag --study cutting.toml --overhang 500 300 --plots plots
+///
+/// Exit status: 0, 1 where cutting at --stiffness is unstable, 2 where input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// TOML file with links or a spindle, and the lag
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: PathBuf,
+    /// Overhangs that are compared, mm; without any the study as it stands
+    #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
+    overhang: Vec<f64>,
+    /// Cutting stiffness of margins and responses, N/mm, instead of half the limit
+    #[arg(long, value_name = "N_PER_MM", value_parser = super::positive)]
+    stiffness: Option<f64>,
+    /// Draws SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+    /// Writes the responses as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+}
+
+/// One adjustment.
+#[derive(Serialize)]
+struct Answer {
+    overhang_mm: Option<f64>,
+    /// Null where every cutting stiffness is stable.
+    limit: Option<Shown>,
+    is_confirmed_by_counts: bool,
+    crossings: Vec<Shown>,
+    real_root_passes_0_at_n_per_mm: f64,
+    worst_lag: Option<Worst>,
+    chip: Option<Cut>,
+    at: At,
+}
+
+/// A crossing.
+#[derive(Serialize)]
+struct Shown {
+    stiffness_n_per_mm: f64,
+    omega_rad_per_s: f64,
+    hz: f64,
+    unstable_below_and_above: [usize; 2],
+}
+
+/// The lag at which the limit is least.
+#[derive(Serialize)]
+struct Worst {
+    time_constant_ms: f64,
+    limit_n_per_mm: f64,
+}
+
+/// What may be cut at the limit.
+#[derive(Serialize)]
+struct Cut {
+    limit_width_mm: f64,
+    limit_depth_mm: f64,
+}
+
+/// Margins at a cutting stiffness.
+#[derive(Serialize)]
+struct At {
+    stiffness_n_per_mm: f64,
+    unstable: usize,
+    gain_margin: Option<f64>,
+    phase_margin_deg: Option<f64>,
+    distance_from_minus_1: f64,
+    oscillation_index: f64,
+    peak_rad_per_s: f64,
+    bandwidth_rad_per_s: f64,
+    settling_s: Option<f64>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let study = Study::read(&arguments.study)?;
+    let mut overhangs: Vec<Option<f64>> = arguments.overhang.iter().copied().map(Some).collect();
+    if overhangs.is_empty() {
+        overhangs.push(None);
+    }
+    let own = overhangs.into_iter().map(|overhang| Adjustment::of(&study, overhang));
+    let own: Vec<Adjustment> = own.collect::<Result<_, _>>().at(&arguments.study)?;
+    let answers: Vec<Answer> =
+        own.iter().map(|adjustment| answer(adjustment, &study, arguments.stiffness)).collect();
+    write(arguments, &study, &own, &answers)?;
+    output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
+    let mut out = output::people();
+    writeln!(out, "{}", arguments.study.display())?;
+    for (adjustment, answer) in own.iter().zip(&answers) {
+        tell(&mut out, &adjustment.name(), answer)?;
+    }
+    writeln!(out, "{}", super::WORTH)?;
+    out.flush()?;
+    let is_stable = answers.iter().all(|answer| answer.at.unstable == 0);
+    Ok(if is_stable { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Answer {
+    let lag = &adjustment.lag;
+    let limit = lag.limit();
+    let at = stiffness.unwrap_or_else(|| half(lag));
+    let chip = limit.crossing.zip(study.chip).map(|(found, chip): (Crossing, Chip)| Cut {
+        limit_width_mm: chip.width(found.stiffness),
+        limit_depth_mm: chip.depth(found.stiffness),
+    });
+    Answer {
+        overhang_mm: adjustment.overhang,
+        limit: limit.crossing.map(|found| shown(lag, &found)),
+        is_confirmed_by_counts: limit.is_certified,
+        crossings: lag.crossings().iter().map(|found| shown(lag, found)).collect(),
+        real_root_passes_0_at_n_per_mm: lag.at_rest(),
+        worst_lag: lag.worst_lag().map(|(time, found)| Worst {
+            time_constant_ms: 1e3 * time,
+            limit_n_per_mm: found.stiffness,
+        }),
+        chip,
+        at: margins(lag, at),
+    }
+}
+
+/// Half the limit; without a limit, the stiffness of the whole.
+fn half(lag: &Lag) -> f64 {
+    lag.limit().crossing.map_or(lag.at_rest().abs(), |found| found.stiffness / 2.0)
+}
+
+/// Roots are counted this share beside a crossing.
+const BESIDE: f64 = 1e-6;
+
+fn shown(lag: &Lag, found: &Crossing) -> Shown {
+    let count = |share: f64| lag.unstable(Complex::new(found.stiffness * share, 0.0));
+    Shown {
+        stiffness_n_per_mm: found.stiffness,
+        omega_rad_per_s: found.omega,
+        hz: found.omega / TAU,
+        unstable_below_and_above: [count(1.0 - BESIDE), count(1.0 + BESIDE)],
+    }
+}
+
+fn margins(lag: &Lag, stiffness: f64) -> At {
+    let found = lag.margins(stiffness);
+    At {
+        stiffness_n_per_mm: stiffness,
+        unstable: lag.unstable(Complex::new(stiffness, 0.0)),
+        gain_margin: found.gain.is_finite().then_some(found.gain),
+        phase_margin_deg: found.phase.map(f64::to_degrees),
+        distance_from_minus_1: found.distance,
+        oscillation_index: found.index,
+        peak_rad_per_s: found.peak,
+        bandwidth_rad_per_s: found.bandwidth,
+        settling_s: found.settling(),
+    }
+}
+
+fn tell(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure> {
+    writeln!(out, "{name}")?;
+    let mut row = |name: &str, text: String| writeln!(out, "  {name:<24} {text}");
+    match &answer.limit {
+        Some(limit) => row(
+            "limit cutting stiffness",
+            format!(
+                "{:.3} N/mm at {:.4} rad/s, {:.4} Hz",
+                limit.stiffness_n_per_mm, limit.omega_rad_per_s, limit.hz
+            ),
+        )?,
+        None => row("limit cutting stiffness", "none: every cutting stiffness is stable".into())?,
+    }
+    let counts = match answer.is_confirmed_by_counts {
+        true => "counts of unstable roots confirm that there is no other",
+        false => "NOT confirmed: counts of unstable roots disagree",
+    };
+    row("", counts.into())?;
+    for found in &answer.crossings {
+        let [below, above] = found.unstable_below_and_above;
+        row(
+            "crossing",
+            format!(
+                "{:.3} N/mm at {:.4} rad/s: {below} unstable roots below, {above} above",
+                found.stiffness_n_per_mm, found.omega_rad_per_s
+            ),
+        )?;
+    }
+    row("real root passes 0 at", format!("{:.3} N/mm", answer.real_root_passes_0_at_n_per_mm))?;
+    if let Some(worst) = &answer.worst_lag {
+        let [time, limit] = [worst.time_constant_ms, worst.limit_n_per_mm];
+        row("worst lag", format!("{time:.4} ms, where the limit is {limit:.3} N/mm"))?;
+    }
+    if let Some(cut) = &answer.chip {
+        let [width, depth] = [cut.limit_width_mm, cut.limit_depth_mm];
+        row("limit width, depth", format!("{width:.4} mm, {depth:.4} mm"))?;
+    }
+    let at = &answer.at;
+    row("at cutting stiffness", format!("{:.3} N/mm", at.stiffness_n_per_mm))?;
+    row("  unstable roots", at.unstable.to_string())?;
+    let or_none = |value: Option<String>| value.unwrap_or("none".into());
+    row("  gain margin", or_none(at.gain_margin.map(|value| format!("{value:.4}"))))?;
+    let phase = at.phase_margin_deg.map(|value| format!("{value:.2} degrees"));
+    row("  phase margin", or_none(phase))?;
+    row("  distance from -1", format!("{:.4}", at.distance_from_minus_1))?;
+    let peak = at.peak_rad_per_s;
+    row("  oscillation index", format!("{:.4}, peak at {peak:.3} rad/s", at.oscillation_index))?;
+    row("  bandwidth", format!("{:.3} rad/s", at.bandwidth_rad_per_s))?;
+    let settling = at.settling_s.map_or("never".into(), |time| format!("{time:.4} s"));
+    row("  settling time", settling)?;
+    Ok(())
+}
+
+/// Of several adjustments the pictures of each have their own names.
+fn stem(adjustment: &Adjustment) -> String {
+    adjustment.overhang.map_or("lag".into(), |length| format!("overhang-{length}"))
+}
+
+fn write(
+    arguments: &Arguments,
+    study: &Study,
+    own: &[Adjustment],
+    answers: &[Answer],
+) -> Result<(), Failure> {
+    if arguments.plots.is_none() && arguments.csv.is_none() {
+        return Ok(());
+    }
+    let responses: Vec<(String, Vec<Response>)> = own
+        .iter()
+        .zip(answers)
+        .map(|(adjustment, answer)| {
+            let all = adjustment.lag.responses(answer.at.stiffness_n_per_mm);
+            (adjustment.name(), all)
+        })
+        .collect();
+    if let Some(folder) = &arguments.plots {
+        let mut plots = vec![];
+        for adjustment in own {
+            plots.extend(of_partitions(adjustment, &stem(adjustment))?);
+        }
+        plots.extend(of_responses(&responses)?);
+        let limits = by_overhang(study, own);
+        if limits.len() > 1 {
+            plots.push(of_overhangs(&limits)?);
+        }
+        Plot::write_all(&plots, folder)?;
+    }
+    arguments.csv.as_deref().map_or(Ok(()), |file| write_csv(file, own, &responses))
+}
+
+/// Limits over a range about the overhangs that are compared.
+fn by_overhang(study: &Study, own: &[Adjustment]) -> Vec<(f64, f64)> {
+    let lengths: Vec<f64> = own.iter().filter_map(|adjustment| adjustment.overhang).collect();
+    let most = 1.25 * lengths.iter().copied().fold(0.0, f64::max);
+    let limit = |k: usize| {
+        let length = most * k as f64 / OVERHANGS as f64;
+        let found = Adjustment::of(study, Some(length)).ok()?.lag.limit().crossing?;
+        Some((length, found.stiffness))
+    };
+    // The shortest overhangs would hide the others.
+    (OVERHANGS / 40..=OVERHANGS).filter_map(limit).filter(|_| most > 0.0).collect()
+}
+
+fn write_csv(
+    file: &Path,
+    own: &[Adjustment],
+    responses: &[(String, Vec<Response>)],
+) -> Result<(), Failure> {
+    let mut header: Vec<String> = ["adjustment", "omega_rad_per_s"].map(String::from).into();
+    let mut named = |name: &str| {
+        let parts = ["re_mm_per_n", "im_mm_per_n", "abs_mm_per_n", "phase_deg"];
+        header.extend(parts.map(|part| format!("{name}_{part}")));
+    };
+    named("cutting");
+    named("free");
+    own[0].names.iter().for_each(|name| named(name));
+    let mut rows = vec![];
+    for (name, all) in responses {
+        let count = own[0].names.len();
+        let column = |of: &dyn Fn(&Response) -> Complex<f64>| -> Vec<[f64; 4]> {
+            let values: Vec<Complex<f64>> = all.iter().map(of).collect();
+            let phases = unwrapped(values.iter().map(|value| value.argument()));
+            let cells = values.iter().zip(phases);
+            cells.map(|(v, phase)| [v.re, v.im, v.modulus(), phase.to_degrees()]).collect()
+        };
+        let mut columns = vec![column(&|r| r.cutting), column(&|r| r.free)];
+        columns.extend((0..count).map(|k| column(&|r: &Response| r.terms[k])));
+        for (i, response) in all.iter().enumerate() {
+            let mut cells = vec![name.clone(), response.omega.to_string()];
+            let numbers = columns.iter().flat_map(|column| column[i]);
+            cells.extend(numbers.map(|number| number.to_string()));
+            rows.push(cells);
+        }
+    }
+    Ok(write_whole(file, &csv(&header, rows))?)
+}

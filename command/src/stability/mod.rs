@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stability`.
+
+mod lag;
+mod map;
+mod pose;
+pub mod program;
+mod spindle;
+
+use super::Verdict;
+use super::failure::Failure;
+use std::path::Path;
+use workbench::files::Locate;
+use workbench::read::machine::MachineConfig;
+use workbench::stability::pose::Setup;
+use workbench::study::file::Study;
+
+/// How deep may be cut before it chatters
+///
+/// `pose` asks it of a machine at a pose, `map` over a plane, `program` along a program. `lag`
+/// treats masses on springs under a cutting force that lags behind (paper 002), `spindle` a shaft
+/// on two bearings; both need a study file alone.
+///
+/// Damping and cutting coefficients are your measurements: the limits are about proportional to
+/// damping and inverse to the coefficients, and the answer is as good as they are.
+#[derive(clap::Args, Debug)]
+#[command(subcommand_required = true, arg_required_else_help = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    question: Question,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Question {
+    Pose(pose::Arguments),
+    Map(map::Arguments),
+    Program(program::Arguments),
+    Lag(lag::Arguments),
+    Spindle(spindle::Arguments),
+}
+
+/// Spindle speeds and depths that are looked at.
+#[derive(clap::Args, Clone, Debug)]
+struct Speeds {
+    /// Lowest and highest spindle speed, 1/min
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values = ["3000", "18000"], value_parser = positive)]
+    speeds: Vec<f64>,
+    /// The largest depth looked at, mm
+    #[arg(long, value_name = "MM", value_parser = depth)]
+    deepest: Option<f64>,
+}
+
+/// The machine with what its study says.
+fn setup<'a>(config: &'a MachineConfig, study: &Study, file: &Path) -> Result<Setup<'a>, Failure> {
+    Ok(Setup::new(config, study).at(file)?)
+}
+
+/// What every answer ends with.
+pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
+                     proportional to damping\nand inverse to the coefficients, and the answer is as \
+                     good as they are.";
+
+/// Lengths, speeds and stiffnesses of the command line are below this.
+const LARGEST: f64 = 1e9;
+
+/// A number above 0 of the command line.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && value < LARGEST => Ok(value),
+        _ => Err("expected a number above 0, and below 1e9".into()),
+    }
+}
+
+/// Depths beyond this are no cuts, mm.
+const DEEPEST: f64 = 1000.0;
+
+/// A depth of the command line, mm.
+pub fn depth(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && value <= DEEPEST => Ok(value),
+        _ => Err(format!("expected a depth above 0, and at most {DEEPEST} mm")),
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    match &arguments.question {
+        Question::Pose(arguments) => pose::run(arguments),
+        Question::Map(arguments) => map::run(arguments),
+        Question::Program(arguments) => program::run(arguments),
+        Question::Lag(arguments) => lag::run(arguments),
+        Question::Spindle(arguments) => spindle::run(arguments),
+    }
+}

@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stability pose`.
+
+use super::super::failure::{Failure, refused};
+use super::super::poses::At;
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::{Speeds, setup};
+use kinematics::Vector3;
+use nalgebra::ComplexField;
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::io::Write;
+use std::path::PathBuf;
+use workbench::draw::plot::Plot;
+use workbench::draw::stability::{of_lobes, of_stable_map, of_tip};
+use workbench::files::{csv, write_whole};
+use workbench::stability::bands::{Band, Loss, bands};
+use workbench::stability::floquet::{Period, fast_enough};
+use workbench::stability::lobes::{Limit, Lobes};
+use workbench::stability::map::StableMap;
+use workbench::stability::pose::Setup;
+use workbench::stability::process::{Row, receptance, turned};
+use workbench::stability::semi;
+use workbench::study::file::Study;
+
+/// How deep may be cut at a pose, and at which spindle speed
+///
+/// Joins the modes of the machine at a pose, and of a spindle where the study has one, with the
+/// cutting forces of a milling cutter (`[cutting]`) or of a lathe's edge (`[turning]`). Tells the
+/// modes, the least limit of the zero-order approximation over all speeds, and by collocation of
+/// the delay equation which depths are unstable: instability can be an island with stable depths
+/// above it, which zero order cannot see. The map over speeds gets more speeds where it changes.
+/// --rpm asks for single speeds, compared with zero order and with semi-discretisation.
+///
+/// Masses, springs and dampers of the machine are those of `pkm dynamics`.
+///
+///     [cutting]
+///     teeth = 2
+///     entry_deg = 90               # half immersion, down milling; a slot: 0 to 180
+///     exit_deg = 180
+///     kt_n_per_mm2 = 700           # tangential, radial, and axial force a mm2 of chip
+///     kr_n_per_mm2 = 210
+///     ka_n_per_mm2 = 0
+///     [turning]                    # instead of [cutting]
+///     kf_n_per_mm2 = 1000
+///     thicker = [0, -1, 0]         # the tool's way to a thicker chip, machine axes
+///     force = [0, 1, 0]            # where the cutting force pushes it
+///
+///     pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots
+///
+/// mm, degrees, 1/min; machine axes.
+///
+/// Exit status: 0, 1 where --depth is unstable at a speed of --rpm, 2 where input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// TOML file with masses, springs, dampers and cutting
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: PathBuf,
+    #[command(flatten)]
+    at: At,
+    /// Direction of the feed, machine axes; without it the feed with the least limit
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    feed: Vec<f64>,
+    #[command(flatten)]
+    speeds: Speeds,
+    /// Single spindle speeds, 1/min
+    #[arg(long, value_name = "RPM", num_args = 1.., value_parser = super::positive)]
+    rpm: Vec<f64>,
+    /// A depth to judge at the speeds of --rpm, mm
+    #[arg(long, value_name = "MM", value_parser = super::depth, requires = "rpm")]
+    depth: Option<f64>,
+    /// Spindle speeds that the map begins with
+    #[arg(long, value_name = "N", default_value_t = 61, value_parser = clap::value_parser!(u16).range(2..=5001))]
+    columns: u16,
+    /// Draws SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+    /// Writes the map as CSV: speed, zero-order limit, borders of unstable depths
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    machine: PathBuf,
+    pose: [f64; 6],
+    modes: Vec<Mode>,
+    /// Angle of the feed in the cutter plane from the platform's X, where none was given.
+    worst_feed_deg: Option<f64>,
+    /// Zero order, over all speeds; null where every depth is stable.
+    floor: Option<Shown>,
+    deepest_mm: f64,
+    best: Speed,
+    worst: Speed,
+    at: Vec<Single>,
+    map: Vec<Column>,
+}
+
+#[derive(Serialize)]
+struct Mode {
+    hz: f64,
+    damping_ratio: f64,
+    tip_per_root_kg: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Shown {
+    depth_mm: f64,
+    hz: f64,
+}
+
+#[derive(Serialize)]
+struct Speed {
+    rpm: f64,
+    stable_to_mm: f64,
+}
+
+#[derive(Serialize)]
+struct Single {
+    rpm: f64,
+    zero_order_mm: Option<f64>,
+    unstable: Vec<Unstable>,
+    /// At the first border by collocation: 1 where both methods agree.
+    semi_discretisation: Option<f64>,
+    multiplier_at_depth: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Unstable {
+    from_mm: f64,
+    /// Null where it goes on beyond the deepest.
+    to_mm: Option<f64>,
+    loss: &'static str,
+}
+
+#[derive(Serialize)]
+struct Column {
+    rpm: f64,
+    zero_order_mm: Option<f64>,
+    unstable: Vec<Unstable>,
+}
+
+/// Steps of semi-discretisation in a tooth period, at least, and in a period of the fastest mode.
+const STEPS: [f64; 2] = [60.0, 20.0];
+
+/// Without --deepest, the map reaches to this many times the zero-order limit over all speeds.
+const DEEPEST: f64 = 8.0;
+
+/// Where every depth is stable by zero order, mm.
+const DEEP: f64 = 20.0;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = Study::read(&arguments.study)?;
+    let setup = setup(&config, &study, &arguments.study)?;
+    let (pose, tool) = arguments.at.read(&config)?;
+    let at = |error| Failure::at(in_words(&pose), error);
+    let given = match arguments.feed[..] {
+        [x, y, z] => Some(Vector3::new(x, y, z)),
+        _ => None,
+    };
+    let feed = given.unwrap_or(pose.rotation().column(0).into_owned());
+    let modes = setup.modes(&pose, &tool).map_err(at)?;
+    let mut rows = setup.rows(&pose, &tool, &feed).map_err(at)?;
+    let worst = given.is_none().then(|| setup.worst_feed(&rows));
+    rows = turned(&rows, worst.unwrap_or_default());
+    let range = arguments.speeds.range()?;
+    let slowest = arguments.rpm.iter().copied().fold(range[0], f64::min);
+    fast_enough(&rows, &setup.process, slowest)?;
+    let lobes = Lobes::new(&rows, &setup.process, slowest);
+    let floor = lobes.floor();
+    let deepest = arguments.speeds.deepest.unwrap_or(floor.map_or(DEEP, |f| DEEPEST * f.depth));
+    let bar = Bar::new("stable depths");
+    let first = usize::from(arguments.columns);
+    let map = StableMap::new(&rows, &setup.process, range, deepest, first, |share| bar.set(share));
+    drop(bar);
+    let zero_order = |rpm: f64| lobes.limit(rpm).map(|limit| limit.depth);
+    if let Some(folder) = &arguments.plots {
+        Plot::write_all(&plots(&setup, &rows, &map, &lobes, range)?, folder)?;
+    }
+    if let Some(file) = &arguments.csv {
+        write_whole(file, &table(&map, zero_order))?;
+    }
+    let answer = Answer {
+        machine: config.file.clone(),
+        pose: pose.to_degrees(),
+        modes: modes
+            .iter()
+            .map(|mode| Mode {
+                hz: mode.omega / TAU,
+                damping_ratio: mode.zeta,
+                // 1/√t is 1/√(1000 kg).
+                tip_per_root_kg: (mode.tip / 1000.0_f64.sqrt()).into(),
+            })
+            .collect(),
+        worst_feed_deg: worst.map(f64::to_degrees),
+        floor: floor.map(|Limit { depth, omega }| Shown { depth_mm: depth, hz: omega / TAU }),
+        deepest_mm: deepest,
+        best: speed(&map, map.best()),
+        worst: speed(&map, map.worst()),
+        at: arguments
+            .rpm
+            .iter()
+            .map(|rpm| single(&setup, &rows, *rpm, deepest, arguments.depth, zero_order(*rpm)))
+            .collect(),
+        map: map
+            .columns
+            .iter()
+            .map(|column| Column {
+                rpm: column.rpm,
+                zero_order_mm: zero_order(column.rpm),
+                unstable: unstable(&column.bands, deepest),
+            })
+            .collect(),
+    };
+    output::answer(&answer)?;
+    let mut out = output::people();
+    writeln!(out, "{} at {}", config.file.display(), in_words(&pose))?;
+    tell(&mut out, &answer)?;
+    out.flush()?;
+    let is_stable = |single: &Single| single.multiplier_at_depth.is_none_or(|m| m < 1.0);
+    Ok(if answer.at.iter().all(is_stable) { Verdict::Fits } else { Verdict::Misfit })
+}
+
+fn speed(map: &StableMap, column: &workbench::stability::map::Column) -> Speed {
+    Speed { rpm: column.rpm, stable_to_mm: column.stable_to(map.most) }
+}
+
+fn unstable(bands: &[Band], deepest: f64) -> Vec<Unstable> {
+    let shown = |band: &Band| Unstable {
+        from_mm: band.low,
+        to_mm: (band.high < deepest).then_some(band.high),
+        loss: name(band.loss),
+    };
+    bands.iter().map(shown).collect()
+}
+
+fn name(loss: Loss) -> &'static str {
+    match loss {
+        Loss::Hopf => "chatter",
+        Loss::Doubling => "two tooth periods",
+        Loss::Fold => "deflection",
+    }
+}
+
+fn single(
+    setup: &Setup,
+    rows: &[Row],
+    rpm: f64,
+    deepest: f64,
+    depth: Option<f64>,
+    zero_order_mm: Option<f64>,
+) -> Single {
+    let period = Period::new(rows, &setup.process, rpm);
+    let found = bands(&period, deepest);
+    let fastest = rows.iter().map(|row| row.omega).fold(0.0, f64::max);
+    let periods = fastest * setup.process.delay(rpm) / TAU;
+    let steps = STEPS[0].max(STEPS[1] * periods) as usize;
+    let check = |band: &Band| semi::multiplier(rows, &setup.process, rpm, band.low, steps);
+    Single {
+        rpm,
+        zero_order_mm,
+        semi_discretisation: found.first().map(check),
+        unstable: unstable(&found, deepest),
+        multiplier_at_depth: depth.map(|depth| period.multiplier(depth).modulus()),
+    }
+}
+
+fn plots(
+    setup: &Setup,
+    rows: &[Row],
+    map: &StableMap,
+    lobes: &Lobes,
+    [low, high]: [f64; 2],
+) -> Result<Vec<Plot>, Failure> {
+    let speeds = (0..=LINE).map(|k| low + (high - low) * k as f64 / LINE as f64);
+    let depth = |rpm: f64| lobes.limit(rpm).map_or(f64::INFINITY, |limit| limit.depth);
+    let line: Vec<(f64, f64)> = speeds.map(|rpm| (rpm, depth(rpm))).collect();
+    let highest = 1.5 * rows.iter().map(|row| row.omega).fold(0.0, f64::max);
+    let amplitude = |k: usize| -> Vec<(f64, f64)> {
+        let omegas = (0..=LINE).map(|i| highest * i as f64 / LINE as f64);
+        omegas.map(|omega| (omega, receptance(rows, omega)[(k, k)].modulus())).collect()
+    };
+    let lobes = lobes.curves(LOBES);
+    let mut plots = vec![of_stable_map(map, &line)?, of_lobes(&lobes, [low, high], map.most)?];
+    if setup.is_milling() {
+        plots.push(of_tip([amplitude(0), amplitude(1)])?);
+    }
+    Ok(plots)
+}
+
+/// Lobes that are drawn.
+const LOBES: usize = 12;
+
+/// Points of a line.
+const LINE: usize = 1000;
+
+fn table(map: &StableMap, zero_order: impl Fn(f64) -> Option<f64>) -> String {
+    let header = ["rpm", "zero_order_mm", "unstable_from_mm", "unstable_to_mm", "loss"];
+    let mut rows: Vec<[String; 5]> = vec![];
+    for column in &map.columns {
+        let depth = zero_order(column.rpm).map_or(String::new(), |depth| depth.to_string());
+        let start = [column.rpm.to_string(), depth];
+        if column.bands.is_empty() {
+            let [rpm, depth] = start.clone();
+            rows.push([rpm, depth, String::new(), String::new(), String::new()]);
+        }
+        for band in &column.bands {
+            let [rpm, depth] = start.clone();
+            let ends = [band.low, band.high].map(|depth| depth.to_string());
+            let [from, to] = ends;
+            rows.push([rpm, depth, from, to, name(band.loss).into()]);
+        }
+    }
+    csv(&header, rows)
+}
+
+fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+    writeln!(out, "  {:>12} {:>14}   tip in the mode, 1/sqrt(kg)", "mode, Hz", "damping ratio")?;
+    for mode in &answer.modes {
+        let [x, y, z] = mode.tip_per_root_kg;
+        let [hz, ratio] = [mode.hz, mode.damping_ratio];
+        writeln!(out, "  {hz:>12.4} {ratio:>14.5}   {x:9.5} {y:9.5} {z:9.5}")?;
+    }
+    if let Some(angle) = answer.worst_feed_deg {
+        writeln!(
+            out,
+            "  feed: {angle:.0} degrees from the platform's X, where the limit is least"
+        )?;
+    }
+    match &answer.floor {
+        Some(floor) => writeln!(
+            out,
+            "  zero order: every depth below {:.4} mm is stable at all speeds, as far as it sees \
+             ({:.2} Hz)",
+            floor.depth_mm, floor.hz
+        )?,
+        None => writeln!(out, "  zero order: every depth is stable at all speeds")?,
+    }
+    let deepest = answer.deepest_mm;
+    writeln!(out, "  by collocation, depths up to {deepest:.3} mm:")?;
+    for (name, speed) in [("best", &answer.best), ("worst", &answer.worst)] {
+        let [rpm, depth] = [speed.rpm, speed.stable_to_mm];
+        let at_least = if depth < deepest { "" } else { "at least " };
+        writeln!(out, "    {name:<6} {rpm:10.1} 1/min: stable to {at_least}{depth:.4} mm")?;
+    }
+    for single in &answer.at {
+        let zero = single.zero_order_mm.map_or("none".into(), |depth| format!("{depth:.4} mm"));
+        writeln!(out, "  {} 1/min: zero order {zero}", single.rpm)?;
+        for band in &single.unstable {
+            let to = band.to_mm.map_or("beyond".into(), |depth| format!("to {depth:.4} mm"));
+            writeln!(out, "    unstable from {:.4} mm {to} ({})", band.from_mm, band.loss)?;
+        }
+        if single.unstable.is_empty() {
+            writeln!(out, "    stable")?;
+        }
+        if let Some(check) = single.semi_discretisation {
+            writeln!(out, "    there semi-discretisation has a largest multiplier of {check:.4}")?;
+        }
+        if let Some(multiplier) = single.multiplier_at_depth {
+            writeln!(out, "    at --depth the largest multiplier is {multiplier:.5}")?;
+        }
+    }
+    writeln!(out, "{}", super::WORTH)?;
+    Ok(())
+}
+
+/// An unused range of speeds would be a mistake of the command line.
+impl Speeds {
+    pub(super) fn range(&self) -> Result<[f64; 2], Failure> {
+        let [low, high] = [self.speeds[0], self.speeds[1]];
+        match low < high {
+            true => Ok([low, high]),
+            false => Err(refused(format!("--speeds {low} {high}: expected a lower speed first"))),
+        }
+    }
+}

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stability program`.
+
+use super::super::failure::{Failure, refused};
+use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::{Speeds, setup};
+use kinematics::Pose;
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+use workbench::cut::program;
+use workbench::draw::plot::Plot;
+use workbench::draw::stability::of_path;
+use workbench::files::{Locate, csv, open, write_whole};
+use workbench::program::interpreter::{self, Move, MoveKind, Spindle};
+use workbench::read::machine::MachineConfig;
+use workbench::stability::path::{Best, Depth, Path, Stop};
+use workbench::study::file::Study;
+
+/// Which line of a program comes nearest to chatter
+///
+/// Looks at places along the feed moves of a program, with the machine's modes there, the feed of
+/// the move and the programmed spindle speed: the depth up to which cutting is stable, by
+/// collocation. Tells the line with the least one, and the spindle speed that is best for the
+/// whole. Where the study names the depth of cut, the margin is the limit over that depth.
+///
+///     [cutting]
+///     depth_mm = 0.5               # and what `pkm stability pose` needs
+///
+///     pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv
+///
+/// mm, 1/min.
+///
+/// Exit status: 0, 1 where the depth of cut is beyond the limit at some place, 2 where that could
+/// not be judged: feed moves that were not looked at, a program without a spindle speed, input or
+/// output that failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    job: Job,
+    #[command(flatten)]
+    speeds: Speeds,
+    /// Writes line, pose, speed and depths of every place as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Draws an SVG file into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+/// A program that cuts on a machine, and how closely it is looked at.
+#[derive(clap::Args, Debug)]
+pub struct Job {
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// The program; - for standard input
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::super::input::Program)]
+    pub program: PathBuf,
+    /// TOML file with masses, springs, dampers, drives and cutting
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    pub study: PathBuf,
+    /// Spindle speed for all lines instead of the program's own, 1/min
+    #[arg(long, value_name = "RPM", value_parser = super::positive)]
+    pub rpm: Option<f64>,
+    /// Places at which stability (and by `pkm cut` vibration and resolution) is looked at, at most; the
+    /// ends of feed moves, evenly chosen
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub places: u32,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    machine: PathBuf,
+    program: PathBuf,
+    places: usize,
+    feed_moves: usize,
+    deepest_mm: f64,
+    worst: Worst,
+    depth_mm: Option<f64>,
+    /// The limit over the depth of cut.
+    margin: Option<f64>,
+    best_rpm: Option<f64>,
+    best_stable_to_mm: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Worst {
+    line: u32,
+    pose: [f64; 6],
+    rpm: f64,
+    stable_to_mm: f64,
+    zero_order_over_all_speeds_mm: Option<f64>,
+}
+
+/// Spindle speeds among which the best is looked for.
+const SPEEDS: usize = 61;
+
+/// The largest depth looked at without --deepest and without a depth of cut, mm; with one, this
+/// many times that.
+const DEEPEST: f64 = 20.0;
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.job.machine.read_unchained("the stability")?;
+    let study = Study::read(&arguments.job.study)?;
+    let setup = setup(&config, &study, &arguments.job.study)?;
+    let range = arguments.speeds.range()?;
+    let (stops, feed_moves) = stops(arguments, &config)?;
+    let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
+    let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
+    let place = |stop: usize| {
+        let Stop { line, pose, .. } = &stops[stop];
+        format!("{}: line {line}: {}", arguments.job.program.display(), in_words(pose))
+    };
+    let path = Path::new(&setup, &stops, deepest)
+        .map_err(|(stop, error)| Failure::at(place(stop), error))?;
+    path.check(range[0]).map_err(|(stop, error)| Failure::at(place(stop), error))?;
+    let bar = Bar::new("limit depths");
+    let depths = path.depths(|share| bar.set(share));
+    drop(bar);
+    let bar = Bar::spinner("the best speed");
+    let speed = |k: usize| range[0] + (range[1] - range[0]) * k as f64 / (SPEEDS - 1) as f64;
+    let best = path.best(&(0..SPEEDS).map(speed).collect::<Vec<_>>());
+    drop(bar);
+    write(arguments, &stops, &depths)?;
+    let files = [config.file.clone(), arguments.job.program.clone()];
+    let answer = answer(files, &stops, &depths, feed_moves, deepest, cut, best);
+    output::answer(&answer)?;
+    let mut out = output::people();
+    writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
+    tell(&mut out, &answer)?;
+    out.flush()?;
+    Ok(match answer.margin {
+        Some(margin) if !(margin > 1.0) => Verdict::Misfit,
+        Some(_) if answer.places < answer.feed_moves => Verdict::Unjudged,
+        _ => Verdict::Fits,
+    })
+}
+
+/// Ends of the feed moves, as many as are asked for, and how many moves there are.
+fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
+    let job = &arguments.job;
+    let moves = job.moves(config)?;
+    Ok(program::stops(config, &moves, job.places as usize).at(&job.program)?)
+}
+
+impl Job {
+    /// The program's moves at its spindle speeds, or all at the one that is given. Refused where an extra
+    /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
+    pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
+        // Told before the interpreter, in the system's words.
+        open(&self.program)?;
+        let mut moves = interpreter::with_spindle(config, &self.program)?;
+        if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
+            let (file, line) = (self.program.display(), step.line);
+            return Err(refused(format!(
+                "{file}: line {line}: an extra axis moves in the cut: what the tool does to the work is not \
+                 known there"
+            )));
+        }
+        if let Some(rpm) = self.rpm {
+            moves.iter_mut().for_each(|step| step.spindle = Spindle::Turning(rpm));
+        }
+        Ok(moves)
+    }
+}
+
+fn answer(
+    [machine, program]: [PathBuf; 2],
+    stops: &[Stop],
+    depths: &[Depth],
+    feed_moves: usize,
+    deepest_mm: f64,
+    depth_mm: Option<f64>,
+    best: Option<Best>,
+) -> Answer {
+    let pairs = stops.iter().zip(depths);
+    let least = pairs.min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
+    let (stop, depth) = least.expect("a program with feed moves has places");
+    Answer {
+        machine,
+        program,
+        places: stops.len(),
+        feed_moves,
+        deepest_mm,
+        worst: Worst {
+            line: stop.line,
+            pose: stop.pose.to_degrees(),
+            rpm: stop.rpm,
+            stable_to_mm: depth.stable_to,
+            zero_order_over_all_speeds_mm: depth.floor.is_finite().then_some(depth.floor),
+        },
+        depth_mm,
+        margin: depth_mm.map(|cut| depth.stable_to / cut),
+        best_rpm: best.map(|best| best.rpm),
+        best_stable_to_mm: best.map(|best| best.stable_to),
+    }
+}
+
+fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), Failure> {
+    if let Some(file) = &arguments.csv {
+        let header = [
+            "line",
+            "x",
+            "y",
+            "z",
+            "a",
+            "b",
+            "c",
+            "rpm",
+            "stable_to_mm",
+            "zero_order_over_all_speeds_mm",
+        ];
+        let row = |(stop, depth): (&Stop, &Depth)| {
+            let mut cells = vec![f64::from(stop.line)];
+            cells.extend(stop.pose.to_degrees());
+            cells.extend([stop.rpm, depth.stable_to, depth.floor]);
+            cells
+        };
+        write_whole(file, &csv(&header, stops.iter().zip(depths).map(row)))?;
+    }
+    if let Some(folder) = &arguments.plots {
+        let depths: Vec<f64> = depths.iter().map(|depth| depth.stable_to).collect();
+        Plot::write_all(&[of_path(&depths)?], folder)?;
+    }
+    Ok(())
+}
+
+fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+    let Worst { line, rpm, stable_to_mm, pose, .. } = &answer.worst;
+    let at_least = |depth: f64| if depth < answer.deepest_mm { "" } else { "at least " };
+    let [places, moves] = [answer.places, answer.feed_moves];
+    writeln!(
+        out,
+        "  {places} places on {moves} feed moves, depths up to {} mm",
+        answer.deepest_mm
+    )?;
+    let place = in_words(&Pose::from_degrees(*pose));
+    writeln!(
+        out,
+        "  least limit   {}{stable_to_mm:.4} mm at line {line}, {rpm} 1/min, {place}",
+        at_least(*stable_to_mm)
+    )?;
+    if let (Some(depth), Some(margin)) = (answer.depth_mm, answer.margin) {
+        let word = if margin > 1.0 { "stable at every place" } else { "unstable" };
+        writeln!(out, "  depth of cut  {depth} mm: {word}, margin {margin:.3}")?;
+        if places < moves {
+            let rest = moves - places;
+            writeln!(out, "  not judged    {rest} feed moves; --places {moves} looks at all ends")?;
+        }
+    }
+    if let (Some(rpm), Some(depth)) = (answer.best_rpm, answer.best_stable_to_mm) {
+        writeln!(
+            out,
+            "  best speed    {rpm:.1} 1/min for the whole: stable to {}{depth:.4} mm",
+            at_least(depth)
+        )?;
+    }
+    writeln!(out, "{}", super::WORTH)?;
+    Ok(())
+}

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm stiffness`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::poses::At;
+use super::{Bar, MachineFile, Verdict, in_words, output};
+use kinematics::{Pose, Vector3};
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+use workbench::draw::ellipsoid::of_ellipsoids;
+use workbench::draw::plot::Plot;
+use workbench::draw::stiffness::{of_platform_sizes, of_stiffness};
+use workbench::files::{Locate, csv, write_whole};
+use workbench::proof::axis_box;
+use workbench::read::machine::MachineConfig;
+use workbench::study::file::Study;
+use workbench::study::map::Map;
+use workbench::study::springs::Springs;
+use workbench::study::stiffness::{Ellipsoid, Stiffness, with_platform};
+use workbench::study::workspace::Workspace;
+
+/// Factors of the platform's size that are compared.
+const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
+
+/// How stiffly the legs hold the tool
+///
+/// Takes the stiffness of every leg (joints, rod and drive in series, in one value or in two) and of
+/// the table's axes from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal
+/// axes of displacements under a force and of turns under a moment, and how the smallest of them
+/// change with the size of the platform. With --plots it draws both ellipsoids, and maps of both
+/// over the axis limits, in three planes through the pose; what the machine cannot reach stays
+/// empty.
+///
+/// N/um, N m/rad, mm, degrees; machine axes. Coordinates that guides hold count as rigid.
+///
+/// With the motors held, an axial force turns the screw of its strut against both cardan joints.
+/// `screw = "self-locking"` leaves that torque to friction in the thread.
+///
+///     [legs]
+///     stiffness_n_per_um = 10      # or a list, one for each leg; or the keys of rod and drive
+///                                  # that `pkm dynamics` has
+///     screw = "backdrivable"       # or "self-locking"
+///     [table]                      # where the machine has one
+///     stiffness_n_per_um = 50
+///
+/// Exit status: 0, 1 where the legs do not hold the platform there, 2 where input or output
+/// failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// TOML file with the stiffnesses
+    #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
+    study: PathBuf,
+    #[command(flatten)]
+    at: At,
+    /// Draws ellipsoids and maps as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+    /// Writes the maps as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Points along each side of a map
+    #[arg(long, value_name = "N", default_value_t = 41, value_parser = clap::value_parser!(u16).range(2..=1001))]
+    grid: u16,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read()?;
+    let study = Study::read(&arguments.study)?;
+    let springs = Springs::of(&config, &study).at(&arguments.study)?;
+    let (pose, tool) = arguments.at.read(&config)?;
+    let found = Stiffness::at(&config, &pose, &tool, &springs)
+        .map_err(|fault| Failure::at(in_words(&pose), fault))?;
+    let Some(found) = found else {
+        let text =
+            format!("{}: a singular pose: the legs do not hold the platform", in_words(&pose));
+        tell_error(&text);
+        return Ok(Verdict::Misfit);
+    };
+    if arguments.plots.is_some() || arguments.csv.is_some() {
+        draw(arguments, &config, &study, &pose, &tool, &springs, &found)?;
+    }
+    tell(&config, &pose, &found, &sizes(&config, &pose, &tool, &springs))?;
+    Ok(Verdict::Fits)
+}
+
+fn draw(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    study: &Study,
+    pose: &Pose,
+    tool: &Vector3<f64>,
+    springs: &Springs,
+    found: &Stiffness,
+) -> Result<(), Failure> {
+    let [_, _, _, a, b, c] = pose.to_degrees();
+    let workspace = Workspace::new(config, *tool, vec![[a, b, c]], study)?;
+    let range = axis_box::range(config);
+    let map = |[across, up]: [usize; 2]| {
+        let reached = |place: &Vector3<f64>| workspace.check(place).is_ok();
+        let at = |pose: &Pose| Stiffness::at(config, pose, tool, springs).ok().flatten();
+        Map::over(pose, [across, up], [&range.low, &range.high], arguments.grid.into(), |pose| {
+            at(pose).filter(|_| reached(&pose.position)).map(|found| found.least())
+        })
+    };
+    let bar = Bar::new("mapping");
+    let planes = [[0, 1], [0, 2], [1, 2]].into_iter().enumerate();
+    let maps: Vec<Map> = planes
+        .map(|(done, plane)| {
+            bar.set(done as f64 / 3.0);
+            map(plane)
+        })
+        .collect();
+    drop(bar);
+    if maps.iter().all(Map::is_empty) {
+        return Err(refused(format!(
+            "{}: no place of the maps is within the machine's limits; name another pose by --pose, or look at \
+             what pkm check says of the axis limits",
+            config.file.display()
+        )));
+    }
+    if let Some(file) = &arguments.csv {
+        let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
+        let rows = maps.iter().flat_map(Map::rows);
+        let rows = rows.map(|[x, y, z, push, turn]| [x, y, z, push * 1e-3, turn * 1e-3]);
+        write_whole(file, &csv(&header, rows))?;
+    }
+    let Some(folder) = &arguments.plots else { return Ok(()) };
+    let mut plots = vec![];
+    for map in &maps {
+        plots.extend(of_stiffness(config.length_unit(), map)?);
+    }
+    plots.push(of_platform_sizes(&sizes(config, pose, tool, springs))?);
+    plots.extend(of_ellipsoids(found)?);
+    Ok(Plot::write_all(&plots, folder)?)
+}
+
+/// Factor, and the smallest stiffness of translation and rotation, where that machine is one.
+fn sizes(
+    config: &MachineConfig,
+    pose: &Pose,
+    tool: &Vector3<f64>,
+    springs: &Springs,
+) -> Vec<(f64, [f64; 2])> {
+    let of = |factor: f64| {
+        let config = with_platform(config, factor).ok()?;
+        let found = Stiffness::at(&config, pose, tool, springs).ok()??;
+        Some((factor, found.least()))
+    };
+    SIZES.into_iter().filter_map(of).collect()
+}
+
+fn tell(
+    config: &MachineConfig,
+    pose: &Pose,
+    found: &Stiffness,
+    sizes: &[(f64, [f64; 2])],
+) -> Result<(), Failure> {
+    let mut out = output::people();
+    writeln!(out, "{} at {}", config.file.display(), in_words(pose))?;
+    match &found.matrix {
+        Some(matrix) => {
+            writeln!(out, "\nmatrix at the tool tip: N/mm, N/rad; N mm/mm, N mm/rad")?;
+            for i in 0..6 {
+                let cell = |k: usize| {
+                    let size = (matrix[(i, i)] * matrix[(k, k)]).sqrt();
+                    // What rounding leaves of a 0 is shown as 0.
+                    let value =
+                        if matrix[(i, k)].abs() > 1e-12 * size { matrix[(i, k)] } else { 0.0 };
+                    format!("{value:>15.6e}")
+                };
+                writeln!(out, "{}", (0..6).map(cell).collect::<String>())?;
+            }
+        }
+        None => writeln!(out, "\nGuides hold some coordinates: no matrix of six by six.")?,
+    }
+    for (name, unit, scale, ellipsoid) in [
+        ("displacement under a force", "N/um", 1e-3, found.translation()),
+        ("turn under a moment", "N m/rad", 1e-3, found.rotation()),
+    ] {
+        let Ellipsoid { stiffness, axes } = ellipsoid;
+        writeln!(out, "\n{name}: stiffness in {unit} along")?;
+        for (k, value) in stiffness.iter().enumerate() {
+            let axis = axes.column(k);
+            let value = match value.is_finite() {
+                true => format!("{:.3}", value * scale),
+                false => "rigid".into(),
+            };
+            writeln!(out, "{value:>16}  {:8.4} {:8.4} {:8.4}", axis[0], axis[1], axis[2])?;
+        }
+    }
+    writeln!(out, "\nsize of the platform: smallest stiffness in N/um, in N m/rad")?;
+    for (factor, [translation, rotation]) in sizes {
+        writeln!(out, "{factor:>16}  {:12.3} {:12.1}", translation * 1e-3, rotation * 1e-3)?;
+    }
+    out.flush()?;
+    let ellipsoid = |Ellipsoid { stiffness, axes }: Ellipsoid| {
+        let axis = |k: usize| json!({ "stiffness": stiffness[k] * 1e-3, "axis": axes.column(k).as_slice() });
+        (0..3).map(axis).collect::<Vec<_>>()
+    };
+    let size = |(factor, [translation, rotation]): &(f64, [f64; 2])| {
+        json!({
+            "factor": factor,
+            "translation_n_per_um": translation * 1e-3,
+            "rotation_n_m_per_rad": rotation * 1e-3,
+        })
+    };
+    let rows = |matrix: &nalgebra::Matrix6<f64>| -> Vec<Vec<f64>> {
+        matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    output::answer(&json!({
+        "machine": config.file,
+        "pose": pose.to_degrees(),
+        "matrix": found.matrix.as_ref().map(rows),
+        "translation_n_per_um": ellipsoid(found.translation()),
+        "rotation_n_m_per_rad": ellipsoid(found.rotation()),
+        "platform_sizes": sizes.iter().map(size).collect::<Vec<_>>(),
+    }))
+}

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Every servo cycle of a run, in a file.
+
+use super::failure::Failure;
+use super::joints::{coordinates, joint_names};
+use std::io;
+use std::ops::ControlFlow;
+use std::path::Path;
+use workbench::control::row::Row;
+use workbench::files::{Locate, Whole};
+use workbench::read::machine::MachineConfig;
+
+/// A file with a row for every servo cycle; it takes its name when it is whole.
+pub struct Trace<'a> {
+    config: &'a MachineConfig,
+    out: csv::Writer<Whole>,
+    file: &'a Path,
+    unwritten: Option<Failure>,
+}
+
+impl<'a> Trace<'a> {
+    pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
+        let mut out = csv::Writer::from_writer(Whole::new(file)?);
+        let joints = joint_names(config.all_joints().count());
+        let errors = joints.iter().map(|name| format!("{name}_error"));
+        let is_pair = config.second.is_some();
+        let beside = |names: &[&str]| -> Vec<String> {
+            names.iter().filter(|_| is_pair).map(ToString::to_string).collect()
+        };
+        let head = ["time", "line"].map(String::from).into_iter().chain(coordinates());
+        let tail = ["tool_x", "tool_y", "tool_z"].map(String::from).into_iter();
+        let tail = tail.chain(beside(&["tool_u", "tool_v", "tool_w"])).chain(["feed".into()]);
+        let head = head.chain(beside(&["u", "v", "w"]));
+        out.write_record(head.chain(joints.clone()).chain(errors).chain(tail))?;
+        Ok(Self { config, out, file, unwritten: None })
+    }
+
+    /// A servo cycle; breaks off where the file cannot be written, which [`Self::finish`] says.
+    pub fn see(&mut self, row: &Row) -> ControlFlow<()> {
+        if self.unwritten.is_none() {
+            self.unwritten = self.write(row).err();
+        }
+        match self.unwritten {
+            None => ControlFlow::Continue(()),
+            Some(_) => ControlFlow::Break(()),
+        }
+    }
+
+    fn write(&mut self, row: &Row) -> Result<(), Failure> {
+        let (joints, extra) = (self.config.guarded_joints(), self.config.extra.len());
+        let time = row.cycle as f64 * self.config.period;
+        let [x, y, z, a, b, c] = row.pose;
+        let mut pose = [x, y, z, a, b, c, 0.0, 0.0, 0.0];
+        for (place, value) in self.config.extra_axes.places().zip(row.extra.positions) {
+            pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
+        }
+        let second = self.config.second_letters.as_ref();
+        second.into_iter().for_each(|letters| letters.put(&row.second.pose, &mut pose));
+        let (letters, tools) = if second.is_some() { (9, 3) } else { (6, 0) };
+        let commands = row.joints[..joints].iter().chain(&row.extra.positions[..extra]);
+        let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
+        let values = pose[..letters].iter().chain(commands).chain(errors).chain(&row.tool);
+        let values = values.chain(&row.second.tool[..tools]).chain([&row.feed]).map(f64::to_string);
+        let record = [time.to_string(), row.line.to_string()].into_iter().chain(values);
+        Ok(self.out.write_record(record).map_err(io::Error::from).at(self.file)?)
+    }
+
+    /// Keeps the file of a run that was judged.
+    pub fn finish(self, is_judged: bool) -> Result<(), Failure> {
+        if let Some(error) = self.unwritten {
+            return Err(error);
+        }
+        if !is_judged {
+            return Ok(());
+        }
+        let whole = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
+        Ok(whole.finish()?)
+    }
+}

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm travel`.
+
+use super::failure::Failure;
+use super::joints::Tool;
+use super::poses::PoseWords;
+use super::{MachineFile, Verdict, output, told};
+use kinematics::Vector3;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::collections::BTreeSet;
+use std::io::{BufRead, Write};
+use workbench::program::travel::{Side, Stand, Travel, letters, travel};
+use workbench::read::machine::MachineConfig;
+
+/// How far the machine can go from a pose
+///
+/// Along every letter by itself, both ways, with what ends the way: a joint, a cone, the axis limit. The
+/// way is followed as `pkm preflight` follows a move: up to the place told every limit is proved to be
+/// kept, and it is told to a millionth of the machine's size. Machine units and degrees. Where a limit
+/// is left at the pose itself, nothing is left both ways.
+///
+/// With --serve every line of standard input is a question and is answered with a line of JSON, until
+/// standard input ends: what a panel asks again and again. docs/panel.md describes both.
+///
+/// Exit status: 0, 1 where the machine cannot stand at the pose, 2 where input or output failed.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    pose: PoseWords,
+    #[command(flatten)]
+    tool: Tool,
+    /// Answers lines of standard input: {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y, Z], ...]},
+    /// with the tool vector of every mechanism, spindle offset included
+    #[arg(long, conflicts_with_all = ["tool", "pose"])]
+    serve: bool,
+}
+
+/// A question.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Question {
+    at: [f64; 9],
+    tools: Vec<[f64; 3]>,
+}
+
+/// What is told.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Answer {
+    Travel(Vec<Travel>),
+    Error(String),
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all()?;
+    if arguments.serve {
+        return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
+    }
+    let mut stand = Stand::home(&config);
+    for (place, value) in arguments.pose.words(&letters(&config))? {
+        stand.world[place] = value;
+    }
+    stand.tools[0] = arguments.tool.vector(&config);
+    let found = match travel(&config, &stand) {
+        Ok(found) => found,
+        Err(fault) => {
+            super::failure::tell_error(&fault);
+            return Ok(Verdict::Misfit);
+        }
+    };
+    told(&in_words(&found))?;
+    output::answer(&json!({ "machine": config.file, "pose": stand.world, "travel": found }))?;
+    Ok(match left_at(&found) {
+        None => Verdict::Fits,
+        Some(limits) => {
+            super::failure::tell_error(&format!("the machine cannot stand at this pose: {limits}"));
+            Verdict::Misfit
+        }
+    })
+}
+
+/// The limits that are left at the pose itself, where nothing is left either way.
+fn left_at(found: &[Travel]) -> Option<String> {
+    let sides = || found.iter().flat_map(|way| [&way.minus, &way.plus]);
+    if !sides().all(|side| side.left == Some(0.0)) {
+        return None;
+    }
+    let limits: BTreeSet<&str> = sides().filter_map(|side| side.stop.as_deref()).collect();
+    Some(limits.into_iter().collect::<Vec<_>>().join(", "))
+}
+
+fn serve(config: &MachineConfig) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    for line in std::io::stdin().lock().lines() {
+        let answer = match answer(config, &line?) {
+            Ok(found) => Answer::Travel(found),
+            Err(text) => Answer::Error(text),
+        };
+        writeln!(out, "{}", serde_json::to_string(&answer)?)?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
+/// What is left, or why that cannot be said.
+fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
+    let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
+    let count = config.mechanisms().count();
+    if tools.len() != count {
+        return Err(format!("tools: expected {count} of them, found {}", tools.len()));
+    }
+    let tool = |i: usize| Vector3::from(tools[i.min(count - 1)]);
+    let stand = Stand { world: at, tools: [tool(0), tool(1)] };
+    travel(config, &stand).map_err(|fault| fault.to_string())
+}
+
+fn in_words(found: &[Travel]) -> String {
+    let row = |way: &Travel| {
+        let side = |sign: &str, side: &Side| {
+            let left =
+                side.left.map_or("without end".into(), |left| format!("{left:.3} {}", way.unit));
+            format!(
+                "{sign}{} {left:>18}  {}\n",
+                way.letter,
+                side.stop.as_deref().unwrap_or_default()
+            )
+        };
+        side("-", &way.minus) + &side("+", &way.plus)
+    };
+    found.iter().map(row).collect()
+}

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm view`.
+
+use super::failure::{Failure, refused, tell_error};
+use super::preflight::{self, Judging};
+use super::{Bar, MachineFile, Verdict, output, told};
+use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use workbench::files::{Folder, Locate, Whole, read, write_whole};
+use workbench::program::course::Course;
+use workbench::program::findings::Time;
+use workbench::read::machine::MachineConfig;
+use workbench::view::data::Data;
+use workbench::view::film::{self, Camera};
+use workbench::view::page::page;
+use workbench::view::track::Track;
+
+/// One page that shows the machine, and a program on it, in any browser
+///
+/// Writes one file that needs no network: the machine in 3D, to be turned, cut open and moved by
+/// its coordinates, with how near every limit is, and with its workspace. With a program also its
+/// path, coloured by how near a limit is, the machine at any time of it, what `pkm preflight` found
+/// as marks to click, and curves of joints, speeds and margins. The page computes with the same
+/// kinematics as the module. docs/view.md shows it.
+///
+/// A video and a picture are drawn by a browser without a window, chromium for example; the video is
+/// made by ffmpeg.
+///
+/// Exit status: that of `pkm preflight` with a program; 0 without one; 2 where the machine cannot be
+/// read, or a file cannot be written. Of a program that cannot be read the page shows the machine
+/// and the reason.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    /// A program to show
+    #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
+    program: Option<PathBuf>,
+    /// The page; without it MACHINE.html in this folder, unless a video or a picture is asked for
+    #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
+    html: Option<PathBuf>,
+    /// The page follows a running LinuxCNC: for pkm-live
+    #[arg(long, conflicts_with = "program")]
+    live: bool,
+    /// A video of the program, 25 frames a second
+    #[arg(long, value_name = "FILE.mp4", requires = "program", value_hint = clap::ValueHint::FilePath)]
+    video: Option<PathBuf>,
+    /// How long the video is, whatever time the program takes
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
+    video_seconds: f64,
+    /// A picture: of the machine at home with its workspace, or in the middle of the program
+    #[arg(long, value_name = "FILE.png", value_hint = clap::ValueHint::FilePath)]
+    picture: Option<PathBuf>,
+    /// Pixels of video and picture
+    #[arg(long, num_args = 2, value_names = ["WIDTH", "HEIGHT"], default_values_t = [1280, 720], value_parser = pixels)]
+    size: Vec<usize>,
+    /// Where video and picture are looked at from
+    #[arg(long, value_name = "NAME", default_value = "3D", value_parser = ["3D", "front", "side", "top"])]
+    from: String,
+    /// The browser that draws them; without it the first of chromium and its like in PATH
+    #[arg(long, value_name = "PROGRAM", value_hint = clap::ValueHint::ExecutablePath)]
+    browser: Option<PathBuf>,
+    /// How long the browser may take for 50 frames
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = patience)]
+    browser_seconds: f64,
+    #[command(flatten)]
+    judging: Judging,
+}
+
+/// Longest video, seconds: an hour of drawing.
+const LONGEST: f64 = 600.0;
+
+/// Most pixels of a side: what browsers draw on.
+const MOST_PIXELS: usize = 4096;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| *value >= 0.1 && *value <= LONGEST);
+    value.ok_or_else(|| format!("expected 0.1 to {LONGEST} seconds"))
+}
+
+/// Longest wait for the browser, seconds: a day.
+const MOST_PATIENCE: f64 = 86_400.0;
+
+fn patience(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| *value >= 1.0 && *value <= MOST_PATIENCE);
+    value.ok_or_else(|| format!("expected 1 to {MOST_PATIENCE} seconds"))
+}
+
+/// Videos need even sides.
+fn pixels(text: &str) -> Result<usize, String> {
+    let is_fine = |value: &usize| (64..=MOST_PIXELS).contains(value) && value.is_multiple_of(2);
+    let value = text.parse::<usize>().ok().filter(is_fine);
+    value.ok_or_else(|| format!("expected an even number from 64 to {MOST_PIXELS}"))
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_all()?;
+    let (data, verdict) = match &arguments.program {
+        None => (Data::new(&config, arguments.live), Verdict::Fits),
+        Some(program) => of_program(&config, &arguments.judging, program)?,
+    };
+    data.problems().iter().for_each(tell_error);
+    let page = page(&data);
+    let html = html(arguments, &config);
+    if let Some(file) = &html {
+        write_whole(file, &page)?;
+    }
+    if let (Some(file), None) = (&html, &arguments.html) {
+        Failure::unless_unread(told(&format!(
+            "{} is written: open it in a browser\n",
+            file.display()
+        )))?;
+    }
+    if arguments.video.is_some() && !data.moves() {
+        return Err(refused(
+            "--video: the program does not run, as said above: mend it, or leave --video out",
+        ));
+    }
+    if arguments.video.is_some() || arguments.picture.is_some() {
+        draw(arguments, &page)?;
+    }
+    let files: Vec<_> =
+        [&html, &arguments.picture, &arguments.video].into_iter().flatten().collect();
+    output::answer(
+        &json!({ "machine": config.file, "program": arguments.program, "files": files }),
+    )?;
+    Ok(verdict)
+}
+
+/// Where the page goes, if it was asked for.
+fn html(arguments: &Arguments, config: &MachineConfig) -> Option<PathBuf> {
+    let is_drawn = arguments.video.is_some() || arguments.picture.is_some();
+    let stem = config.file.file_stem().unwrap_or_default();
+    let own = (!is_drawn).then(|| PathBuf::from(format!("{}.html", stem.to_string_lossy())));
+    arguments.html.clone().or(own)
+}
+
+fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
+    let folder = Folder::new()?;
+    let camera = Camera {
+        browser: film::browser(arguments.browser.as_deref())?,
+        page: folder.path().join("page.html"),
+        size: [arguments.size[0], arguments.size[1]],
+        view: arguments.from.clone(),
+        patience: Duration::from_secs_f64(arguments.browser_seconds),
+    };
+    write_whole(&camera.page, page)?;
+    if let Some(file) = &arguments.picture {
+        // The middle one of three frames.
+        let frames = camera.frames(1..2, 3)?;
+        let mut whole = Whole::new(file)?;
+        whole.write_all(&frames[0]).at(file)?;
+        whole.finish()?;
+    }
+    if let Some(file) = &arguments.video {
+        let bar = Bar::new("drawing the video");
+        let all = (arguments.video_seconds * film::RATE as f64).round() as usize;
+        let made = folder.path().join("video.mp4");
+        camera.film(all, &made, |share| bar.set(share))?;
+        let mut whole = Whole::new(file)?;
+        std::io::copy(&mut std::fs::File::open(&made).at(&made)?, &mut whole).at(file)?;
+        whole.finish()?;
+    }
+    Ok(())
+}
+
+/// A program that is refused is told, on the page as well.
+fn of_program(
+    config: &MachineConfig,
+    judging: &Judging,
+    program: &Path,
+) -> Result<(Data, Verdict), Failure> {
+    let data = Data::new(config, false);
+    let text = read(program)?;
+    let (mut track, mut course) = (Track::new(config), Course::new(config));
+    let answer = preflight::judged(config, judging, program, &mut |row| {
+        track.see(config, row);
+        course.see(row);
+    });
+    let answer = match answer {
+        Ok(answer) => answer,
+        Err(failure) => {
+            failure.tell();
+            return Ok((data.with_error(failure.to_string()), Verdict::Unjudged));
+        }
+    };
+    if let Time::NotJudged(cause) = &answer.found.time {
+        tell_error(&format!("time is not judged: {cause}"));
+    }
+    let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
+    let report = serde_json::to_value(&answer)?;
+    let data = data.with_program(config, words, &track, Some(&course.finish()), report);
+    Ok((data, answer.verdict()))
+}

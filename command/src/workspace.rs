@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm workspace`.
+
+use super::failure::{Failure, refused};
+use super::joints::Tool;
+use super::{Bar, MachineFile, StudyFile, Verdict, output};
+use kinematics::Vector3;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::time::Instant;
+use workbench::draw::plot::Plot;
+use workbench::draw::workspace::of_workspace;
+use workbench::files::write_whole;
+use workbench::read::machine::MachineConfig;
+use workbench::study::body::{Body, Counted, Effort, counted, csv, obj};
+use workbench::study::file::Study;
+use workbench::study::slice::{Plane, Slice};
+use workbench::study::workspace::{Border, Ray, Stand, Workspace, tilts};
+
+/// Directions of a tilt.
+const DIRECTIONS: usize = 12;
+/// Rays of a slice.
+const SLICE_RAYS: usize = 720;
+/// Steps along a ray.
+const STEPS: f64 = 300.0;
+
+/// Where a machine can put its tool, and what limits it
+///
+/// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
+/// cones, ROD_CLEARANCE and reach of the INI file; of a study file the diameter of the rods, a
+/// smallest conditioning, and the turns of cardan joints, at base and platform, about their two
+/// axes. [AXIS_*] limits do not count. In one orientation, or at every one of a set: several
+/// --orientation, or --tilt for an angle in twelve directions. Tells how far it goes along X Y Z,
+/// the volume by the boundary and by counting a grid, which limit ends which share of the
+/// directions, and of each slice its area and the angles between which it is seen from the
+/// machine's origin. What is thinner than a step along a ray can be missed.
+///
+/// Of two mechanisms each is looked at: alone, with the other one at home, and wherever that one
+/// stands: at home and, one after another, in the corners of its axis limits that it can take.
+/// [PKM]MECHANISM_CLEARANCE is kept from its rods and platform.
+///
+///     [legs]
+///     rod_diameter_mm = 30
+///     [limits]
+///     conditioning = 0.1
+///     base_pyramid_deg = [40, 30]  # about the fixed axis of the base joint, and across it
+///     base_axes = [[0, 1, 0], ...] # one a leg; without them BASE_N of the INI file
+///     platform_pyramid_deg = [40, 30] # the same of the platform joints, as the platform sees them
+///     platform_axes = [[1, 0, 0], ...] # one a leg; without them PLATFORM_N
+///
+/// Exit status: 0, or 2 where there is no workspace around the place, or input or output failed.
+#[derive(clap::Args, Debug)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    #[command(flatten)]
+    machine: MachineFile,
+    #[command(flatten)]
+    study: StudyFile,
+    #[command(flatten)]
+    tool: Tool,
+    /// X Y Z of a place inside, from which the rays begin, instead of home
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    from: Option<Vec<f64>>,
+    /// A B C that every place has to allow; may be given several times
+    #[arg(long, num_args = 3, value_names = ["A", "B", "C"], allow_negative_numbers = true)]
+    orientation: Vec<f64>,
+    /// Every place has to allow a level platform and this tilt in every direction
+    #[arg(long, value_name = "DEGREES", conflicts_with = "orientation")]
+    tilt: Option<f64>,
+    /// Of two mechanisms, with --mechanism: keeps MECHANISM_CLEARANCE from the other one, which is at
+    /// home, or anywhere (home and the corners of its axis limits)
+    #[arg(long, value_name = "STAND", value_enum, requires = "mechanism")]
+    beside: Option<Beside>,
+    /// A slice: xy, xz, yz, or a normal such as 1,1,0; may be given several times
+    #[arg(long, value_name = "PLANE", default_values = ["xz", "yz"])]
+    plane: Vec<String>,
+    /// Rays from pole to pole; twice as many go around
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(4..=2000))]
+    bands: u16,
+    /// Points of the grid along the longest side
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(4..=2000))]
+    grid: u16,
+    /// Threads instead of as many as there are cores
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZero<usize>>,
+    /// Writes the points of the boundary as CSV
+    #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
+    csv: Option<PathBuf>,
+    /// Writes the surface around the place as a Wavefront OBJ file
+    #[arg(long, value_name = "FILE.obj", value_hint = clap::ValueHint::FilePath)]
+    mesh: Option<PathBuf>,
+    /// Draws body and slices as SVG files into this folder, made if needed
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
+}
+
+/// Where the other one of two mechanisms stands.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Beside {
+    Home,
+    Anywhere,
+}
+
+impl Beside {
+    fn stand(self) -> Stand {
+        match self {
+            Self::Home => Stand::Home,
+            Self::Anywhere => Stand::Anywhere,
+        }
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let whole = arguments.machine.read_whole()?;
+    let study = arguments.study.read()?;
+    // 0: as many as there are processors.
+    let threads = arguments.threads.map_or(0, NonZero::get);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let (meant, other) = match arguments.machine.mechanism {
+        None if whole.second.is_some() => return both(arguments, &whole, &study, &pool),
+        meant => arguments.machine.of(&whole, meant)?,
+    };
+    let mut workspace = workspace(arguments, meant, &study)?;
+    if let Some(beside) = arguments.beside {
+        let text = "--beside: the file has one mechanism; leave it out";
+        let other = other.ok_or_else(|| refused(text))?;
+        workspace = workspace.beside(&whole, other, beside.stand())?;
+    }
+    let planes = planes(&arguments.plane)?;
+    let from = match arguments.from.as_deref() {
+        Some(from) => Vector3::from_column_slice(from),
+        // Home need not be clear of the other mechanism.
+        None if arguments.beside.is_some() => {
+            workspace.place_inside().unwrap_or(meant.home_pose().position)
+        }
+        None => meant.home_pose().position,
+    };
+    let start = Instant::now();
+    let seen = pool.install(|| look(arguments, &workspace, from, planes))?;
+    let seconds = start.elapsed().as_secs_f64();
+    let Seen { body, counted, slices } = &seen;
+    if let Some(file) = &arguments.csv {
+        write_whole(file, &csv(body))?;
+    }
+    if let Some(file) = &arguments.mesh {
+        write_whole(file, &obj(meant.length_unit(), &body.mesh()))?;
+    }
+    if let Some(folder) = &arguments.plots {
+        // From its middle, where that is inside, all sides are seen alike.
+        let step = workspace.extent() / STEPS;
+        let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &|_| () };
+        let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
+        let plots = of_workspace(meant, pictured.as_ref().unwrap_or(body), slices)?;
+        Plot::write_all(&plots, folder)?;
+    }
+    let mut out = output::people();
+    let answer = tell(&mut out, meant, &workspace, &seen)?;
+    out.flush()?;
+    output::answer(&answer)?;
+    let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
+    let looked = (body.looked() + counted.points + rays) as f64;
+    output::remark(&format!(
+        "{looked} positions, {:.2} million a second, threads: {}",
+        looked / seconds * 1e-6,
+        pool.current_num_threads()
+    ));
+    Ok(Verdict::Fits)
+}
+
+fn workspace<'a>(
+    arguments: &Arguments,
+    config: &'a MachineConfig,
+    study: &Study,
+) -> Result<Workspace<'a>, Failure> {
+    let orientations = orientations(arguments, config)?;
+    Ok(Workspace::new(config, arguments.tool.vector(config), orientations, study)?)
+}
+
+/// Each of two mechanisms: alone, and with the other one at home and anywhere.
+fn both(
+    arguments: &Arguments,
+    whole: &MachineConfig,
+    study: &Study,
+    pool: &rayon::ThreadPool,
+) -> Result<Verdict, Failure> {
+    if arguments.from.is_some()
+        || arguments.csv.is_some()
+        || arguments.mesh.is_some()
+        || arguments.plots.is_some()
+    {
+        let text =
+            "--from, --csv, --mesh and --plots are of one mechanism: --mechanism 1 or 2 says which";
+        return Err(refused(text));
+    }
+    let mut out = output::people();
+    let mut answers = vec![];
+    for number in [1, 2] {
+        let (meant, other) = arguments.machine.of(whole, Some(number))?;
+        let other = other.expect("a file with two mechanisms");
+        writeln!(
+            out,
+            "{}",
+            ["The first mechanism", "\nThe second mechanism"][usize::from(number) - 1]
+        )?;
+        let alone = workspace(arguments, meant, study)?;
+        let home = meant.home_pose().position;
+        let seen = pool.install(|| look(arguments, &alone, home, planes(&arguments.plane)?))?;
+        let mut answer = tell(&mut out, meant, &alone, &seen)?;
+        for (beside, key, name) in [
+            (Beside::Home, "beside_home", "the other one at home"),
+            (Beside::Anywhere, "beside_anywhere", "wherever the other one stands"),
+        ] {
+            let shared =
+                workspace(arguments, meant, study)?.beside(whole, other, beside.stand())?;
+            answer[key] = match shared.place_inside() {
+                Some(from) => {
+                    let seen = pool.install(|| look(arguments, &shared, from, vec![]))?;
+                    tell_beside(&mut out, meant, &seen, name)?
+                }
+                None => {
+                    writeln!(
+                        out,
+                        "  {name}: neither home nor a corner of the axis limits is clear of it"
+                    )?;
+                    Value::Null
+                }
+            };
+        }
+        answers.push(answer);
+    }
+    out.flush()?;
+    output::answer(&json!({ "machine": whole.file, "mechanisms": answers }))?;
+    Ok(Verdict::Fits)
+}
+
+/// What is left beside another mechanism.
+fn tell_beside(
+    out: &mut impl Write,
+    config: &MachineConfig,
+    seen: &Seen,
+    name: &str,
+) -> Result<Value, Failure> {
+    let (unit, [boundary, grid]) =
+        (config.length_unit(), [seen.body.volume(), seen.counted.volume]);
+    let from = &seen.body.from;
+    let share: f64 = seen
+        .body
+        .shares()
+        .iter()
+        .filter(|(limit, _)| limit.is_between)
+        .map(|(_, share)| share)
+        .sum();
+    writeln!(
+        out,
+        "  {name}: {boundary:.3} {unit}^3 by the boundary, {grid:.3} on a grid; it ends {:.1} % of the \
+         directions from X{} Y{} Z{}",
+        100.0 * share,
+        from.x,
+        from.y,
+        from.z
+    )?;
+    Ok(json!({
+        "from": [from.x, from.y, from.z],
+        "volume_by_boundary": boundary,
+        "volume_by_grid": grid,
+        "grid_points": seen.counted.points,
+        "ended_by_the_other": share,
+    }))
+}
+
+/// What was looked at.
+struct Seen {
+    body: Body,
+    counted: Counted,
+    slices: Vec<Slice>,
+}
+
+fn look(
+    arguments: &Arguments,
+    workspace: &Workspace,
+    from: Vector3<f64>,
+    planes: Vec<Plane>,
+) -> Result<Seen, Failure> {
+    let bar = Bar::new("looking along rays");
+    let effort = Effort {
+        bands: arguments.bands.into(),
+        step: workspace.extent() / STEPS,
+        grid: arguments.grid.into(),
+        progress: &|share| bar.set(share),
+    };
+    let body = Body::seen(workspace, from, &effort).map_err(|limit| empty(&from, limit))?;
+    let counted = counted(workspace, &body.corners(), &effort);
+    let slice = |plane| Slice::seen(workspace, plane, from, SLICE_RAYS, &effort);
+    let slices = planes.into_iter().map(slice).collect();
+    Ok(Seen { body, counted, slices })
+}
+
+fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
+    refused(format!(
+        "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
+         for less tilt",
+        from.x, from.y, from.z
+    ))
+}
+
+fn orientations(arguments: &Arguments, config: &MachineConfig) -> Result<Vec<[f64; 3]>, Failure> {
+    match arguments.tilt {
+        Some(tilt) if (0.0..90.0).contains(&tilt) => Ok(tilts(config, tilt, DIRECTIONS)),
+        Some(tilt) => Err(refused(format!("--tilt {tilt}: expected 0 or more, and less than 90"))),
+        None if arguments.orientation.is_empty() => Ok(vec![[0.0; 3]]),
+        None => Ok(arguments.orientation.chunks(3).map(|abc| [abc[0], abc[1], abc[2]]).collect()),
+    }
+}
+
+fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
+    let plane = |name: &String| {
+        let text = format!("--plane {name}: expected xy, xz, yz or a normal such as 1,1,0");
+        Plane::parse(name).ok_or(refused(text))
+    };
+    names.iter().map(plane).collect()
+}
+
+/// Tells people; what programs get.
+fn tell(
+    out: &mut impl Write,
+    config: &MachineConfig,
+    workspace: &Workspace,
+    seen: &Seen,
+) -> Result<Value, Failure> {
+    let Seen { body, counted, slices } = seen;
+    let unit = config.length_unit();
+    let from = &body.from;
+    let mut ways = vec![];
+    writeln!(out, "{} from X{} Y{} Z{}", config.file.display(), from.x, from.y, from.z)?;
+    for (name, direction) in [
+        ("+X", Vector3::x()),
+        ("-X", -Vector3::x()),
+        ("+Y", Vector3::y()),
+        ("-Y", -Vector3::y()),
+        ("+Z", Vector3::z()),
+        ("-Z", -Vector3::z()),
+    ] {
+        let ray: Ray = workspace.ray(from, &direction, workspace.extent() / STEPS);
+        writeln!(out, "  {name}      {:>14.6} {unit}: {}", ray.exit(), ray.limit)?;
+        ways.push(
+            json!({ "direction": name, "length": ray.exit(), "limit": ray.limit.to_string() }),
+        );
+    }
+    let [boundary, grid] = [body.volume(), counted.volume];
+    writeln!(
+        out,
+        "  volume  {boundary:>14.3} {unit}^3 by the boundary, {grid:.3} on a grid of {} points: \
+         {:.2} % apart",
+        counted.points,
+        100.0 * (boundary / grid - 1.0).abs()
+    )?;
+    for slice in slices {
+        let seen = match slice.sector() {
+            Some([low, high]) => {
+                format!(
+                    "seen from the origin between {low:.2} and {high:.2} degrees, {:.2} wide",
+                    high - low
+                )
+            }
+            None => "around the origin".into(),
+        };
+        writeln!(out, "  {:<7} {:>14.3} {unit}^2, {seen}", slice.plane.name, slice.area())?;
+    }
+    writeln!(out, "  directions that each limit ends:")?;
+    for (limit, share) in body.shares() {
+        writeln!(out, "  {:>13.1} %  {limit}", 100.0 * share)?;
+    }
+    let slice = |slice: &Slice| json!({ "plane": slice.plane.name, "area": slice.area(), "seen_between_deg": slice.sector() });
+    let shares = body.shares();
+    let share =
+        |(limit, share): &(Border, f64)| json!({ "limit": limit.to_string(), "share": share });
+    Ok(json!({
+        "machine": config.file,
+        "from": [from.x, from.y, from.z],
+        "ways": ways,
+        "volume_by_boundary": boundary,
+        "volume_by_grid": grid,
+        "grid_points": counted.points,
+        "slices": slices.iter().map(slice).collect::<Vec<_>>(),
+        "limits": shares.iter().map(share).collect::<Vec<_>>(),
+    }))
+}

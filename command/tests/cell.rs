@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
+
+use crate::shipped::{MACHINES, cases, config, follow};
+use kinematics::{Letter, Limit};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use workbench::check::mobility;
+use workbench::check::report::check;
+use workbench::program::interpreter;
+use workbench::proof::axis_box::{AxisBox, at_tilt, range};
+use workbench::proof::cell::{Cell, Verdict};
+use workbench::proof::conditioning;
+use workbench::proof::reach::{Reach, Stop};
+use workbench::read::machine::MachineConfig;
+use workbench::read::tools::Tool;
+
+fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
+    // Every third one at an end: there the bounds are nearest to what they bound.
+    part.at(std::array::from_fn(|_| match rng.random_range(0..3) {
+        0 => f64::from(rng.random_range(0..2_u8)),
+        _ => rng.random(),
+    }))
+}
+
+/// The machine with joint limits and cones that some of its poses leave.
+fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
+    let mut config = config(machine);
+    for joint in &mut config.joints {
+        let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);
+        (joint.min, joint.max) = (joint.home - half, joint.home + half);
+    }
+    for cone in config.base_cone.iter_mut().chain(&mut config.platform_cone) {
+        *cone = Some(rng.random_range(5.0..40.0));
+    }
+    let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
+    let share = rng.random_range(0.5..1.0);
+    config.clearance = at.nearest().map(|nearest| share * nearest.distance);
+    config.conditioning_limit = at.smallest_singular_value() * rng.random_range(0.2..0.95);
+    config.tilt_limit = Some(rng.random_range(2.0..30.0));
+    // Fixed axes are those of struts with a lead.
+    if machine == "hexapod" {
+        for pyramid in config.base_pyramid.iter_mut().chain(&mut config.platform_pyramid) {
+            *pyramid = Some([rng.random_range(2.0..30.0), rng.random_range(2.0..30.0)]);
+        }
+    }
+    config
+}
+
+#[test]
+fn no_pose_of_a_cell_that_is_proved_is_outside() {
+    let mut rng = Pcg64::seed_from_u64(3);
+    for machine in MACHINES {
+        let (mut proved, mut open) = (0, 0);
+        for _ in 0..60 {
+            let config = narrowed(&mut rng, machine);
+            let (reach, whole) = (Reach::new(&config).unwrap(), range(&config));
+            for _ in 0..30 {
+                let away = whole.at(std::array::from_fn(|_| rng.random()));
+                let part = rng.random_range(0.0..0.4);
+                let middle =
+                    std::array::from_fn(|k| config.home[k] + part * (away[k] - config.home[k]));
+                let share = 10_f64.powf(rng.random_range(-2.5..-0.8));
+                let half = std::array::from_fn(|k| share * (whole.high[k] - whole.low[k]));
+                let cell = Cell { middle, half };
+                if reach.judge(&cell) != Verdict::Inside {
+                    open += 1;
+                    continue;
+                }
+                proved += 1;
+                let part = AxisBox {
+                    low: std::array::from_fn(|k| middle[k] - half[k]),
+                    high: std::array::from_fn(|k| middle[k] + half[k]),
+                };
+                for _ in 0..30 {
+                    let pose = pose(&mut rng, &part);
+                    assert_eq!(reach.check(&pose), Ok(()), "{machine} {cell:?} {pose:?}");
+                }
+            }
+        }
+        assert!(proved > 20 && open > 20, "{machine}: {proved} {open}");
+    }
+}
+
+/// A cell that only just fits is proved: the bounds are not so wide that they say nothing.
+#[test]
+fn a_cell_may_come_near_a_limit() {
+    let mut config = config("lab-hexapod");
+    let half = [5.0, 5.0, 5.0, 1.0, 1.0, 1.0];
+    let cell = Cell { middle: config.home, half };
+    let reach = Reach::new(&config).unwrap();
+    let mut rng = Pcg64::seed_from_u64(4);
+    let part = AxisBox {
+        low: std::array::from_fn(|k| cell.middle[k] - half[k]),
+        high: std::array::from_fn(|k| cell.middle[k] + half[k]),
+    };
+    let strut = |pose: [f64; 6]| reach.joints(&pose).unwrap()[0];
+    let longest = (0..20_000).map(|_| strut(pose(&mut rng, &part))).fold(0.0, f64::max);
+    drop(reach);
+    let beyond = longest - config.joints[0].home;
+    // A tenth beyond the longest strut seen, which a corner of the cell has.
+    for (room, expected) in [(1.1, true), (0.98, false)] {
+        config.joints[0].max = config.joints[0].home + room * beyond;
+        let verdict = Reach::new(&config).unwrap().judge(&cell);
+        assert_eq!(verdict == Verdict::Inside, expected, "{room} {verdict:?}");
+    }
+}
+
+#[test]
+fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
+    /// Poses drawn from each box.
+    const POSES: usize = 20_000;
+    for machine in MACHINES {
+        let config = config(machine);
+        for second in config.second.iter() {
+            let report = check(second, |_| ()).unwrap();
+            assert!(report.fits(), "{machine}, second: {:?}", report.findings);
+        }
+        let report = check(&config, |_| ()).unwrap();
+        assert!(report.fits(), "{machine}: {:?}", report.findings);
+        let limits = report.suggestion.unwrap();
+        if config.chain.is_empty() {
+            // Otherwise they are no limits of programs.
+            go_over_corners(machine, &limits, &report.proved_tools);
+        }
+        let reach = Reach::new(&config).unwrap();
+        let side = |pose: &[f64; 6]| {
+            config
+                .machine
+                .at(&kinematics::Pose::from_degrees(*pose), &config.spindle)
+                .unwrap()
+                .assembly()
+                .unwrap()
+        };
+        let reaches = report
+            .proved_tools
+            .iter()
+            .map(|t| Reach::with_tool(&config, config.spindle + t.offset));
+        let tools: Vec<Reach> = reaches.map(Result::unwrap).collect();
+        let mut rng = Pcg64::seed_from_u64(6);
+        for n in 0..cases(POSES) {
+            let pose = pose(&mut rng, &limits);
+            assert_eq!(reach.check(&pose), Ok(()), "{machine} {pose:?}");
+            let with = n % (tools.len() + 1);
+            if with > 0 {
+                assert_eq!(tools[with - 1].check(&pose), Ok(()), "{machine} {with} {pose:?}");
+            }
+            // No singular pose lies between this one and home.
+            assert_eq!(side(&pose), side(&config.home), "{machine} {pose:?}");
+        }
+        let moved = Letter::ALL.map(|letter| !config.machine.layout().is_held(letter));
+        let whole = range(&config);
+        for k in (0..6).filter(|k| moved[*k]) {
+            let share = (limits.high[k] - limits.low[k]) / (whole.high[k] - whole.low[k]);
+            // A quarter: half of what the machines that are not proved in whole have now.
+            assert!(share > 0.25, "{machine}: {share} of axis {k}");
+        }
+    }
+}
+
+/// What a smaller tilt is told to gain can be taken.
+#[test]
+fn boxes_of_a_tilt_can_be_taken() {
+    let config = config("four-rod-lathe");
+    let whole = range(&config);
+    let reach = Reach::new(&config).unwrap();
+    let mut rng = Pcg64::seed_from_u64(7);
+    let widths = [0.0, 0.5, 1.0].map(|share| {
+        let tilt = share * whole.high[4].max(-whole.low[4]);
+        let found = at_tilt(&config, &whole, tilt, None).unwrap();
+        assert_eq!([found.low[4], found.high[4]], [-tilt, tilt]);
+        for _ in 0..2_000 {
+            let pose = pose(&mut rng, &found);
+            assert_eq!(reach.check(&pose), Ok(()), "{tilt} {pose:?}");
+        }
+        (0..3).map(|k| found.high[k] - found.low[k]).sum::<f64>()
+    });
+    assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
+}
+
+/// At 25 degrees of A and of B the hexapod's spindle leans by 34.8.
+#[test]
+fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
+    let mut config = config("hexapod");
+    config.tilt_limit = Some(30.0);
+    let whole = range(&config);
+    assert_eq!(at_tilt(&config, &whole, 25.0, None), None);
+    let found = at_tilt(&config, &whole, 21.0, None).unwrap();
+    let tilt = |a: f64, b: f64| (a.to_radians().cos() * b.to_radians().cos()).acos().to_degrees();
+    assert!(tilt(found.high[3], found.high[4]) > 29.0);
+    let reach = Reach::new(&config).unwrap();
+    let mut corner = config.home;
+    (corner[3], corner[4]) = (25.0, -25.0);
+    let Err(Stop::Limit(margin)) = reach.check(&corner) else { panic!("{corner:?}") };
+    assert_eq!(margin.limit, Limit::Tilt);
+    assert!((margin.value - tilt(25.0, 25.0)).abs() < 1e-9, "{margin:?}");
+}
+
+/// The suggested limits put into the machine, and a program that goes from corner to corner of them
+/// with every tool, read by LinuxCNC's interpreter.
+fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("corners.ngc");
+    let mut config = config(machine);
+    // A mechanism alone: in corners of their limits two may meet.
+    config.second = None;
+    for (k, axis) in config.axes.iter_mut().enumerate() {
+        (axis.min, axis.max) = (limits.low[k], limits.high[k]);
+    }
+    let block = |pose: &[f64; 6]| {
+        let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
+        let word = |letter: &Letter| format!(" {}{}", letter.name(), pose[letter.index()]);
+        let words: String = Letter::ALL.iter().filter(moved).map(word).collect();
+        format!("G53 G0{words}\n")
+    };
+    let corners = |text: &mut String| {
+        for n in 0..64_usize {
+            let end = |k: usize| if n >> k & 1 == 0 { limits.low[k] } else { limits.high[k] };
+            *text += &block(&std::array::from_fn(end));
+        }
+        *text += &block(&config.home);
+    };
+    let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
+    let mut text = format!("{units} G90 G49\nM52 P1\n");
+    corners(&mut text);
+    for tool in tools {
+        text += &format!("T{} M6 G43\n", tool.number);
+        corners(&mut text);
+    }
+    std::fs::write(&program, text + "G49\nM2\n").unwrap();
+    let moves = interpreter::moves(&config, &program, None).unwrap();
+    assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
+    let found = follow(&config, &moves);
+    assert!(found.fits(), "{machine}: {:?}", found.breaks);
+}
+
+#[test]
+fn conditioning_is_the_singular_value_of_the_rows_at_home() {
+    for machine in MACHINES {
+        let config = config(machine);
+        let home = conditioning::at(&config, &config.home).unwrap();
+        // Rows about the centroid or CENTRE; those of `mobility` are about CENTRE.
+        assert!(home > 0.05 && home < 2.0, "{machine}: {home}");
+    }
+    // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
+    let delta = config("linear-delta");
+    let rows = mobility::rows_at_home(&delta).unwrap();
+    let least =
+        mobility::singular_values(&rows, delta.machine.layout().coordinates().as_slice())[2];
+    let found = conditioning::at(&delta, &delta.home).unwrap();
+    assert!((least - found).abs() < 1e-12, "{least} {found}");
+}

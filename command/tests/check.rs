@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What `pkm check` finds in a machine's file.
+
+use crate::shipped::{ini, with_programs};
+use std::path::Path;
+use workbench::check::findings::Report;
+use workbench::check::report::check;
+use workbench::read::diagnostic::Severity;
+use workbench::read::ini::Ini;
+use workbench::read::machine::MachineConfig;
+
+/// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
+/// have it.
+fn hexapod(change: impl Fn(&str) -> String) -> Report {
+    let text = change(&std::fs::read_to_string(ini("hexapod")).unwrap());
+    let (before, rest) = text.split_once("[BOX_0]").unwrap();
+    let after = &rest[rest.find("[JOINT_0]").unwrap()..];
+    let text = format!("{before}{after}").replace(" boxes=1", "");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hexapod.ini");
+    let config = MachineConfig::from_ini(&Ini::parse(&file, &text).unwrap()).unwrap();
+    let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+    let homed = (0..6).fold(text, |text, i| {
+        let heading = format!("[JOINT_{i}]\nTYPE = LINEAR\nHOME = ");
+        let (before, after) = text.split_once(&heading).unwrap();
+        let after = &after[after.find('\n').unwrap()..];
+        format!("{before}{heading}{}{after}", joints[i])
+    });
+    std::fs::write(&file, homed).unwrap();
+    for name in ["hexapod.tbl", "hexapod-panel.tcl", "hexapod-panel.xml"] {
+        let shipped = ini("hexapod").with_file_name(name);
+        std::fs::copy(shipped, folder.path().join(name)).unwrap();
+    }
+    with_programs("hexapod", folder.path());
+    check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap()
+}
+
+fn without_clearance(text: &str) -> String {
+    text.replace("ROD_CLEARANCE = 60\n", "")
+}
+
+/// Legs 0 and 1 with each other's platform anchors.
+fn crossed(text: &str) -> String {
+    let anchors = [
+        "PLATFORM = 141.42135623730948 -141.42135623730954 150.0",
+        "PLATFORM = 141.4213562373095 141.42135623730948 150.0",
+    ];
+    let swapped = text.replace(anchors[0], "FIRST").replace(anchors[1], anchors[0]);
+    swapped.replace("FIRST", anchors[1])
+}
+
+fn told(report: &Report, severity: Severity) -> Vec<String> {
+    let found = report.findings.iter().filter(|finding| finding.severity == severity);
+    found.map(|finding| finding.problem.message()).collect()
+}
+
+fn facts(report: &Report) -> String {
+    report.facts.iter().map(|(name, value)| format!("{name}: {value}\n")).collect()
+}
+
+#[test]
+fn struts_that_cross_at_home_do_not_fit() {
+    for change in [crossed as fn(&str) -> String, |text| crossed(&without_clearance(text))] {
+        let report = hexapod(change);
+        let errors = told(&report, Severity::Error);
+        let is_told = |text: &String| text.contains("[TRAJ]HOME") && text.contains("legs 0 and 1");
+        assert!(errors.iter().any(is_told), "{errors:?}");
+        assert!(facts(&report).contains("nearest legs: the centre lines of legs 0 and 1 are"));
+    }
+}
+
+#[test]
+fn struts_that_cross_away_from_home_do_not_fit_unless_a_clearance_keeps_them_apart() {
+    let beside = |text: &str| {
+        crossed(text).replace("BASE = 540.9184627218782 -144", "BASE = 560.9184627218782 -144")
+    };
+    let report = hexapod(|text| beside(&without_clearance(text)));
+    let errors = told(&report, Severity::Error);
+    assert_eq!(errors.len(), 1, "{errors:?}");
+    assert!(errors[0].contains("legs 0 and 1") && errors[0].contains("meet"), "{errors:?}");
+    let kept = hexapod(|text| beside(&text.replace("ROD_CLEARANCE = 60", "ROD_CLEARANCE = 3")));
+    assert_eq!(told(&kept, Severity::Error), [""; 0]);
+    assert!(kept.suggestion.is_some());
+}
+
+#[test]
+fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
+    let report = hexapod(without_clearance);
+    let warnings = told(&report, Severity::Warning);
+    assert!(warnings.len() == 1 && warnings[0].contains("ROD_CLEARANCE"), "{warnings:?}");
+    for report in [report, hexapod(str::to_string)] {
+        assert!(report.fits());
+        let facts = facts(&report);
+        assert!(facts.contains("nearest legs: the centre lines of legs 1 and 2 are 103.528 mm"));
+        assert!(facts.contains("the least seen in the axis limits"), "{facts}");
+    }
+}
+
+#[test]
+fn a_file_with_blanks_in_its_name_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("my first part.ngc");
+    std::fs::write(&program, "M2\n").unwrap();
+    let opening = |name: &Path| {
+        let report = hexapod(|text| {
+            let (before, after) = text.split_once("OPEN_FILE = ").unwrap();
+            format!("{before}OPEN_FILE = {}{}", name.display(), &after[after.find('\n').unwrap()..])
+        });
+        told(&report, Severity::Warning).into_iter().any(|text| text.contains("OPEN_FILE"))
+    };
+    assert!(!opening(&program));
+    assert!(opening(&folder.path().join("my second part.ngc")));
+}
+
+#[test]
+fn a_tool_without_a_length_is_proved_as_no_tool_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("four-rod-lathe.ini");
+    std::fs::copy(ini("four-rod-lathe"), &file).unwrap();
+    std::fs::write(file.with_extension("tbl"), "T1 P1 Z0\n").unwrap();
+    let report = check(&MachineConfig::read(&file).unwrap(), |_| ()).unwrap();
+    assert!(report.is_whole, "the case is about limits that are proved as a whole");
+    let told = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
+    assert!(told.1.ends_with("; proved for those below"), "{told:?}");
+}

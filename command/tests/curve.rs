@@ -1,0 +1,869 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Curves of one-parametric families: points, tangents, lengths, joints.
+
+use crate::shipped::config;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+use std::fs;
+use std::sync::LazyLock;
+use workbench::curve::carriages::taken;
+use workbench::curve::file::{PathFile, ProgramKeys};
+use workbench::curve::motion::{Pace, node};
+use workbench::curve::route::{Route, route};
+use workbench::curve::table::rows;
+use workbench::curve::whole::{Curve, CurveError};
+use workbench::draw::curve::of_route;
+use workbench::program::interpreter::{Move, MoveKind, moves};
+use workbench::read::machine::MachineConfig;
+
+/// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
+const EXACT: f64 = 1e-10;
+
+#[derive(Deserialize)]
+pub struct Golden {
+    pub circle: Vec<[f64; 6]>,
+    pub pyramid_joints: Vec<[f64; 7]>,
+    pub pyramid_rates: Vec<[f64; 7]>,
+    pub chords_of_a_turn: usize,
+    pub cycloid_h20_arch: f64,
+    #[serde(rename = "epicycloid_R40_r10_arch")]
+    pub epicycloid: f64,
+    pub involute_r15_t2: f64,
+    pub ellipse_60_35: f64,
+    pub ellipse_60_35_t_at_third_of_quarter: f64,
+    pub archimedes_k5_two_turns: f64,
+    #[serde(rename = "helix_r30_P8_turn")]
+    pub helix: f64,
+    #[serde(rename = "conical_helix_r30_k1p5_P4_10rad")]
+    pub conical_helix: f64,
+    #[serde(rename = "loxodrome_R100_75deg_lat20_80")]
+    pub loxodrome: f64,
+    pub loxodrome_lat75: [f64; 5],
+}
+
+pub static GOLDEN: LazyLock<Golden> =
+    LazyLock::new(|| toml::from_str(include_str!("cutting_path.toml")).unwrap());
+
+pub fn curve(text: &str) -> Result<Curve, CurveError> {
+    Curve::of(&PathFile::parse(text).unwrap())
+}
+
+fn refusal(text: &str) -> String {
+    curve(text).unwrap_err().to_string()
+}
+
+/// Two pencils of lines through the ends of a diameter meet on a circle.
+pub const CIRCLE: &str = "
+[parameters]
+R = 80
+[curve]
+alpha = 'y - t*(x + R)'
+beta = '(x - R) + t*y'
+start_mm = [80, 0]
+t = [0, 1]
+";
+
+const LOXODROME: &str = "
+[parameters]
+R = 100
+tan_beta = 3.7320508075688776
+from = 0.3490658503988659
+[curve]
+x_mm = 'R*cos(t)*cos(tan_beta*(asinh(tan(t)) - asinh(tan(from))))'
+y_mm = 'R*cos(t)*sin(tan_beta*(asinh(tan(t)) - asinh(tan(from))))'
+t = ['pi/9', '4*pi/9']
+[laws]
+z_mm = 'R*sin(t)'
+normal = ['x', 'y', 'z']
+";
+
+fn explicit(x: &str, y: &str, t: [f64; 2]) -> Curve {
+    let [from, to] = t;
+    curve(&format!("[curve]\nx_mm = '{x}'\ny_mm = '{y}'\nt = [{from:?}, {to:?}]\n")).unwrap()
+}
+
+/// The place where t has a value, of a curve along which t rises.
+fn at_t(curve: &Curve, t: f64) -> (usize, f64) {
+    let of = |part: usize, at: f64| curve.at(part, at).unwrap().t.value.middle();
+    let end = |part: usize| of(part, curve.parts[part].range[1]);
+    let part = (0..curve.parts.len()).find(|k| end(*k) >= t).unwrap_or(curve.parts.len() - 1);
+    let [mut low, mut high] = curve.parts[part].range;
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        *(if of(part, middle) < t { &mut low } else { &mut high }) = middle;
+    }
+    (part, 0.5 * (low + high))
+}
+
+fn close(a: f64, b: f64) {
+    assert!((a - b).abs() <= EXACT * (1.0 + b.abs()), "{a} {b}");
+}
+
+#[test]
+fn points_tangents_and_lengths_of_a_circle_of_two_pencils_are_those_of_its_closed_form() {
+    let curve = curve(CIRCLE).unwrap();
+    assert!(curve.turnings.is_empty() && !curve.is_closed);
+    for [t, x, y, dx, dy, s] in &GOLDEN.circle {
+        let (part, at) = at_t(&curve, *t);
+        let here = curve.at(part, at).unwrap();
+        close(here.pose[0].value.middle(), *x);
+        close(here.pose[1].value.middle(), *y);
+        let by_t = |k: usize| here.pose[k].first.middle() / here.t.first.middle();
+        close(by_t(0), *dx);
+        close(by_t(1), *dy);
+        close(curve.length_at(part, at).unwrap(), *s);
+    }
+    close(curve.length, GOLDEN.circle[2][5]);
+}
+
+#[test]
+fn lengths_of_classical_curves_are_those_of_their_closed_forms() {
+    for (x, y, t, expected) in [
+        ("20*(t - sin(t))", "20*(1 - cos(t))", [0.0, TAU], GOLDEN.cycloid_h20_arch),
+        // Half an arch, 4 h (1 - cos(t/2)).
+        ("20*(t - sin(t))", "20*(1 - cos(t))", [0.0, PI], GOLDEN.cycloid_h20_arch / 2.0),
+        ("50*cos(t) - 10*cos(5*t)", "50*sin(t) - 10*sin(5*t)", [0.0, PI / 2.0], GOLDEN.epicycloid),
+        ("15*(cos(t) + t*sin(t))", "15*(sin(t) - t*cos(t))", [0.0, 2.0], GOLDEN.involute_r15_t2),
+        ("60*cos(t)", "35*sin(t)", [0.0, TAU], GOLDEN.ellipse_60_35),
+        ("5*t*cos(t)", "5*t*sin(t)", [0.0, 2.0 * TAU], GOLDEN.archimedes_k5_two_turns),
+    ] {
+        close(explicit(x, y, t).length, expected);
+    }
+}
+
+/// Length in space, by the speed at many places (Simpson's rule).
+fn length_in_space(curve: &Curve) -> f64 {
+    const STEPS: usize = 4000;
+    let [a, b] = curve.parts[0].range;
+    let speed = |k: usize| {
+        let here = curve.at(0, a + (b - a) * k as f64 / STEPS as f64).unwrap();
+        here.pose[..3].iter().map(|x| x.first.middle().powi(2)).sum::<f64>().sqrt()
+    };
+    let weight = |k: usize| if k % 2 == 1 { 4.0 } else { 2.0 };
+    let inner: f64 = (1..STEPS).map(|k| weight(k) * speed(k)).sum();
+    (speed(0) + inner + speed(STEPS)) * (b - a) / (3.0 * STEPS as f64)
+}
+
+#[test]
+fn lengths_in_space_of_helices_and_of_the_loxodrome_are_those_of_their_closed_forms() {
+    let helix = |r: &str, z: &str, last: f64| {
+        let text = format!(
+            "[curve]\nx_mm = '{r}*cos(t)'\ny_mm = '{r}*sin(t)'\nt = [0, {last:?}]\n[laws]\nz_mm = '{z}'\n"
+        );
+        curve(&text).unwrap()
+    };
+    let turn = helix("30", "-8*t/(2*pi)", TAU);
+    close(length_in_space(&turn), GOLDEN.helix);
+    close(length_in_space(&helix("(30 - 1.5*t)", "-4*t/(2*pi)", 10.0)), GOLDEN.conical_helix);
+    let loxodrome = curve(LOXODROME).unwrap();
+    close(length_in_space(&loxodrome), GOLDEN.loxodrome);
+    let here = loxodrome.at(0, 75_f64.to_radians()).unwrap();
+    for (found, expected) in here.pose.iter().zip(GOLDEN.loxodrome_lat75) {
+        close(found.value.middle(), expected);
+    }
+}
+
+#[test]
+fn the_parameter_at_a_length_of_an_ellipse_is_that_of_the_elliptic_integral() {
+    let curve = explicit("60*cos(t)", "35*sin(t)", [0.0, TAU]);
+    let (part, at) = curve.at_length(GOLDEN.ellipse_60_35 / 12.0).unwrap();
+    assert_eq!(part, 0);
+    close(at, GOLDEN.ellipse_60_35_t_at_third_of_quarter);
+}
+
+#[test]
+fn a_spiral_of_circles_and_lines_is_followed_around_the_origin() {
+    let spiral = curve(
+        "[parameters]\nk = 5\n[curve]\nalpha = 'x^2 + y^2 - (k*t)^2'\nbeta = 'x*sin(t) - y*cos(t)'\n\
+         start_mm = [2.70151152934, 4.20735492404]\nt = [1, '4*pi']\n",
+    )
+    .unwrap();
+    for (part, own) in spiral.parts.iter().enumerate() {
+        let here = spiral.at(part, 0.3 * own.range[1]).unwrap();
+        let [t, x, y] = [here.t, here.pose[0], here.pose[1]].map(|x| x.value.middle());
+        close(x, 5.0 * t * t.cos());
+        close(y, 5.0 * t * t.sin());
+    }
+    let closed = |t: f64| 2.5 * (t * t.hypot(1.0) + t.asinh());
+    close(spiral.length, closed(2.0 * TAU) - closed(1.0));
+}
+
+const LINES_OVER_A_CIRCLE: &str = "
+[curve]
+alpha = 'y - t'
+beta = 'x^2 + y^2 - 50^2'
+start_mm = [50, 0]
+t = [0, 60]
+t_bounds = [-60, 60]
+";
+
+#[test]
+fn a_circle_that_t_crosses_twice_is_followed_through_both_turning_points_to_its_start() {
+    let circle = curve(LINES_OVER_A_CIRCLE).unwrap();
+    assert!(circle.is_closed);
+    assert_eq!(circle.turnings.len(), 2);
+    for (turning, t) in circle.turnings.iter().zip([50.0, -50.0]) {
+        assert!((turning.t - t).abs() < 1e-9 && turning.at[0].abs() < 1e-6, "{turning:?}");
+    }
+    assert!((circle.length - 100.0 * PI).abs() < 1e-9, "{}", circle.length);
+}
+
+#[test]
+fn a_curve_that_follows_t_ends_at_its_turning_point() {
+    let arc = curve(&format!("{LINES_OVER_A_CIRCLE}follow = 't'\n")).unwrap();
+    assert!(!arc.is_closed && arc.turnings.len() == 1);
+    // The turning point is found where the slope of t changes its sign: y to rounding, x to its root.
+    assert!((arc.length - 25.0 * PI).abs() < 1e-6, "{}", arc.length);
+}
+
+#[test]
+fn a_fold_is_followed_through() {
+    // x = y^3 - 3 y, with t = x: two folds at y = 1 and -1.
+    let fold = curve(
+        "[curve]\nalpha = 'x - (y^3 - 3*y)'\nbeta = 'x - t'\nstart_mm = [-18, -3]\nt = [-18, 18]\n",
+    )
+    .unwrap();
+    let found: Vec<f64> = fold.turnings.iter().map(|turning| turning.t).collect();
+    assert!((found[0] - 2.0).abs() < 1e-9 && (found[1] + 2.0).abs() < 1e-9, "{found:?}");
+    let last = fold.parts.len() - 1;
+    let end = fold.at(last, fold.parts[last].range[1]).unwrap();
+    close(end.pose[1].value.middle(), 3.0);
+}
+
+#[test]
+fn a_curve_whose_branches_cross_is_refused_with_the_place() {
+    let told = refusal(
+        "[curve]\nalpha = 'y - t*x'\nbeta = '(x^2 + y^2)^2 - 3600*(x^2 - y^2)'\n\
+         start_mm = [60, 0]\nt = [0, 2]\nt_bounds = [-2, 2]\n",
+    );
+    assert!(told.contains("singular point near x 0.000") && told.contains("t 1.0"), "{told}");
+}
+
+#[test]
+fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
+    let explicit = |x: &str| format!("[curve]\nx_mm = \"{x}\"\ny_mm = 0\nt = [-1, 3]\n");
+    // To find a pole takes seconds.
+    let mut refusals = BTreeMap::new();
+    for (text, expected) in [
+        (explicit("1/(t-1)"), "at t = 1: \"1/(t-1)\" divides by 0"),
+        (explicit("1/(t-1.3)"), "a pole, a divisor of 0"),
+        (explicit("1/(t-1.3)"), "at t = 1.30000"),
+        (explicit("sqrt(t)"), "at t = -1"),
+        (explicit("sqrt(t)"), "no real value: sqrt of -"),
+        (explicit("q*t"), "[curve] x_mm: \"q*t\": the name q is unknown; known are t"),
+        (explicit("2 +"), "character 4: expected a number"),
+        (explicit("2 + §"), "character 5: expected a number"),
+        (explicit("3"), "no length"),
+        ("[curve]\nx_mm = 't'\ny_mm = 0\n".into(), "[curve] t: missing"),
+        ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 2]\n".into(), "no curve"),
+        ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 1]\n".into(), "the smaller one first"),
+        ("[curve]\nx_mm = 't'\nt = [2, 1]\n".into(), "expected x_mm and y_mm, or alpha and beta"),
+        ("[curve]\nalpha = 'y'\nt = [0, 1]\n".into(), "beta: missing"),
+        (
+            "[curve]\nalpha = 'x^2 + y^2 + 1'\nbeta = 'x - t'\nstart_mm = [0, 0]\nt = [0, 1]\n"
+                .into(),
+            "no real branch near start_mm [0, 0] at t = 0",
+        ),
+        (format!("{CIRCLE}[split]\nt_x = 't'\n"), "families give x and y together"),
+        (
+            format!("{CIRCLE}[laws]\nnormal = ['0', '0', '1']\na_deg = 1\n"),
+            "normal, or a_deg b_deg c_deg, not both",
+        ),
+    ] {
+        let told = refusals.entry(text).or_insert_with_key(|text| refusal(text));
+        assert!(told.contains(expected), "{expected}: {told}");
+    }
+}
+
+/// So near to a pole the roundings of the speed outweigh the error that is asked for of its integral.
+#[test]
+fn beside_a_pole_the_length_is_that_of_the_line() {
+    let text = "[curve]\nx_mm = \"1/(t - 1)\"\ny_mm = 0\nt = [0, 0.9999999999]\n";
+    let length = curve(text).unwrap().length;
+    let expected = 1.0 / (1.0 - 0.9999999999) - 1.0;
+    // Places of the rule are rounded to 1e-16 at a distance of 1e-10: a millionth of the speed there.
+    assert!((length / expected - 1.0).abs() < 1e-6, "{length}, not {expected}");
+}
+
+#[test]
+fn a_value_without_its_unit_is_an_unknown_key() {
+    for (text, expected) in [
+        ("[curve]\nx = 't'\n", "unknown field `x`, expected one of `x_mm`"),
+        ("[laws]\nspeed = 3\n", "expected one of `z_mm`, `a_deg`"),
+        ("[tolerance]\nchord = 3\n", "unknown field `chord`"),
+        ("[tolerance]\nchord_mm = 0\n", "expected more than 0"),
+        ("[tolerance]\n", "missing field `chord_mm`"),
+        ("[curve]\nx_mm = nan\n", "expected a finite number"),
+        ("[curve]\nx_mm = true\n", "a number, or an expression"),
+    ] {
+        let told = PathFile::parse(text).unwrap_err().to_string();
+        assert!(told.contains(expected), "{text}: {told}");
+    }
+}
+
+#[test]
+fn joints_and_rates_on_the_pyramid_are_those_of_two_independent_computations() {
+    let config = config("pyramid");
+    let text = format!(
+        "{CIRCLE}[laws]\nz_mm = '180 + 60*t'\na_deg = '10*t'\nb_deg = '-8*t^2'\nspeed_mm_per_s = 20\n"
+    );
+    let curve = curve(&text).unwrap();
+    let keys = ProgramKeys::default();
+    for (joints, rates) in GOLDEN.pyramid_joints.iter().zip(&GOLDEN.pyramid_rates) {
+        let (part, at) = at_t(&curve, joints[0]);
+        let node = node(&curve, part, at, &Pace { turn: None }).unwrap();
+        let row = &rows(&config, &keys, std::slice::from_ref(&node), [0.0; 3]).unwrap()[0];
+        // The table's joints are the last two of the machine.
+        let order = [4, 5, 0, 1, 2, 3];
+        for (k, joint) in order.into_iter().enumerate() {
+            close(row.joints[joint], joints[k + 1]);
+            let found = row.rates.unwrap()[joint];
+            // The golden rates were compared with central differences.
+            assert!((found - rates[k + 1]).abs() < 1e-9, "{found} {}", rates[k + 1]);
+        }
+        close(row.centre[0], row.joints[4]);
+        close(row.centre[1], row.joints[5]);
+        // The table takes what the longer tool moves the centre aside.
+        let long = &rows(&config, &keys, &[node], [0.0, 0.0, 40.0]).unwrap()[0];
+        close(long.centre[0], long.joints[4]);
+        close(long.centre[1], long.joints[5]);
+        let [a, b] = [long.node.pose[3], long.node.pose[4]].map(f64::to_radians);
+        close(long.joints[4] - row.joints[4], 40.0 * a.cos() * b.sin());
+        close(long.joints[5] - row.joints[5], -40.0 * a.sin());
+        close(long.centre[2] - row.centre[2], 40.0 * a.cos() * b.cos());
+    }
+}
+
+#[test]
+fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
+    let config = config("pyramid");
+    let text = format!(
+        "{CIRCLE}[laws]\nz_mm = '180 + 60*t'\na_deg = '10*t'\nb_deg = '-8*t^2'\nspeed_mm_per_s = 20\n\
+         [tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [0, 0, 0]\n"
+    );
+    let (_, ends) = read_back(&config, &text);
+    let joints = |pose: &[f64; 6]| {
+        // In the machine, where the work lies at 0.
+        let [x, y, z, a, b, c] = pose;
+        let words = format!(" {x} {y} {} {a} {b} {c}", z + ZERO);
+        let ini = crate::shipped::ini("pyramid");
+        let answer = crate::commands::Bench::new()
+            .answer(&format!("joints {} --pose{words}", ini.display()), "");
+        let value = |line: &str| line.split_once(" = ")?.1.parse::<f64>().ok();
+        answer.lines().filter_map(value).collect::<Vec<f64>>()
+    };
+    let order = [4, 5, 0, 1, 2, 3];
+    for (end, expected) in [
+        (&ends[0], GOLDEN.pyramid_joints.first().unwrap()),
+        (ends.last().unwrap(), GOLDEN.pyramid_joints.last().unwrap()),
+    ] {
+        let found = joints(end);
+        for (k, joint) in order.into_iter().enumerate() {
+            // Words of six decimals.
+            assert!((found[joint] - expected[k + 1]).abs() < 1e-4, "{found:?} {expected:?}");
+        }
+    }
+}
+
+/// Carriage on a guide from (x1, z1) to (x2, z2) by equations 7 and 8 of paper 000, corrected: the
+/// circle is about the joint (x0, z0).
+fn carriage([x1, z1]: [f64; 2], [x2, z2]: [f64; 2], [x0, z0]: [f64; 2], rod: f64) -> f64 {
+    let k = (x2 - x1) / (z2 - z1);
+    let s1 = 1.0 + k * k;
+    let s2 = 2.0 * k * x1 - 2.0 * k * x0 - 2.0 * k * k * z1 - 2.0 * z0;
+    let s3 = x1 * x1 + x0 * x0 + k * k * z1 * z1 - 2.0 * k * z1 * x1 + 2.0 * k * z1 * x0
+        - 2.0 * x0 * x1
+        + z0 * z0
+        - rod * rod;
+    let z = (-s2 + (s2 * s2 - 4.0 * s1 * s3).sqrt()) / (2.0 * s1);
+    (z - z1) * s1.sqrt()
+}
+
+const CYCLOID: &str = "
+[parameters]
+h = 16
+[curve]
+x_mm = 'h*(t - sin(t)) - pi*h'
+y_mm = 0
+t = [0, '2*pi']
+[laws]
+z_mm = 'h*(1 - cos(t))'
+speed_mm_per_s = 20
+[tolerance]
+chord_mm = 0.005
+[program]
+zero_mm = [0, 0, 200]
+";
+
+/// Positions of some 1000 mm through a square root of 1e6 keep 1e-12 of themselves.
+const EQUATION_9: f64 = 1e-9;
+
+#[test]
+fn carriages_of_a_cycloid_that_the_table_shares_follow_the_law_of_the_height_alone() {
+    let config = config("pyramid");
+    let found = route(&config, &PathFile::parse(CYCLOID).unwrap()).unwrap();
+    for row in &found.rows {
+        let t = row.node.t;
+        let (x, z) = (16.0 * (t - t.sin()) - 16.0 * PI, 16.0 * (1.0 - t.cos()) + 200.0);
+        let expected = carriage([700.0, 200.0], [200.0, 1200.0], [120.0, z + 150.0], 550.0);
+        for joint in &row.joints[..4] {
+            assert!((joint - expected).abs() < EQUATION_9, "t {t}: {joint} {expected}");
+        }
+        assert!((row.joints[4] - x).abs() < EQUATION_9 && row.joints[5].abs() < EQUATION_9);
+    }
+}
+
+/// Two guides and rods of the pyramid, whose platform itself moves in X.
+const BIGLIDE: &str = "
+[EMCMOT]
+SERVO_PERIOD = 1000000
+[KINS]
+KINEMATICS = pkmkins legs=slider:2 coordinates=XZ
+JOINTS = 2
+[TRAJ]
+COORDINATES = XZ
+HOME = 0 0 270
+LINEAR_UNITS = mm
+ANGULAR_UNITS = degree
+MAX_LINEAR_VELOCITY = 100
+MAX_ANGULAR_VELOCITY = 15
+MAX_LINEAR_ACCELERATION = 600
+MAX_ANGULAR_ACCELERATION = 150
+[LEG_0]
+BASE = 700 0 200
+GUIDE = -500 0 1000
+PLATFORM = 120 0 150
+ROD = 550
+SIDE = 1
+[LEG_1]
+BASE = -700 0 200
+GUIDE = 500 0 1000
+PLATFORM = -120 0 150
+ROD = 550
+SIDE = 1
+[JOINT_0]
+TYPE = LINEAR
+HOME = 810.8126291149142
+MIN_LIMIT = 0
+MAX_LIMIT = 1118
+MAX_VELOCITY = 400
+MAX_ACCELERATION = 4000
+[JOINT_1]
+TYPE = LINEAR
+HOME = 810.8126291149142
+MIN_LIMIT = 0
+MAX_LIMIT = 1118
+MAX_VELOCITY = 400
+MAX_ACCELERATION = 4000
+[AXIS_X]
+MIN_LIMIT = -150
+MAX_LIMIT = 150
+MAX_VELOCITY = 100
+MAX_ACCELERATION = 600
+[AXIS_Z]
+MIN_LIMIT = 150
+MAX_LIMIT = 390
+MAX_VELOCITY = 100
+MAX_ACCELERATION = 600
+";
+
+#[test]
+fn carriages_of_a_cycloid_that_the_platform_follows_have_the_law_of_equation_9_corrected() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("biglide.ini");
+    fs::write(&file, BIGLIDE).unwrap();
+    let config = MachineConfig::read(&file).unwrap();
+    let found = route(&config, &PathFile::parse(CYCLOID).unwrap()).unwrap();
+    assert!(found.rows.len() > 20);
+    for row in &found.rows {
+        let t = row.node.t;
+        let (x, z) = (16.0 * (t - t.sin()) - 16.0 * PI, 16.0 * (1.0 - t.cos()) + 350.0);
+        for (joint, side) in row.joints.iter().take(2).zip([1.0, -1.0]) {
+            let at = [side * x + 120.0, z];
+            let expected = carriage([700.0, 200.0], [200.0, 1200.0], at, 550.0);
+            assert!((joint - expected).abs() < EQUATION_9, "t {t}: {joint} {expected}");
+        }
+    }
+}
+
+/// A curve with its closed form, which knows nothing of expressions.
+struct Known {
+    name: &'static str,
+    text: &'static str,
+    at: fn(f64) -> [f64; 6],
+    t: [f64; 2],
+}
+
+fn flat(x: f64, y: f64, z: f64) -> [f64; 6] {
+    [x, y, z, 0.0, 0.0, 0.0]
+}
+
+fn loxodrome(t: f64) -> [f64; 6] {
+    let from = std::f64::consts::PI / 9.0;
+    let turn = 75_f64.to_radians().tan() * (t.tan().asinh() - from.tan().asinh());
+    let n = [t.cos() * turn.cos(), t.cos() * turn.sin(), t.sin()];
+    let [a, b] = [-n[1].asin(), n[0].atan2(n[2])].map(f64::to_degrees);
+    [100.0 * n[0], 100.0 * n[1], 100.0 * n[2], a, b, 0.0]
+}
+
+const KNOWN: [Known; 8] = [
+    Known {
+        name: "circle",
+        text: "[curve]\nx_mm = '50*cos(t)'\ny_mm = '50*sin(t)'\nt = [0, '2*pi']\n",
+        at: |t| flat(50.0 * t.cos(), 50.0 * t.sin(), 0.0),
+        t: [0.0, TAU],
+    },
+    Known {
+        name: "cycloid",
+        text: "[curve]\nx_mm = '16*(t - sin(t)) - 16*pi'\ny_mm = 7\nt = [0, '2*pi']\n\
+               [laws]\nz_mm = '16*(1 - cos(t))'\n",
+        at: |t| flat(16.0 * (t - t.sin()) - 16.0 * PI, 7.0, 16.0 * (1.0 - t.cos())),
+        t: [0.0, TAU],
+    },
+    Known {
+        name: "epicycloid",
+        text: "[curve]\nx_mm = '50*cos(t) - 10*cos(5*t)'\ny_mm = '50*sin(t) - 10*sin(5*t)'\n\
+               t = [0, '2*pi']\n",
+        at: |t| {
+            let u = 5.0 * t;
+            flat(50.0 * t.cos() - 10.0 * u.cos(), 50.0 * t.sin() - 10.0 * u.sin(), 0.0)
+        },
+        t: [0.0, TAU],
+    },
+    Known {
+        name: "involute",
+        text: "[curve]\nx_mm = '15*(cos(t) + t*sin(t))'\ny_mm = '15*(sin(t) - t*cos(t))'\nt = [0, 6]\n",
+        at: |t| flat(15.0 * (t.cos() + t * t.sin()), 15.0 * (t.sin() - t * t.cos()), 0.0),
+        t: [0.0, 6.0],
+    },
+    Known {
+        name: "spiral",
+        text: "[curve]\nx_mm = '5*t*cos(t)'\ny_mm = '5*t*sin(t)'\nt = [0, '4*pi']\n",
+        at: |t| flat(5.0 * t * t.cos(), 5.0 * t * t.sin(), 0.0),
+        t: [0.0, 2.0 * TAU],
+    },
+    Known {
+        name: "helix",
+        text: "[curve]\nx_mm = '30*cos(t)'\ny_mm = '30*sin(t)'\nt = [0, '6*pi']\n\
+               [laws]\nz_mm = '30 - 8*t/(2*pi)'\n",
+        at: |t| flat(30.0 * t.cos(), 30.0 * t.sin(), 30.0 - 8.0 * t / TAU),
+        t: [0.0, 3.0 * TAU],
+    },
+    Known {
+        name: "conical helix",
+        text: "[curve]\nx_mm = '(30 - 1.5*t)*cos(t)'\ny_mm = '(30 - 1.5*t)*sin(t)'\nt = [0, 10]\n\
+               [laws]\nz_mm = '30 - 4*t/(2*pi)'\n",
+        at: |t| {
+            let r = 30.0 - 1.5 * t;
+            flat(r * t.cos(), r * t.sin(), 30.0 - 4.0 * t / TAU)
+        },
+        t: [0.0, 10.0],
+    },
+    Known {
+        name: "spherical loxodrome",
+        text: "[parameters]\nT = 3.7320508075688776\n[curve]\n\
+               x_mm = '100*cos(t)*cos(T*(asinh(tan(t)) - asinh(tan(pi/9))))'\n\
+               y_mm = '100*cos(t)*sin(T*(asinh(tan(t)) - asinh(tan(pi/9))))'\n\
+               t = ['71*pi/180', '85*pi/180']\n\
+               [laws]\nz_mm = '100*sin(t)'\nnormal = ['x', 'y', 'z']\n",
+        at: loxodrome,
+        t: [71.0 * PI / 180.0, 85.0 * PI / 180.0],
+    },
+];
+
+/// The program of a curve, and its moves as LinuxCNC's interpreter makes them: the first one ends
+/// where the curve begins.
+fn read_back(config: &MachineConfig, text: &str) -> (Route, Vec<[f64; 6]>) {
+    read_back_file(config, &PathFile::parse(text).unwrap())
+}
+
+/// The same of a path file that names others.
+pub fn read_back_file(config: &MachineConfig, file: &PathFile) -> (Route, Vec<[f64; 6]>) {
+    let found = route(config, file).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("path.ngc");
+    fs::write(&file, &found.program).unwrap();
+    let moves = moves(config, &file, None).unwrap();
+    let first = moves.iter().position(|step| step.kind == MoveKind::Feed).unwrap();
+    let last = moves.iter().rposition(|step| step.kind == MoveKind::Feed).unwrap();
+    let in_work = |step: &Move| {
+        let [x, y, z, a, b, c] = step.end;
+        [x, y, z - ZERO, a, b, c]
+    };
+    (found, moves[first - 1..=last].iter().map(in_work).collect())
+}
+
+/// Height of the work in the pyramid.
+pub const ZERO: f64 = 200.0;
+
+pub fn asked(text: &str, chord: f64, moves: &str) -> String {
+    let laws = if text.contains("[laws]") { "" } else { "[laws]\n" };
+    format!(
+        "{text}{laws}speed_mm_per_s = 20\n[tolerance]\nchord_mm = {chord:?}\nangle_deg = 0.02\n\
+         [program]\nmoves = '{moves}'\nzero_mm = [0, 0, {ZERO:?}]\n"
+    )
+}
+
+pub fn distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn straight_moves_that_linuxcnc_reads_stay_within_the_tolerance_at_every_parameter() {
+    let config = config("pyramid");
+    for known in &KNOWN {
+        for chord in [0.002, 0.05] {
+            let (found, ends) = read_back(&config, &asked(known.text, chord, "lines"));
+            assert_eq!(ends.len(), found.rows.len(), "{}", known.name);
+            let (mut most, mut most_angle) = (0.0_f64, 0.0_f64);
+            for (nodes, ends) in found.rows.windows(2).zip(ends.windows(2)) {
+                let [from, to] = [nodes[0].node.t, nodes[1].node.t];
+                for n in 0..=16 {
+                    let share = f64::from(n) / 16.0;
+                    let on_curve = (known.at)(from + share * (to - from));
+                    let on_line =
+                        std::array::from_fn(|k| ends[0][k] + share * (ends[1][k] - ends[0][k]));
+                    most = most.max(distance(&on_curve, &on_line));
+                    let angle = |k: usize| (on_curve[k] - on_line[k]).abs();
+                    most_angle = most_angle.max(angle(3)).max(angle(4));
+                }
+            }
+            assert!(most <= chord, "{}: {most}", known.name);
+            assert!(most_angle <= 0.02, "{}: {most_angle}", known.name);
+            // The bound is no waste: where the chord decides, pieces come near to it.
+            let need = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
+            assert!(most > 0.9 * need, "{}: {most} of {need}", known.name);
+            assert!((found.rows[0].node.t - known.t[0]).abs() < 1e-12);
+            assert!((found.rows[ends.len() - 1].node.t - known.t[1]).abs() < 1e-12);
+        }
+    }
+}
+
+/// Distance of a point from a straight move.
+pub fn to_move(point: &[f64; 6], from: &[f64; 6], to: &[f64; 6]) -> f64 {
+    let along: Vec<f64> = (0..3).map(|k| to[k] - from[k]).collect();
+    let square: f64 = along.iter().map(|x| x * x).sum();
+    let product: f64 = (0..3).map(|k| (point[k] - from[k]) * along[k]).sum();
+    let share = if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 };
+    let near = std::array::from_fn(|k| if k < 3 { from[k] + share * along[k] } else { 0.0 });
+    distance(point, &near)
+}
+
+/// The interpreter's arcs come as straight moves within this of them.
+pub const INTERPRETER: f64 = 1e-4;
+
+#[test]
+fn arcs_that_linuxcnc_reads_stay_within_the_tolerance_and_are_fewer_than_lines() {
+    let config = config("pyramid");
+    for known in KNOWN.iter().filter(|known| known.name != "spherical loxodrome") {
+        let chord = 0.005;
+        let (found, ends) = read_back(&config, &asked(known.text, chord, "arcs"));
+        let lines = route(&config, &PathFile::parse(&asked(known.text, chord, "lines")).unwrap());
+        let (arcs, lines) = (found.pieces.len(), lines.unwrap().pieces.len());
+        assert!(3 * arcs < lines, "{}: {arcs} of {lines}", known.name);
+        // Along the curve and along the moves at a time.
+        let (mut at, mut most) = (0, 0.0_f64);
+        let steps = 40 * ends.len();
+        for n in 0..=steps {
+            let t = known.t[0] + (known.t[1] - known.t[0]) * n as f64 / steps as f64;
+            let point = (known.at)(t);
+            let to = |k: usize| to_move(&point, &ends[k], &ends[k + 1]);
+            while at + 2 < ends.len() && to(at + 1) <= to(at) {
+                at += 1;
+            }
+            most = most.max(to(at));
+        }
+        assert_eq!(at + 2, ends.len(), "{}: the moves go on behind the curve", known.name);
+        assert!(most <= chord + INTERPRETER, "{}: {most}", known.name);
+    }
+}
+
+#[test]
+fn a_circle_needs_as_many_chords_as_its_closed_form_says() {
+    let text = asked(KNOWN[0].text, 0.002, "lines");
+    let found = route(&config("pyramid"), &PathFile::parse(&text).unwrap()).unwrap();
+    assert_eq!(found.pieces.len(), GOLDEN.chords_of_a_turn);
+    // And one whole turn of arcs is a few of them.
+    let text = asked(KNOWN[0].text, 0.002, "arcs");
+    let found = route(&config("pyramid"), &PathFile::parse(&text).unwrap()).unwrap();
+    assert!(found.pieces.len() <= 3, "{:?}", found.pieces);
+    assert!(found.program.contains("G3 X"), "{}", found.program);
+}
+
+#[test]
+fn feeds_follow_the_law_of_the_speed_and_the_time_is_its_integral() {
+    let config = config("pyramid");
+    // dt/ds = 1/(10 + 10 u): 314.159 mm take ln 2 / 10 times as many seconds.
+    let text = asked(KNOWN[0].text, 0.01, "lines").replace("= 20", "= '10 + 10*u'");
+    for mode in ["per-minute", "inverse-time"] {
+        let text = format!("{text}feed = '{mode}'\n");
+        let found = route(&config, &PathFile::parse(&text).unwrap()).unwrap();
+        let expected = 100.0 * PI * 2_f64.ln() / 10.0;
+        assert!((found.seconds / expected - 1.0).abs() < 1e-4, "{} {expected}", found.seconds);
+        let feeds: Vec<f64> = found
+            .program
+            .lines()
+            .filter_map(|line| line.split(" F").nth(1))
+            .map(|word| word.parse().unwrap())
+            .collect();
+        assert!(feeds.len() > 30);
+        if mode == "inverse-time" {
+            let minutes: f64 = feeds.iter().map(|feed| 1.0 / feed).sum();
+            // Feeds have four decimals.
+            assert!((minutes * 60.0 / expected - 1.0).abs() < 1e-4, "{minutes}");
+            assert!(found.program.contains("G93") && found.program.contains("G94\n"));
+        } else {
+            assert!((600.0..615.0).contains(&feeds[0]), "{}", feeds[0]);
+            let last = feeds[feeds.len() - 1];
+            assert!((1185.0..1200.0).contains(&last), "{last}");
+        }
+    }
+}
+
+#[test]
+fn what_the_machine_cannot_is_refused_with_t_and_limit() {
+    let refused = |machine: &str, text: &str| {
+        let file = PathFile::parse(text).unwrap();
+        route(&config(machine), &file).unwrap_err().to_string()
+    };
+    let line = |laws: &str, program: &str| {
+        format!(
+            "[curve]\nx_mm = '100*t'\ny_mm = 0\nt = [0, 1]\n[laws]\n{laws}\n\
+             [tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [0, 0, 200]\n{program}\n"
+        )
+    };
+    let speed = "speed_mm_per_s = 20\n";
+    for (laws, program, expected) in [
+        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "axis Z leaves its limit of 150 to 390 mm"),
+        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "at t = "),
+        ("b_deg = '40*t'\nspeed_mm_per_s = 20", "", "axis B leaves its limit"),
+        ("c_deg = '40*t'\nspeed_mm_per_s = 20", "", "the machine holds C at 0"),
+        ("", "", "[laws] speed_mm_per_s: missing, needed at t = 0"),
+        ("speed_mm_per_s = '1 - t'", "", "speed_mm_per_s: 0 at t = 1: expected more than 0"),
+        ("speed_mm_per_s = 1000", "", "needs 1000.000/s, MAX_VELOCITY allows 200/s"),
+        ("z_mm = '1/(t - 0.3)'\nspeed_mm_per_s = 20", "", "at t = 0.29"),
+        ("z_mm = 'sqrt(t)'\nspeed_mm_per_s = 20", "", "second derivative has no bound"),
+        (speed, "tool = 77", "[program] tool: 77 is not in the machine's tool table"),
+        (speed, "clear_z_mm = 3\nclear_x_mm = 3", "exclude each other"),
+    ] {
+        let told = refused("pyramid", &line(laws, program));
+        assert!(told.contains(expected), "{laws}: {told}");
+    }
+    let fine = line(speed, "").replace("chord_mm = 0.01", "chord_mm = 1e-6");
+    assert!(refused("pyramid", &fine).contains("[tolerance] chord_mm: 0.000001 is less"));
+    let none = line(speed, "").replace("[tolerance]\nchord_mm = 0.01\n", "");
+    assert!(refused("pyramid", &none).contains("[tolerance] chord_mm: missing"));
+}
+
+#[test]
+fn a_spline_of_control_points_is_written_within_the_tolerance() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("points.csv"),
+        "x,y,z\n0,0,0\n10,30,5\n40,-20,8\n60,10,0\n70,0,3\n",
+    )
+    .unwrap();
+    let text = "[curve]\npoints = 'points.csv'\n[laws]\nspeed_mm_per_s = 20\n[tolerance]\nchord_mm = 0.01\n\
+                [program]\nzero_mm = [0, 0, 200]\n";
+    let file = PathFile { folder: folder.path().into(), ..PathFile::parse(text).unwrap() };
+    let found = route(&config("pyramid"), &file).unwrap();
+    // The closed form: a clamped cubic with one knot at 1/2, by its basis functions.
+    let points = [[0., 0., 0.], [10., 30., 5.], [40., -20., 8.], [60., 10., 0.], [70., 0., 3.]];
+    let place = |t: f64| -> [f64; 6] {
+        let f = |x: f64| x.max(0.0).powi(3);
+        let (a, b) = (1.0 - t, 2.0 * t);
+        let basis = [
+            f(1.0 - b),
+            if t < 0.5 { 2.0 * t * (7.0 * t * t - 9.0 * t + 3.0) } else { 2.0 * f(a) },
+            if t < 0.5 { 2.0 * t * t * (3.0 - 4.0 * t) } else { 2.0 * a * a * (3.0 - 4.0 * a) },
+            if t < 0.5 { 2.0 * f(t) } else { 2.0 * a * (7.0 * a * a - 9.0 * a + 3.0) },
+            f(1.0 - 2.0 * a),
+        ];
+        std::array::from_fn(|k| {
+            (0..5).map(|n| if k < 3 { basis[n] * points[n][k] } else { 0.0 }).sum()
+        })
+    };
+    for nodes in found.rows.windows(2) {
+        for n in 0..=8 {
+            let share = f64::from(n) / 8.0;
+            let [a, b] = [&nodes[0].node, &nodes[1].node];
+            let line = std::array::from_fn(|k| a.pose[k] + share * (b.pose[k] - a.pose[k]));
+            let far = distance(&place(a.t + share * (b.t - a.t)), &line);
+            assert!(far <= 0.01, "{far} at {}", a.t);
+        }
+    }
+    assert!(found.rows.len() > 20);
+}
+
+#[test]
+fn paths_of_a_drawing_are_cut_one_after_the_other_and_lifted_between() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawing = "<svg xmlns='http://www.w3.org/2000/svg'><path d='M 0 0 L 30 0 Q 40 0 40 10 M 0 20 h 20'/></svg>";
+    fs::write(folder.path().join("drawing.svg"), drawing).unwrap();
+    let text = "[curve]\nsvg = 'drawing.svg'\nsvg_unit_mm = 1\n[laws]\nz_mm = -1\nspeed_mm_per_s = 20\n\
+                [tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [0, 0, 200]\nclear_z_mm = 5\n";
+    let read =
+        |text: &str| PathFile { folder: folder.path().into(), ..PathFile::parse(text).unwrap() };
+    let found = route(&config("pyramid"), &read(text)).unwrap();
+    assert_eq!(found.program.matches("G0 Z5").count(), 3, "{}", found.program);
+    assert!(found.program.contains("G0 X0 Y-20\nG1 Z-1\nG1 X20\n"), "{}", found.program);
+    let refused = |text: &str| route(&config("pyramid"), &read(text)).unwrap_err().to_string();
+    assert!(refused(&text.replace("clear_z_mm = 5", "")).contains("t = 2: the curve has a gap"));
+    assert!(refused(&text.replace("svg_unit_mm = 1", "")).contains("svg_unit_mm: missing"));
+}
+
+#[test]
+fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
+    let config = config("pyramid");
+    // Carriages that rise together move the platform along Z: by the height of equation 7.
+    let law = "810.8126291149142 + 10*sin(t)";
+    let text = format!(
+        "[carriages]\nt_s = [0, 1]\nlaws_mm_or_deg = ['{law}', '{law}', '{law}', '{law}', '20*t', 0]\n"
+    );
+    let places = taken(&config, &PathFile::parse(&text).unwrap()).unwrap();
+    assert_eq!(places.len(), 1001);
+    for place in &places {
+        let pose = kinematics::Pose::from_degrees(place.pose);
+        let joints = config.machine.inverse(&pose, &config.spindle).unwrap();
+        for i in 0..6 {
+            assert!((joints[i] - place.joints[i]).abs() < 1e-6, "{place:?}");
+        }
+        assert!((place.pose[0] - 20.0 * place.t).abs() < 1e-6 && place.pose[3].abs() < 1e-6);
+        let expected =
+            carriage([700.0, 200.0], [200.0, 1200.0], [120.0, place.pose[2] + 150.0], 550.0);
+        assert!((place.joints[0] - expected).abs() < 1e-6);
+    }
+    let refused = |from: &str, to: &str| {
+        let file = PathFile::parse(&text.replacen(from, to, 1)).unwrap();
+        taken(&config, &file).unwrap_err().to_string()
+    };
+    for (from, to, expected) in [
+        ("20*t", "200*t", "axis X is at 150"),
+        ("10*sin(t)", "300*t", "at t = "),
+        ("20*t", "t/t", "laws_mm_or_deg 4: at t = 0: \"t/t\" divides by 0"),
+        ("20*t", "20*x", "the name x is unknown"),
+        (", 0]", "]", "expected 6, one a joint; found 5"),
+        ("[0, 1]", "[1, 0]", "expected the smaller one first"),
+    ] {
+        let told = refused(from, to);
+        assert!(told.contains(expected), "{to}: {told}");
+    }
+}
+
+#[test]
+fn pictures_of_a_route_show_families_split_and_joints() {
+    let text = asked(CIRCLE, 0.01, "lines");
+    let config = config("pyramid");
+    let found = route(&config, &PathFile::parse(&text).unwrap()).unwrap();
+    let plots = of_route(&config, &found).unwrap();
+    let names: Vec<&str> = plots.iter().map(|plot| plot.file.as_str()).collect();
+    let expected = ["families-net.svg", "families-surfaces.svg", "split.svg", "split-tilts.svg"];
+    assert_eq!(names[..4], expected);
+    assert_eq!(
+        names[4..],
+        ["carriages.svg", "carriages-speeds.svg", "table-axes.svg", "table-axes-speeds.svg"]
+    );
+    // Nine parameters: their points are on the picture, beside that of the legend.
+    assert_eq!(plots[0].svg.matches("<circle").count(), 10);
+}

@@ -1,0 +1,819 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The platform in time and under random forces, against closed forms, the matrices at a pose and
+//! independent figures.
+
+use crate::dynamics::{GENERAL, STRUTS, SYMMETRIC, TOOL, close, hexapod, model, with_tool};
+use crate::shipped::{MACHINES, cases, config};
+use kinematics::{Matrix3, Pose, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6xX};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Deserialize;
+use std::convert::Infallible;
+use std::f64::consts::{PI, TAU};
+use std::sync::LazyLock;
+use workbench::dynamics::capacity::Capacity;
+use workbench::dynamics::chart::Chart;
+use workbench::dynamics::drives::Drives;
+use workbench::dynamics::linear::{Ellipse, Linear};
+use workbench::dynamics::loads::{Held, Moving, Wrench, loads};
+use workbench::dynamics::milling::Milling;
+use workbench::dynamics::model::Model;
+use workbench::dynamics::noise::{Noise, Spectrum};
+use workbench::dynamics::record::Record;
+use workbench::dynamics::rotation::{Acceleration, Motion};
+use workbench::dynamics::run::{Force, Times, standing};
+use workbench::dynamics::simulation::Simulation;
+use workbench::dynamics::structure::Structure;
+use workbench::proof::axis_box;
+use workbench::read::machine::MachineConfig;
+use workbench::rows::rate_map;
+use workbench::study::file::Study;
+use workbench::study::springs::Spring;
+
+#[derive(Deserialize)]
+struct File {
+    random_force: Golden,
+}
+
+#[derive(Deserialize)]
+struct Golden {
+    sigma_n_corner_hz: [f64; 4],
+    ou_step_50us_decay_gain: [f64; 2],
+    a_home_sym_tip_covariance_mm2: [[f64; 3]; 3],
+    a_home_sym_ellipse_um_um_deg: [f64; 3],
+    a_home_sym_tip_rms_um: [f64; 3],
+    a_home_sym_strut_force_rms_n: Vec<f64>,
+    a_home_sym_tip_rms_um_held_0p1ms: [f64; 3],
+    a_home_sym_relative_sd_of_variance_10s: [f64; 3],
+    a_home_sym_psd_x_50hz_mm2_per_hz: f64,
+    a_pose4_gen_tip_covariance_mm2: [[f64; 3]; 3],
+    a_pose4_gen_tip_rms_um: [f64; 3],
+    a_pose4_gen_ellipse_um_um_deg: [f64; 3],
+    a_pose4_gen_strut_force_rms_n: Vec<f64>,
+    a_pose4_gen_tip_rms_um_held_0p1ms: [f64; 3],
+    a_pose4_gen_relative_sd_of_variance_10s: [f64; 3],
+    a_pose4_gen_psd_x_50hz_mm2_per_hz: f64,
+    a_pose4_softest_direction_deg: f64,
+    a_pose4_isotropic_corner_hz_long_axis_deg_ratio: Vec<[f64; 3]>,
+    one_mass_m_c_k_corner_sigma_rms_um: [f64; 6],
+    #[serde(rename = "top_1_I_kg_m2_omega0_rad_s")]
+    top_1: [f64; 6],
+    top_1_omega_at_1s: [f64; 3],
+    top_1_period_s: f64,
+    #[serde(rename = "top_2_I_kg_m2_omega0_rad_s")]
+    top_2: [f64; 6],
+    top_2_omega_at_1s: [f64; 3],
+    top_2_period_s: f64,
+    #[serde(rename = "milling_N_D_ap_fz")]
+    milling: [f64; 4],
+    #[serde(rename = "milling_Kc_trc_n_mm2")]
+    milling_cutting: [f64; 3],
+    #[serde(rename = "milling_Ke_trc_n_mm")]
+    milling_edge: [f64; 3],
+    milling_tooth_hz: f64,
+    milling_slot_mean_n: [f64; 3],
+    milling_slot_harmonic_1_amplitude_n: [f64; 3],
+    milling_slot_harmonic_2_amplitude_n: [f64; 3],
+    milling_half_down_mean_n: [f64; 3],
+    milling_half_down_harmonic_1_amplitude_n: [f64; 3],
+    milling_half_down_harmonic_2_amplitude_n: [f64; 3],
+    milling_tenth_down_mean_n: [f64; 3],
+    milling_tenth_down_harmonic_1_amplitude_n: [f64; 3],
+    milling_tenth_down_harmonic_2_amplitude_n: [f64; 3],
+}
+
+static GOLDEN: LazyLock<Golden> = LazyLock::new(|| {
+    let file: File = toml::from_str(include_str!("cutting_dynamics.toml")).unwrap();
+    file.random_force
+});
+
+const POSE_4: [f64; 6] = [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0];
+const HOME: [f64; 6] = [0.0, 0.0, 250.0, 0.0, 0.0, 0.0];
+
+fn sigma() -> Vector3<f64> {
+    let [x, y, z, _] = GOLDEN.sigma_n_corner_hz;
+    Vector3::new(x, y, z)
+}
+
+fn corner() -> Spectrum {
+    Spectrum::Corner { corner: GOLDEN.sigma_n_corner_hz[3] }
+}
+
+/// A top without torque after some seconds.
+fn spun(inertia: Vector3<f64>, spin: Vector3<f64>, seconds: f64, steps: u32) -> Motion {
+    let zero = Vector3::zeros();
+    let mut motion = Motion {
+        place: zero,
+        velocity: zero,
+        rotation: Matrix3::identity(),
+        spin,
+        table: zero,
+        table_velocity: zero,
+    };
+    for _ in 0..steps {
+        let rates = |motion: &Motion, _: f64| {
+            let momentum = inertia.component_mul(&motion.spin);
+            let spin = -motion.spin.cross(&momentum).component_div(&inertia);
+            Ok::<_, Infallible>(Acceleration { place: zero, spin, table: zero })
+        };
+        motion = motion.after(seconds / f64::from(steps), rates).unwrap();
+    }
+    motion
+}
+
+#[test]
+fn a_free_top_turns_as_elliptic_functions_say_and_keeps_energy_and_momentum() {
+    for (given, expected) in
+        [(GOLDEN.top_1, GOLDEN.top_1_omega_at_1s), (GOLDEN.top_2, GOLDEN.top_2_omega_at_1s)]
+    {
+        let inertia = Vector3::from_column_slice(&given[..3]);
+        let spin = Vector3::from_column_slice(&given[3..]);
+        let end = spun(inertia, spin, 1.0, 1000);
+        // The fourth order: 9 rad/s in steps of 1 ms leave 1e-11.
+        assert!((end.spin - Vector3::from(expected)).amax() < 1e-7, "{}", end.spin);
+        let momentum = inertia.component_mul(&spin);
+        let left = end.rotation * inertia.component_mul(&end.spin) - momentum;
+        assert!(left.norm() < 1e-7 * momentum.norm(), "{left}");
+        let energy = |spin: &Vector3<f64>| spin.dot(&inertia.component_mul(spin));
+        close(&[energy(&end.spin)], &[energy(&spin)], 1e-7);
+    }
+}
+
+#[test]
+fn the_spin_of_a_free_top_comes_back_after_the_period_of_the_elliptic_integral() {
+    for (given, period) in
+        [(GOLDEN.top_1, GOLDEN.top_1_period_s), (GOLDEN.top_2, GOLDEN.top_2_period_s)]
+    {
+        let inertia = Vector3::from_column_slice(&given[..3]);
+        let spin = Vector3::from_column_slice(&given[3..]);
+        let end = spun(inertia, spin, period, 4000);
+        assert!((end.spin - spin).amax() < 1e-7, "{}", end.spin);
+        // Nothing like it comes earlier: half a period on, one part points the other way.
+        let half = spun(inertia, spin, period / 2.0, 4000).spin;
+        assert!((half - spin).amax() > 1.0, "{half}");
+    }
+}
+
+#[test]
+fn halving_the_step_divides_the_error_of_a_top_by_sixteen() {
+    let inertia = Vector3::new(0.40, 0.45, 0.60);
+    let expected = Vector3::from(GOLDEN.top_1_omega_at_1s);
+    let spin = Vector3::new(2.0, 0.0, 9.0);
+    let error = |steps| (spun(inertia, spin, 1.0, steps).spin - expected).norm();
+    let ratio = error(50) / error(100);
+    // What is left of higher orders.
+    assert!((14.0..19.0).contains(&ratio), "{ratio}");
+}
+
+/// A machine with all that a simulation can have.
+fn shaken(machine: &str, geometric: bool, screw: &str) -> (MachineConfig, Model) {
+    let config = config(machine);
+    let legs = format!(
+        "[legs]\nstiffness_n_per_um = 10\ndamping_n_s_per_mm = 0.8\nscrew = \"{screw}\"\n\
+         axial_mass_kg = 1.5\nacross_mass_kg = 2.0\n"
+    );
+    let table = "[table]\nstiffness_n_per_um = 50\nmass_kg = 80\ndamping_ratio = 0.02\n";
+    let platform = format!("[platform]\n{GENERAL}geometric_stiffness = {geometric}\n");
+    let study = Study::parse(&format!("{platform}{legs}{table}")).unwrap();
+    let model = Model::of(&config, &study).unwrap();
+    (config, model)
+}
+
+/// Accelerations of the coordinates of a chart in a motion without speed, or less what speeds add.
+fn accelerations(
+    simulation: &mut Simulation,
+    chart: &Chart,
+    motion: &Motion,
+    drives: &Drives,
+    centre_of_mass: &Vector3<f64>,
+) -> DVector<f64> {
+    let still = Drives::default();
+    let found = simulation.rates(motion, [drives, &still], &Vector3::zeros()).unwrap();
+    let turning = motion.rotation * found.spin;
+    let lever = motion.rotation * (chart.centre() - centre_of_mass);
+    chart.rates(&(found.place + turning.cross(&lever)), &turning)
+}
+
+#[test]
+fn the_matrices_are_the_differences_of_the_simulation() {
+    for (machine, screw) in [
+        ("hexapod", "self-locking"),
+        ("hexapod", "backdrivable"),
+        ("lab-hexapod", "backdrivable"),
+        ("six-rod-lathe", "backdrivable"),
+        ("four-rod-lathe", "backdrivable"),
+        ("pyramid", "backdrivable"),
+        ("linear-delta", "backdrivable"),
+        ("rotary-delta", "backdrivable"),
+        ("tripod", "backdrivable"),
+    ] {
+        let (config, model) = shaken(machine, true, screw);
+        let mut pose = config.home;
+        // Off the symmetry where the machine allows it.
+        let letters = config.machine.layout().coordinates().len();
+        if letters == 6 {
+            pose[3..].copy_from_slice(&[3.0, -4.0, 2.0]);
+        } else if machine == "pyramid" {
+            pose[3..5].copy_from_slice(&[3.0, -4.0]);
+        }
+        let (pose, tool) = (Pose::from_degrees(pose), config.spindle);
+        let structure = Structure::at(&config, &model, &pose, &tool).unwrap();
+        let at = config.machine.at(&pose, &tool).unwrap();
+        let chart = Chart::of(&config, &at);
+        let count = chart.count();
+        let block = |matrix: &DMatrix<f64>| matrix.view((0, 0), (count, count)).into_owned();
+        let mass = block(&structure.mass).cholesky().unwrap();
+        let mut simulation = Simulation::new(&config, &model, &pose, &tool).unwrap().unwrap();
+        let drives = simulation.drives(&pose, &tool).unwrap();
+        let body = model.body.centre;
+        let tip = -tool / config.units_per_mm;
+        for (matrix, is_speed) in [(&structure.stiffness, false), (&structure.damping, true)] {
+            let expected = -mass.solve(&block(matrix));
+            for k in 0..count {
+                let step = if chart.is_angle(k) { 1e-5 } else { 1e-2 };
+                let mut side = |by: f64| {
+                    let (place, speed) = if is_speed { (0.0, 1e2 * by) } else { (by, 0.0) };
+                    let moved = chart.moved(&pose, k, place, &tip, config.units_per_mm);
+                    let moved_at = simulation.drives(&moved, &tool).unwrap();
+                    let mut motion = simulation.resting(&moved, &moved_at);
+                    motion.velocity = chart.displacement(&body).column(k) * speed;
+                    motion.spin = motion.rotation.tr_mul(&(chart.turns().column(k) * speed));
+                    let here = Chart::of(&config, &config.machine.at(&moved, &tool).unwrap());
+                    accelerations(&mut simulation, &here, &motion, &drives, &body)
+                };
+                let width = if is_speed { 2e2 * step } else { 2.0 * step };
+                let found = (side(step) - side(-step)) / width;
+                let off = (&found - expected.column(k)).amax();
+                // Third derivatives over the step, and rounding of lengths over it.
+                let size = expected.column(k).amax();
+                assert!(off < 1e-6 * size, "{machine} {screw} {k} {is_speed} {off} {size}");
+            }
+        }
+    }
+}
+
+/// Moves a machine for some time without forces: its energy, and that at the end with what dampers took.
+fn left_alone(legs: &str, seconds: f64, step: f64) -> [f64; 2] {
+    let config = config("hexapod");
+    let model = model(&config, GENERAL, legs);
+    let pose = with_tool(POSE_4, &TOOL);
+    let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
+    let drives = simulation.drives(&pose, &TOOL).unwrap();
+    let mut motion = simulation.resting(&pose, &drives);
+    // Some millimetres of amplitude: far beyond what is linear.
+    motion.velocity = Vector3::new(300.0, -500.0, 400.0);
+    motion.spin = Vector3::new(1.0, -2.0, 3.0);
+    let start = simulation.energy(&motion, &drives).unwrap();
+    let still = Drives::default();
+    let mut lost = 0.0;
+    for _ in 0..(seconds / step / 2.0) as usize {
+        // Simpson's rule over two steps.
+        let mut part = simulation.loss(&motion, &drives).unwrap();
+        for weight in [4.0, 1.0] {
+            motion = motion
+                .after(step, |motion, _| {
+                    simulation.rates(motion, [&drives, &still], &Vector3::zeros())
+                })
+                .unwrap();
+            part += weight * simulation.loss(&motion, &drives).unwrap();
+        }
+        lost += part * step / 3.0;
+    }
+    [start, simulation.energy(&motion, &drives).unwrap() + lost]
+}
+
+#[test]
+fn energy_falls_by_the_work_of_the_dampers_whoever_takes_the_torque_of_the_thread() {
+    // Kinetic energy of the start, which what is lost is compared with.
+    let size = 0.025 * (300.0_f64.powi(2) + 500.0_f64.powi(2) + 400.0_f64.powi(2)) / 2.0;
+    for screw in ["self-locking", "backdrivable"] {
+        for damping in [0.8, 4.0, 1e-9] {
+            let legs = format!(
+                "stiffness_n_per_um = 10\ndamping_n_s_per_mm = {damping}\nscrew = \"{screw}\"\n"
+            );
+            let [start, end] = left_alone(&legs, 0.1, 2e-5);
+            // Fourth order: (ω h)⁴ of 250 Hz, and rounding of lengths times the weight.
+            assert!((start - end).abs() < 1e-7 * size, "{screw} {damping}: {start} {end}");
+        }
+    }
+}
+
+#[test]
+fn half_the_step_that_is_taken_changes_little_of_a_motion() {
+    let config = config("hexapod");
+    let model = model(&config, GENERAL, STRUTS);
+    let pose = with_tool(POSE_4, &TOOL);
+    let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
+    let step = Times::of(&structure, 0.0).unwrap().step;
+    let fastest = structure.shapes().unwrap().omegas[5] / TAU;
+    close(&[step * fastest], &[1.0 / 40.0], 1e-12);
+    let end = |step: f64, steps: usize| {
+        let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
+        let drives = simulation.drives(&pose, &TOOL).unwrap();
+        let mut motion = simulation.resting(&pose, &drives);
+        motion.velocity = Vector3::new(20.0, -30.0, 10.0);
+        motion.spin = Vector3::new(0.1, 0.2, -0.1);
+        let still = Drives::default();
+        for _ in 0..steps {
+            let rates = |motion: &Motion, _: f64| {
+                simulation.rates(motion, [&drives, &still], &Vector3::zeros())
+            };
+            motion = motion.after(step, rates).unwrap();
+        }
+        simulation.tip(&motion) - drives.tip
+    };
+    // Ten periods of the fastest mode: (2π/40)⁴/120 of a turn in each.
+    let (whole, half) = (end(step, 400), end(step / 2.0, 800));
+    assert!((whole - half).norm() < 1e-3 * half.norm(), "{whole} {half}");
+}
+
+#[test]
+fn a_random_force_shakes_the_tip_and_loads_the_struts_as_in_an_independent_calculation() {
+    let golden = &GOLDEN;
+    for (platform, pose, rms, legs, held, spread, density) in [
+        (
+            SYMMETRIC,
+            HOME,
+            golden.a_home_sym_tip_rms_um,
+            &golden.a_home_sym_strut_force_rms_n,
+            golden.a_home_sym_tip_rms_um_held_0p1ms,
+            golden.a_home_sym_relative_sd_of_variance_10s,
+            golden.a_home_sym_psd_x_50hz_mm2_per_hz,
+        ),
+        (
+            GENERAL,
+            POSE_4,
+            golden.a_pose4_gen_tip_rms_um,
+            &golden.a_pose4_gen_strut_force_rms_n,
+            golden.a_pose4_gen_tip_rms_um_held_0p1ms,
+            golden.a_pose4_gen_relative_sd_of_variance_10s,
+            golden.a_pose4_gen_psd_x_50hz_mm2_per_hz,
+        ),
+    ] {
+        let structure = hexapod(platform, STRUTS, pose);
+        let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
+        let linear = linear.with_dampers(&structure, &[0.8; 6]).unwrap();
+        let covariance = linear.covariance().unwrap();
+        let root = |tip: Matrix3<f64>| -> Vec<f64> {
+            tip.diagonal().iter().map(|variance| 1e3 * variance.sqrt()).collect()
+        };
+        // Two calculations in double precision whose matrices have conditions of 1e6.
+        close(&root(linear.of_tip(&covariance)), &rms, 1e-8);
+        close(&linear.of_legs(&covariance), legs, 1e-8);
+        close(&root(linear.of_tip(&linear.held(1e-4).unwrap())), &held, 1e-8);
+        let found: Vec<f64> =
+            (0..3).map(|axis| linear.spread(&covariance, axis, 10.0).unwrap()).collect();
+        close(&found, &spread, 1e-7);
+        let found = structure.spectrum(&sigma(), &corner(), 50.0).unwrap()[(0, 0)];
+        close(&[found], &[density], 1e-9);
+    }
+}
+
+#[test]
+fn the_covariance_has_the_ellipse_of_the_figures() {
+    let structure = hexapod(GENERAL, STRUTS, POSE_4);
+    let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
+    let tip = linear.of_tip(&linear.covariance().unwrap());
+    let expected = Matrix3::from(GOLDEN.a_pose4_gen_tip_covariance_mm2);
+    assert!((tip - expected).amax() < 1e-8 * expected.amax(), "{tip} {expected}");
+    let [long, short, direction] = GOLDEN.a_pose4_gen_ellipse_um_um_deg;
+    let found = Ellipse::of(&(tip * 1e6));
+    close(&found.axes, &[long, short], 1e-8);
+    close(&[found.direction], &[direction], 1e-8);
+    // The symmetric platform scatters alike to all sides: a circle has no direction.
+    let structure = hexapod(SYMMETRIC, STRUTS, HOME);
+    let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
+    let tip = linear.of_tip(&linear.covariance().unwrap());
+    let expected = Matrix3::from(GOLDEN.a_home_sym_tip_covariance_mm2);
+    assert!((tip - expected).amax() < 1e-8 * expected.amax(), "{tip} {expected}");
+    let [long, short, _] = GOLDEN.a_home_sym_ellipse_um_um_deg;
+    close(&Ellipse::of(&(tip * 1e6)).axes, &[long, short], 1e-8);
+}
+
+#[test]
+fn the_long_axis_of_the_trace_depends_on_the_corner_of_an_isotropic_force() {
+    let structure = hexapod(GENERAL, STRUTS, POSE_4);
+    let softest = structure.receptance(0.0).unwrap().map(|h| h.re);
+    close(&[Ellipse::of(&softest).direction], &[GOLDEN.a_pose4_softest_direction_deg], 1e-8);
+    for [corner, direction, ratio] in &GOLDEN.a_pose4_isotropic_corner_hz_long_axis_deg_ratio {
+        let (sigma, spectrum) = (Vector3::repeat(30.0), Spectrum::Corner { corner: *corner });
+        let linear = Linear::of(&structure, &[1e4; 6], &sigma, &spectrum).unwrap();
+        let found = Ellipse::of(&linear.of_tip(&linear.covariance().unwrap()));
+        // Directions of an ellipse that is nearly a circle lose a digit.
+        close(&[found.direction, found.axes[0] / found.axes[1]], &[*direction, *ratio], 1e-7);
+    }
+}
+
+/// A structure of one mass that moves along X.
+fn one_mass(mass: f64, damping: f64, stiffness: f64) -> Structure {
+    let single = |value| DMatrix::from_element(1, 1, value);
+    let mut tip = Matrix6xX::zeros(1);
+    tip[(0, 0)] = 1.0;
+    Structure {
+        mass: single(mass),
+        damping: single(damping),
+        stiffness: single(stiffness),
+        tip,
+        elongation: single(1.0),
+        bearing: vec![0.0],
+    }
+}
+
+#[test]
+fn one_mass_under_a_random_force_has_the_closed_variance() {
+    let [mass, damping, stiffness, corner, force, rms] = GOLDEN.one_mass_m_c_k_corner_sigma_rms_um;
+    let structure = one_mass(mass, damping, stiffness);
+    let sigma = Vector3::new(force, 0.0, 0.0);
+    let linear =
+        Linear::of(&structure, &[stiffness], &sigma, &Spectrum::Corner { corner }).unwrap();
+    // A force along Y and Z that is 0 leaves variances of 0 alone.
+    let tip = linear.of_tip(&linear.covariance().unwrap());
+    close(&[1e3 * tip[(0, 0)].sqrt()], &[rms], 1e-10);
+    let a = TAU * corner;
+    let closed = force * force * (damping + mass * a)
+        / (stiffness * damping * (mass * a * a + damping * a + stiffness));
+    close(&[tip[(0, 0)]], &[closed], 1e-10);
+}
+
+/// ∫ of the one-sided spectrum of the tip: the trapezoidal rule in u with f = s sinh u, which for an
+/// integrand without poles nearer than a damping ratio to the real line leaves e^(-2π ζ/h).
+fn integrated(structure: &Structure, spectrum: &Spectrum) -> Matrix3<f64> {
+    let (scale, h) = (50.0, 0.003);
+    let mut sum = Matrix3::zeros();
+    for k in 0..5000 {
+        let u = h * f64::from(k);
+        let density = structure.spectrum(&sigma(), spectrum, scale * u.sinh()).unwrap();
+        sum += density * (scale * u.cosh() * h * if k == 0 { 0.5 } else { 1.0 });
+    }
+    sum
+}
+
+#[test]
+fn the_covariance_is_the_integral_of_the_spectrum_for_both_kinds_of_force() {
+    for spectrum in [corner(), Spectrum::Band { middle: 60.0, quality: 8.0 }] {
+        let structure = hexapod(GENERAL, STRUTS, POSE_4);
+        let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &spectrum).unwrap();
+        let found = linear.of_tip(&linear.covariance().unwrap());
+        let expected = integrated(&structure, &spectrum);
+        let off = (found - expected).amax();
+        assert!(off < 1e-8 * expected.amax(), "{spectrum:?} {found} {expected}");
+    }
+}
+
+#[test]
+fn a_sampled_force_has_its_variance_and_decays_as_it_should() {
+    let step = 5e-5;
+    let count = cases(200_000);
+    let [decay, gain] = GOLDEN.ou_step_50us_decay_gain;
+    close(&[decay * decay + gain * gain], &[1.0], 1e-12);
+    for spectrum in [corner(), Spectrum::Band { middle: 400.0, quality: 2.0 }] {
+        let mut noise = Noise::new(sigma(), &spectrum, step, 5);
+        let (mut sum, mut next) = (Vector3::zeros(), Vector3::<f64>::zeros());
+        let mut last = noise.force();
+        for _ in 0..count {
+            noise.step();
+            let now = noise.force();
+            sum += now.component_mul(&now);
+            next += now.component_mul(&last);
+            last = now;
+        }
+        let variance = sigma().component_mul(&sigma()) * count as f64;
+        // Independent values in the record: one a decay of 1/(2π 150 Hz); four standard deviations.
+        let slack = 4.0 * (2.0 / (count as f64 * step * 2.0 * PI * 75.0)).sqrt();
+        for k in 0..3 {
+            assert!((sum[k] / variance[k] - 1.0).abs() < slack, "{spectrum:?} {k}");
+        }
+        if spectrum == corner() {
+            close(&[next.x / sum.x], &[decay], 0.003);
+        }
+    }
+}
+
+#[test]
+fn many_runs_of_the_simulation_scatter_as_the_linear_theory_says() {
+    let config = config("hexapod");
+    let legs = STRUTS.replace("0.8", "4");
+    let model = model(&config, &format!("{GENERAL}geometric_stiffness = true\n"), &legs);
+    let pose = with_tool(POSE_4, &TOOL);
+    let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
+    let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
+    let covariance = linear.covariance().unwrap();
+    let (step, seconds, runs) = (2e-4, 0.25, cases(200));
+    let times = Times { step, warm_up: Times::of(&structure, 0.0).unwrap().warm_up };
+    let mut all = Record::default();
+    for seed in 0..runs {
+        let noise = Noise::new(sigma(), &corner(), step, seed as u64);
+        let force = Force::Noise(noise);
+        let record =
+            standing(&config, &model, (&pose, &TOOL), force, (&times, seconds), |_| ()).unwrap();
+        all.tip.extend(record.tip);
+    }
+    let found = all.covariance();
+    let expected = linear.of_tip(&linear.held(step).unwrap());
+    for axis in 0..3 {
+        let spread = linear.spread(&covariance, axis, seconds * runs as f64).unwrap();
+        let off = found[(axis, axis)] / expected[(axis, axis)] - 1.0;
+        // Four standard deviations, and what is not linear.
+        assert!(off.abs() < 4.0 * spread + 0.005, "{axis} {off} {spread}");
+    }
+}
+
+#[test]
+fn a_record_shows_the_spectrum_of_what_it_recorded() {
+    // A tone of 3 um at 40 Hz in a record of 4 s, and another of 1 um at 90 Hz along Y.
+    let step = 1e-3;
+    let tone = |k: i32| {
+        let time = f64::from(k) * step;
+        Vector3::new(3.0 * (TAU * 40.0 * time).sin(), (TAU * 90.0 * time).cos(), 0.0)
+    };
+    let record = Record { step, tip: (0..4000).map(tone).collect(), forces: vec![] };
+    let near = |hz: f64| (0..200).map(|k| hz - 10.0 + 0.1 * f64::from(k)).collect::<Vec<_>>();
+    let power = |hz: f64, axis: usize| -> f64 {
+        record.spectrum(&near(hz)).iter().map(|density| density[axis] * 0.1).sum()
+    };
+    // The window's side lobes beyond 10 Hz.
+    close(&[power(40.0, 0), power(90.0, 1)], &[4.5, 0.5], 1e-3);
+    assert!(power(40.0, 1) < 1e-6 && power(90.0, 2) == 0.0);
+    // A crest falls between samples, of which 25 and 11 make a period.
+    close(record.peaks().as_slice(), &[3.0, 1.0, 0.0], 0.01);
+}
+
+fn cutter(arc: [f64; 2], lag: f64) -> Milling {
+    let [teeth, _, depth, feed] = GOLDEN.milling;
+    Milling {
+        teeth: teeth as u16,
+        speed: 125.0,
+        feed,
+        depth,
+        arc,
+        cutting: GOLDEN.milling_cutting,
+        edge: GOLDEN.milling_edge,
+        lag,
+    }
+}
+
+/// ∫ force e^(-i k N φ) dφ over the arc of one tooth, as amplitude of the harmonic; by Simpson's rule.
+fn harmonic(cutter: &Milling, k: u32) -> [f64; 3] {
+    let one = Milling { teeth: 1, ..*cutter };
+    let (count, [entry, exit]) = (20_000, cutter.arc);
+    let width = (exit - entry) / f64::from(count);
+    let (mut cos, mut sin) = (Vector3::zeros(), Vector3::zeros());
+    for n in 0..=count {
+        let angle = (entry + width * f64::from(n)).clamp(entry, exit);
+        let weight = if n == 0 || n == count { 1.0 } else { f64::from(2 + 2 * (n % 2)) };
+        let force = one.force(angle) * (weight * width / 3.0);
+        let phase = f64::from(k * u32::from(cutter.teeth)) * angle;
+        (cos, sin) = (cos + force * phase.cos(), sin + force * phase.sin());
+    }
+    let share = f64::from(cutter.teeth) / TAU * if k == 0 { 1.0 } else { 2.0 };
+    std::array::from_fn(|axis| match k {
+        0 => cos[axis] * share,
+        _ => cos[axis].hypot(sin[axis]) * share,
+    })
+}
+
+#[test]
+fn a_milling_force_has_the_closed_mean_and_harmonics() {
+    let golden = &GOLDEN;
+    let tenth = (2.0_f64 * 0.1 - 1.0).acos();
+    for (arc, harmonics) in [
+        (
+            [0.0, PI],
+            [
+                golden.milling_slot_mean_n,
+                golden.milling_slot_harmonic_1_amplitude_n,
+                golden.milling_slot_harmonic_2_amplitude_n,
+            ],
+        ),
+        (
+            [PI / 2.0, PI],
+            [
+                golden.milling_half_down_mean_n,
+                golden.milling_half_down_harmonic_1_amplitude_n,
+                golden.milling_half_down_harmonic_2_amplitude_n,
+            ],
+        ),
+        (
+            [tenth, PI],
+            [
+                golden.milling_tenth_down_mean_n,
+                golden.milling_tenth_down_harmonic_1_amplitude_n,
+                golden.milling_tenth_down_harmonic_2_amplitude_n,
+            ],
+        ),
+    ] {
+        let cutter = cutter(arc, 0.0);
+        for (k, expected) in (0..).zip(harmonics) {
+            close(&harmonic(&cutter, k), &expected, 1e-9);
+        }
+        close(&[cutter.tooth_frequency()], &[golden.milling_tooth_hz], 1e-12);
+        // A helix moves the force of each slice, and leaves the mean.
+        let helical = Milling { lag: 0.7, ..cutter };
+        let count = 3600;
+        let mean = |cutter: &Milling| -> Vector3<f64> {
+            let all = (0..count).map(|k| cutter.force(TAU * f64::from(k) / f64::from(count)));
+            all.sum::<Vector3<f64>>() / f64::from(count)
+        };
+        // The corners of the arc fall between angles that are a tenth of a degree apart.
+        let off = (mean(&helical) - mean(&cutter)).norm();
+        assert!(off < 0.01 * mean(&cutter).norm(), "{off}");
+    }
+}
+
+#[test]
+fn a_cut_shakes_the_tip_by_its_harmonics_times_the_receptance() {
+    let config = config("hexapod");
+    let legs = STRUTS.replace("0.8", "4");
+    let model = model(&config, &format!("{SYMMETRIC}geometric_stiffness = true\n"), &legs);
+    let pose = with_tool(HOME, &TOOL);
+    let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
+    let cutter = cutter([0.0, PI], 0.0);
+    let turn = 1.0 / cutter.tooth_frequency();
+    let times = Times { warm_up: 0.6, ..Times::of(&structure, cutter.reach()).unwrap() };
+    close(&[times.step], &[turn / 200.0], 1e-12);
+    let force = Force::Milling(cutter, Matrix3::identity());
+    let record =
+        standing(&config, &model, (&pose, &TOOL), force, (&times, 10.0 * turn), |_| ()).unwrap();
+    let mean = structure.receptance(0.0).unwrap().map(|h| h.re)
+        * Vector3::from(GOLDEN.milling_slot_mean_n);
+    // A tooth enters and leaves at one of 200 steps.
+    assert!((record.mean() - mean).norm() < 0.005 * mean.norm(), "{} {mean}", record.mean());
+}
+
+#[test]
+fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
+    let mut rng = Pcg64::seed_from_u64(3);
+    for machine in MACHINES {
+        let (config, model) = shaken(machine, false, "backdrivable");
+        let range = axis_box::range(&config);
+        let tool = config.spindle;
+        let wrench = Wrench {
+            force: Vector3::new(120.0, -80.0, 200.0),
+            moment: Vector3::new(1e3, -2e3, 3e3),
+        };
+        let mut compared = 0;
+        for _ in 0..20 {
+            let pose = Pose::from_degrees(range.at(std::array::from_fn(|_| rng.random())));
+            let Ok(at) = config.machine.at(&pose, &tool) else { continue };
+            let Some(found) = loads(&config, &model, &Moving::still(pose, tool), &wrench).unwrap()
+            else {
+                continue;
+            };
+            let chart = Chart::of(&config, &at);
+            let tip = -tool / config.units_per_mm;
+            for k in 0..chart.count() {
+                let step = if chart.is_angle(k) { 1e-6 } else { 1e-3 };
+                let joints = |by: f64| {
+                    let moved = chart.moved(&pose, k, by, &tip, config.units_per_mm);
+                    config.machine.inverse(&moved, &tool)
+                };
+                let (Ok(more), Ok(less)) = (joints(step), joints(-step)) else { continue };
+                let unit = |i: usize| match config.groups()[0].unit {
+                    "degrees" if i < config.legs() => 1.0_f64.to_radians(),
+                    _ => 1.0 / config.units_per_mm,
+                };
+                let mut done: f64 = (0..config.legs())
+                    .map(|i| found.drives[i] * (more[i] - less[i]) * unit(i) / (2.0 * step))
+                    .sum();
+                let weight = model.gravity * model.body.mass;
+                done += weight.dot(&chart.displacement(&model.body.centre).column(k));
+                done += wrench.force.dot(&chart.displacement(&tip).column(k));
+                done += wrench.moment.dot(&chart.turns().column(k));
+                // Differences of joint values of 1e-13 over their step.
+                let size = 500.0 * if chart.is_angle(k) { 300.0 } else { 1.0 };
+                assert!(done.abs() < 1e-5 * size, "{machine} {k} {done}");
+            }
+            compared += 1;
+        }
+        assert!(compared > 3, "{machine} {compared}");
+    }
+}
+
+#[test]
+fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy() {
+    let (config, mut model) = shaken("pyramid", false, "backdrivable");
+    assert!(config.machine.layout().is_redundant());
+    let pose = Pose::from_degrees([10.0, -20.0, 250.0, 6.0, -4.0, 0.0]);
+    let wrench =
+        Wrench { force: Vector3::new(120.0, -80.0, 200.0), moment: Vector3::new(1e3, -2e3, 3e3) };
+    for stiffness in [1e4, 3e4] {
+        model.legs[0].spring = Spring::Whole(stiffness);
+        let held = Held::at(&config, &model, &pose, &config.spindle).unwrap().unwrap();
+        let found = held.loads(&Moving::still(pose, config.spindle), &wrench);
+        let springs: Vec<f64> = held.springs().collect();
+        // Carriages that move without the platform: what all coordinates leave of the joint rates.
+        let at = config.machine.at(&pose, &config.spindle).unwrap();
+        let chart = Chart::of(&config, &at);
+        let tip = -config.spindle;
+        let rates = DMatrix::from_fn(4, chart.count(), |i, k| {
+            let step = if chart.is_angle(k) { 1e-6 } else { 1e-3 };
+            let joint = |by: f64| {
+                let moved = chart.moved(&pose, k, by, &tip, 1.0);
+                config.machine.inverse(&moved, &config.spindle).unwrap()[i]
+            };
+            (joint(step) - joint(-step)) / (2.0 * step)
+        });
+        assert_eq!(rates.shape(), (4, 3));
+        let apart = (&rates * rates.transpose()).symmetric_eigen();
+        let free = apart.eigenvectors.column(apart.eigenvalues.imin());
+        // Forces of that kind hold each other, and do no work. None of them may lower the energy of
+        // all: Σ f n/k = 0.
+        let parts: Vec<f64> = (0..4)
+            .map(|i| {
+                let gain = found.drives[i] / found.legs[i];
+                found.legs[i] * free[i] / gain / springs[i]
+            })
+            .collect();
+        let size = parts.iter().map(|part| part.abs()).fold(0.0, f64::max);
+        let sum: f64 = parts.iter().sum();
+        // Differences of joint values of 1e-13 over their step.
+        assert!(size > 0.0 && sum.abs() < 1e-5 * size, "{sum} {parts:?}");
+    }
+}
+
+#[test]
+fn the_struts_of_a_symmetric_pose_share_weight_and_thrust() {
+    let config = config("hexapod");
+    let model = model(&config, SYMMETRIC, STRUTS);
+    let pose = with_tool(HOME, &TOOL);
+    let wrench = Wrench { force: Vector3::new(0.0, 0.0, 500.0), ..Wrench::default() };
+    let found = loads(&config, &model, &Moving::still(pose, TOOL), &wrench).unwrap().unwrap();
+    let at = config.machine.at(&pose, &TOOL).unwrap();
+    let along = at.segments()[0].span().normalize();
+    // Six struts of one slope: 6 f nz + 500 - 25 · 9.81 = 0.
+    let expected = (25.0 * 9.81 - 500.0) / (6.0 * along.z);
+    close(&found.drives, &[expected; 6], 1e-10);
+    // The same platform under the same force, once it has come to rest.
+    let force = Force::Steady(wrench.force);
+    let legs = STRUTS.replace("0.8", "20");
+    let model = crate::dynamics::model(&config, SYMMETRIC, &legs);
+    let times = Times { step: 1e-4, warm_up: 1.0 };
+    let record = standing(&config, &model, (&pose, &TOOL), force, (&times, 0.01), |_| ()).unwrap();
+    // By the displacement of the loaded platform, 10 um of 1000 mm.
+    close(&record.forces, &[expected; 6], 1e-4);
+}
+
+#[test]
+fn drives_of_a_moving_platform_bear_its_inertia() {
+    let config = config("hexapod");
+    let model = model(&config, GENERAL, STRUTS);
+    let pose = with_tool(POSE_4, &TOOL);
+    let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
+    let drives = simulation.drives(&pose, &TOOL).unwrap();
+    let mut motion = simulation.resting(&pose, &drives);
+    motion.place += Vector3::new(0.05, -0.03, 0.04);
+    motion.velocity = Vector3::new(100.0, -150.0, 60.0);
+    motion.spin = Vector3::new(0.5, -1.0, 0.8);
+    let force = Vector3::new(40.0, -70.0, 90.0);
+    let found = simulation.rates(&motion, [&drives, &Drives::default()], &force).unwrap();
+    // The same motion as rates of X Y Z A B C of the tip.
+    let omega = motion.rotation * motion.spin;
+    let turning = motion.rotation * found.spin;
+    let lever = motion.rotation * (-TOOL - model.body.centre);
+    let velocity = motion.velocity + omega.cross(&lever);
+    let linear = found.place + turning.cross(&lever) + omega.cross(&omega.cross(&lever));
+    let moved = Pose { position: simulation.tip(&motion) + TOOL, angles: pose.angles };
+    let chart = Chart::of(&config, &config.machine.at(&moved, &TOOL).unwrap());
+    let map = rate_map(&moved).try_inverse().unwrap();
+    let angles = map * omega;
+    let rates = chart.rates(&velocity, &omega);
+    let angular = map * (turning - chart.turning(&rates));
+    let six = |a: Vector3<f64>, b: Vector3<f64>| [a.x, a.y, a.z, b.x, b.y, b.z];
+    let moving = Moving {
+        rate: six(velocity, angles),
+        acceleration: six(linear, angular),
+        ..Moving::still(moved, TOOL)
+    };
+    let wrench = Wrench { force, ..Wrench::default() };
+    let loads = loads(&config, &model, &moving, &wrench).unwrap().unwrap();
+    close(&loads.legs, &simulation.forces, 1e-9);
+}
+
+#[test]
+fn a_motor_feels_the_force_of_its_drive_through_the_lead() {
+    let hexapod = config("hexapod");
+    let of = |config: &MachineConfig, text: &str| {
+        Capacity::of(config, &Study::parse(text).unwrap()).unwrap()
+    };
+    let text = "[legs]\nmax_force_n = 2000\nmotor_torque_n_m = 4\nscrew_efficiency = 0.9\n";
+    let drives = of(&hexapod, text);
+    assert_eq!(drives.len(), 6);
+    // 2000 N at a lead of 10 mm are 3.18 N m, over 0.9.
+    let torque = drives[0].motor.unwrap().torque_of(-2000.0);
+    close(&[torque], &[2000.0 * 10.0 / TAU / 0.9], 1e-12);
+    close(&[drives[0].share(-1000.0).unwrap()], &[0.5], 1e-12);
+    // The motor is the weaker one with 2 N m.
+    let weak = of(&hexapod, &text.replace("_m = 4", "_m = 2"));
+    close(&[weak[0].share(1000.0).unwrap()], &[torque / 2.0 / 2000.0], 1e-12);
+    assert_eq!(of(&hexapod, "")[0].share(1e9), None);
+    // A carriage's screw is not in the INI file.
+    let text = "[legs]\nmotor_torque_n_m = 4\n";
+    let error = Capacity::of(&config("linear-delta"), &Study::parse(text).unwrap()).unwrap_err();
+    assert!(error.to_string().contains("screw_lead_mm of [legs]"), "{error}");
+    let arms = of(&config("rotary-delta"), "[legs]\nmax_torque_n_m = [10, 20, 40]\n");
+    close(&[arms[1].share(5e3).unwrap()], &[0.25], 1e-12);
+    let table = "[table]\nmotor_torque_n_m = 2\nscrew_lead_mm = 5\n";
+    let axes = of(&config("pyramid"), table);
+    close(&[axes[4].share(1000.0).unwrap()], &[5000.0 / TAU / 2000.0], 1e-12);
+}

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Extra axes in LinuxCNC itself, in virtual time.
+
+use crate::control::{run, run_text};
+use crate::shipped::{config, folder};
+use kinematics::Pose;
+use std::ops::ControlFlow;
+use workbench::control::process::Options;
+use workbench::control::row::{Ending, Row};
+use workbench::program::interpreter;
+use workbench::program::preflight::{preflight, timed};
+use workbench::program::replay::replay;
+
+const LATHE: &str = "lathe-counter-spindle";
+
+/// Values of C and W.
+fn values(row: &Row) -> [f64; 2] {
+    [row.extra.positions[0], row.extra.positions[1]]
+}
+
+#[test]
+fn the_work_turns_with_the_feed_of_the_helix_in_every_cycle() {
+    let (outcome, rows) = run(LATHE, &folder(LATHE).join("programs/helix.ngc"));
+    assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
+    let config = config(LATHE);
+    // Where the platform is by the joints: LinuxCNC smooths their commands, that of C as well, which
+    // then are two cycles behind the pose. Work zero at Z 1000, the groove from Z-10 on, 12 a turn.
+    let turned = |row: &Row| {
+        let (seed, tool) = (Pose::from_degrees(row.pose), row.tool.into());
+        let found = config.machine.forward(&row.joints, &seed, &tool, &config.solver).unwrap();
+        (1000.0 - 10.0 - found.pose.position.z) / 12.0 * 360.0
+    };
+    let helix: Vec<&Row> = rows.iter().filter(|row| values(row)[0] > 0.0).collect();
+    assert!(helix.len() > 15_000, "{} cycles: eight seconds there and back", helix.len());
+    for row in &helix {
+        // Forward ends where rods fit to 1e-9 mm, and 1 mm is 30 degrees.
+        let gap = (values(row)[0] - turned(row)).abs();
+        assert!(gap < 1e-7, "cycle {}: C is off by {gap} degrees", row.cycle);
+        assert_eq!(row.pose[5], 0.0, "C is none of the tool");
+    }
+    let most = helix.iter().map(|row| values(row)[0]).fold(0.0, f64::max);
+    // G61 takes a move for done a hair before its end.
+    assert!((most - 1440.0).abs() < 1e-3, "{most}");
+}
+
+#[test]
+fn the_counter_spindle_comes_and_goes_while_the_platform_stands() {
+    let (outcome, rows) = run(LATHE, &folder(LATHE).join("programs/both-sides.ngc"));
+    assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
+    let first = rows.first().expect("cycles");
+    assert_eq!(values(first), [0.0, 800.0]);
+    let least = rows.iter().map(|row| values(row)[1]).fold(f64::INFINITY, f64::min);
+    assert_eq!(least, 150.0);
+    assert_eq!(rows.last().map(values), Some([0.0, 800.0]));
+}
+
+/// Where the counter-spindle alone goes, `pkm replay` lets the time pass that its axis needs.
+#[test]
+fn a_block_of_an_extra_axis_alone_takes_its_time() {
+    let config = config(LATHE);
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    std::fs::write(file.path(), "G21 G90 G94\nG1 Z950 F3000\nG0 W500\nG1 W400\nM2\n").unwrap();
+    let moves = interpreter::moves(&config, file.path(), None).unwrap();
+    let home = config.extra[1].joint.home;
+    // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis can do.
+    let rapid = (500.0 - home).abs() / config.max_linear_velocity;
+    let found = replay(&config, &moves, 0.001).unwrap();
+    // 50 mm of Z and 100 mm of W at 50 mm/s come on top.
+    assert!((found.time - rapid - 3.0).abs() < 0.002, "{} {rapid}", found.time);
+    assert_eq!(found.moves, 3);
+}
+
+#[test]
+fn preflight_judges_their_ranges_speeds_and_limits() {
+    let config = config(LATHE);
+    let judged = |text: &str| {
+        let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+        std::fs::write(&file, text).unwrap();
+        let moves = interpreter::moves(&config, file.path(), None).unwrap();
+        let time = timed(&config, file.path(), &Options::default(), |_| ControlFlow::Continue(()));
+        preflight(&config, &moves).unwrap().with_time(&config, time)
+    };
+    let good = judged("G21 G90 G61\nG0 W300 C90\nG1 F3000 C-45 W800\nM2\n");
+    assert!(good.breaks.is_empty(), "{:?}", good.breaks);
+    let used = |part: &str| {
+        let range = good.ranges.iter().find(|range| range.part == part);
+        range.unwrap_or_else(|| panic!("no {part}: {:?}", good.ranges)).used
+    };
+    // LinuxCNC takes a move for done a hair before its end, and turns back from there.
+    let near = |used: [f64; 2], ends: [f64; 2]| {
+        used.iter().zip(ends).all(|(used, end)| (used - end).abs() < 1e-4)
+    };
+    assert!(near(used("axis C"), [-45.0, 90.0]), "{:?}", used("axis C"));
+    assert!(near(used("axis W"), [300.0, 800.0]), "{:?}", used("axis W"));
+    let beyond = judged("G21 G90\nG0 W950\nM2\n");
+    let told: Vec<&str> = beyond.breaks.iter().map(|found| found.text.as_str()).collect();
+    assert!(told.iter().any(|text| text.contains("exceed W's positive limit")), "{told:?}");
+    // A blend where C turns back takes half as much again as the axis may.
+    let helix = std::fs::read_to_string(folder(LATHE).join("programs/helix.ngc")).unwrap();
+    let turning_back = judged(&helix.replace("G61\n", ""));
+    let told: Vec<&str> = turning_back.breaks.iter().map(|found| found.part.as_str()).collect();
+    assert!(told.contains(&"the acceleration of axis C"), "{told:?}");
+}
+
+#[test]
+fn moves_in_which_the_work_turns_or_goes_along_with_the_tool_are_marked() {
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    let lines = ["G0 C90", "G0 W300", "G1 F500 Z990", "G1 Z980 W310", "G1 W320", "G1 C0", "G1 X-1"];
+    std::fs::write(&file, format!("G21 G90\n{}\nM2\n", lines.join("\n"))).unwrap();
+    let moves = interpreter::moves(&config(LATHE), file.path(), None).unwrap();
+    let marked: Vec<u32> = moves.iter().filter(|step| step.extra).map(|step| step.line).collect();
+    assert_eq!(marked, [2, 5, 7]);
+    let end = moves.last().expect("moves").end;
+    // Lengths come in inches.
+    let gaps = end.iter().zip([-1.0, 450.0, 980.0, 0.0, 0.0, 0.0]).map(|(a, b)| (a - b).abs());
+    assert!(gaps.fold(0.0, f64::max) < 1e-9, "{end:?}");
+}
+
+#[test]
+fn letters_that_are_no_axis_of_the_machine_are_refused() {
+    let options = Options::default();
+    let refused = run_text(LATHE, "G21 G90\nG0 U10\nM2\n", &options).unwrap();
+    assert_eq!(refused.ending, Ending::Stopped);
+    let told = refused.messages.first().expect("a reason").text.to_lowercase();
+    assert!(told.contains('u'), "{told}");
+}

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Good and bad INI files: the list that hal/pkmkins.tcl is held to as well.
+
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use workbench::read::error::MachineError;
+use workbench::read::ini::Ini;
+use workbench::read::machine::MachineConfig;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Cases {
+    base: PathBuf,
+    case: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Case {
+    name: String,
+    /// Another base file than that of the list.
+    base: Option<PathBuf>,
+    expect: String,
+    /// Whether the geometry is that of the base file.
+    same: Option<bool>,
+    #[serde(default)]
+    edit: Vec<Edit>,
+    #[serde(default)]
+    names: Vec<String>,
+}
+
+/// What is done to a section or a key of a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Edit {
+    section: String,
+    key: Option<String>,
+    #[serde(default)]
+    lines: Vec<String>,
+    #[serde(default)]
+    append: Vec<String>,
+    #[serde(default)]
+    remove: bool,
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn is_key(line: &str, key: &str) -> bool {
+    line.split_once('=').is_some_and(|(name, _)| name.trim() == key)
+}
+
+/// First line of the section and first line after it.
+fn bounds(lines: &[String], section: &str) -> Option<(usize, usize)> {
+    let start = lines.iter().position(|line| line.trim() == format!("[{section}]"))?;
+    let length = lines[start + 1..].iter().position(|line| line.starts_with('['));
+    Some((start, length.map_or(lines.len(), |length| start + 1 + length)))
+}
+
+/// Does it.
+pub fn apply(lines: &mut Vec<String>, edit: &Edit) {
+    let (start, end) = bounds(lines, &edit.section).unwrap_or_else(|| {
+        lines.push(format!("[{}]", edit.section));
+        (lines.len() - 1, lines.len())
+    });
+    if edit.remove {
+        lines.drain(start..end);
+        return;
+    }
+    let Some(key) = &edit.key else {
+        lines.splice(end..end, edit.append.iter().cloned());
+        return;
+    };
+    let mut body: Vec<String> = lines[start + 1..end].to_vec();
+    let place = body.iter().position(|line| is_key(line, key)).unwrap_or(body.len());
+    body.retain(|line| !is_key(line, key));
+    body.splice(place..place, edit.lines.iter().cloned());
+    lines.splice(start + 1..end, body);
+}
+
+#[test]
+fn every_case_is_read_or_refused_as_the_list_says() {
+    let text = std::fs::read_to_string(root().join("tests/cases/ini/cases.toml")).unwrap();
+    let cases: Cases = toml::from_str(&text).unwrap();
+    let base = |case: &Case| root().join(case.base.as_ref().unwrap_or(&cases.base));
+    let failures: Vec<String> =
+        cases.case.iter().filter_map(|case| judge(case, &base(case))).collect();
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// What is wrong with the outcome, if anything.
+fn judge(case: &Case, base: &Path) -> Option<String> {
+    let read = read(case, base);
+    let kind = match &read {
+        Ok(_) => "ok",
+        Err(MachineError::Ini(_)) => "error",
+        Err(MachineError::Geometry(..)) => "bad geometry",
+    };
+    let message = read.as_ref().map_or_else(ToString::to_string, |_| String::new());
+    if kind != case.expect {
+        return Some(format!("{}: expected {}, got {kind} {message}", case.name, case.expect));
+    }
+    if let Some(missing) = case.names.iter().find(|name| !message.contains(*name)) {
+        return Some(format!("{}: {missing:?} is not named in {message}", case.name));
+    }
+    let (same, config) = (case.same?, read.ok()?);
+    let is_same = config.hash == MachineConfig::read(base).unwrap().hash;
+    (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
+}
+
+/// The base file with the edits of the case.
+fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
+    let text = std::fs::read_to_string(base).unwrap();
+    let mut lines: Vec<String> = text.lines().map(Into::into).collect();
+    for edit in &case.edit {
+        apply(&mut lines, edit);
+    }
+    MachineConfig::from_ini(&Ini::parse(base, &lines.join("\n"))?)
+}
+
+#[test]
+fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
+    let base = root().join("configs/hexapod/hexapod.ini");
+    let text = std::fs::read_to_string(&base).unwrap();
+    let config = |text: &str| MachineConfig::from_ini(&Ini::parse(&base, text).unwrap()).unwrap();
+    let plain = config(&text);
+    assert_eq!(plain.tilt_limit, Some(30.0));
+    assert_eq!(plain.base_pyramid, vec![None; 6]);
+    assert_eq!(plain.platform_pyramid, vec![None; 6]);
+    let limited = text
+        .replace("TILT_LIMIT = 30\n", "TILT_LIMIT = 20\n")
+        .replace("[LEG_2]\n", "[LEG_2]\nBASE_PYRAMID = 50 40\n")
+        .replace("[LEG_5]\n", "[LEG_5]\nPLATFORM_PYRAMID = 35.5 25\n");
+    let found = config(&limited);
+    assert_eq!(found.tilt_limit, Some(20.0));
+    let only = |leg: usize, turns| (0..6).map(|i| (i == leg).then_some(turns)).collect::<Vec<_>>();
+    assert_eq!(found.base_pyramid, only(2, [50.0, 40.0]));
+    assert_eq!(found.platform_pyramid, only(5, [35.5, 25.0]));
+    for none in ["", "TILT_LIMIT = 0\n"] {
+        assert_eq!(config(&limited.replace("TILT_LIMIT = 20\n", none)).tilt_limit, None);
+    }
+}

@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
+
+use std::path::Path;
+use workbench::program::interpreter::{
+    InterpreterError, Move, MoveKind, Patience, Spindle, each, moves, with_spindle,
+};
+use workbench::program::replay::duration;
+use workbench::read::machine::MachineConfig;
+
+/// Inch and back: some roundings of values near 100.
+const ROUNDING_MM: f64 = 1e-12;
+
+fn config(tools: &Path) -> MachineConfig {
+    let ini = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+    let mut config = MachineConfig::read(&ini).unwrap();
+    config.program.tool_table = Some(tools.into());
+    config.program.parameter_file = None;
+    config
+}
+
+/// Moves of a program, without the one that puts the machine to its home.
+fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
+    read(text, |config, program| moves(config, program, block))
+}
+
+fn read(
+    text: &str,
+    ask: impl Fn(&MachineConfig, &Path) -> Result<Vec<Move>, InterpreterError>,
+) -> Result<Vec<Move>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
+    std::fs::write(&program, text).unwrap();
+    std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
+    let config = config(&tools);
+    let mut moves = ask(&config, &program).map_err(|e| e.to_string())?;
+    assert_eq!((moves[0].line, moves[0].end), (0, config.start));
+    moves.remove(0);
+    Ok(moves)
+}
+
+fn assert_end(step: &Move, end: [f64; 6]) {
+    for (got, expected) in step.end.iter().zip(end) {
+        assert!((got - expected).abs() < ROUNDING_MM, "line {}: {:?}", step.line, step.end);
+    }
+}
+
+#[test]
+fn inch_and_millimetre_words_become_machine_units() {
+    let steps = run("G20 G0 X1 Z2\nG1 Y-1 F10\nG21 G1 X10\nM2\n", None).unwrap();
+    let [a, b, c] = steps.as_slice() else { panic!("{steps:?}") };
+    assert_eq!((a.kind, b.kind, b.line), (MoveKind::Rapid, MoveKind::Feed, 2));
+    assert_end(a, [25.4, 0.0, 50.8, 0.0, 0.0, 0.0]);
+    assert_end(b, [25.4, -25.4, 50.8, 0.0, 0.0, 0.0]);
+    assert_end(c, [10.0, -25.4, 50.8, 0.0, 0.0, 0.0]);
+    assert!((b.feed - 254.0 / 60.0).abs() < ROUNDING_MM);
+}
+
+#[test]
+fn work_offset_moves_the_program_and_partial_moves_start_at_home() {
+    let steps = run("G0 Z10\nM2\n", Some("G10 L2 P1 X5 Y6 Z220 A0 B0 C3")).unwrap();
+    assert_end(&steps[0], [0.0, 0.0, 230.0, 0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn tool_length_is_part_of_the_commanded_position_and_is_named() {
+    let text = "G0 X0 Y0 Z100\nT7 M6\nG43\nG0 Z100\nG43 H1\nG0 Z90\nG49\nG0 X3 Z100\nM2\n";
+    let steps = run(text, None).unwrap();
+    let [none, seven, one, off] = steps.as_slice() else { panic!("{steps:?}") };
+    assert_eq!(none.tool, [0.0; 3]);
+    assert_end(seven, [0.0, 0.0, 140.0, 0.0, 0.0, 0.0]);
+    assert_eq!(seven.tool, [1.5, 0.0, 40.0]);
+    assert_end(one, [0.0, 0.0, 115.5, 0.0, 0.0, 0.0]);
+    assert_eq!(one.tool, [0.0, 0.0, 25.5]);
+    assert_end(off, [3.0, 0.0, 100.0, 0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn arcs_stay_within_a_ten_thousandth_of_a_millimetre() {
+    let steps = run("G0 X50 Y0 Z200\nG2 X-50 Y0 I-50 J0 B10 F600\nM2\n", None).unwrap();
+    assert!(steps.len() > 300, "{}", steps.len());
+    for pair in steps.windows(2) {
+        let middle = [0, 1].map(|i| (pair[0].end[i] + pair[1].end[i]) / 2.0);
+        assert!(50.0 - middle[0].hypot(middle[1]) < 1.01e-4, "{middle:?}");
+    }
+    let last = steps.last().unwrap();
+    assert!((last.end[0] + 50.0).abs() < 1e-9 && (last.end[4] - 10.0).abs() < 1e-9, "{last:?}");
+}
+
+#[test]
+fn errors_carry_file_line_reason_and_block() {
+    let error = run("G0 X0\nG1 X10\nM2\n", None).unwrap_err();
+    assert!(error.contains("p.ngc:2:") && error.contains("G1 X10"), "{error}");
+    assert!(error.contains("feed rate"), "{error}");
+    let error = run("G0 X0\nM61 Q7\nG43\nG0 X1\nM2\n", None).unwrap_err();
+    assert!(error.contains("p.ngc:2: M61"), "{error}");
+    let error = run("T99 M6\n", None).unwrap_err();
+    assert!(error.contains("p.ngc:1:") && error.contains("99"), "{error}");
+}
+
+#[test]
+fn feed_counts_along_xyz_where_they_move_and_in_degrees_elsewhere() {
+    let text = "G0 X0 Y0 Z250 A0\nG1 X3 Y4 A1 F60\nA2 F30\nG20 G1 A3 F60\nG93 G1 X0 F2\nM2\n";
+    let steps = run(text, None).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let config = config(folder.path());
+    let seconds: Vec<f64> =
+        steps.windows(2).map(|pair| duration(&config, &pair[0].end, &pair[1])).collect();
+    for (got, expected) in seconds.iter().zip([5.0, 2.0, 1.0, 30.0]) {
+        assert!((got - expected).abs() < 1e-9, "{seconds:?}");
+    }
+}
+
+#[test]
+fn axis_limits_slow_down_what_the_feed_would_allow() {
+    let steps = run("G0 X0 Y0 Z250 A0\nG1 X100 A30 F60000\nM2\n", None).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let config = config(folder.path());
+    let slowest = 30.0 / config.axes[3].max_velocity;
+    assert!((duration(&config, &steps[0].end, &steps[1]) - slowest).abs() < 1e-9);
+}
+
+#[test]
+fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
+    std::fs::write(&program, "G0 X1\nG21\nG1 X50.8 F254\nT1 M6\nG43\nG0 Z25.4\nM2\n").unwrap();
+    std::fs::write(&tools, "T1 P1 Z2 D0.25\n").unwrap();
+    let mut config = config(&tools);
+    config.units_per_mm = 1.0 / 25.4;
+    config.program.startup_code = None;
+    config.start = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0];
+    let steps = moves(&config, &program, Some("G10 L2 P1 X0 Y0.5 Z0 A0 B0 C0")).unwrap();
+    let [home, inch, metric, tool] = steps.as_slice() else { panic!("{steps:?}") };
+    assert_end(home, config.start);
+    assert_end(inch, [1.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
+    assert_end(metric, [2.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
+    assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);
+    assert_end(tool, [2.0, 0.0, 3.0, 0.0, 0.0, 0.0]);
+    assert!((tool.tool[2] - 2.0).abs() < ROUNDING_MM);
+}
+
+/// Moves of a program on a machine as it is shipped, with its tool table.
+fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("p.ngc");
+    std::fs::write(&program, text).unwrap();
+    let mut config = crate::shipped::config(machine);
+    config.program.parameter_file = None;
+    moves(&config, &program, None).map_err(|error| error.to_string())
+}
+
+/// After a tool change the interpreter asks for the position, and gets the numbers of the last move.
+#[test]
+fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
+    let home = config(Path::new("")).home;
+    let end = |x: f64, y: f64| [x, y, home[2], 0.0, 0.0, 0.0];
+    let steps = run("G20\nT1 M6\nG0 X1 Y1\nM2\n", None).unwrap();
+    assert_end(&steps[0], end(25.4, 25.4));
+    let steps = run("G20\nT1 M6\nG43\nG0 X1 Y1\nG0 Y2\nG0 Z10\nM2\n", None).unwrap();
+    let [first, second, third] = steps.as_slice() else { panic!("{steps:?}") };
+    assert_end(first, end(25.4, 25.4));
+    assert_end(second, end(25.4, 50.8));
+    assert_end(third, [25.4, 50.8, 254.0 + 25.5, 0.0, 0.0, 0.0]);
+    // A number that an axis has anyway, but named.
+    let steps = run("G0 X2 Y3\nG20\nT1 M6\nG0 X2\nM2\n", None).unwrap();
+    assert_end(&steps[1], end(50.8, 3.0));
+    let steps = run("G10 L2 P2 Z30\nG55\nT1 M6\nG0 X1\nM2\n", None).unwrap();
+    assert_end(steps.last().unwrap(), end(1.0, 0.0));
+    let home = crate::shipped::config("tripod").home;
+    let steps = run_on("tripod", "G21\nT1 M6\nG0 X127 Y63.5\nM2\n").unwrap();
+    assert_end(steps.last().unwrap(), [5.0, 2.5, home[2], 0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn words_of_axes_that_the_machine_has_not_are_refused() {
+    for word in ["A0", "B1", "C1"] {
+        let error = run_on("tripod", &format!("G20\nG0 {word} Z3\nM2\n")).unwrap_err();
+        let letter = &word[..1].to_lowercase();
+        assert!(error.contains(&format!("p.ngc:2: Bad character '{letter}' used")), "{error}");
+    }
+}
+
+#[test]
+fn motion_without_a_feed_is_refused_and_motion_of_the_spindle_needs_none() {
+    for (text, told) in [
+        ("G20\nG1 X1\nM2\n", "p.ngc:2: Cannot do g1 with zero feed rate: G1 X1"),
+        ("G20\nG2 X1 I0.5\nM2\n", "p.ngc:2: Cannot make arc with zero feed rate"),
+        ("G20\nG38.2 X1\nM2\n", "p.ngc:2: Cannot probe with zero feed rate"),
+    ] {
+        let error = run(text, None).unwrap_err();
+        assert!(error.contains(told), "{error}");
+    }
+    for block in ["G33 X1 K1", "G76 P1 Z200 I-1 J0.1 K0.5"] {
+        let steps = run(&format!("G21\nM3 S60\n{block}\nM2\n"), None).unwrap();
+        let threads = steps.iter().filter(|step| step.kind == MoveKind::Feed);
+        assert!(threads.clone().count() > 0 && threads.clone().all(|step| step.feed.is_infinite()));
+    }
+}
+
+#[test]
+fn feed_per_turn_is_multiplied_by_the_speed_of_the_spindle() {
+    let steps = run("M3 S600\nG95 G1 X10 F0.1\nG94 X20 F60\nM2\n", None).unwrap();
+    let feeds: Vec<f64> = steps.iter().map(|step| step.feed).collect();
+    // 0.1 mm a turn, 10 turns a second; then 60 mm a minute.
+    assert!(feeds.len() == 2 && feeds.iter().all(|feed| (feed - 1.0).abs() < 1e-12), "{feeds:?}");
+}
+
+#[test]
+fn lathe_cycles_have_the_line_of_their_block() {
+    let contour = "o100 sub\nG0 X5\nG1 Z220\nX10\no100 endsub\n";
+    let text = format!("G18 G7 F100\nG0 X20 Z230\n{contour}G71 Q100 X20 Z230 D1\nM2\n");
+    let steps = run(&text, None).unwrap();
+    assert!(steps.len() > 3, "{steps:?}");
+    assert!(steps.iter().all(|step| (1..=8).contains(&step.line)), "{steps:?}");
+}
+
+#[test]
+fn a_parameter_file_out_of_order_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, file) = (folder.path().join("p.ngc"), folder.path().join("p.var"));
+    std::fs::write(&program, "G0 X1\nM2\n").unwrap();
+    std::fs::write(&file, "5161\t0.0\n5221\t1.0\n5220\t1\n").unwrap();
+    let mut config = config(folder.path());
+    config.program.tool_table = None;
+    config.program.parameter_file = Some(file);
+    let error = moves(&config, &program, None).unwrap_err().to_string();
+    assert!(error.ends_with("p.var:3: Parameter file out of order: 5220 behind 5221"), "{error}");
+}
+
+#[test]
+fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(crate::shipped::ini("hexapod")).unwrap();
+    let program = folder.path().join("p.ngc");
+    std::fs::write(&program, "G21 G54 G0 X1\nM2\n").unwrap();
+    std::fs::write(folder.path().join("rs274ngc.var"), "5220\t1\n5221\t7\n").unwrap();
+    for line in ["", "PARAMETER_FILE =", "PARAMETER_FILE = own.var"] {
+        let ini = folder.path().join("hexapod.ini");
+        std::fs::write(&ini, text.replace("PARAMETER_FILE = hexapod.var", line)).unwrap();
+        let mut config = MachineConfig::read(&ini).unwrap();
+        config.program.tool_table = None;
+        let steps = moves(&config, &program, None).unwrap();
+        let expected = if line.ends_with("own.var") { 1.0 } else { 8.0 };
+        let off = steps.last().unwrap().end[0] - expected;
+        assert!(off.abs() <= ROUNDING_MM, "{line:?}: {steps:?}");
+    }
+}
+
+#[test]
+fn loops_without_an_end_end() {
+    let patience = Patience { moves: 1000, seconds: 1.0 };
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("p.ngc");
+    let mut config = config(folder.path());
+    config.program.tool_table = None;
+    let told = |body: &str| {
+        std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
+        let mut moves = 0;
+        let end = each(&config, &program, None, &patience, |_| moves += 1);
+        let Err(InterpreterError::Refused(text)) = end else { panic!("{end:?}") };
+        (moves, text)
+    };
+    let (moves, text) = told("G1 X1\nX0");
+    assert!(moves <= 1000 && text.contains("more than 1000 moves"), "{moves} {text}");
+    // In one line, in which the interpreter tells of no new one.
+    let (moves, text) = told("G91 G1 X0.001");
+    assert!(moves <= 1000 && text.contains("p.ngc:3: more than 1000 moves"), "{moves} {text}");
+    let (moves, text) = told("#1=[#1+1]");
+    assert!(moves == 1 && text.contains("no move in 1 seconds"), "{moves} {text}");
+}
+
+#[test]
+fn lines_of_subroutines_belong_to_their_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        std::fs::read_to_string(crate::shipped::folder("hexapod").join("hexapod.ini")).unwrap();
+    let ini = folder.path().join("hexapod.ini");
+    let path = folder.path().display();
+    let head = format!("[RS274NGC]\nSUBROUTINE_PATH = {path}");
+    std::fs::write(&ini, text.replacen("[RS274NGC]", &head, 1)).unwrap();
+    let mut config = MachineConfig::read(&ini).unwrap();
+    (config.program.tool_table, config.program.parameter_file) = (None, None);
+    let program = folder.path().join("p.ngc");
+    // The same line number in both files.
+    std::fs::write(&program, "G0 X1\nG0 X2\no<away> call\nG0 X4\nM2\n").unwrap();
+    let away = folder.path().join("away.ngc");
+    std::fs::write(&away, "o<away> sub\nG0 X3\no<away> endsub\nM2\n").unwrap();
+    let mut places = vec![];
+    let files = each(&config, &program, None, &Patience::default(), |step| {
+        places.push((step.end[0].round(), step.line, step.file));
+    });
+    assert_eq!(files.unwrap(), [program, away]);
+    assert_eq!(places[1..], [(1.0, 1, 0), (2.0, 2, 0), (3.0, 2, 1), (4.0, 4, 0)]);
+}
+
+/// Places in X, where each of them is a move of its own, and what the spindle does there.
+fn spindles(text: &str) -> Vec<(f64, Spindle)> {
+    let steps = read(text, with_spindle).unwrap();
+    steps.iter().map(|step| (step.end[0].round(), step.spindle)).collect()
+}
+
+#[test]
+fn the_spindle_of_a_move_is_that_of_the_blocks_before_it_and_of_its_own_words() {
+    use Spindle::{Standing, Surface, Turning};
+    let text = "G21 F100\nG1 X1\nS1000\nG1 X2\nM3\nG1 X3\nM5\nG1 X4\nS7 M4 G1 X5\nG1 X6 S8 (S9 M5)\n\
+                G96 D3000 S200\nG1 X7\nG97 S60 G1 X8\nS0\nG1 X9\nM2\n";
+    let expected = [
+        (1.0, Standing(0.0)),
+        (2.0, Standing(1000.0)),
+        (3.0, Turning(1000.0)),
+        (4.0, Standing(1000.0)),
+        (5.0, Turning(7.0)),
+        (6.0, Turning(8.0)),
+        (7.0, Surface),
+        (8.0, Turning(60.0)),
+        (9.0, Turning(0.0)),
+    ];
+    assert_eq!(spindles(text), expected);
+}
+
+#[test]
+fn the_spindle_follows_loops_and_subroutines_as_they_run() {
+    use Spindle::{Standing, Turning};
+    // The same line moves at another speed each time; the subroutine moves nothing.
+    let text = "o1 sub\nM5\no1 endsub\nG21 F100\n#1=0\nM3\no2 while [#1 lt 3]\n#1=[#1+1]\n\
+                S[1000*#1]\nG1 X#1\no2 endwhile\no1 call\nG1 X4\nM2\n";
+    let expected = [
+        (1.0, Turning(1000.0)),
+        (2.0, Turning(2000.0)),
+        (3.0, Turning(3000.0)),
+        (4.0, Standing(3000.0)),
+    ];
+    assert_eq!(spindles(text), expected);
+}
+
+#[test]
+fn the_spindle_of_a_move_that_cutter_compensation_keeps_back_is_never_that_of_a_later_one() {
+    use Spindle::{Standing, Turning, Unknown};
+    let text = "G21 F100\nS100 M3\nG1 X0 Y0\nG41.1 D2 G1 X10\nG1 X20\nG1 X30\nM5\nG1 Y30\nG40 G1 Y50\n\
+                M2\n";
+    let found: Vec<(u32, Spindle)> =
+        read(text, with_spindle).unwrap().iter().map(|step| (step.line, step.spindle)).collect();
+    assert!(found.contains(&(5, Turning(100.0))) && found.contains(&(8, Standing(100.0))));
+    // It is told after M5.
+    assert!(found.contains(&(6, Unknown)), "{found:?}");
+}

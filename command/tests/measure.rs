@@ -1,0 +1,622 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Calibration by readings that somebody types, on machines whose truth is known.
+
+use crate::shipped::{self, cases};
+use kinematics::{Machine, Pose, Solver, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use workbench::calibrate::at_tool;
+use workbench::calibrate::fit::fit;
+use workbench::calibrate::gauge::{Gauge, Kind, Object};
+use workbench::calibrate::model::{Frame, Model, Tolerance};
+use workbench::calibrate::propose::{Proposal, propose};
+use workbench::calibrate::setup::Setup;
+use workbench::calibrate::shape;
+use workbench::calibrate::sheet;
+use workbench::calibrate::study::{self, Given, Wishes};
+use workbench::read::machine::MachineConfig;
+
+/// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
+fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
+    let [x, y, z] = place;
+    let half = size / 2.0;
+    let mm = if unit == "mm" { 1.0 } else { 1.0 / 25.4 };
+    let mut text = format!(
+        "unit = \"{unit}\"\ngauge = \"dial\"\nreading = \"um\"\ndeviation = 2.0\nrange = [0, 2000]\n\
+         zero = {}\ntool = [0, 0, {}]\nclearance = {}\nfeed = {}\n\n\
+         [[object]]\nname = \"plate\"\nplace = [{x}, {y}, {z}]\nsize = [{size}, {size}]\n",
+        0.2 * mm,
+        60.0 * mm,
+        10.0 * mm,
+        300.0 * mm
+    );
+    if has_edges {
+        // Square to X and to Y, seen from outside.
+        for (name, place, angles) in [
+            ("right", [x + half, y, z], [0.0, 90.0, 0.0]),
+            ("rear", [x, y + half, z], [-90.0, 0.0, 0.0]),
+        ] {
+            let strip = if name == "right" { [4.0 * mm, size] } else { [size, 4.0 * mm] };
+            text += &format!(
+                "[[object]]\nname = \"{name}\"\nplace = {place:?}\nangles = {angles:?}\nsize = {strip:?}\n"
+            );
+        }
+    }
+    text
+}
+
+/// A machine built unlike its drawing, and how a gauge is read on it.
+struct Shop {
+    config: MachineConfig,
+    setup: Setup,
+    proposal: Proposal,
+    tolerance: f64,
+    random: Pcg64,
+    truth: Machine,
+    zeros: Vec<f64>,
+    objects: Vec<Object>,
+}
+
+impl Shop {
+    fn new(machine: &str, gauge: &str, tolerance: f64) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("gauge.toml");
+        fs::write(&file, gauge).unwrap();
+        let config = shipped::config(machine);
+        let setup = Setup::read(&config, &file).unwrap();
+        let proposal = propose(&config, &setup, &Tolerance::of_lengths(tolerance), |_| {}).unwrap();
+        let truth = config.machine.clone();
+        let objects = setup.objects.clone();
+        let random = Pcg64::seed_from_u64(0);
+        let mut shop =
+            Self { config, setup, proposal, tolerance, random, truth, zeros: vec![], objects };
+        shop.build(1);
+        shop
+    }
+
+    fn normal(&mut self) -> f64 {
+        Normal::standard().inverse_cdf(self.random.random_range(f64::EPSILON..1.0))
+    }
+
+    /// Another machine, and its objects a little from where they are taken to be.
+    fn build(&mut self, seed: u64) {
+        self.random = Pcg64::seed_from_u64(seed);
+        let tolerance = Tolerance::of_lengths(self.tolerance);
+        let model = Model::new(self.config.geometry, self.config.offsets, &tolerance).unwrap();
+        let deviations: Vec<f64> = model.parameters.iter().map(|p| p.deviation).collect();
+        let changes: Vec<f64> = deviations.iter().map(|d| d * self.normal()).collect();
+        self.truth = model.machine(&changes).unwrap();
+        let zero = self.setup.gauge.zero;
+        self.zeros = (0..self.objects.len()).map(|_| zero * self.normal()).collect();
+        for (k, object) in self.setup.objects.clone().into_iter().enumerate() {
+            let mut off = || 0.1 * self.config.units_per_mm * self.normal();
+            let shift = Vector3::new(off(), off(), off());
+            let turn = Pose::from_degrees([0.0, 0.0, 0.0, 0.05, -0.03, 0.02]).rotation();
+            let Frame { origin, rotation } = object.frame;
+            let frame = Frame { origin: origin + shift, rotation: turn * rotation };
+            self.objects[k] = Object { frame, ..object };
+        }
+        self.find_objects();
+    }
+
+    /// The planes are where the gauge showed about what is expected at the first pose of each: so their
+    /// places were found.
+    fn find_objects(&mut self) {
+        let gauge = self.setup.gauge.clone();
+        for object in 0..self.objects.len() {
+            let stop = self.proposal.stops.iter().find(|stop| stop.object == object);
+            let Some(stop) = stop.filter(|_| gauge.kind != Kind::Bar) else { continue };
+            let (at, expected) = (stop.at, stop.expected);
+            let normal: Vector3<f64> = self.objects[object].frame.rotation.column(2).into();
+            let micrometre = 1e-3 * self.config.units_per_mm;
+            let off = (self.shown(&gauge, object, at) - expected - 20.0) * micrometre;
+            let sign = if gauge.kind == Kind::Dial { -1.0 } else { 1.0 };
+            self.objects[object].frame.origin += normal * (sign * off);
+        }
+    }
+
+    /// What the gauge shows at a pose, in its unit, but for noise.
+    fn shown(&self, gauge: &Gauge, object: usize, at: [f64; 6]) -> f64 {
+        let tool = gauge.tool;
+        let mut pose = Pose::from_degrees(at);
+        pose.position += tool - self.config.spindle;
+        let joints = self.config.machine.inverse(&pose, &tool).unwrap();
+        let there = self.truth.forward(&joints, &pose, &tool, &Solver::default()).unwrap().pose;
+        let Frame { origin, rotation } = self.objects[object].frame;
+        let away = there.position - tool - origin;
+        let normal: Vector3<f64> = rotation.column(2).into();
+        // Which way the point of a dial goes: platform axes are told by the drawing's normal.
+        let drawn: Vector3<f64> = self.setup.objects[object].frame.rotation.column(2).into();
+        let axis = drawn.map(|x| if x.abs() > 0.9 { x.signum() } else { 0.0 });
+        let zero = self.zeros[object];
+        let length = match gauge.kind {
+            Kind::Dial => {
+                (gauge.radius - away.dot(&normal)) / (there.rotation() * axis).dot(&normal) - zero
+            }
+            Kind::Feeler => (away + there.rotation() * axis * zero).dot(&normal) - gauge.radius,
+            Kind::Bar => away.norm() - self.zeros[0],
+        };
+        let unit = match gauge.scale.name() {
+            "um" => 1e-3,
+            "mm" => 1.0,
+            "thou" => 0.0254,
+            _ => 25.4,
+        };
+        length / (unit * self.config.units_per_mm)
+    }
+
+    /// The table filled in, in so many runs with this noise.
+    fn table(&mut self, runs: usize, noise: f64) -> String {
+        let gauge = self.setup.gauge.clone();
+        let stops = self.proposal.stops.clone();
+        let empty = sheet::empty(&self.config, &gauge, &self.setup.objects, &stops);
+        let lines: Vec<&str> = empty.lines().collect();
+        let (heading, rows) = lines.split_at(lines.len() - stops.len());
+        let mut text = heading.join("\n") + "\n";
+        for (row, stop) in rows.iter().zip(&stops) {
+            let shown = self.shown(&gauge, stop.object, stop.at);
+            let typed: Vec<String> =
+                (0..runs).map(|_| format!("{:.3}", shown + noise * self.normal())).collect();
+            let row = row.strip_suffix(",,").unwrap();
+            text += &format!("{row},{},{}\n", typed[0], typed.get(1).map_or("", |x| x));
+        }
+        text
+    }
+
+    fn given(&self, table: &str) -> Given {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("table.csv");
+        fs::write(&file, table).unwrap();
+        let tolerance = Tolerance::of_lengths(self.tolerance);
+        let wishes = Wishes { tolerance, noise: None, plate: None };
+        let files = [file];
+        let given = study::read(&self.config, &files, &wishes).unwrap();
+        study::look_for_slips(&self.config, &given, &files).unwrap();
+        given
+    }
+
+    /// Root mean square of the tip's error over poses that were not measured.
+    fn error(&self, control: &Machine) -> f64 {
+        let tool = self.setup.gauge.tool;
+        let poses = at_tool::poses(&self.config, &tool, 200, 77);
+        let errors = shape::errors(control, &self.truth, &poses, &tool).unwrap();
+        (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+    }
+}
+
+/// Over machines built at random: root mean squares of the tip's error before, after and as stated, in how
+/// many of them it is below the bound of 95 %, and in how many chi-square is odd.
+fn monte_carlo(shop: &mut Shop, runs: usize) -> ([f64; 3], usize, usize) {
+    let mut squares = [0.0; 3];
+    let (mut held, mut odd) = (0, 0);
+    for run in 0..runs {
+        shop.build(100 + run as u64);
+        let table = shop.table(1, 2.0);
+        let Given { model, readings, noise, .. } = shop.given(&table);
+        let found = fit(&model, &readings, noise).unwrap();
+        let calibrated = model.machine(&found.changes).unwrap();
+        let (before, after) = (shop.error(&shop.config.machine), shop.error(&calibrated));
+        let [_, stated] = study::shape(&shop.config, &model, &readings, &found).unwrap();
+        for (sum, value) in squares.iter_mut().zip([before, after, stated.expected]) {
+            *sum += value * value / runs as f64;
+        }
+        held += usize::from(after <= stated.below);
+        odd += usize::from(!found.outliers.is_empty());
+    }
+    (squares.map(f64::sqrt), held, odd)
+}
+
+#[test]
+fn thirty_dial_readings_make_the_tip_as_sure_as_they_say() {
+    // Of each: machine, gauge, tolerance in machine units, and the share of the tip's error that is left.
+    let shops = [
+        ("lab-hexapod", dial([0.0, 0.0, 580.0], 120.0, false, "mm"), 0.1, 0.4),
+        ("linear-delta", dial([0.0, 0.0, 10.0], 100.0, false, "mm"), 0.1, 0.4),
+        ("linear-delta", dial([0.0, 0.0, 10.0], 60.0, true, "mm"), 0.1, 0.7),
+        ("rotary-delta", dial([0.0, 0.0, -15.0], 4.0, false, "inch"), 0.004, 0.7),
+    ];
+    for (machine, gauge, tolerance, share) in shops {
+        let mut shop = Shop::new(machine, &gauge, tolerance);
+        let runs = cases(25);
+        let ([before, after, stated], held, odd) = monte_carlo(&mut shop, runs);
+        println!(
+            "{machine}: tip rms {before:.5} before, {after:.5} after, {stated:.5} stated; {held} of {runs} below the \
+             bound of 95 %, {odd} with a reading left out"
+        );
+        assert_eq!(shop.proposal.stops.len(), 30);
+        assert!(after < share * before, "{machine}: {before} {after}");
+        // Once in a thousand times beyond.
+        let law = Binomial::new(0.95, runs as u64).unwrap();
+        assert!(held as u64 >= law.inverse_cdf(1e-3), "{machine}: {held} of {runs}");
+        // A reading is left out once in a thousand tables.
+        assert!(odd <= 1 + runs / 100, "{machine}: {odd}");
+    }
+}
+
+/// Answer of the command in a folder, with its exit code.
+fn answer(folder: &Path, arguments: &[&str]) -> (String, i32) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1");
+    let output = command.output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (text(&output.stdout) + &text(&output.stderr), output.status.code().unwrap())
+}
+
+const LAB: &str = "lab-hexapod";
+
+fn lab() -> Shop {
+    Shop::new(LAB, &dial([0.0, 0.0, 580.0], 120.0, false, "mm"), 0.1)
+}
+
+/// Answer to a table, which asks for a new file.
+fn calibrated(folder: &Path, table: &str, more: &[&str]) -> (String, i32) {
+    fs::write(folder.join("dial.csv"), table).unwrap();
+    let _ = fs::remove_file(folder.join("new.ini"));
+    let machine = shipped::ini(LAB);
+    let base = ["calibrate", machine.to_str().unwrap(), "dial.csv", "--write", "new.ini"];
+    answer(folder, &[&base, more].concat())
+}
+
+/// A table with one cell of a line (from 1) changed.
+fn with_cell(table: &str, line: usize, column: usize, new: impl Fn(&str) -> String) -> String {
+    let change = |(n, text): (usize, &str)| {
+        if n != line {
+            return text.to_string();
+        }
+        let mut cells: Vec<String> = text.split(',').map(Into::into).collect();
+        cells[column] = new(&cells[column]);
+        cells.join(",")
+    };
+    (1..).zip(table.lines()).map(change).collect::<Vec<_>>().join("\n")
+}
+
+/// All readings times a factor.
+fn scaled(table: &str, factor: f64) -> String {
+    let first = first_row(table);
+    (first..first + 30).fold(table.to_string(), |table, line| {
+        with_cell(&table, line, 9, |word| format!("{:.4}", word.parse::<f64>().unwrap() * factor))
+    })
+}
+
+/// Line of the first pose.
+fn first_row(table: &str) -> usize {
+    table.lines().position(|line| line.starts_with("1,")).unwrap() + 1
+}
+
+fn cell(table: &str, line: usize, column: usize) -> String {
+    table.lines().nth(line - 1).unwrap().split(',').nth(column).unwrap().into()
+}
+
+#[test]
+fn two_runs_become_a_file_and_say_how_they_scatter() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shop = lab();
+    let table = shop.table(2, 2.0);
+    let (text, code) = calibrated(folder.path(), &table, &["--tolerance", "0.1"]);
+    assert_eq!(code, 0, "{text}");
+    for part in [
+        "60 readings",
+        "30 poses twice: deviation ",
+        "agreement      chi-square",
+        "tip's motion   rms 0.0",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let new = MachineConfig::read(&folder.path().join("new.ini")).unwrap();
+    let (before, after) = (shop.error(&shop.config.machine), shop.error(&new.machine));
+    assert!(after < 0.5 * before, "{before} {after}");
+    // A gauge that scatters by four times what is stated of it.
+    let (text, code) = calibrated(folder.path(), &shop.table(2, 8.0), &["--tolerance", "0.1"]);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("more than the deviation stated, 2 um: the larger one counts"), "{text}");
+    let warm = (first_row(&table)..first_row(&table) + 30).fold(table.clone(), |table, line| {
+        with_cell(&table, line, 10, |word| format!("{}", word.parse::<f64>().unwrap() + 9.0))
+    });
+    let (text, code) = calibrated(folder.path(), &warm, &["--tolerance", "0.1"]);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("the second run shows +"), "{text}");
+    // One run, and of a gauge that is not as good as they say: chi-square tells.
+    let (text, code) = calibrated(folder.path(), &shop.table(1, 60.0), &["--tolerance", "0.01"]);
+    assert!(code != 0 && (text.contains("fit worse") || text.contains("do not agree")), "{text}");
+    // What the table expects, typed again: no gauge is that good.
+    let table = shop.table(1, 2.0);
+    let expected = (first_row(&table)..first_row(&table) + 30)
+        .fold(table.clone(), |typed, line| with_cell(&typed, line, 9, |_| cell(&table, line, 8)));
+    let (text, code) = calibrated(folder.path(), &expected, &["--tolerance", "0.1"]);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("nearer than the stated deviation of 2 um lets any be"), "{text}");
+}
+
+#[test]
+fn readings_count_once_and_are_never_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = lab().table(1, 2.0);
+    for name in ["dial.csv", "copy.csv"] {
+        fs::write(folder.path().join(name), &table).unwrap();
+    }
+    let machine = shipped::ini(LAB);
+    let calibrate = |more: &[&str]| {
+        let base = ["calibrate", machine.to_str().unwrap(), "dial.csv", "--tolerance", "0.1"];
+        answer(folder.path(), &[&base, more].concat())
+    };
+    let (told, code) = calibrate(&["copy.csv"]);
+    assert!(told.contains("copy.csv: the same readings as dial.csv") && code == 2, "{told}");
+    let (told, code) = calibrate(&["--accept", "--write", "dial.csv"]);
+    assert!(told.contains("was read as input") && code == 2, "{told}");
+    assert_eq!(fs::read_to_string(folder.path().join("dial.csv")).unwrap(), table);
+}
+
+#[test]
+fn large_changes_are_not_written_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = lab().table(1, 2.0);
+    let small = ["--tolerance", "0.1", "--threshold", "0.01"];
+    let (text, code) = calibrated(folder.path(), &table, &small);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("more than 0.01 mm (--threshold)"), "{text}");
+    assert!(text.contains("new.ini is not written: --accept writes it all the same"), "{text}");
+    assert!(!folder.path().join("new.ini").exists());
+    let (text, code) = calibrated(folder.path(), &table, &[&small[..], &["--accept"]].concat());
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("written: new.ini") && folder.path().join("new.ini").exists(), "{text}");
+    let (text, code) = calibrated(folder.path(), &table, &["--threshold", "nan"]);
+    assert_eq!((text.as_str(), code), ("pkm: --threshold NaN: expected more than 0\n", 2));
+}
+
+#[test]
+fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = lab().table(1, 2.0);
+    let first = first_row(&table);
+    let lines: Vec<&str> = table.lines().collect();
+    let number = |line: usize| cell(&table, line, 9).parse::<f64>().unwrap();
+    let typed = |line: usize, word: &str| with_cell(&table, line, 9, |_| word.into());
+    let exchanged = |a: usize, b: usize, column: usize| {
+        let (x, y) = (cell(&table, a, column), cell(&table, b, column));
+        with_cell(&with_cell(&table, a, column, |_| y.clone()), b, column, |_| x.clone())
+    };
+    let row = |n: usize| first + n - 1;
+    // The readings that differ most, so that exchanging them shows.
+    let by_size = {
+        let mut rows: Vec<usize> = (first..first + 30).collect();
+        rows.sort_by(|a, b| number(*a).total_cmp(&number(*b)));
+        rows
+    };
+    let (least, most) = (by_size[0].min(by_size[29]), by_size[0].max(by_size[29]));
+    let without = |line: usize| [&lines[..line - 1], &lines[line..]].concat().join("\n");
+    let twice = [&lines[..row(5)], &lines[row(5) - 1..]].concat().join("\n");
+    let swapped = {
+        let mut lines = lines.clone();
+        lines.swap(row(5) - 1, row(6) - 1);
+        lines.join("\n")
+    };
+    let at = |line: usize, text: &str| format!("dial.csv:{line}: {text}");
+    let cases: Vec<(String, String)> = vec![
+        (scaled(&table, 1e-3), "were they typed in mm? Convert them to um".into()),
+        (scaled(&table, 1.0 / 25.4), "were they typed in thou?".into()),
+        (
+            scaled(&table, 1e3),
+            " um is nothing that the gauge can show, 0 to 2000 um: read it again".into(),
+        ),
+        (
+            typed(row(7), "512000"),
+            at(row(7), "512000 um is nothing that the gauge can show, 0 to 2000 um"),
+        ),
+        (typed(row(7), &format!("{:.4}", number(row(7)) / 1e3)), at(row(7), "")),
+        (typed(row(9), &format!("{:.4}", number(row(9)) / 25.4)), at(row(9), "")),
+        (
+            exchanged(least, most, 9),
+            format!("the readings of lines {least} and {most} fit the others once"),
+        ),
+        (typed(row(3), "nan"), at(row(3), "\"nan\" is no number")),
+        (typed(row(3), "inf"), at(row(3), "\"inf\" is no number")),
+        (typed(row(3), "about 500"), at(row(3), "\"about 500\" is no number")),
+        (
+            typed(row(3), "49,5,"),
+            at(row(3), "13 cells, more than there are columns: a decimal comma?"),
+        ),
+        (typed(row(4), ""), at(row(4), "reading of pose 4 is empty: type it")),
+        (without(row(8)), at(row(8), "pose 8 is missing, 9 follows pose 7")),
+        (without(row(30)), at(row(29), "the table ends with pose 29 of 30: rows are missing")),
+        (twice, at(row(6), "pose 5 is there twice")),
+        (swapped, at(row(5), "pose 5 is missing, 6 follows pose 4")),
+        (
+            with_cell(&table, row(2), 0, |_| "31".into()),
+            at(row(2), "pose \"31\": the program has poses 1 to 30"),
+        ),
+        (
+            with_cell(&table, row(2), 2, |_| "1.5".into()),
+            at(row(2), "pose 2 is not that of the program"),
+        ),
+        (exchanged(row(2), row(3), 4), at(row(2), "pose 2 is not that of the program")),
+        (
+            with_cell(&table, row(2), 1, |_| "edge".into()),
+            at(row(2), "object \"edge\": expected plate"),
+        ),
+        (
+            with_cell(&table, row(2), 10, |_| "500".into()),
+            at(
+                row(2),
+                &format!("the second run has a reading in one of lines {} and {}", row(1), row(2)),
+            ),
+        ),
+        (
+            table.replace("# unit um", "# unit cm"),
+            "dial.csv:5: unit cm: expected um, mm, thou or inch".into(),
+        ),
+        (table.replace("# unit um", "# unit mm"), at(row(1), "pose 1 is not that of the program")),
+        (table.replace("# unit um\n", ""), "expected a line \"# unit um\"".into()),
+        (table.replace("# deviation 2\n", ""), "expected a line \"# deviation NUMBER\"".into()),
+        (table.replace("# deviation 2\n", "# deviation -2\n"), "deviation -2: expected".into()),
+        (
+            table.replace("# gauge dial", "# gauge clock"),
+            "gauge clock: expected dial, bar or feeler".into(),
+        ),
+        (
+            table.replace("# range 0 2000", "# range 9 1"),
+            "range 9 1: expected the least reading".into(),
+        ),
+        (
+            table.replace("# geometry 0x", "# geometry 0x1"),
+            "expected a line \"# geometry HASH\"".into(),
+        ),
+        (
+            table.replace("# object plate", "# object plate x"),
+            "expected \"# object NAME X Y Z A B C\"".into(),
+        ),
+        (table.replace("# tool 0 0 60", "# tool 0 0 61"), at(row(1), "pose 1 is not that of")),
+        (table.replace("# radius 0", "# radius 0.5"), at(row(1), "pose 1 is not that of")),
+        (table.replace("# gauge dial", "# gauge feeler"), at(row(1), "pose 1 is not that of")),
+        (table.replace("pose,object,x", "pose;object;x"), "no column \"pose\"".into()),
+        (table.replace(",reading,", ",value,"), "no column \"reading\"".into()),
+    ];
+    for (text, expected) in cases {
+        let (told, code) = calibrated(folder.path(), &text, &["--tolerance", "0.1"]);
+        assert_eq!(code, 2, "{expected}: {told}");
+        assert!(told.contains(&expected), "{expected}: {told}");
+        assert!(!folder.path().join("new.ini").exists(), "{expected}");
+    }
+    // Whatever the machine is allowed to be: the other readings tell.
+    let in_mm = typed(row(7), &format!("{:.4}", number(row(7)) / 1e3));
+    let (told, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
+    assert_eq!(code, 2, "{told}");
+    assert!(
+        told.contains(&at(row(7), "")) && told.contains(" mm would be like the others"),
+        "{told}"
+    );
+    // What a spreadsheet does to a table is no slip, and neither is a reading that is left out.
+    let quoted: Vec<String> =
+        lines
+            .iter()
+            .map(|line| {
+                if line.starts_with('#') {
+                    format!("\"{line}\",,,,,,,,,,")
+                } else {
+                    line.to_string()
+                }
+            })
+            .collect();
+    let (told, code) = calibrated(folder.path(), &quoted.join("\r\n"), &["--tolerance", "0.1"]);
+    assert_eq!(code, 0, "{told}");
+    let (told, code) = calibrated(folder.path(), &typed(row(12), "-"), &["--tolerance", "0.1"]);
+    assert_eq!(code, 0, "{told}");
+    assert!(told.contains("29 readings"), "{told}");
+}
+
+#[test]
+fn bars_and_feelers_calibrate_beside_a_dial() {
+    let bar = "unit = \"mm\"\ngauge = \"bar\"\nreading = \"mm\"\ndeviation = 0.002\nrange = [149, 151]\nzero = 0.01\n\
+               tool = [0, 0, 60]\nclearance = 5\nfeed = 300\n[[object]]\nname = \"socket\"\nplace = [0, 0, 450]\n\
+               cone = 30\n";
+    let feeler = dial([0.0, 0.0, 580.0], 100.0, false, "mm")
+        .replace("\"dial\"", "\"feeler\"")
+        .replace("[0, 2000]", "[20, 1000]")
+        .replace("deviation = 2.0", "deviation = 10.0\nradius = 3");
+    let mut files: Vec<PathBuf> = vec![];
+    let folder = tempfile::tempdir().unwrap();
+    let mut last = None;
+    for (name, gauge) in [
+        ("dial", dial([0.0, 0.0, 580.0], 120.0, false, "mm")),
+        ("bar", bar.into()),
+        ("feeler", feeler),
+    ] {
+        let mut shop = Shop::new(LAB, &gauge, 0.1);
+        shop.build(5);
+        let file = folder.path().join(format!("{name}.csv"));
+        let deviation = shop.setup.gauge.deviation;
+        fs::write(&file, shop.table(1, deviation)).unwrap();
+        files.push(file);
+        last = Some(shop);
+    }
+    let shop = last.unwrap();
+    let left = |files: &[PathBuf]| {
+        let tolerance = Tolerance::of_lengths(0.1);
+        let wishes = Wishes { tolerance, noise: None, plate: None };
+        let given = study::read(&shop.config, files, &wishes).unwrap();
+        study::look_for_slips(&shop.config, &given, files).unwrap();
+        let found = fit(&given.model, &given.readings, given.noise).unwrap();
+        assert!(found.outliers.is_empty(), "{files:?} {:?}", found.outliers);
+        let [_, stated] =
+            study::shape(&shop.config, &given.model, &given.readings, &found).unwrap();
+        let after = shop.error(&given.model.machine(&found.changes).unwrap());
+        println!("{files:?}: {after:.5}, stated {stated:?}");
+        // Three times what is expected: the largest of a few.
+        assert!(after < 3.0 * stated.expected, "{after} {stated:?}");
+        stated.expected
+    };
+    let alone = left(&files[..1]);
+    assert!(left(&files[1..2]) > 0.0 && left(&files[2..]) > 0.0);
+    let together = left(&files);
+    assert!(together < 0.8 * alone, "{alone} {together}");
+}
+
+#[test]
+fn a_proposal_is_written_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let good = dial([0.0, 0.0, 580.0], 120.0, false, "mm");
+    let machine = shipped::ini(LAB);
+    let measure = |gauge: &str| {
+        fs::write(path("gauge.toml"), gauge).unwrap();
+        answer(folder.path(), &["measure", machine.to_str().unwrap(), "gauge.toml", "-o", "dial"])
+    };
+    for (from, to, expected) in [
+        ("deviation = 2.0", "deviation = 0", "gauge.toml: deviation = 0: expected more than 0"),
+        ("range = [0, 2000]", "range = [5, 1]", "range = [5, 1]: expected the least reading"),
+        (
+            "range = [0, 2000]",
+            "range = [0, 9]\nexpected = 20",
+            "expected = 20: expected more than 0",
+        ),
+        (
+            "size = [120, 120]",
+            "size = [120, 120]\nangles = [180, 0, 0]",
+            "object plate: its face looks away from the platform",
+        ),
+        ("size = [120, 120]", "", "object 1 (plate): size = [X, Y]"),
+        ("\"dial\"", "\"clock\"", "unknown variant `clock`"),
+        (
+            "place = [0, 0, 580]",
+            "place = [0, 0, 5800]",
+            "object plate: no pose within the machine's limits: held against it without a tilt, axis Z is at",
+        ),
+        ("tool = [0, 0, 60]", "tool = [0, 0, 1e6]", "axis Z is at"),
+        ("tool = [0, 0, 60]", "tool = [0, 0, 1e300]", "see whether unit, place and tool are right"),
+        (
+            "tool = [0, 0, 60]",
+            "tool = [0, 0, -60]",
+            "tool: expected the other sign of Z, for [PKM]TOOL_DIRECTION = down has the tip below",
+        ),
+        (
+            "size = [120, 120]",
+            "size = [120, 120]\n[[object]]\nname = \"far\"\nplace = [900, 0, 580]\nsize = [50, 50]",
+            "object far: no pose within the machine's limits",
+        ),
+        ("tool =", "count = 0\ntool =", "count = 0: expected 1 to 500"),
+        ("name = \"plate\"", "name = \"a plate\"", "name: expected letters"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        let (told, code) = measure(&good.replace(from, to));
+        assert_eq!(code, 2, "{told}");
+        assert!(told.contains(expected), "{expected}: {told}");
+        assert!(!path("dial.ngc").exists() && !path("dial.csv").exists());
+    }
+    let (told, code) = measure(&good);
+    assert_eq!(code, 0, "{told}");
+    let table = fs::read_to_string(path("dial.csv")).unwrap();
+    let program = fs::read_to_string(path("dial.ngc")).unwrap();
+    assert_eq!(program.matches("\nM0\n").count(), 30);
+    assert!(program.contains("(MSG,pose 30 of 30 at plate: type what the dial shows, in um)"));
+    let (told, code) = measure(&good);
+    assert_eq!(code, 2, "{told}");
+    assert!(told.contains("dial.ngc: is there already, and may hold readings"), "{told}");
+    assert_eq!(table, fs::read_to_string(path("dial.csv")).unwrap());
+    // Nothing was typed yet.
+    let (told, code) = answer(folder.path(), &["calibrate", machine.to_str().unwrap(), "dial.csv"]);
+    assert_eq!(code, 2, "{told}");
+    assert!(told.contains("reading of pose 1 is empty"), "{told}");
+}

@@ -1,0 +1,585 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm new`: machines of every kind that it makes fit together and run their first program in LinuxCNC in
+//! virtual time, and what cannot be made is refused with nothing left behind.
+
+use crate::commands::Bench;
+use kinematics::Pose;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use snapbox::{assert_data_eq, str};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use workbench::new::kinds::KINDS;
+use workbench::new::make::{Order, make};
+use workbench::new::parameters::Need;
+use workbench::new::questions::Dialogue;
+use workbench::new::table::columns;
+use workbench::new::values::Values;
+use workbench::panel::Panel;
+use workbench::proof::reach::Reach;
+use workbench::read::machine::MachineConfig;
+
+const FIVE_STRUTS: &str = "\
+# Five struts that leave the turn about the tool free.
+leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
+0,400,0,0,120,60,0
+1,120,380,0,-20,130,0
+2,-330,240,0,-120,50,0
+3,-330,-230,0,-110,-70,0
+4,130,-390,0,60,-130,0
+";
+
+fn file(bench: &Bench, name: &str) -> PathBuf {
+    bench.0.path().join(name)
+}
+
+/// What a machine that was made has to be.
+fn assert_made(bench: &Bench, name: &str, words: &str) -> MachineConfig {
+    let told = bench.answer(&format!("new {words} --out {name}"), "");
+    assert!(told.ends_with("exit 0\n"), "{words}: {told}");
+    let ini = format!("{name}/{name}.ini");
+    let config = MachineConfig::read(&file(bench, &ini)).unwrap();
+    assert_homes(&config, words);
+    let panel = Panel::new(&config, name);
+    for (end, text) in [("xml", panel.widgets), ("tcl", panel.wiring)] {
+        let written = fs::read_to_string(file(bench, &format!("{name}/{name}-panel.{end}")));
+        assert_eq!(written.unwrap(), text, "{words}");
+    }
+    let checked = bench.answer(&format!("check {ini}"), "");
+    assert!(checked.ends_with("exit 0\n"), "{words}: {checked}");
+    assert!(checked.contains("every pose within its axis limits"), "{words}: {checked}");
+    let told = bench.answer(&format!("preflight {ini} {name}/programs/first.ngc"), "");
+    assert!(told.ends_with("\nThe program fits the machine.\nexit 0\n"), "{words}: {told}");
+    assert_holds_everywhere(&config);
+    config
+}
+
+/// What docs/getting-started.md says of a machine: its commands, in their order.
+fn documented(name: &str) -> Vec<String> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/getting-started.md");
+    let page = fs::read_to_string(page).unwrap().replace("\\\n        ", "");
+    let parts: Vec<&str> = page.split("\n### ").collect();
+    let lines = |part: &str| -> Vec<String> {
+        let part = part.split("\n## ").next().unwrap();
+        part.lines().filter_map(|line| line.strip_prefix("    ")).map(String::from).collect()
+    };
+    let own = |lines: &Vec<String>| lines[0].ends_with(&format!(" {name}"));
+    parts.into_iter().skip(1).map(lines).find(own).unwrap_or_else(|| panic!("no {name}"))
+}
+
+/// A machine that the commands of the documentation make in an empty folder, with all that they show; the last
+/// one starts LinuxCNC, which live tests do.
+fn assert_documented(name: &str) -> MachineConfig {
+    let (place, commands) = (tempfile::tempdir().unwrap(), documented(name));
+    let mut folder = place.path().to_path_buf();
+    for command in &commands {
+        let (first, words) = command.split_once(' ').unwrap();
+        match first {
+            "cd" => folder.push(words),
+            "linuxcnc" => assert_eq!(words, format!("{name}.ini")),
+            _ => {
+                assert_eq!(first, "pkm", "{command}");
+                let mut pkm = std::process::Command::new(env!("CARGO_BIN_EXE_pkm"));
+                let done =
+                    pkm.args(words.split_whitespace()).current_dir(&folder).output().unwrap();
+                assert!(
+                    done.status.success(),
+                    "{command}: {}",
+                    String::from_utf8_lossy(&done.stderr)
+                );
+            }
+        }
+    }
+    let verbs = ["new ", "", "check ", "frames ", "view ", "preflight ", &format!("{name}.ini")];
+    for (command, verb) in commands.iter().zip(verbs) {
+        assert!(command.contains(verb), "{command} where {verb} belongs");
+    }
+    assert_eq!(commands.len(), verbs.len());
+    let made =
+        ["frames.svg", &format!("{name}.html"), &format!("{name}.tbl"), "programs/first.ngc"];
+    for file in made {
+        assert!(folder.join(file).is_file(), "{name}: no {file}");
+    }
+    let config = MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap();
+    assert_homes(&config, name);
+    assert_holds_everywhere(&config);
+    config
+}
+
+/// HOME of every joint is what the kinematics say, to all digits.
+fn assert_homes(config: &MachineConfig, words: &str) {
+    let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+    for (joint, wanted) in config.all_joints().zip(joints) {
+        assert_eq!(joint.home.to_bits(), wanted.to_bits(), "{words}: {}", joint.name);
+    }
+}
+
+/// Poses drawn from the axis limits keep all limits, and neighbours of them ask no more of a drive than it
+/// can do where the tool goes at its largest speed along an axis.
+fn assert_holds_everywhere(config: &MachineConfig) {
+    let reach = Reach::new(config).unwrap();
+    let mut rng = Pcg64::seed_from_u64(7);
+    let moved = |k: usize| !config.machine.layout().is_held(kinematics::Letter::ALL[k]);
+    for _ in 0..2000 {
+        let mut pose = config.home;
+        for k in (0..6).filter(|k| moved(*k)) {
+            pose[k] = rng.random_range(config.axes[k].min..=config.axes[k].max);
+        }
+        assert!(reach.check(&pose).is_ok(), "{}: {pose:?}", config.file.display());
+        let at =
+            |pose: [f64; 6]| config.machine.inverse(&Pose::from_degrees(pose), &config.spindle);
+        for k in (0..6).filter(|k| moved(*k)) {
+            let mut next = pose;
+            let time = 1e-4;
+            next[k] += time * config.axes[k].max_velocity;
+            let (here, next) = (at(pose).unwrap(), at(next).unwrap());
+            for (i, joint) in config.all_joints().enumerate() {
+                let speed = (next[i] - here[i]).abs() / time;
+                assert!(speed <= joint.max_velocity, "{}: {speed}", joint.name);
+            }
+        }
+    }
+}
+
+/// The command with every needed value as the table has it for an example.
+fn example(kind: &str) -> String {
+    let kind = KINDS.iter().find(|known| known.name == kind).unwrap();
+    let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
+    let words = needed.map(|p| format!(" --{} {}", p.name, p.default));
+    // Fast, for short programs.
+    let turn = if kind.coordinates.contains(['A', 'B', 'C']) { " --turn 30" } else { "" };
+    format!("{}{} --feed 12000 --accel 2000{turn}", kind.name, words.collect::<String>())
+}
+
+#[test]
+fn the_documented_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
+    let config = assert_documented("my-hexapod");
+    assert!(config.home[2] > 0.0);
+    let leads: Vec<f64> = config
+        .geometry
+        .legs()
+        .iter()
+        .map(|leg| match leg.kind {
+            kinematics::LegKind::Strut(strut) => strut.lead,
+            _ => 0.0,
+        })
+        .collect();
+    assert_eq!(leads, [5.0, -5.0, 5.0, -5.0, 5.0, -5.0]);
+    // In the middle of the struts' travel, as near as a round height can be.
+    assert!(config.joints.iter().all(|joint| (joint.home - 700.0).abs() < 10.0));
+}
+
+#[test]
+fn the_documented_delta_in_inches_is_made_and_runs() {
+    let config = assert_documented("my-delta");
+    assert_eq!(config.units_per_mm, 1.0 / 25.4);
+    assert!((config.max_linear_velocity - 600.0 / 60.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_documented_pyramid_in_inches_and_one_of_the_other_kind_are_made_and_run() {
+    let config = assert_documented("my-pyramid");
+    assert_eq!(config.units_per_mm, 1.0 / 25.4);
+    let bench = Bench::new();
+    assert_made(&bench, "cross", &format!("{} --boxes no", example("pyramid-cross")));
+}
+
+#[test]
+fn five_struts_of_a_table_are_made_and_run() {
+    let bench = Bench::new().with("five.csv", FIVE_STRUTS);
+    let config = assert_made(
+        &bench,
+        "five",
+        "struts --anchors five.csv --strut 450 800 --tool up --feed 12000 --accel 2000 --turn 30",
+    );
+    assert_eq!(config.legs(), 5);
+}
+
+#[test]
+fn deltas_and_struts_in_three_coordinates_are_made_and_run() {
+    let bench = Bench::new();
+    for kind in ["tripod", "rotary-delta", "linear-delta", "triaglide"] {
+        assert_made(&bench, kind, &example(kind));
+    }
+}
+
+#[test]
+fn machines_on_rails_and_rings_are_made_and_run() {
+    let bench = Bench::new();
+    for kind in ["hexaglide", "linapod", "pentapod"] {
+        assert_made(&bench, kind, &format!("{} --boxes no", example(kind)));
+    }
+    let words = format!("{} --boxes no --tilt 8 --out tilted", example("linapod"));
+    assert!(bench.answer(&format!("new {words}"), "").ends_with("exit 0\n"));
+    let config = MachineConfig::read(&file(&bench, "tilted/tilted.ini")).unwrap();
+    assert!(config.axes[3..].iter().all(|axis| axis.min == -8.0 && axis.max == 8.0));
+}
+
+#[test]
+fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused() {
+    let bench = Bench::new();
+    let hexapod = example("hexapod");
+    let asked = "--limits X -60.123456789 60 --limits A -10 10 --limits B -10 10";
+    let config = assert_made(&bench, "asked", &format!("{hexapod} {asked}"));
+    let ends = |k: usize| [config.axes[k].min, config.axes[k].max];
+    assert_eq!([ends(0), ends(3), ends(4)], [[-60.123456789, 60.0], [-10.0, 10.0], [-10.0, 10.0]]);
+    // Those of Y, Z and C are found about them.
+    assert!([1, 2, 5].iter().all(|k| ends(*k)[1] - ends(*k)[0] >= 1.0));
+    let files = bench.files();
+    let mut told = String::new();
+    for asked in [
+        "--limits X -600 60 --limits Y -5 5",
+        "--limits Z -5 5",
+        "--limits x -5 5",
+        "--limits X 5 -5",
+        "--limits X -5 5 --limits X -6 6",
+    ] {
+        told += &format!("$ {asked}\n{}", bench.answer(&format!("new {hexapod} {asked}"), ""));
+    }
+    let delta = example("linear-delta");
+    let without = bench.answer(&format!("new {delta} --limits B -5 5"), "");
+    told += &format!("$ --limits B -5 5\n{without}");
+    assert_data_eq!(
+        told,
+        str![[r#"
+$ --limits X -600 60 --limits Y -5 5
+pkm: --limits X -600 60, Y -5 5: not proved for every pose within: at X-600 Y-5 strut 0 is at 1082.300 mm, beyond its limit of 550 to 850 mm. Give less of them, other dimensions, or another place with --home
+exit 1
+$ --limits Z -5 5
+pkm: --limits Z -5 5: home is at Z -650: give limits about it, or another place with --home
+exit 2
+$ --limits x -5 5
+pkm: --limits x -5 5: expected a letter of XYZABC and two decimal numbers, such as X -60 60
+exit 2
+$ --limits X 5 -5
+pkm: --limits X 5 -5: expected the smaller number first
+exit 2
+$ --limits X -5 5 --limits X -6 6
+pkm: --limits X -5 5 X -6 6: expected X once
+exit 2
+$ --limits B -5 5
+pkm: --limits B -5 5: the machine moves XYZ, and no B
+exit 2
+
+"#]]
+    );
+    assert_eq!(bench.files(), files, "nothing is left behind");
+}
+
+#[test]
+fn lathes_are_made_and_run() {
+    let bench = Bench::new();
+    for kind in ["four-rod-lathe", "six-rod-lathe"] {
+        assert_made(&bench, kind, &format!("{} --boxes no", example(kind)));
+    }
+}
+
+#[test]
+fn a_table_of_anchors_makes_the_machine_that_its_radii_make() {
+    let bench = Bench::new();
+    let made = assert_made(&bench, "radii", &example("rotary-delta"));
+    let names = columns(kinematics::leg::Kind::Crank).join(",");
+    let list = |numbers: &[f64]| numbers.iter().map(|x| format!(",{x}")).collect::<String>();
+    let mut text = names + "\n";
+    for (n, leg) in made.geometry.legs().iter().enumerate() {
+        let kinematics::LegKind::Crank(crank) = leg.kind else { panic!("no arm") };
+        let side = made.ini.as_inivar(&format!("LEG_{n}"), "SIDE").unwrap();
+        let [platform, axis, arm] = [leg.platform, crank.axis, crank.arm].map(|v| list(&v));
+        text +=
+            &format!("{n}{}{platform}{axis}{arm}{},{side}\n", list(&leg.base), list(&[crank.rod]));
+    }
+    let bench = bench.with("arms.csv", &text);
+    let words = "new rotary-delta --anchors arms.csv --angle -45 90 --out table";
+    assert!(bench.answer(words, "").ends_with("exit 0\n"));
+    let again = MachineConfig::read(&file(&bench, "table/table.ini")).unwrap();
+    assert_eq!((again.hash, again.home), (made.hash, made.home));
+}
+
+#[test]
+fn a_folder_that_is_there_is_left_as_it_is() {
+    let bench = Bench::new().with("mine/notes.txt", "mine");
+    let words = format!("new {} --out mine", example("linear-delta"));
+    assert_data_eq!(
+        bench.answer(&words, ""),
+        str![[r#"
+pkm: mine is there already, and nothing in it is changed: give another name, or --out FOLDER
+exit 2
+
+"#]]
+    );
+    assert_eq!(fs::read_to_string(file(&bench, "mine/notes.txt")).unwrap(), "mine");
+    assert_eq!(fs::read_dir(file(&bench, "mine")).unwrap().count(), 1);
+}
+
+#[test]
+fn a_machine_that_cannot_stand_anywhere_is_refused_with_the_strut_and_a_way_out() {
+    let bench = Bench::new();
+    let files = bench.files();
+    let hexapod = |strut: &str| {
+        format!(
+            "new hexapod --base-radius 900 --base-half-angle 12 --platform-radius 180 \
+             --platform-half-angle 15 --strut {strut} --tool up"
+        )
+    };
+    assert_data_eq!(
+        bench.answer(&hexapod("550 750"), ""),
+        str![[r#"
+pkm: at the best place found for home, X0 Y0 Z10, strut 3 would be 755.5 mm long; 550 to 750 is possible: give longer struts, or radii of base and platform that differ less
+exit 1
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer(&format!("{} --home 0 0 1100", hexapod("550 850")), ""),
+        str![[r#"
+pkm: at the home given, X0 Y0 Z1100, strut 3 would be 1334.4 mm long; 550 to 850 is possible: put home nearer to the base, or give longer struts
+exit 1
+
+"#]]
+    );
+    assert_data_eq!(
+        bench.answer(&format!("{} --diameter 300 --home 0 0 450", hexapod("550 950")), ""),
+        str![[r#"
+pkm: at home the distance of legs [..] is at [..] mm, beyond its limit of 360 mm: give other dimensions, or another place with --home
+exit 1
+
+"#]]
+    );
+    // As large as its base, with struts that stand upright side by side: nothing holds it sideways.
+    assert_data_eq!(
+        bench.answer(
+            "new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 400 \
+             --platform-half-angle 48 --strut 550 850",
+            ""
+        ),
+        str![[r#"
+pkm: the machine can stand at none of 86 places along the line through the middle of its legs; at the last one, X0 Y0 Z-850: the legs do not hold the platform at the reference pose; check the anchors: the layout is singular there [code -55]. Look at the dimensions, or give another place with --home
+exit 1
+
+"#]]
+    );
+    assert_eq!(bench.files(), files, "nothing is left behind");
+}
+
+#[test]
+fn nonsense_is_refused_with_what_was_expected() {
+    let bench = Bench::new();
+    let files = bench.files();
+    let delta = example("linear-delta");
+    let mut told = String::new();
+    for words in [
+        "new".into(),
+        "new linear-delta --rod 270".into(),
+        format!("new {delta} --rod 270"),
+        "new linear-delta --rod 270 --carriage 400 0".into(),
+        "new linear-delta --rod nan --carriage 0 400".into(),
+        "new linear-delta --rod -5 --carriage 0 400".into(),
+        format!("new {delta} --unit cm"),
+        format!("new {delta} --joint-angle 181"),
+        format!("new {delta} two-words!"),
+        format!("new {delta} --out none/machine"),
+        format!("new {} --hands RLR", example("hexapod")),
+        format!("new {} --hands RLRLRL", example("hexapod")),
+        format!("new {} --tilt 0.1", example("hexapod")),
+        "new linear-delta --rod 1e300 --carriage 0 400".into(),
+        "new linear-delta --rod 1e-9 --carriage 0 400".into(),
+    ] {
+        told += &format!("$ {words}\n{}", bench.answer(&words, ""));
+    }
+    assert_data_eq!(
+        told,
+        str![[r#"
+$ new
+pkm: which kind of machine? pkm new KIND, one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe
+exit 2
+$ new linear-delta --rod 270
+pkm: linear-delta lacks values, lengths in mm as examples; without any option, on a terminal, all are asked for:
+  --base-radius LENGTH: From the middle of the base to the centre of a joint, seen from above, such as 163
+  --platform-radius LENGTH: From the middle of the platform to the centre of a joint, such as 33
+  --carriage MIN MAX: Where a carriage begins and ends on its rail, measured from the rail's zero, such as 0 400
+exit 2
+$ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --rod 270
+error: the argument '--rod <LENGTH>' cannot be used multiple times
+
+Usage: pkm new linear-delta [OPTIONS] [NAME]
+
+For more information, try '--help'.
+exit 2
+$ new linear-delta --rod 270 --carriage 400 0
+pkm: --carriage 400 0: expected the smaller number first
+exit 2
+$ new linear-delta --rod nan --carriage 0 400
+pkm: --rod nan: expected a decimal number
+exit 2
+$ new linear-delta --rod -5 --carriage 0 400
+pkm: --rod -5: expected more than 0
+exit 2
+$ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --unit cm
+pkm: --unit cm: expected mm or inch
+exit 2
+$ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --joint-angle 181
+pkm: --joint-angle 181: expected more than 0 and at most 180 degrees
+exit 2
+$ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 two-words!
+pkm: "two-words!" is no name for a machine: expected letters, digits, - and _
+exit 2
+$ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --out none/machine
+pkm: none is no folder: make it, or give another --out
+exit 2
+$ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLR
+pkm: --hands RLR: expected one letter, or one for each of 6 struts
+exit 2
+$ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLRLRL
+pkm: --hands RLRLRL without --lead: hands count where a turn of the screw lengthens the strut; give its lead, or leave --hands out
+exit 2
+$ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --tilt 0.1
+pkm: --tilt 0.1: expected 0.5 degrees or more
+exit 2
+$ new linear-delta --rod 1e300 --carriage 0 400
+pkm: --rod 1e300: expected at most 10000000 in size
+exit 2
+$ new linear-delta --rod 1e-9 --carriage 0 400
+pkm: --rod 1e-9: expected 0.000001 or more
+exit 2
+
+"#]]
+    );
+    assert_eq!(bench.files(), files, "nothing is left behind");
+}
+
+#[test]
+fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
+    let bench = Bench::new();
+    let [first, ..] = ["0,400,0,0,120,60,0"];
+    let mut told = String::new();
+    for (from, to) in [
+        ("platform_z\n", "\n"),
+        (first, "0,400,0,0,120,60"),
+        (first, "0,400,0,0,120,60,0,7"),
+        (first, "0,400,0,nan,120,60,0"),
+        (first, "0,400,0,1e200,120,60,0"),
+        (first, "1,400,0,0,120,60,0"),
+        ("leg,", "strut,"),
+    ] {
+        let text = FIVE_STRUTS.replacen(from, to, 1);
+        fs::write(file(&bench, "five.csv"), text).unwrap();
+        told += &bench.answer("new struts --anchors five.csv --strut 450 800", "");
+    }
+    fs::write(file(&bench, "five.csv"), FIVE_STRUTS).unwrap();
+    for words in [
+        "struts --anchors five.csv --strut 450 800 --coordinates XYZABC",
+        "struts --anchors none.csv --strut 450 800",
+        "hexapod --anchors five.csv --strut 450 800",
+        "hexapod --anchors five.csv --strut 450 800 --base-radius 3",
+    ] {
+        told += &bench.answer(&format!("new {words}"), "");
+    }
+    assert_data_eq!(
+        told,
+        str![[r#"
+pkm: five.csv:2: expected the heading leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
+exit 2
+pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; there are 6
+exit 2
+pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; there are 8
+exit 2
+pkm: five.csv:3: base_z: expected a decimal number, not "nan"
+exit 2
+pkm: five.csv:3: base_z: expected at most 10000000 in size, not 1e200
+exit 2
+pkm: five.csv:3: expected leg 0 in its order, not "1"
+exit 2
+pkm: five.csv:2: expected the heading leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
+exit 2
+pkm: 5 legs cannot hold the 6 letters XYZABC: fewer letters, or more legs
+exit 2
+pkm: none.csv: No such file or directory (os error 2)
+exit 2
+pkm: a hexapod has 6 legs, the table of anchors has 5
+exit 2
+pkm: --base-radius is of no use beside --anchors, whose table says it
+exit 2
+
+"#]]
+    );
+    assert!(!file(&bench, "struts").exists() && !file(&bench, "hexapod").exists());
+}
+
+#[test]
+fn questions_are_asked_again_until_they_are_answered_and_offer_what_the_table_has() {
+    let mut asked = vec![];
+    let mut answers = &b"inch\n\nlong\n-3\n6.5\n"[..];
+    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
+    let end = Dialogue { answers: &mut answers, questions: &mut asked }.values(kind);
+    assert_eq!(end.unwrap_err().kind(), std::io::ErrorKind::UnexpectedEof);
+    assert_data_eq!(
+        String::from_utf8(asked).unwrap(),
+        str![[r#"
+linear-delta: three carriages on upright rails, pairs of rods, X Y Z. Enter takes what is in brackets.
+Unit of all lengths, and of the machine
+  --unit (mm or inch) [mm]: CSV file with the anchors of every leg, in place of the dimensions that make them
+  --anchors (a file) []: From the middle of the base to the centre of a joint, seen from above
+  --base-radius (inch) [6.42]:   --base-radius long: expected a decimal number
+From the middle of the base to the centre of a joint, seen from above
+  --base-radius (inch) [6.42]:   --base-radius -3: expected more than 0
+From the middle of the base to the centre of a joint, seen from above
+  --base-radius (inch) [6.42]: From the middle of the platform to the centre of a joint
+  --platform-radius (inch) [1.3]: 
+"#]]
+    );
+}
+
+#[test]
+fn enter_at_every_question_makes_what_the_examples_make() {
+    for kind in KINDS.iter().filter(|kind| kind.legs != 0) {
+        let answers = "\n".repeat(kind.parameters().len());
+        let mut answers = answers.as_bytes();
+        let mut asked = vec![];
+        let given = Dialogue { answers: &mut answers, questions: &mut asked }.values(kind).unwrap();
+        for parameter in kind.parameters().iter().filter(|p| p.need != Need::Optional) {
+            assert_eq!(given[parameter.name].join(" "), parameter.default, "{}", kind.name);
+        }
+    }
+}
+
+/// On a terminal, as `script` makes one.
+#[test]
+fn on_a_terminal_everything_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut answers = String::from("linear-delta\n");
+    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
+    answers += &"\n".repeat(kind.parameters().len());
+    let mut child = std::process::Command::new("script")
+        .args(["-qec", &format!("{} new", env!("CARGO_BIN_EXE_pkm")), "/dev/null"])
+        .current_dir(folder.path())
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::io::Write::write_all(child.stdin.as_mut().unwrap(), answers.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("Length of a rod") && told.contains("is made"), "{told}");
+    assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
+}
+
+#[test]
+fn of_long_work_the_share_that_is_done_is_told() {
+    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
+    let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
+    let words = |text: &str| text.split_whitespace().map(String::from).collect();
+    let given = needed.map(|p| (p.name, words(p.default))).collect();
+    let values = Values::new(kind.name, &kind.parameters(), &given).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("told");
+    let told = Mutex::new(vec![]);
+    let order = Order { kind, values: &values, name: "told", folder: &folder };
+    make(&order, |what, share| told.lock().unwrap().push((what.to_string(), share))).unwrap();
+    let told = told.into_inner().unwrap();
+    let own = told.iter().filter(|(what, _)| what == "proving axis limits");
+    let own: Vec<Option<f64>> = own.map(|(_, share)| *share).collect();
+    let is_rising = own[1..].is_sorted() && own.last().unwrap().is_some_and(|share| share <= 1.0);
+    assert!(own[0].is_none() && own.len() > 1 && is_rising, "{own:?}");
+}

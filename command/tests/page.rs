@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The figures of a page about a program, as they are drawn: limits, marks, and their size.
+
+use crate::commands::Bench;
+use crate::shipped::config;
+use kinematics::{MAX_JOINTS, Pose};
+use std::fs;
+use workbench::control::row::{Beside, Extra, Flags, Row};
+use workbench::draw::margins::{Figure, figures};
+use workbench::draw::over::Mark;
+use workbench::draw::page::{Report, Verdict, of_program};
+use workbench::program::course::{Course, Sample, Thinned};
+use workbench::read::machine::MachineConfig;
+
+/// What a limit line looks like: nothing else is black and as wide.
+const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";
+
+/// A page is read by a browser on a machine's controller.
+const MOST_BYTES: usize = 1_000_000;
+
+/// A run over a surface with these many lines of five cycles each, and a step in the middle that
+/// no drive can follow.
+fn surface(config: &MachineConfig, lines: u32) -> Thinned {
+    let mut course = Course::new(config);
+    const CYCLES: u32 = 5;
+    for cycle in 0..lines * CYCLES {
+        let share = f64::from(cycle) / f64::from(lines * CYCLES);
+        let angle = 400.0 * share;
+        let offset = [
+            20.0 * angle.sin(),
+            40.0 * share - 20.0,
+            5.0 * (7.0 * angle).sin(),
+            3.0 * (3.0 * angle).sin(),
+            3.0 * (2.0 * angle).cos() - 3.0,
+            0.0,
+        ];
+        let pose: [f64; 6] = std::array::from_fn(|k| config.home[k] + offset[k]);
+        let at = config.machine.at(&Pose::from_degrees(pose), &config.spindle).unwrap();
+        let mut joints = *at.joints();
+        if cycle == lines * CYCLES / 2 {
+            joints[0] += 1.0;
+        }
+        let errors = std::array::from_fn(|i| 0.5 * (angle * i as f64).sin());
+        course.see(&Row {
+            cycle: u64::from(cycle),
+            line: cycle / CYCLES + 1,
+            flags: Flags { on: true, tool_busy: false, held: false },
+            pose,
+            joints,
+            errors,
+            allowed: [1.0; MAX_JOINTS],
+            extra: Extra::default(),
+            second: Beside::default(),
+            tool: config.spindle.into(),
+            feed: if share > 0.5 { 0.7 } else { 1.0 },
+        });
+    }
+    course.finish()
+}
+
+fn whole(figures: &[Figure], marks: &[Mark]) -> String {
+    of_program(&Report {
+        program: "surface.ngc",
+        machine: "hexapod.ini",
+        verdict: Verdict::Misfit,
+        why: "A drive cannot follow.".into(),
+        notes: vec![],
+        help: None,
+        rows: vec![],
+        marks,
+        figures,
+        text: "",
+    })
+}
+
+#[test]
+fn a_page_of_200_000_lines_is_below_a_megabyte_and_shows_limits_and_breaks() {
+    let config = config("hexapod");
+    let lines = 200_000;
+    let course = surface(&config, lines);
+    let fastest = |sample: &Sample| sample.speeds.iter().copied().fold(0.0, f64::max);
+    let worst = course.samples.iter().max_by(|a, b| fastest(a).total_cmp(&fastest(b))).unwrap();
+    let line = lines / 2 + 1;
+    assert!(fastest(worst) > 1.0 && (worst.lines[0]..=worst.lines[1]).contains(&line), "{worst:?}");
+    let mark = Mark {
+        place: format!("line {line}"),
+        block: "G1 X1".into(),
+        text: "too fast".into(),
+        at: Some(worst.at),
+        pose: config.home,
+    };
+    let marks = [mark];
+    let figures = figures(&config, &course, &marks).unwrap();
+    // Path, two of rooms, feed, axes, and four of the struts.
+    assert_eq!(figures.len(), 9);
+    let label = format!("1: line {line}");
+    for (k, Figure { title, about, svg }) in figures.iter().enumerate() {
+        assert!(svg.contains(&label), "{title}");
+        assert!(about.contains("Good: ") && about.contains("Bad: "), "{title}");
+        // The limits in the path are those of the axes: an edge of their box.
+        let limit = if k == 0 { "limits of the axes" } else { LIMIT };
+        assert!(svg.contains(limit), "{title}");
+    }
+    let size = whole(&figures, &marks).len();
+    assert!(size < MOST_BYTES, "{size}");
+}
+
+#[test]
+fn all_figures_share_one_time_axis() {
+    let config = config("hexapod");
+    let figures = figures(&config, &surface(&config, 500), &[]).unwrap();
+    // Ticks of the horizontal axis, with their places.
+    let ticks = |figure: &Figure| -> Vec<String> {
+        let texts = figure.svg.split("<text ").skip(1);
+        // All but their heights, which are those of the strips.
+        let is_below =
+            |text: &&str| text.contains("text-anchor=\"middle\"") && !text.contains("transform");
+        let place = |text: &str| {
+            let (x, rest) = text.split_once(" y=").unwrap();
+            let words = rest.split_once('>').unwrap().1.split("</text>").next().unwrap();
+            format!("{x}: {}", words.trim())
+        };
+        texts.filter(is_below).map(place).collect()
+    };
+    let first = ticks(&figures[1]);
+    assert!(first.iter().any(|text| text.contains("time in s")) && first.len() > 4, "{first:?}");
+    for figure in &figures[2..] {
+        assert_eq!(ticks(figure), first, "{}", figure.title);
+    }
+}
+
+#[test]
+fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
+    let bench = Bench::new()
+        .spoilt("MAX_LIMIT = 375", "MAX_LIMIT = 330")
+        .with("good.ngc", "G21 G90\nG1 X10 F3000\nM2\n")
+        .with("bad.ngc", "G21 G90\nG0 X-75 Y75 Z70\nG1 X75 F3000\nG1 X0 Y0 Z20\nY200\nM2\n");
+    let read = |name: &str| fs::read_to_string(bench.0.path().join(name)).unwrap();
+    bench.answer("preflight linear-delta.ini good.ngc --report good.html", "");
+    let good = read("good.html");
+    assert!(
+        good.contains("\u{2713} </span>The program fits the machine")
+            && good.contains("class=\"verdict fits\"")
+    );
+    assert!(
+        !good.contains("beyond a limit</text>")
+            && !good.contains("#B40000")
+            && !good.contains("broken (")
+    );
+
+    let told = bench.answer("preflight linear-delta.ini bad.ngc --report bad.html", "");
+    let bad = read("bad.html");
+    assert!(bad.contains("\u{2717} </span>The program does not fit the machine"), "{told}");
+    assert!(bad.contains("beyond a limit") && bad.contains("class=\"verdict misfit\""));
+    // As many as the command tells, each with its line, in the list and in the plots.
+    let places: Vec<&str> = told.lines().filter_map(|l| l.strip_prefix("error: line ")).collect();
+    assert!(places.len() > 3, "{told}");
+    for (number, place) in places.iter().enumerate() {
+        let (line, text) = place.split_once(": ").unwrap();
+        assert!(
+            bad.contains(&format!("<b>line {line}</b> <code>")) && bad.contains(text),
+            "{place}"
+        );
+        let name = text.split_once(": ").unwrap().0;
+        let row = bad.split("<tr").find(|row| row.contains(&format!("\"row\">{name}<small>")));
+        let row = row.unwrap();
+        let numbers = row.split_once("broken (").unwrap().1.split_once(')').unwrap().0;
+        assert!(numbers.split(", ").any(|own| own == (number + 1).to_string()), "{row}");
+        assert!(row.contains("<td>line "), "{line}: {row}");
+    }
+    assert!(bad.contains("1: line 3") && bad.contains("<code>Y200</code>"));
+    let drawings = bad.matches("<svg role=\"img\"").count();
+    // Each has its name and its description for those who do not see it.
+    assert_eq!(bad.matches("</title><desc>").count(), drawings);
+    assert_eq!(drawings, 4);
+}

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Replay cases: a machine, a program, and what is expected of them, as TOML.
+
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use workbench::program::beside::moves_of;
+use workbench::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use workbench::program::replay::{Replay, replay};
+use workbench::read::machine::MachineConfig;
+
+/// Prefix of programs that come with LinuxCNC.
+const LINUXCNC: &str = "linuxcnc:";
+
+/// One case file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// Folder and file name of the configuration: configs/NAME/NAME.ini.
+    pub machine: String,
+    /// Whether the second of two mechanisms is meant.
+    #[serde(default)]
+    pub second: bool,
+    /// Program beside the INI file, or `linuxcnc:NAME` for one that LinuxCNC ships.
+    pub program: String,
+    /// G54 for this run: x y z in machine units, a b c in degrees.
+    pub work_offset: Option<[f64; 6]>,
+    /// Seconds between poses.
+    pub period: f64,
+    /// What must come out.
+    pub expect: Expect,
+}
+
+/// Bounds a replay has to keep; all machine limits are checked in any case.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expect {
+    /// Fewest moves: the program was read to its end.
+    pub min_moves: usize,
+    /// Largest pose mismatch, as a share of the machine's size.
+    pub max_relative_mismatch: f64,
+    /// Most iterations of a forward call.
+    pub max_iterations: u32,
+    /// Smallest share of poses proved by one ball.
+    pub min_certified: f64,
+    /// Smallest value that the largest correction must reach, in machine units: the
+    /// program does exercise the screws.
+    pub min_correction: f64,
+    /// Largest joint move by a change of tool length, in joint units.
+    pub max_tool_step: f64,
+}
+
+/// What a case came to.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The figures.
+    pub replay: Replay,
+    /// One sentence for each expectation or limit that was not kept.
+    pub failures: Vec<String>,
+}
+
+impl Case {
+    /// Reads a case file.
+    ///
+    /// # Errors
+    /// A sentence with the file's name.
+    pub fn read(file: &Path) -> Result<Self, String> {
+        let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
+        toml::from_str(&text).map_err(|e| format!("{}: {e}", file.display()))
+    }
+
+    /// The INI file, given the folder that holds the configurations.
+    pub fn ini(&self, configs: &Path) -> PathBuf {
+        configs.join(&self.machine).join(format!("{}.ini", self.machine))
+    }
+
+    /// The program file, given the folder that holds the configurations.
+    pub fn program(&self, configs: &Path) -> PathBuf {
+        match self.program.strip_prefix(LINUXCNC) {
+            Some(name) => Path::new(LINUXCNC_PROGRAMS).join(name),
+            None => configs.join(&self.machine).join(&self.program),
+        }
+    }
+
+    /// Runs the case.
+    ///
+    /// # Errors
+    /// A sentence, where the machine or program cannot be read, or a pose fails.
+    pub fn run(&self, configs: &Path) -> Result<Outcome, String> {
+        let mut whole = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
+        // A case does not depend on what an earlier run left in the parameter file.
+        whole.program.parameter_file = None;
+        let config = match self.second {
+            true => whole.second.as_deref().ok_or("no second mechanism")?,
+            false => &whole,
+        };
+        let program = self.program(configs);
+        let block = self.work_offset.map(|[x, y, z, a, b, c]| {
+            format!("G10 L2 P1 X{x:.12} Y{y:.12} Z{z:.12} A{a:.12} B{b:.12} C{c:.12}")
+        });
+        let moves = match whole.second {
+            Some(_) => moves_of(config, &whole, &program),
+            None => interpreter::moves(config, &program, block.as_deref()),
+        };
+        let moves = moves.map_err(|e| e.to_string())?;
+        let replay = replay(config, &moves, self.period)
+            .map_err(|e| format!("{}: {e}", program.display()))?;
+        let mut failures = self.expect.failures(&replay);
+        failures.extend(replay.violations(config));
+        Ok(Outcome { replay, failures })
+    }
+}
+
+impl Expect {
+    fn failures(&self, replay: &Replay) -> Vec<String> {
+        let checks = [
+            (
+                replay.moves >= self.min_moves,
+                format!("{} moves, expected {}", replay.moves, self.min_moves),
+            ),
+            (
+                replay.relative_mismatch <= self.max_relative_mismatch,
+                format!(
+                    "mismatch {:e} of size in line {}",
+                    replay.relative_mismatch, replay.mismatch.line
+                ),
+            ),
+            (
+                replay.iterations_max <= self.max_iterations,
+                format!("{} iterations", replay.iterations_max),
+            ),
+            (
+                replay.certified >= self.min_certified,
+                format!("only {} certified", replay.certified),
+            ),
+            (
+                replay.correction.value >= self.min_correction,
+                format!("correction reaches only {}", replay.correction.value),
+            ),
+            (
+                replay.tool_step.value <= self.max_tool_step,
+                format!(
+                    "tool change in line {} moves a joint by {}",
+                    replay.tool_step.line, replay.tool_step.value
+                ),
+            ),
+        ];
+        checks.into_iter().filter(|(kept, _)| !kept).map(|(_, text)| text).collect()
+    }
+}

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The shipped configurations.
+
+use std::path::{Path, PathBuf};
+use workbench::program::findings::Preflight;
+use workbench::program::interpreter::Move;
+use workbench::program::preflight::preflight;
+use workbench::read::machine::MachineConfig;
+
+pub const MACHINES: [&str; 18] = [
+    "four-rod-lathe",
+    "hexaglide",
+    "hexapod",
+    "hexapod-rotary-table",
+    "lab-hexapod",
+    "lathe-counter-spindle",
+    "lathe-mirrored",
+    "lathe-two-turrets",
+    "lathe-work-on-platform",
+    "linapod",
+    "linear-delta",
+    "pentapod",
+    "pyramid",
+    "pyramid-cross",
+    "rotary-delta",
+    "six-rod-lathe",
+    "triaglide",
+    "tripod",
+];
+
+/// Those whose own pose is that of programs: no axis carries work, tool or legs.
+pub fn unchained() -> Vec<&'static str> {
+    MACHINES.into_iter().filter(|machine| config(machine).chain.is_empty()).collect()
+}
+
+/// `usual` cases, times PKMKINS_CASES where that is set.
+pub fn cases(usual: usize) -> usize {
+    let factor = std::env::var("PKMKINS_CASES").map_or(1.0, |text| text.parse().unwrap());
+    (usual as f64 * factor).ceil() as usize
+}
+
+pub fn folder(machine: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
+}
+
+/// Puts the programs of a machine beside a copy of its files.
+pub fn with_programs(machine: &str, copy: &Path) {
+    let programs = folder(machine).join("programs").canonicalize().unwrap();
+    std::os::unix::fs::symlink(programs, copy.join("programs")).unwrap();
+}
+
+pub fn ini(machine: &str) -> PathBuf {
+    folder(machine).join(format!("{machine}.ini"))
+}
+
+pub fn config(machine: &str) -> MachineConfig {
+    MachineConfig::read(&ini(machine)).unwrap()
+}
+
+/// Follows all moves of a program.
+pub fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
+    preflight(config, moves).unwrap()
+}

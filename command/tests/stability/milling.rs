@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The textbook case of milling: one mode in one direction, or the same mode in both.
+
+use super::{close, golden, number, rows};
+use nalgebra::{Matrix3, Matrix3x2, Vector3};
+use std::f64::consts::{PI, TAU};
+use workbench::dynamics::mode::Mode;
+use workbench::stability::bands::first_limit;
+use workbench::stability::floquet::Period;
+use workbench::stability::lobes::Lobes;
+use workbench::stability::process::{Process, Row, milling_rows};
+use workbench::stability::semi;
+use workbench::study::file::Study;
+
+/// Both are converged to 1e-8; roundings of an eigenvalue.
+const MULTIPLIER: f64 = 1e-8;
+/// Depths at which a multiplier of that error passes 1.
+const DEPTH: f64 = 1e-6;
+/// Two ways to the zero of one function.
+const ZERO_ORDER: f64 = 1e-7;
+/// First-order semi-discretisation with 80 steps is off by some tenths of a percent.
+const SEMI: f64 = 0.01;
+
+const TEETH: usize = 2;
+/// N/mm².
+const KT: f64 = 600.0;
+const KR: f64 = 200.0;
+
+/// A mode in x, and in y if `both`. The file of values has 0.03993 kg, 922 Hz, 0.011, and
+/// coefficients in N/m²: here t, rad/s and N/mm².
+fn modes(both: bool) -> Vec<Mode> {
+    let values = golden("chatter", "milling_case_m_fn_zeta_Kt_Kn_N").as_array().unwrap();
+    let values: Vec<f64> = values.iter().map(number).collect();
+    assert_eq!([values[3], values[4], values[5]], [KT * 1e6, KR * 1e6, TEETH as f64]);
+    let size = 1.0 / (values[0] * 1e-3).sqrt();
+    let mode =
+        |tip: Vector3<f64>| Mode { omega: TAU * values[1], zeta: values[2], tip: tip * size };
+    let all = [mode(Vector3::x()), mode(Vector3::y())];
+    all[..if both { 2 } else { 1 }].to_vec()
+}
+
+fn in_plane(modes: &[Mode]) -> Vec<Row> {
+    milling_rows(modes, &Matrix3::identity())
+}
+
+/// A cut by its name in the file of values: radial share of the diameter, and up or down.
+fn process(name: &str) -> Process {
+    let (share, way) = name.split_once('_').unwrap();
+    let share: f64 = share.replace('p', ".").parse().unwrap();
+    let [entry, exit] = match way {
+        "up" => [0.0, (1.0 - 2.0 * share).acos()],
+        _ => [(2.0 * share - 1.0).acos(), PI],
+    };
+    cut(entry, exit, 0.0)
+}
+
+fn cut(entry: f64, exit: f64, axial: f64) -> Process {
+    let text = format!(
+        "[cutting]\nteeth = {TEETH}\nentry_deg = {}\nexit_deg = {}\nkt_n_per_mm2 = {KT}\n\
+         kr_n_per_mm2 = {KR}\nka_n_per_mm2 = {axial}\n",
+        entry.to_degrees(),
+        exit.to_degrees()
+    );
+    Process::from(&Study::parse(&text).unwrap().cutting.unwrap())
+}
+
+fn amount(period: &Period, depth: f64) -> f64 {
+    period.multiplier(depth).norm_sqr().sqrt()
+}
+
+#[test]
+fn the_mean_of_the_force_is_its_integral() {
+    for process in [cut(0.0, PI, 50.0), cut(0.3, 1.1, 0.0), cut(PI / 2.0, PI, 90.0)] {
+        let [entry, exit] = process.arc;
+        // Simpson's rule with 2000 steps: an error of 1e-14 of a sine.
+        let count = 2000;
+        let step = (exit - entry) / f64::from(count);
+        let weight = |k: i32| match k {
+            0 => 1.0,
+            k if k == count => 1.0,
+            k if k % 2 == 1 => 4.0,
+            _ => 2.0,
+        };
+        let sum: Matrix3x2<f64> =
+            (0..=count).map(|k| process.at(entry + step * f64::from(k)) * weight(k)).sum();
+        let found = process.integral(entry, exit);
+        assert!((sum * (step / 3.0) - found).norm() < 1e-11 * found.norm());
+        assert!((process.mean() * process.pitch() - found).norm() < 1e-12 * found.norm());
+        // Over a pitch, with whichever teeth cut: the same.
+        let whole = process.mean_between(entry, entry + process.pitch());
+        assert!((whole - process.mean()).norm() < 1e-12 * found.norm());
+    }
+}
+
+#[test]
+fn pieces_hold_the_teeth_that_cut_in_them() {
+    let counts = |process: &Process| -> Vec<usize> {
+        process.pieces().iter().map(|piece| piece.shifts.len()).collect()
+    };
+    // A slot with two teeth has always one of them in cut.
+    assert_eq!(counts(&process("1_down")), [1]);
+    assert_eq!(counts(&process("0p5_down")), [1, 0]);
+    let mut many = process("1_down");
+    many.teeth = 3;
+    assert_eq!(counts(&many), [2, 1]);
+    many.teeth = 4;
+    assert_eq!(counts(&many), [2]);
+}
+
+#[test]
+fn multipliers_are_those_of_an_independent_calculation_and_of_semi_discretisation() {
+    for (both, key) in [
+        (false, "milling_1dof_slot_5000rpm_w_mu_sd80"),
+        (true, "milling_2dof_slot_5000rpm_w_mu_sd80"),
+    ] {
+        let (in_plane, process) = (in_plane(&modes(both)), process("1_down"));
+        let period = Period::new(&in_plane, &process, 5000.0);
+        for expected in rows("chatter", key) {
+            let found = amount(&period, expected[0]);
+            close(found, expected[1], MULTIPLIER);
+            let semi = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 80);
+            // The same method with the same steps.
+            close(semi, expected[2], MULTIPLIER);
+            close(semi, found, 2.0 * SEMI);
+            let finer = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 160);
+            close(finer, found, SEMI);
+            // Its error falls with the square of the steps: the limit is collocation's.
+            close((4.0 * finer - semi) / 3.0, found, 1e-4);
+        }
+    }
+}
+
+#[test]
+fn more_nodes_change_nothing() {
+    let in_plane = in_plane(&modes(true));
+    for (name, rpm) in [("1_down", 5000.0), ("0p5_up", 14000.0), ("0p05_down", 5000.0)] {
+        let process = process(name);
+        let usual = amount(&Period::new(&in_plane, &process, rpm), 0.3);
+        let finer = amount(&Period::with_more_nodes(&in_plane, &process, rpm, 10), 0.3);
+        close(usual, finer, MULTIPLIER);
+    }
+}
+
+/// Rows of depths: cut, speed, limit by collocation, limit of zero order.
+fn depths(key: &str) -> Vec<(String, f64, f64, f64)> {
+    let table = golden("chatter", key).as_array().unwrap();
+    let one = |value: &toml::Value| {
+        let cells = value.as_array().unwrap();
+        let name = cells[0].as_str().unwrap().to_string();
+        (name, number(&cells[1]), number(&cells[2]), number(&cells[3]))
+    };
+    table.iter().map(one).collect()
+}
+
+#[test]
+fn limit_depths_are_those_of_an_independent_calculation() {
+    for (both, key) in [
+        (false, "milling_1dof_case_rpm_depth_mm_zero_order_mm"),
+        (true, "milling_2dof_case_rpm_depth_mm_zero_order_mm"),
+    ] {
+        let in_plane = in_plane(&modes(both));
+        for (name, rpm, depth, zero_order) in depths(key) {
+            let process = process(&name);
+            let period = Period::new(&in_plane, &process, rpm);
+            let found = first_limit(&period, 1.5 * depth).unwrap();
+            close(found, depth, DEPTH);
+            if both {
+                let lobes = Lobes::new(&in_plane, &process, rpm);
+                close(lobes.limit(rpm).unwrap().depth, zero_order, DEPTH);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_floor_of_the_slot_is_that_of_an_independent_calculation() {
+    let lobes = Lobes::new(&in_plane(&modes(true)), &process("1_down"), 5000.0);
+    let floor = lobes.floor().unwrap();
+    let expected = super::row(golden("chatter", "milling_2dof_slot_floor_mm_omega"));
+    close(floor.depth, expected[0], ZERO_ORDER);
+    close(floor.omega, expected[1], DEPTH);
+}
+
+#[test]
+fn an_axial_force_counts_where_a_mode_moves_along_the_axis_too() {
+    let tilted = |tip: Vector3<f64>| Mode { tip, ..modes(false)[0] };
+    let size = modes(false)[0].tip.x;
+    let along = in_plane(&[tilted(Vector3::new(size, 0.0, 0.5 * size))]);
+    let flat = in_plane(&[tilted(Vector3::new(size, 0.0, 0.0))]);
+    let limit = |rows: &[Row], axial: f64| {
+        first_limit(&Period::new(rows, &cut(PI / 2.0, PI, axial), 5000.0), 3.0).unwrap()
+    };
+    close(limit(&flat, 300.0), limit(&flat, 0.0), 1e-12);
+    let [with, without] = [limit(&along, 300.0), limit(&along, 0.0)];
+    assert!((with / without - 1.0).abs() > 0.02, "{with} {without}");
+    // The check knows it too.
+    let process = cut(PI / 2.0, PI, 300.0);
+    close(semi::multiplier(&along, &process, 5000.0, with, 160), 1.0, SEMI);
+}
+
+/// The largest change of the displacement from one tooth period to the next, period by period: the
+/// motion itself, with its feed, integrated by the classical Runge-Kutta method. A tooth that has
+/// left the work pushes nothing.
+fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: usize) -> Vec<f64> {
+    let steps = 1200;
+    let (feed, count) = (0.05, modes.len());
+    let delay = process.delay(rpm);
+    let h = delay / steps as f64;
+    let turn = TAU * rpm / 60.0;
+    // Twice as many rows: at full and half steps.
+    let mut old = vec![Vector3::zeros(); 2 * steps + 1];
+    let mut state = vec![0.0; 2 * count];
+    let place =
+        |state: &[f64]| -> Vector3<f64> { (0..count).map(|j| modes[j].tip * state[2 * j]).sum() };
+    let rates = |time: f64, state: &[f64], before: &Vector3<f64>| -> Vec<f64> {
+        let moved = place(state) - before;
+        let mut force = Vector3::zeros();
+        for tooth in 0..process.teeth {
+            let angle = (turn * time + process.pitch() * tooth as f64) % TAU;
+            if angle >= process.arc[0] && angle <= process.arc[1] {
+                let (s, c) = angle.sin_cos();
+                let chip = feed * s + moved.x * s + moved.y * c;
+                // Along (s, c) the coefficient matrix has the force of a chip of 1.
+                let unit = process.at(angle) * nalgebra::Vector2::new(s, c);
+                force += unit * (chip.max(0.0) * depth);
+            }
+        }
+        let mut rate = vec![0.0; 2 * count];
+        for (j, mode) in modes.iter().enumerate() {
+            let (q, v) = (state[2 * j], state[2 * j + 1]);
+            rate[2 * j] = v;
+            rate[2 * j + 1] =
+                mode.tip.dot(&force) - 2.0 * mode.zeta * mode.omega * v - mode.omega.powi(2) * q;
+        }
+        rate
+    };
+    let moved = |state: &[f64], rate: &[f64], step: f64| -> Vec<f64> {
+        state.iter().zip(rate).map(|(x, r)| x + r * step).collect()
+    };
+    let mut changes = vec![];
+    for period in 0..periods {
+        let mut new = vec![place(&state)];
+        for k in 0..steps {
+            let time = period as f64 * delay + k as f64 * h;
+            let before = [old[2 * k], old[2 * k + 1], old[2 * k + 2]];
+            let r1 = rates(time, &state, &before[0]);
+            let r2 = rates(time + h / 2.0, &moved(&state, &r1, h / 2.0), &before[1]);
+            let r3 = rates(time + h / 2.0, &moved(&state, &r2, h / 2.0), &before[1]);
+            let r4 = rates(time + h, &moved(&state, &r3, h), &before[2]);
+            let sum: Vec<f64> =
+                (0..2 * count).map(|i| (r1[i] + 2.0 * r2[i] + 2.0 * r3[i] + r4[i]) / 6.0).collect();
+            let next = moved(&state, &sum, h);
+            // Cubic between the steps, from places and speeds.
+            let speed = |state: &[f64]| -> Vector3<f64> {
+                (0..count).map(|j| modes[j].tip * state[2 * j + 1]).sum()
+            };
+            let middle =
+                (place(&state) + place(&next)) / 2.0 + (speed(&state) - speed(&next)) * (h / 8.0);
+            new.extend([middle, place(&next)]);
+            state = next;
+        }
+        let change = new.iter().zip(&old).map(|(a, b)| (a - b).norm());
+        changes.push(change.fold(0.0, f64::max));
+        old = new;
+    }
+    changes
+}
+
+#[test]
+fn simulated_milling_settles_just_below_the_limit_depth_and_grows_just_above() {
+    let rpm = 5000.0;
+    let process = process("0p5_down");
+    for both in [false, true] {
+        let modes = modes(both);
+        let period = Period::new(&in_plane(&modes), &process, rpm);
+        let limit = first_limit(&period, 2.0).unwrap();
+        for (share, grows) in [(0.97, false), (1.03, true)] {
+            let changes = simulated(&modes, &process, rpm, share * limit, 160);
+            // Far from the start, where only the slowest motion is left, and before teeth leave
+            // the work for good: over 40 periods as the multiplier says.
+            let most =
+                |from: usize| changes[from..from + 20].iter().fold(0.0, |a: f64, b| a.max(*b));
+            let ratio = most(140) / most(100);
+            let expected = amount(&period, share * limit).powi(40);
+            assert_eq!(ratio > 1.0, grows, "{share}: {ratio}, by the multiplier {expected}");
+            // What grows is held by teeth that leave the work; what settles follows the multiplier.
+            if !grows {
+                close(ratio, expected, 0.3);
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A beam on two elastic supports, against closed forms.
+
+use super::close;
+use std::f64::consts::{PI, TAU};
+use workbench::stability::spindle::{NoSpindle, Nose};
+use workbench::study::file::Study;
+use workbench::study::spindle::Spindle;
+
+/// Forces at the ends of elements: exact but for rounding, of a matrix whose condition is 1e10.
+const STATIC: f64 = 1e-6;
+/// Cubic elements of a 48th of the length: the sixth power of their share of a wave.
+const FREQUENCY: f64 = 1e-6;
+
+/// N/mm², kg/m³, mm.
+const E: f64 = 210_000.0;
+const DENSITY: f64 = 7850.0;
+const D: f64 = 40.0;
+
+fn bending() -> f64 {
+    E * PI / 64.0 * D.powi(4)
+}
+
+/// t/mm.
+fn density() -> f64 {
+    DENSITY * 1e-12 * PI / 4.0 * D * D
+}
+
+/// A shaft of one diameter; each bearing: place, um/N, rad/(N m) or none, N s/mm.
+fn spindle(lengths: &[f64], bearings: [(f64, f64, Option<f64>, f64); 2]) -> Spindle {
+    let mut text = format!(
+        "[spindle]\nyoungs_n_per_mm2 = {E}\ndensity_kg_per_m3 = {DENSITY}\ndamping_ratio = 0\n"
+    );
+    for length in lengths {
+        text += &format!("[[spindle.sections]]\nlength_mm = {length}\ndiameter_mm = {D}\n");
+    }
+    for (at, linear, angular, damping) in bearings {
+        text += &format!(
+            "[[spindle.bearings]]\nat_mm = {at}\ncompliance_um_per_n = {linear}\n\
+             damping_n_s_per_mm = {damping}\n"
+        );
+        if let Some(angular) = angular {
+            text += &format!("angular_rad_per_n_m = {angular}\n");
+        }
+    }
+    Study::parse(&text).unwrap().spindle.unwrap()
+}
+
+fn nose(spindle: &Spindle) -> Nose {
+    spindle.nose().unwrap()
+}
+
+#[test]
+fn the_nose_yields_as_the_formula_of_a_beam_on_two_springs_says() {
+    let (span, over) = (300.0, 90.0);
+    for (rear, front) in [(0.0, 0.0), (0.02, 0.01), (0.5, 0.0)] {
+        let shaft = spindle(&[span, over], [(0.0, rear, None, 0.0), (span, front, None, 0.0)]);
+        let beam = over * over * (span + over) / (3.0 * bending());
+        let ratio = over / span;
+        let springs = (1.0 + ratio).powi(2) * front * 1e-3 + ratio.powi(2) * rear * 1e-3;
+        close(nose(&shaft).compliance, beam + springs, STATIC);
+    }
+    // A bearing that holds the angle as well makes the overhang a cantilever.
+    let shaft = spindle(&[span, over], [(0.0, 0.0, None, 0.0), (span, 0.0, Some(0.0), 0.0)]);
+    close(nose(&shaft).compliance, over.powi(3) / (3.0 * bending()), STATIC);
+    // With an angular compliance c, and the rear end free to move: a cantilever on a hinge.
+    let hinge = 1e-5;
+    let shaft = spindle(&[span, over], [(0.0, 1e12, None, 0.0), (span, 0.0, Some(hinge), 0.0)]);
+    let cantilever = over.powi(3) / (3.0 * bending()) + over * over * hinge * 1e-3;
+    close(nose(&shaft).compliance, cantilever, STATIC);
+}
+
+#[test]
+fn a_shaft_of_two_diameters_yields_as_the_energy_of_its_moments_says() {
+    let (span, over, thin) = (300.0, 90.0, 25.0_f64);
+    let mut shaft = spindle(&[span, over], [(0.0, 0.0, None, 0.0), (span, 0.0, None, 0.0)]);
+    shaft.sections[1].diameter_mm.0 = thin;
+    shaft.sections[1].bore_mm.0 = 10.0;
+    let tip = E * PI / 64.0 * (thin.powi(4) - 1e4);
+    let expected = over * over * span / (3.0 * bending()) + over.powi(3) / (3.0 * tip);
+    close(nose(&shaft).compliance, expected, STATIC);
+}
+
+#[test]
+fn frequencies_are_those_of_beams_with_closed_forms() {
+    let length: f64 = 600.0;
+    let unit = (bending() / density()).sqrt() / (length * length);
+    // On rigid supports at both ends: (kπ)². The nose is at the end, where nothing moves; its
+    // frequencies are those of a shaft that stands out by next to nothing.
+    let pinned = spindle(&[length, 1e-3], [(0.0, 0.0, None, 0.0), (length, 0.0, None, 0.0)]);
+    for (k, mode) in nose(&pinned).modes.iter().enumerate() {
+        let order = (k + 1) as f64 * PI;
+        close(mode.omega, order * order * unit, 2e-5);
+    }
+    // Clamped at its front bearing: the cantilever's 1.875, 4.694, 7.855 (cos x cosh x = -1). The
+    // other support is as soft as air.
+    let clamped = spindle(&[length], [(0.0, 0.0, Some(0.0), 0.0), (1.0, 1e12, None, 0.0)]);
+    let roots = [1.875_104_068_711_961, 4.694_091_132_974_175, 7.854_757_438_237_613];
+    let found = nose(&clamped);
+    for (mode, root) in found.modes.iter().zip(roots) {
+        close(mode.omega, root * root * unit, FREQUENCY);
+        // At the tip the shape is 2 and the mean of its square 1.
+        close(mode.nose.abs(), 2.0 / (density() * length).sqrt(), FREQUENCY);
+    }
+    // Three modes have all but a thousandth of the compliance: Σ 12/x⁴ is nearly 1.
+    let share: f64 = roots.iter().map(|root| 12.0 / root.powi(4)).sum();
+    close(found.share(), share, FREQUENCY);
+}
+
+#[test]
+fn a_rigid_shaft_on_soft_bearings_swings_and_loses_as_two_springs_say() {
+    let length: f64 = 100.0;
+    // 100 um/N is 10 N/mm at each end: the shaft swings up and down, and turns. Bending adds about
+    // 1e-5 of that.
+    let (soft, damping) = (100.0, 0.02);
+    const RIGID: f64 = 3e-5;
+    let shaft = spindle(&[length], [(0.0, soft, None, damping), (length, soft, None, damping)]);
+    let found = nose(&shaft);
+    let mass = density() * length;
+    let [up, turn] = [(20.0 / mass).sqrt(), (60.0 / mass).sqrt()];
+    close(found.modes[0].omega, up, RIGID);
+    close(found.modes[1].omega, turn, RIGID);
+    close(found.modes[0].zeta, 2.0 * damping / (2.0 * mass * up), RIGID);
+    // The decrement is what it means: neighbouring peaks of the damped motion.
+    let mode = found.modes[0];
+    let decay = mode.zeta * mode.omega * TAU / (mode.omega * (1.0 - mode.zeta.powi(2)).sqrt());
+    close(mode.decrement(), decay, 1e-12);
+    close(found.compliance, 0.1, RIGID);
+    // What the shaft loses itself comes on top.
+    let mut own = shaft;
+    own.damping_ratio.0 = 0.01;
+    close(nose(&own).modes[0].zeta, mode.zeta + 0.01, 1e-12);
+}
+
+#[test]
+fn finer_elements_are_not_needed_and_a_longer_overhang_yields_more() {
+    let shaft = spindle(&[74.0, 312.0, 70.0], [(74.0, 0.01, None, 0.1), (386.0, 0.005, None, 0.1)]);
+    let [short, long] = [70.0, 140.0].map(|length| nose(&shaft.with_overhang(length)));
+    assert!(long.compliance > 2.0 * short.compliance);
+    assert!(long.modes[0].omega < short.modes[0].omega);
+    // Cut where no cylinder ends: the same shaft.
+    let mut cut = shaft.clone();
+    cut.sections[1].length_mm.0 = 100.0;
+    cut.sections.insert(2, cut.sections[1]);
+    cut.sections[2].length_mm.0 = 212.0;
+    close(nose(&cut).compliance, short.compliance, STATIC);
+    for (a, b) in nose(&cut).modes.iter().zip(&short.modes) {
+        close(a.omega, b.omega, FREQUENCY);
+    }
+}
+
+#[test]
+fn a_spindle_that_is_none_is_refused() {
+    let good = spindle(&[100.0], [(0.0, 0.0, None, 0.0), (50.0, 0.0, None, 0.0)]);
+    let refused = |change: fn(&mut Spindle)| {
+        let mut other = good.clone();
+        change(&mut other);
+        other.nose().unwrap_err()
+    };
+    let beside = refused(|s| s.bearings[1].at_mm.0 = 101.0);
+    assert_eq!(beside, NoSpindle::Beside { at: 101.0, length: 100.0 });
+    assert_eq!(refused(|s| s.bearings[1].at_mm.0 = 0.0), NoSpindle::Together(0.0));
+    let bore = refused(|s| s.sections[0].bore_mm.0 = 40.0);
+    assert_eq!(bore, NoSpindle::Bore { bore: 40.0, outer: 40.0 });
+    assert_eq!(refused(|s| s.sections.clear()), NoSpindle::Empty);
+    assert_eq!(refused(|s| s.modes = 0), NoSpindle::Modeless);
+}
