@@ -3,7 +3,8 @@
 
 use super::failure::Failure;
 use super::joints::{coordinates, joint_names};
-use std::io;
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::path::Path;
 use workbench::control::row::Row;
@@ -13,14 +14,14 @@ use workbench::read::machine::MachineConfig;
 /// A file with a row for every servo cycle; it takes its name when it is whole.
 pub struct Trace<'a> {
     config: &'a MachineConfig,
-    out: csv::Writer<Whole>,
+    out: Whole,
     file: &'a Path,
     unwritten: Option<Failure>,
 }
 
 impl<'a> Trace<'a> {
     pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
-        let mut out = csv::Writer::from_writer(Whole::new(file)?);
+        let mut out = Whole::new(file)?;
         let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));
         let is_pair = config.second.is_some();
@@ -31,7 +32,8 @@ impl<'a> Trace<'a> {
         let tail = ["tool_x", "tool_y", "tool_z"].map(String::from).into_iter();
         let tail = tail.chain(beside(&["tool_u", "tool_v", "tool_w"])).chain(["feed".into()]);
         let head = head.chain(beside(&["u", "v", "w"]));
-        out.write_record(head.chain(joints.clone()).chain(errors).chain(tail))?;
+        let names: Vec<String> = head.chain(joints.clone()).chain(errors).chain(tail).collect();
+        writeln!(out, "{}", names.join(",")).at(file)?;
         Ok(Self { config, out, file, unwritten: None })
     }
 
@@ -57,12 +59,17 @@ impl<'a> Trace<'a> {
         let second = self.config.second_letters.as_ref();
         second.into_iter().for_each(|letters| letters.put(&row.second.pose, &mut pose));
         let (letters, tools) = if second.is_some() { (9, 3) } else { (6, 0) };
-        let commands = row.joints[..joints].iter().chain(&row.extra.positions[..extra]);
-        let errors = row.errors[..joints].iter().chain(&row.extra.errors[..extra]);
-        let values = pose[..letters].iter().chain(commands).chain(errors).chain(&row.tool);
-        let values = values.chain(&row.second.tool[..tools]).chain([&row.feed]).map(f64::to_string);
-        let record = [time.to_string(), row.line.to_string()].into_iter().chain(values);
-        Ok(self.out.write_record(record).map_err(io::Error::from).at(self.file)?)
+        let values: [&[f64]; 8] = [
+            &pose[..letters],
+            &row.joints[..joints],
+            &row.extra.positions[..extra],
+            &row.errors[..joints],
+            &row.extra.errors[..extra],
+            &row.tool,
+            &row.second.tool[..tools],
+            &[row.feed],
+        ];
+        Ok(write_cycle(&mut self.out, time, row.line, &values.concat()).at(self.file)?)
     }
 
     /// Keeps the file of a run that was judged.
@@ -73,7 +80,15 @@ impl<'a> Trace<'a> {
         if !is_judged {
             return Ok(());
         }
-        let whole = self.out.into_inner().map_err(|error| error.into_error()).at(self.file)?;
-        Ok(whole.finish()?)
+        Ok(self.out.finish()?)
     }
+}
+
+/// Numbers need no quotes; a long program has millions of rows.
+fn write_cycle(out: &mut Whole, time: f64, line: impl Display, values: &[f64]) -> io::Result<()> {
+    write!(out, "{time},{line}")?;
+    for value in values {
+        write!(out, ",{value}")?;
+    }
+    writeln!(out)
 }
