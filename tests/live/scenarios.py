@@ -28,6 +28,10 @@ AT_REST = 1e-6
 # platform badly make some twenty times that of it. Files with all digits are held to AT_REST.
 OF_ROUNDED_HOME = 1e-5
 
+# Roundings of second differences of positions of 1000 mm, as a share of what a joint may do in a cycle squared: 0.0005 mm
+# and more.
+ROUNDED = 1e-9
+
 
 def program(machine: Machine, out, path, lines, seconds):
     """Homes the machine and runs a program, recording every servo cycle."""
@@ -550,7 +554,7 @@ def refused_corrections(machine: Machine, out, joint, good, bad, code):
     assert machine.is_on() and machine.get("axis.x.pos-cmd") == 60
     assert set(recorder.column("effect")) == {good}, "what is in effect has changed"
     share = largest_acceleration_share(machine, recorder)
-    assert share <= 1, f"a joint needed {share} of its acceleration"
+    assert share <= 1 + ROUNDED, f"a joint needed {share} of its acceleration"
     return {"reason": reason_of(machine, code)}
 
 
@@ -675,8 +679,8 @@ def refused_geometry_in_a_move(machine: Machine, out):
     recorder.stop()
     assert_close(machine.pose(), [60, 5, 260, 5, -5, 0], AT_REST, "end of the move")
     share = largest_acceleration_share(machine, recorder)
-    assert share <= 1, f"a joint needed {share} of its acceleration"
-    return {"acceleration_share": share}
+    assert share <= 1 + ROUNDED, f"a joint needed {share} of its acceleration"
+    return {"acceleration_share": round(share, 3)}
 
 
 def largest_acceleration_share(machine, recorder):
@@ -686,7 +690,7 @@ def largest_acceleration_share(machine, recorder):
         way = recorder.column(f"j{n}")
         most = machine.get(f"pkmkins.max-acceleration.{n}") * (SERVO_PERIOD_NS * 1e-9) ** 2
         largest = max([largest, *(abs(a - 2 * b + c) / most for a, b, c in zip(way, way[1:], way[2:]))])
-    return round(largest, 3)
+    return largest
 
 
 def feedback_jump(machine: Machine, out, joint, jump, after):

@@ -39,6 +39,20 @@ impl<const N: usize> Jet<N> {
         jet
     }
 
+    /// The same as a function of M coordinates: where among them its own are, if they are.
+    pub fn among<const M: usize>(&self, places: [Option<usize>; N]) -> Jet<M> {
+        let mut jet = Jet::of(self.value);
+        let own = || places.iter().enumerate().filter_map(|(k, place)| Some((k, (*place)?)));
+        for (k, p) in own() {
+            jet.first[p] = self.first[k];
+            for (j, q) in own() {
+                jet.second[p][q] = self.second[k][j];
+                jet.third[p][q] = self.third[k][j];
+            }
+        }
+        jet
+    }
+
     /// ∂_k ∂_k ∂_j f.
     pub const fn third(&self, k: usize, j: usize) -> Interval {
         self.third[k][j]

@@ -83,7 +83,10 @@ struct Cell {
 struct Platform<const N: usize> {
     /// Centre, as the legs see it.
     point: [Jet<N>; 3],
-    rotation: [[Jet<N>; 3]; 3],
+    /// Of the angles alone, which cost far less than all coordinates.
+    rotation: [[Jet<3>; 3]; 3],
+    /// Where among the coordinates the angles are.
+    angles: [Option<usize>; 3],
 }
 
 /// A proof at work.
@@ -344,20 +347,19 @@ impl<'a> Prover<'a> {
 
     /// The platform over a cell.
     fn platform<const N: usize>(&self, cell: &Cell) -> Platform<N> {
-        let along = |n: usize| {
-            // In degrees, as the box.
-            let x = Interval::new(cell.low[n], cell.high[n]);
-            let unit = if n < 3 { 1.0 } else { RADIANS };
-            Jet::variable(x, self.active.iter().position(|k| *k == n)) * unit
-        };
-        let rotation = rotation([along(3), along(4), along(5)]);
+        let place = |n: usize| self.active.iter().position(|k| *k == n);
+        let range = |n: usize| Interval::new(cell.low[n], cell.high[n]);
+        let angles = [3, 4, 5].map(place);
+        // In degrees, as the box.
+        let angle = |k: usize| Jet::variable(range(k + 3), angles[k].map(|_| k)) * RADIANS;
+        let rotation = rotation([angle(0), angle(1), angle(2)]);
         let reference = times(&rotation, self.geometry.centre);
-        let point = std::array::from_fn(|n| {
+        let point = std::array::from_fn(|n| match place(n) {
+            Some(place) => Jet::variable(range(n), Some(place)) + reference[n].among(angles),
             // Legs do not see coordinates that are held, or the table's.
-            let moved = self.active.contains(&n);
-            if moved { along(n) + reference[n] } else { Jet::constant(0.0) }
+            None => Jet::constant(0.0),
         });
-        Platform { point, rotation }
+        Platform { point, rotation, angles }
     }
 
     /// Joint value of a leg, up to a constant.
@@ -367,10 +369,12 @@ impl<'a> Prover<'a> {
         lead: f64,
         platform: &Platform<N>,
     ) -> Jet<N> {
-        let (rotation, centre) = (&platform.rotation, self.geometry.centre);
+        let Platform { point, rotation, angles } = platform;
+        let centre = self.geometry.centre;
         let arm = times(rotation, std::array::from_fn(|n| leg.platform[n] - centre[n]));
-        let anchor: [Jet<N>; 3] =
-            std::array::from_fn(|n| platform.point[n] + arm[n] - Jet::constant(leg.base[n]));
+        let anchor: [Jet<N>; 3] = std::array::from_fn(|n| {
+            point[n] + (arm[n] - Jet::constant(leg.base[n])).among(*angles)
+        });
         match leg.kind {
             LegKind::Strut(strut) => {
                 let length = dot(&anchor, &anchor).sqrt();
@@ -380,7 +384,7 @@ impl<'a> Prover<'a> {
                 let over = length.inverse();
                 let n = anchor.each_ref().map(|w| w * &over);
                 let axes = [strut.base_axis, strut.platform_axis].map(unit);
-                let turn = torsion(&n, &axes[0], &times(rotation, axes[1]));
+                let turn = torsion(&n, &axes[0], &times(rotation, axes[1]), *angles);
                 length.and(&turn, lead / std::f64::consts::TAU)
             }
             LegKind::Slider(slider) => {
@@ -410,9 +414,9 @@ impl<'a> Prover<'a> {
             LegKind::Ring(ring) => {
                 // From base anchor to ring, as the platform sees it: its own arm does not turn there.
                 let from_base: [Jet<N>; 3] =
-                    std::array::from_fn(|n| platform.point[n] - Jet::constant(leg.base[n]));
+                    std::array::from_fn(|n| point[n] - Jet::constant(leg.base[n]));
                 let [x, y, height]: [Jet<N>; 3] = std::array::from_fn(|k| {
-                    let axis: [Jet<N>; 3] = std::array::from_fn(|n| rotation[n][k]);
+                    let axis: [Jet<N>; 3] = std::array::from_fn(|n| rotation[n][k].among(*angles));
                     dot(&from_base, &axis) + Jet::constant(leg.platform[k] - centre[k])
                 });
                 let rho = (x.squared() + y.squared()).sqrt();
@@ -442,15 +446,17 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
 fn torsion<const N: usize>(
     n: &[Jet<N>; 3],
     base_axis: &[f64; 3],
-    platform_axis: &[Jet<N>; 3],
+    platform_axis: &[Jet<3>; 3],
+    angles: [Option<usize>; 3],
 ) -> Jet<N> {
     let cross: [Jet<N>; 3] = std::array::from_fn(|k| {
         let (p, q) = ((k + 1) % 3, (k + 2) % 3);
-        (platform_axis[q] * base_axis[p]).and(&platform_axis[p], -base_axis[q])
+        (platform_axis[q] * base_axis[p]).and(&platform_axis[p], -base_axis[q]).among(angles)
     });
     let sine = dot(n, &cross);
-    let cosine =
-        dot_fixed(platform_axis, base_axis) - &dot_fixed(n, base_axis) * &dot(platform_axis, n);
+    let of_both: Jet<N> = dot_fixed(platform_axis, base_axis).among(angles);
+    let platform_axis = platform_axis.each_ref().map(|axis| axis.among(angles));
+    let cosine = of_both - &dot_fixed(n, base_axis) * &dot(&platform_axis, n);
     Jet::angle(&sine, &cosine)
 }
 
