@@ -367,7 +367,7 @@ certify: setup module
 	    --nocapture --test-threads=1
 	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
 
-# Ten seconds on two cores; `make test` proves all but the hexapod's.
+# Three seconds on two cores; `make test` proves all but the hexapod's.
 boxes:
 	$(HOST_BUILD) --bin pkm
 	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done

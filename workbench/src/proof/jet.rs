@@ -6,7 +6,7 @@
 //! compositions need no others, and what several third derivatives have in common is computed once.
 
 use crate::proof::interval::Interval;
-use std::ops::{Add, Mul, Neg, Sub};
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// Derivatives up to the third in N coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,16 +88,20 @@ impl<const N: usize> Jet<N> {
     /// Every number of it changed, beside the same one of another jet.
     #[inline]
     fn beside(mut self, o: &Self, of: impl Fn(Interval, Interval) -> Interval) -> Self {
-        let change = |mine: &mut [Interval], other: &[Interval]| {
-            for (x, y) in mine.iter_mut().zip(other) {
-                *x = of(*x, *y);
-            }
-        };
-        self.value = of(self.value, o.value);
-        change(&mut self.first, &o.first);
-        change(self.second.as_flattened_mut(), o.second.as_flattened());
-        change(self.third.as_flattened_mut(), o.third.as_flattened());
+        self.change(o, of);
         self
+    }
+
+    #[inline]
+    fn change(&mut self, o: &Self, of: impl Fn(Interval, Interval) -> Interval) {
+        self.value = of(self.value, o.value);
+        for k in 0..N {
+            self.first[k] = of(self.first[k], o.first[k]);
+            for j in 0..N {
+                self.second[k][j] = of(self.second[k][j], o.second[k][j]);
+                self.third[k][j] = of(self.third[k][j], o.third[k][j]);
+            }
+        }
     }
 
     /// This one, and as much of another.
@@ -164,8 +168,15 @@ impl<const N: usize> Jet<N> {
 
     /// Its square.
     pub fn squared(&self) -> Self {
-        let x = self.value;
-        self.composed([x.squared(), x * 2.0, Interval::point(2.0), Interval::ZERO])
+        let Self { value: x, first: f, second: ff, third: fff } = self;
+        let two_f = f.map(|x| x + x);
+        let twice = |x: Interval| x + x;
+        Self::with(
+            x.squared(),
+            |k| *x * two_f[k],
+            |k, j| twice(*x * ff[k][j] + if k == j { f[k].squared() } else { f[k] * f[j] }),
+            |k, j| twice(*x * fff[k][j] + ff[k][k] * f[j] + two_f[k] * ff[k][j]),
+        )
     }
 
     /// Sine and cosine of an angle in radians.
@@ -201,6 +212,13 @@ impl<const N: usize> Add for Jet<N> {
     #[inline]
     fn add(self, o: Self) -> Self {
         self.beside(&o, |x, y| x + y)
+    }
+}
+
+impl<const N: usize> AddAssign<&Self> for Jet<N> {
+    #[inline]
+    fn add_assign(&mut self, o: &Self) {
+        self.change(o, |x, y| x + y);
     }
 }
 

@@ -373,7 +373,9 @@ impl<'a> Prover<'a> {
         let centre = self.geometry.centre;
         let arm = times(rotation, std::array::from_fn(|n| leg.platform[n] - centre[n]));
         let anchor: [Jet<N>; 3] = std::array::from_fn(|n| {
-            point[n] + (arm[n] - Jet::constant(leg.base[n])).among(*angles)
+            let mut place = (arm[n] - Jet::constant(leg.base[n])).among(*angles);
+            place += &point[n];
+            place
         });
         match leg.kind {
             LegKind::Strut(strut) => {
@@ -479,7 +481,10 @@ fn dot<const N: usize>(a: &[Jet<N>; 3], b: &[Jet<N>; 3]) -> Jet<N> {
     let product = |k: usize| {
         if std::ptr::eq(a, b) { a[k].squared() } else { &a[k] * &b[k] }
     };
-    product(0) + product(1) + product(2)
+    let mut sum = product(0);
+    sum += &product(1);
+    sum += &product(2);
+    sum
 }
 
 fn dot_fixed<const N: usize>(a: &[Jet<N>; 3], b: &[f64; 3]) -> Jet<N> {
