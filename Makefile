@@ -144,13 +144,12 @@ calibration-demo: install
 # keep one core busy, and what is built keeps both. Where one fails the others go on.
 BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 
-NEEDED := setup-more ini-cases built
-
 # First what the others need; then machines live, and behind them, in the time that these leave, what needs no
-# real clock. The fuzz targets need none of it.
+# real clock.
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
-	$(BESIDE)=4 test-machines test-programs test-aside fuzz-short
+	$(BESIDE)=3 setup-more ini-cases built
+	$(BESIDE)=3 test-machines test-programs test-aside
 
 # apt runs once at a time.
 setup-more: setup
@@ -164,7 +163,7 @@ built: $(if $(shell command -v cc),rust,setup)
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
-test-machines: $(NEEDED)
+test-machines: setup
 	$(MAKE) --no-print-directory test-live
 	tests/live/truth.py --live short --alone --out build/truth-live
 	tests/viewer/screens.py --only $(THREE)
@@ -174,11 +173,12 @@ test-machines: $(NEEDED)
 # Never before a machine that is live, which a priority alone does not make sure of.
 BEHIND := chrt --idle 0
 
-test-programs: $(NEEDED)
+test-programs: setup
 	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 
 # What needs cargo comes last: it would wait for the tests to be built.
-test-aside: $(NEEDED)
+test-aside: setup
+	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
@@ -218,8 +218,8 @@ site: setup-site
 	$(HOST_BUILD) --bin pkm
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
-fuzz-short: setup module
-	$(BEHIND) fuzz/run.sh
+fuzz-short: setup
+	fuzz/run.sh
 
 ini-cases: install
 	tests/cases/ini/run.py

@@ -528,8 +528,8 @@ def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
 # -------------------------------------------------------------------- drives
 
 BOARD = REPOSITORY / "tests/live/board"
-# Slow enough for a busy computer without a real-time kernel, whose base thread stood still for 36 ms, and beside all
-# that make test runs for more than 125 ms, twice in ten runs: struts run at some 2 mm/s, and 0.5 mm are allowed.
+# Slow enough for a busy computer without a real-time kernel, whose base thread stood still for 36 ms, and for more than
+# 125 ms where make test built one thing more beside it: struts run at some 2 mm/s, and 0.5 mm are allowed.
 ON_DRIVES = ["G21 G17 G40 G49 G54 G64 P0.01 G80 G90 G94", "G1 F120 X5 Y-4 Z253 A1 B-1 C1",
              "G1 X-5 Y3 Z248 A-1 B1 C-1", "G1 X0 Y0 Z250 A0 B0 C0", "M2"]
 # ns; behind the names of a card software makes the steps and counts the encoders.
