@@ -88,12 +88,17 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Se
     }
     let most = seen.refused.iter().max_by_key(|(_, count)| **count);
     let of = most.map_or(String::new(), |(limit, _)| format!(", mostly by the {}", limit.name()));
+    let (severity, found) = match seen.taken {
+        0 => (Severity::Error, format!("none of {DRAWN} poses drawn from the axis limits: they")),
+        _ => (
+            Severity::Warning,
+            format!("only {percent:.1} % of the poses in the axis limits: most"),
+        ),
+    };
     let text = format!(
-        "the machine can take only {percent:.1} % of the poses in the axis limits: most are refused{of}. See whether \
-         a sign or a unit of that is wrong; else take the limits at the end, which are proved, as pkm check \
-         --fix does"
+        "the machine can take {found} are refused{of}. See whether a sign or a unit of that is wrong; else take the \
+         limits at the end, which are proved, as pkm check --fix does"
     );
-    let severity = if seen.taken == 0 { Severity::Error } else { Severity::Warning };
     report.finding(severity, first_axis(ini, config, &text));
 }
 
