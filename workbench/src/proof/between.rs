@@ -54,7 +54,8 @@ impl Reach<'_> {
     /// Lines of the legs and of the platform about a pose, and whether anything is known of how they
     /// bend on the way from `middle - step` to `middle + step`.
     fn lines(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<(Vec<Line>, bool), Fault> {
-        let middle = self.middle(middle)?;
+        let mut at = self.nowhere();
+        let middle = self.middle(&mut at, middle)?;
         let spread = self.spread([*step]);
         let legs = 0..self.config.legs();
         let seconds: Option<Vec<_>> =

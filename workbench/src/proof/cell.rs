@@ -84,7 +84,8 @@ struct Unproved {
 impl Reach<'_> {
     /// What is known of a cell.
     pub fn judge(&self, cell: &Cell) -> Verdict {
-        let middle = match self.middle(&cell.middle) {
+        let mut at = self.nowhere();
+        let middle = match self.middle(&mut at, &cell.middle) {
             Ok(middle) => middle,
             Err(fault) => return Verdict::Outside(Stop::Fault(fault)),
         };
@@ -142,7 +143,8 @@ impl Reach<'_> {
     /// # Errors
     /// The pose in the middle has no joint values.
     pub fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
-        let middle = self.middle(middle)?;
+        let mut at = self.nowhere();
+        let middle = self.middle(&mut at, middle)?;
         let spread = self.spread(steps.iter().copied());
         let seconds: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.second_derivatives(i, &middle, &spread)).collect();

@@ -73,7 +73,7 @@ type Motions = ([Vector3<f64>; 6], [Vector3<f64>; 6]);
 
 /// The middle of a cell.
 pub(super) struct Middle<'a> {
-    pub(super) at: At<'a>,
+    pub(super) at: &'a At<'a>,
     pub(super) gradient: Jacobian,
     pub(super) rotation: Matrix3<f64>,
     /// Axes that A, B and C turn about, in base.
@@ -169,8 +169,18 @@ impl<'a> Reach<'a> {
         at.check(&self.limits).map_err(Stop::Limit)
     }
 
-    pub(super) fn middle(&self, pose: &[f64; 6]) -> Result<Middle<'a>, Fault> {
-        let at = self.at(pose)?;
+    /// At no pose yet: memory for [`Self::middle`], which is too large to be handed on.
+    pub(super) fn nowhere(&self) -> At<'a> {
+        self.config.machine.nowhere()
+    }
+
+    pub(super) fn middle<'b>(
+        &self,
+        at: &'b mut At<'a>,
+        pose: &[f64; 6],
+    ) -> Result<Middle<'b>, Fault> {
+        at.move_to(&Pose::from_degrees(*pose), &self.tool)?;
+        let at: &'b At<'b> = at;
         let ((sb, cb), (sc, cc)) = (at.pose().angles.y.sin_cos(), at.pose().angles.z.sin_cos());
         let mut middle = Middle {
             gradient: at.pose_jacobian()?,

@@ -12,7 +12,7 @@
 //! platform at every pose of the cell.
 
 use crate::proof::bounds::SecondDerivatives;
-use crate::proof::reach::{Middle, ROUNDING, Reach, Spread, lead};
+use crate::proof::reach::{LegMiddle, Middle, ROUNDING, Reach, Spread, lead};
 use kinematics::{At, MAX_LEGS, Vector3};
 use nalgebra::{Matrix6, SMatrix, Vector6};
 use std::f64::consts::PI;
@@ -41,6 +41,21 @@ pub(super) struct Regularity {
     pub(super) shares: Vec<f64>,
 }
 
+/// How the platform turns along a step.
+struct Turn {
+    whole: Vector3<f64>,
+    /// What the axes of A, B and C change by: R = Rz Ry Rx, every one turns with those further left in the
+    /// product.
+    of_axes: [Vector3<f64>; 3],
+}
+
+impl Turn {
+    fn of(step: &[f64; 6], axes: &[Vector3<f64>; 3]) -> Self {
+        let of = |from: usize| -> Vector3<f64> { (from..3).map(|m| axes[m] * step[m + 3]).sum() };
+        Self { whole: of(0), of_axes: std::array::from_fn(|k| of(k + 1).cross(&axes[k])) }
+    }
+}
+
 impl Reach<'_> {
     /// How well the legs hold the platform over a cell.
     pub(super) fn regularity(
@@ -51,14 +66,15 @@ impl Reach<'_> {
     ) -> Regularity {
         let extents = self.extents(spread);
         let unknown = |shares| Regularity { share: 0.0, is_regular: false, inverse: 1.0, shares };
-        let rows = constraint_rows(&middle.at);
+        let rows = constraint_rows(middle.at);
         let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
-        let rest = self.row_rest(spread, seconds);
-        let change = |step| (inverse * self.row_slopes(middle, step)).abs();
+        let rest = inverse.abs() * self.row_rest(spread, seconds);
+        let levers: Vec<_> = (0..middle.legs.len()).map(|i| self.lever(i, middle)).collect();
+        let change = |step| self.change_along(step, middle, &levers, &inverse);
         let changes: Vec<Square> = spread.steps.iter().map(change).collect();
-        let bound = changes.iter().fold(inverse.abs() * rest, |sum, change| sum + change);
+        let bound = changes.iter().fold(rest, |sum, change| sum + change);
         let whole: f64 = extents.iter().sum();
-        let beside = (inverse.abs() * rest).norm() / whole;
+        let beside = rest.norm() / whole;
         let share = |(change, extent): (&Square, &f64)| change.norm() + beside * extent;
         let shares = changes.iter().zip(&extents).map(share).collect();
         let is_bounded = spectral_radius(&bound) < 1.0 - ROUNDING;
@@ -66,7 +82,7 @@ impl Reach<'_> {
             true => self.is_regular_with_nuts(middle, spread, seconds, (&rows, &inverse, &bound)),
             false => is_bounded,
         };
-        let series = (Square::identity() - bound).try_inverse().filter(|_| is_bounded);
+        let series = is_bounded.then(|| (Square::identity() - bound).try_inverse()).flatten();
         let norm = series.map(|sum| spectral_radius(&sum.tr_mul(&sum)).sqrt());
         let share = norm.map_or(0.0, |norm| (1.0 - ROUNDING) / norm);
         // The largest eigenvalue is at most the fourth root of the trace of the fourth power.
@@ -123,36 +139,60 @@ impl Reach<'_> {
         self.lever_from(&self.about, i, middle)
     }
 
-    /// Change of the constraint rows along a step, machine units and radians.
-    fn row_slopes(&self, middle: &Middle, step: &[f64; 6]) -> Rows {
-        let mut slopes = Rows::zeros();
-        let per_radius = 1.0 / self.config.machine.radius();
-        let turn: Vector3<f64> = (0..3).map(|k| middle.axes[k] * step[k + 3]).sum();
-        let moved = || (0..6).filter(|k| step[*k] != 0.0);
-        for (i, leg) in middle.legs.iter().enumerate() {
-            let change: Vector3<f64> = moved().map(|k| leg.changes[k] * step[k]).sum();
-            let turned = (change - leg.n * leg.n.dot(&change)) / leg.length;
-            let lever = self.lever(i, middle);
-            let moment = lever.cross(&leg.n);
-            let slide: Vector3<f64> = moved().map(|k| leg.slides[k] * step[k]).sum();
-            let slope = (turn.cross(&lever) + slide).cross(&leg.n) + lever.cross(&turned);
-            for k in (0..3).filter(|k| self.active[*k]) {
-                slopes[(i, k)] = turned[k];
-            }
-            for k in (0..3).filter(|k| self.active[k + 3]) {
-                let mut entry = self.axis(k, middle).dot(&slope);
-                if !self.is_about_base() {
-                    // R = Rz Ry Rx: every axis turns with those further left in the product.
-                    let outer = (k + 1..3).map(|m| middle.axes[m] * step[m + 3]);
-                    entry += outer.sum::<Vector3<f64>>().cross(&middle.axes[k]).dot(&moment);
-                }
-                slopes[(i, k + 3)] = entry * per_radius;
-            }
+    /// Amounts of the pseudo-inverse times the change of the constraint rows along a step, machine units
+    /// and radians.
+    fn change_along(
+        &self,
+        step: &[f64; 6],
+        middle: &Middle,
+        levers: &[Vector3<f64>],
+        inverse: &Inverse,
+    ) -> Square {
+        let mut change = Square::zeros();
+        // A cell has a step along every coordinate, also along those that stand still.
+        if *step == [0.0; 6] {
+            return change;
         }
-        slopes
+        let turn = Turn::of(step, &middle.axes);
+        for (i, (leg, lever)) in middle.legs.iter().zip(levers).enumerate() {
+            let slope = self.row_slope(step, (leg, lever), middle, &turn);
+            change.ger(1.0, &inverse.column(i), &slope, 1.0);
+        }
+        change.abs()
     }
 
-    /// Bound of what the constraint rows change by in the cell beside [`Self::row_slopes`].
+    /// Change of a leg's constraint row along a step.
+    fn row_slope(
+        &self,
+        step: &[f64; 6],
+        (leg, lever): (&LegMiddle, &Vector3<f64>),
+        middle: &Middle,
+        turn: &Turn,
+    ) -> Vector6<f64> {
+        let along = |ways: &[Vector3<f64>; 6]| -> Vector3<f64> {
+            (0..6).filter(|k| step[*k] != 0.0).map(|k| ways[k] * step[k]).sum()
+        };
+        let change = along(&leg.changes);
+        let turned = (change - leg.n * leg.n.dot(&change)) / leg.length;
+        let moment = lever.cross(&leg.n);
+        let slope =
+            (turn.whole.cross(lever) + along(&leg.slides)).cross(&leg.n) + lever.cross(&turned);
+        let per_radius = 1.0 / self.config.machine.radius();
+        let mut row = Vector6::zeros();
+        for k in (0..3).filter(|k| self.active[*k]) {
+            row[k] = turned[k];
+        }
+        for k in (0..3).filter(|k| self.active[k + 3]) {
+            let mut entry = self.axis(k, middle).dot(&slope);
+            if !self.is_about_base() {
+                entry += turn.of_axes[k].dot(&moment);
+            }
+            row[k + 3] = entry * per_radius;
+        }
+        row
+    }
+
+    /// Bound of what the constraint rows change by in the cell beside [`Self::row_slope`].
     fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> Rows {
         let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
         let mut rest = Rows::zeros();
@@ -178,7 +218,7 @@ impl Reach<'_> {
     /// The constraint rows with those of the joints in place of the struts'.
     fn rows_of_nuts(&self, middle: &Middle) -> Option<Rows> {
         let of_twist = middle.at.inverse_jacobian().ok()?;
-        let mut rows = constraint_rows(&middle.at);
+        let mut rows = constraint_rows(middle.at);
         let per_radius = 1.0 / self.config.machine.radius();
         // From the control point to the one that the rows are about.
         let lever = middle.rotation * (self.tool + self.about);
