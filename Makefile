@@ -343,12 +343,16 @@ msrv: setup
 prove: setup module
 	$(HOST_RUN) --bin prove
 
-# Under valgrind; `counts-write` makes what is found now the bounds, with a margin.
+# Under valgrind; `counts-write` makes what is found now the bounds, with a margin, and writes the tables of
+# docs/real-time.md.
 counts: setup module
 	$(HOST_RUN) --bin counts
 
 counts-write: setup module
-	$(HOST_RUN) --bin counts write
+	@mkdir -p build
+	$(HOST_RUN) --bin counts write > build/counts.md
+	sed -i -e '/^<!-- make counts-write writes/,/^<!-- until here/{//!d}' \
+	    -e '/^<!-- make counts-write writes/r build/counts.md' docs/real-time.md
 
 # Writes the tables of docs/benchmarks.md: what follows its comment line.
 BENCH := docs/benchmarks.md

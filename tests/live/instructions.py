@@ -26,8 +26,8 @@ from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileg
 
 MODULE = Path("/usr/lib/linuxcnc/modules/pkmkins.so")
 BROWSERS = 10
-# The module writes what only people read in turns of eight cycles.
-CYCLES = 8
+# Whole turns in which the module writes what only people read.
+CYCLES = 16
 # Whether a drive's last digit has moved, and how long the last cycle took, are branches: two counts of the machine
 # alone differ by 0.1 %.
 SLACK = 0.005

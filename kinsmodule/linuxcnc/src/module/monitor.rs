@@ -5,8 +5,8 @@ use super::{Kind, Module};
 use crate::guard::{Cycle, Shown};
 use kinematics::{Fault, Pose};
 
-/// Cycles in which all of what only people read is shown anew.
-const SHOWN_IN: u32 = 8;
+/// Cycles in which all of what only people read is shown anew: sixty times a second at 1 kHz.
+const SHOWN_IN: u32 = 16;
 
 impl Module {
     /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
@@ -52,9 +52,9 @@ impl Module {
             // Two mechanisms show their poses in cycles of their own.
             shows: match (self.turn + u32::from(self.place.is_second)) % SHOWN_IN {
                 1 => Some(Shown::Joints),
-                3 => Some(Shown::Cones),
-                5 => Some(Shown::Nearest),
-                7 => Some(Shown::Conditioning),
+                5 => Some(Shown::Cones),
+                9 => Some(Shown::Nearest),
+                13 => Some(Shown::Conditioning),
                 _ => None,
             },
         })

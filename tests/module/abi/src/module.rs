@@ -25,6 +25,9 @@ pub type Jacobian = [[f64; 9]; 16];
 /// What the servo thread's period is in the tests, in nanoseconds.
 const PERIOD: i64 = 1_000_000;
 
+/// Cycles after which all that only people read has been shown: a few turns of the module's.
+pub const ALL_IS_SHOWN: usize = 50;
+
 /// `kinematicsForward`.
 pub type ForwardFn =
     unsafe extern "C" fn(*const f64, *mut Pose, *const c_ulong, *mut c_ulong) -> c_int;
@@ -164,10 +167,9 @@ impl Module {
         self.monitor_in_cycle_of(PERIOD);
     }
 
-    /// As many runs of the monitor as it takes to show all that only people read: it shows a part of it in
-    /// every second one.
+    /// Runs the monitor until all that only people read has been shown.
     pub fn monitor_until_all_is_shown(&self) {
-        for _ in 0..8 {
+        for _ in 0..ALL_IS_SHOWN {
             self.monitor();
         }
     }

@@ -2,7 +2,7 @@
 //! Corrections of joints while the machine runs.
 
 use abi_tests::machines::paper_004;
-use abi_tests::module::{Module, Pose};
+use abi_tests::module::{ALL_IS_SHOWN, Module, Pose};
 use kinematics::Cause;
 
 const POSE: Pose = [10.0, -20.0, 260.0, 12.0, -5.0, 0.0, 0.0, 0.0, 0.0];
@@ -106,7 +106,7 @@ fn the_range_of_the_joint_keeps_room_for_it() {
     let joint = cycle(&module)[2];
     module.set("min-limit.2", joint - 5.0);
     module.set("max-limit.2", joint + 50.0);
-    (0..8).for_each(|_| {
+    (0..ALL_IS_SHOWN).for_each(|_| {
         cycle(&module);
     });
     assert!((module.get("margin.2") - 4.9).abs() < 1e-9, "{}", module.get("margin.2"));

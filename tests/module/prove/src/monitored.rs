@@ -42,7 +42,7 @@ pub fn move_on(case: &Case, control: &Control, module: &Module) {
 }
 
 /// Ends a motion and what was told about it. The number of cycles is odd together with those of the
-/// motion, so that one case after the other counts each of the eight cycles in which the monitor shows all it has.
+/// motion, so that one case after the other counts each of the cycles in which the monitor shows all it has.
 fn stand_still(module: &Module) {
     module.set("requested-vel", 0.0);
     for reset in [1.0, 0.0, 0.0] {
