@@ -520,7 +520,7 @@ uninstall:
 # Apart from `install`: the computer that plans need not be the one that cuts.
 PKM := target/host/pkm
 pkm-built: builds-pkm
-	$(HOST_BUILD) --config profile.host.package.pkm.opt-level=3 --config profile.host.package.workbench.opt-level=3 --bin pkm
+	$(HOST_BUILD) $(foreach crate,pkm workbench draw,--config profile.host.package.$(crate).opt-level=3) --bin pkm
 
 install-pkm: pkm-built
 	rm -rf build/pkm && $(PKM) man build/pkm/man

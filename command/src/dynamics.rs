@@ -9,14 +9,14 @@ use super::vibration::{
     response_row, roots, tell,
 };
 use super::{Bar, MachineFile, Verdict, in_words, output};
+use draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
+use draw::plot::Plot;
 use kinematics::{Matrix3, Pose, Vector3};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use workbench::control::process;
 use workbench::control::row::Ending;
-use workbench::draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
-use workbench::draw::plot::Plot;
 use workbench::dynamics::linear::Linear;
 use workbench::dynamics::milling::{Milling, frame};
 use workbench::dynamics::model::Model;

@@ -3,10 +3,10 @@
 
 use super::failure::Failure;
 use super::{MachineFile, Verdict, output, write_out};
+use draw::frames::of_machine;
 use serde_json::json;
 use std::path::PathBuf;
 use workbench::check::screws;
-use workbench::draw::frames::of_machine;
 use workbench::read::error::MachineError;
 use workbench::read::machine::MachineConfig;
 

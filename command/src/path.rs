@@ -3,6 +3,8 @@
 
 use super::failure::{Failure, refused};
 use super::{MachineFile, Verdict, output, write_out};
+use draw::curve::{of_carriages, of_job, of_route};
+use draw::plot::{DrawError, Plot};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use workbench::curve::carriages;
@@ -10,8 +12,6 @@ use workbench::curve::file::PathFile;
 use workbench::curve::job::{self, Job, job};
 use workbench::curve::route::{Route, route};
 use workbench::curve::table::csv;
-use workbench::draw::curve::{of_carriages, of_job, of_route};
-use workbench::draw::plot::{DrawError, Plot};
 use workbench::files::write_whole;
 use workbench::read::machine::MachineConfig;
 

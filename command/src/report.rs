@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the page of `pkm preflight --report` tells.
 
+use draw::over::Mark;
+use draw::page::LimitRow;
 use kinematics::{Limit, Margin};
-use workbench::draw::over::Mark;
-use workbench::draw::page::LimitRow;
 use workbench::limits;
 use workbench::program::course::{Abscissa, Thinned};
 use workbench::program::findings::{Break, LeastMargin, Preflight, Range, Rule, Time};

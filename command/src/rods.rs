@@ -6,11 +6,11 @@ use super::joints::{coordinates, joint_names};
 use super::output::Table;
 use super::poses::{Source, Stop};
 use super::{MachineFile, StudyFile, Verdict};
+use draw::course::Course;
+use draw::plot::Plot;
+use draw::rods::of_rods;
 use kinematics::Vector3;
 use std::path::PathBuf;
-use workbench::draw::course::Course;
-use workbench::draw::plot::Plot;
-use workbench::draw::rods::of_rods;
 use workbench::read::machine::MachineConfig;
 use workbench::study::rods::{Rods, View};
 

@@ -4,12 +4,12 @@
 use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
 use super::{Bar, MachineFile, StudyFile, Verdict, in_words, moves, output};
+use draw::plot::Plot;
+use draw::sensitivity::of_sensitivity;
 use kinematics::{Letter, Pose, Vector3};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::draw::plot::Plot;
-use workbench::draw::sensitivity::of_sensitivity;
 use workbench::files::write_whole;
 use workbench::program::replay::replay_seen;
 use workbench::proof::axis_box;

@@ -4,13 +4,13 @@
 use super::failure::{Failure, refused, tell_error};
 use super::poses::At;
 use super::{Bar, MachineFile, Verdict, in_words, output};
+use draw::ellipsoid::of_ellipsoids;
+use draw::plot::Plot;
+use draw::stiffness::{of_platform_sizes, of_stiffness};
 use kinematics::{Pose, Vector3};
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::draw::ellipsoid::of_ellipsoids;
-use workbench::draw::plot::Plot;
-use workbench::draw::stiffness::{of_platform_sizes, of_stiffness};
 use workbench::files::{Locate, csv, write_whole};
 use workbench::proof::axis_box;
 use workbench::read::machine::MachineConfig;

@@ -4,14 +4,14 @@
 use super::failure::{Failure, refused};
 use super::joints::Tool;
 use super::{Bar, MachineFile, StudyFile, Verdict, output};
+use draw::plot::Plot;
+use draw::workspace::of_workspace;
 use kinematics::Vector3;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
-use workbench::draw::plot::Plot;
-use workbench::draw::workspace::of_workspace;
 use workbench::files::write_whole;
 use workbench::read::machine::MachineConfig;
 use workbench::study::body::{Body, Counted, Effort, counted, csv, obj};

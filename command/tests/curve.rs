@@ -2,6 +2,7 @@
 //! Curves of one-parametric families: points, tangents, lengths, joints.
 
 use crate::shipped::config;
+use draw::curve::of_route;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -13,7 +14,6 @@ use workbench::curve::motion::{Pace, node};
 use workbench::curve::route::{Route, route};
 use workbench::curve::table::rows;
 use workbench::curve::whole::{Curve, CurveError};
-use workbench::draw::curve::of_route;
 use workbench::program::interpreter::{Move, MoveKind, moves};
 use workbench::read::machine::MachineConfig;
 

@@ -3,12 +3,12 @@
 
 use crate::commands::Bench;
 use crate::shipped::config;
+use draw::margins::{Figure, figures};
+use draw::over::Mark;
+use draw::page::{Report, Verdict, of_program};
 use kinematics::{MAX_JOINTS, Pose};
 use std::fs;
 use workbench::control::row::{Beside, Extra, Flags, Row};
-use workbench::draw::margins::{Figure, figures};
-use workbench::draw::over::Mark;
-use workbench::draw::page::{Report, Verdict, of_program};
 use workbench::program::course::{Course, Sample, Thinned};
 use workbench::read::machine::MachineConfig;
 

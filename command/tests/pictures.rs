@@ -4,12 +4,12 @@
 
 use crate::commands::Bench;
 use crate::shipped::{MACHINES, config};
+use draw::curve::of_route;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use workbench::curve::file::PathFile;
 use workbench::curve::route::route;
-use workbench::draw::curve::of_route;
 
 /// Words of units; names of axes that have none say so.
 const UNITS: [&str; 7] =

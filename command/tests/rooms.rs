@@ -31,14 +31,21 @@ const ROOMS: [(&str, &[&str]); 19] = [
 /// The files that list the rooms: each is a library of its own.
 const LIBRARIES: [&str; 2] = ["lib", "machine"];
 
+/// The room that is a library above all others, with a folder of its own.
+const DRAW: &str = "draw";
+
 /// A file, by its room and its name; files of the library's own folder are rooms without names.
 type File = (String, String);
 
 /// What each file of the library uses of the others.
 fn uses() -> BTreeMap<File, BTreeSet<File>> {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../workbench/src");
+    let workbench = Path::new(env!("CARGO_MANIFEST_DIR")).join("../workbench");
     let mut uses = BTreeMap::new();
-    for entry in folder(&source) {
+    let drawing = folder(&workbench.join("draw/src")).into_iter();
+    for file in drawing.filter(|file| !LIBRARIES.contains(&stem(file).as_str())) {
+        uses.insert((DRAW.into(), stem(&file)), named(&file, DRAW));
+    }
+    for entry in folder(&workbench.join("src")) {
         let room = stem(&entry);
         if entry.is_dir() {
             for file in folder(&entry).into_iter().filter(|file| stem(file) != "mod") {
@@ -66,7 +73,10 @@ fn named(file: &Path, room: &str) -> BTreeSet<File> {
     let text = std::fs::read_to_string(file).unwrap();
     let code = text.split("#[cfg(test)]").next().unwrap();
     let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-    let words: String = lines.collect::<Vec<_>>().join("\n");
+    let mut words: String = lines.collect::<Vec<_>>().join("\n");
+    if room == DRAW {
+        words = words.replace("crate::", "crate::draw::").replace("workbench::", "crate::");
+    }
     assert!(!words.contains("crate::{"), "{}: one `use` a room", file.display());
     let part = |path: &str| -> String {
         path.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()

@@ -4,14 +4,14 @@
 use super::super::Verdict;
 use super::super::failure::Failure;
 use super::super::output;
+use draw::plot::Plot;
+use draw::stability::{of_overhangs, of_partitions, of_responses};
 use nalgebra::{Complex, ComplexField};
 use serde::Serialize;
 use serde_json::json;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::draw::plot::Plot;
-use workbench::draw::stability::{of_overhangs, of_partitions, of_responses};
 use workbench::files::{Locate, csv, write_whole};
 use workbench::stability::lag::{Crossing, Lag};
 use workbench::stability::response::{Response, unwrapped};

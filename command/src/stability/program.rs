@@ -4,13 +4,13 @@
 use super::super::failure::{Failure, refused};
 use super::super::{Bar, MachineFile, Verdict, in_words, output};
 use super::{Speeds, setup};
+use draw::plot::Plot;
+use draw::stability::of_path;
 use kinematics::Pose;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
 use workbench::cut::program;
-use workbench::draw::plot::Plot;
-use workbench::draw::stability::of_path;
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::interpreter::{self, Move, MoveKind, Spindle};
 use workbench::read::machine::MachineConfig;

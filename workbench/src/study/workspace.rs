@@ -58,7 +58,7 @@ impl Border {
     }
 
     /// Name of its kind.
-    pub(crate) const fn kind(&self) -> &'static str {
+    pub const fn kind(&self) -> &'static str {
         match (self.limit, self.is_low) {
             _ if self.is_between => "the other mechanism too near",
             (Limit::Reach, _) => "out of reach",
@@ -69,7 +69,7 @@ impl Border {
     }
 
     /// Kinds of borders in one order.
-    pub(crate) fn rank(&self) -> (usize, bool) {
+    pub fn rank(&self) -> (usize, bool) {
         if self.is_between {
             return (Limit::ALL.len(), false);
         }
@@ -189,7 +189,7 @@ impl Ray {
     }
 
     /// Distance and limit of every crossing.
-    pub(crate) fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
+    pub fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
         let first = (self.exit(), self.limit);
         let others = self.inside[1..].iter().zip(&self.others);
         let others = others.flat_map(|(ends, limits)| ends.iter().copied().zip(*limits));

@@ -2,13 +2,13 @@
 //! The report of a run as a folder: one page and its plots.
 
 use crate::trace::{Report, RunResult};
+use draw::motion;
+use draw::page::page;
+use draw::plot::Plot;
+use draw::sample::Sample;
 use maud::{Markup, html};
 use std::error::Error;
 use std::path::Path;
-use workbench::draw::motion;
-use workbench::draw::page::page;
-use workbench::draw::plot::Plot;
-use workbench::draw::sample::Sample;
 use workbench::files::write_whole;
 use workbench::read::machine::MachineConfig;
 

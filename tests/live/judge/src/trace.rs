@@ -5,12 +5,12 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
+use draw::sample::Sample;
 use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
 use workbench::check::mobility::Structure;
-use workbench::draw::sample::Sample;
 use workbench::limits;
 use workbench::read::joints::{Group, JointKind};
 use workbench::read::machine::MachineConfig;

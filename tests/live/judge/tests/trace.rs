@@ -2,9 +2,9 @@
 //! Traces made up from the host library are judged as they deserve, and the report of
 //! `judge` holds what it promises.
 
+use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
-use workbench::draw::sample::Sample;
 use workbench::read::joints::JointKind;
 use workbench::read::machine::MachineConfig;
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The smallest stiffness: over a plane, and by the size of the platform.
 
-use crate::draw::contour::contoured;
-use crate::draw::lines::{Line, drawn_lines};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::Frame;
-use crate::study::map::Map;
+use crate::contour::contoured;
+use crate::lines::{Line, drawn_lines};
+use crate::plot::{DrawError, Plot};
+use crate::sheet::Frame;
 use kinematics::Letter;
+use workbench::study::map::Map;
 
 /// Maps of the smallest stiffness of translation and of rotation in one plane.
 ///

@@ -2,15 +2,15 @@
 //! A slice of a workspace: the area that is reached, its border by what limits it, and the limits of
 //! the axes.
 
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::without_stairs;
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, Frame, path_axes};
-use crate::draw::style::{BLUE, limit_style, line_style};
-use crate::read::machine::MachineConfig;
-use crate::study::slice::Slice;
-use crate::study::workspace::{Border, Ray};
+use crate::key::{Key, Sign, keyed};
+use crate::lines::without_stairs;
+use crate::plot::DrawError;
+use crate::sheet::{Chart, Frame, path_axes};
+use crate::style::{BLUE, limit_style, line_style};
 use plotters::prelude::*;
+use workbench::read::machine::MachineConfig;
+use workbench::study::slice::Slice;
+use workbench::study::workspace::{Border, Ray};
 
 /// Of the area within.
 const INSIDE: f64 = 0.14;

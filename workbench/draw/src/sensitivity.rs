@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What errors of the joints do: bars at one pose, and lines along a motion.
 
-use crate::draw::course::{Course, lines_over, strips_over};
-use crate::draw::lines::Line;
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, drawn, tick};
-use crate::draw::strips::Strip;
-use crate::draw::style::{FONT, NAME, PALE, SMALL, TITLE, area_colour, letters_at};
-use crate::draw::thin::thin;
-use crate::read::machine::MachineConfig;
-use crate::study::sensitivity::{Point, Sensitivity};
+use crate::course::{Course, lines_over, strips_over};
+use crate::lines::Line;
+use crate::plot::{DrawError, Plot};
+use crate::sheet::{Frame, drawn, tick};
+use crate::strips::Strip;
+use crate::style::{FONT, NAME, PALE, SMALL, TITLE, area_colour, letters_at};
+use crate::thin::thin;
 use kinematics::Letter;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use workbench::read::machine::MachineConfig;
+use workbench::study::sensitivity::{Point, Sensitivity};
 
 /// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
 ///

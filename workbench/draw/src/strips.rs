@@ -4,14 +4,12 @@
 //!
 //! All strips have one scale where that shows each of them; otherwise each has its own, which is said.
 
-use crate::draw::key::{Key, Sign, draw_keys_across};
-use crate::draw::lines::{Line, draw_line};
-use crate::draw::over::{Flag, LABELS, Mark, flags, write_flags};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Area, Chart, SIZE, drawn_on, padded, span, tick};
-use crate::draw::style::{
-    FONT, NAME, RED, SMALL, STYLES, TITLE, letters_at, limit_style, width_of,
-};
+use crate::key::{Key, Sign, draw_keys_across};
+use crate::lines::{Line, draw_line};
+use crate::over::{Flag, LABELS, Mark, flags, write_flags};
+use crate::plot::DrawError;
+use crate::sheet::{Area, Chart, SIZE, drawn_on, padded, span, tick};
+use crate::style::{FONT, NAME, RED, SMALL, STYLES, TITLE, letters_at, limit_style, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use std::ops::Range;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A machine in space, as a drawing of its legs, guides, platform and tool.
 
-use crate::draw::space::{Part, ball, course, line, plate};
-use crate::draw::style::PALE;
-use crate::read::machine::MachineConfig;
+use crate::space::{Part, ball, course, line, plate};
+use crate::style::PALE;
 use kinematics::{LegKind, Pose, Vector3};
 use plotters::prelude::*;
+use workbench::read::machine::MachineConfig;
 
 /// Of legs.
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);

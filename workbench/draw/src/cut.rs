@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The page about a program as it cuts.
 
-use crate::cut::report::{Drive, LineReport, Most, Report};
-use crate::draw::lines::Line;
-use crate::draw::margins::Figure;
-use crate::draw::page::{drawing, page};
-use crate::draw::plot::DrawError;
-use crate::draw::strips::{Strip, Strips, drawn_strips};
-use crate::draw::thin::{highest, lowest};
+use crate::lines::Line;
+use crate::margins::Figure;
+use crate::page::{drawing, page};
+use crate::plot::DrawError;
+use crate::strips::{Strip, Strips, drawn_strips};
+use crate::thin::{highest, lowest};
 use maud::{Markup, html};
+use workbench::cut::report::{Drive, LineReport, Most, Report};
 
 /// Shares are drawn up to here: a single one would hide all others.
 const MOST_SHARE: f64 = 2.0;

@@ -3,8 +3,8 @@
 //!
 //! It stands alone: no other file, no script. Colour is never the only sign.
 
-use crate::draw::margins::Figure;
-use crate::draw::over::Mark;
+use crate::margins::Figure;
+use crate::over::Mark;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str =

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The body of a workspace with the machine and the axis limits, in the colours of what limits it.
 
-use crate::draw::key::{Key, Sign, keyed_on};
-use crate::draw::machine::{Drawn, LEG, at_pose, axis_box};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::slice::{Kinds, sliced};
-use crate::draw::space::{Part, Space, edges, side};
-use crate::draw::style::{area_colour, limit_style};
-use crate::read::machine::MachineConfig;
-use crate::study::body::Body;
-use crate::study::slice::Slice;
-use crate::study::workspace::{Border, Ray};
+use crate::key::{Key, Sign, keyed_on};
+use crate::machine::{Drawn, LEG, at_pose, axis_box};
+use crate::plot::{DrawError, Plot};
+use crate::slice::{Kinds, sliced};
+use crate::space::{Part, Space, edges, side};
+use crate::style::{area_colour, limit_style};
 use kinematics::Vector3;
 use plotters::prelude::*;
+use workbench::read::machine::MachineConfig;
+use workbench::study::body::Body;
+use workbench::study::slice::Slice;
+use workbench::study::workspace::{Border, Ray};
 
 /// Most sides of the body from pole to pole.
 const SIDES: usize = 60;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Arrows, and the signs of those that point out of the sheet and into it.
 
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::Area;
+use crate::plot::DrawError;
+use crate::sheet::Area;
 use plotters::prelude::*;
 
 /// Width of an arrow's line.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Lines over a sequence of poses.
 
-use crate::draw::lines::Line;
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::TIME;
-use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::lines::Line;
+use crate::plot::{DrawError, Plot};
+use crate::sheet::TIME;
+use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 
 /// Name and abscissae of a sequence of poses: the time, or the number of the pose.
 pub struct Course {

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pictures of stability in the cut: partitions, responses, stable depths over spindle speeds.
 
-use crate::draw::contour::contoured;
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::{Line, drawn_lines, without_stairs};
-use crate::draw::partition::{Partition, partitioned, places};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, axes, path_axes};
-use crate::draw::style::{GREY, limit_style, line_style};
-use crate::stability::bands::{Band, Loss};
-use crate::stability::lag::Lag;
-use crate::stability::lobes::LobePoint;
-use crate::stability::map::{Column, StableMap};
-use crate::stability::response::{Response, unwrapped};
-use crate::stability::system::Adjustment;
+use crate::contour::contoured;
+use crate::key::{Key, Sign, keyed};
+use crate::lines::{Line, drawn_lines, without_stairs};
+use crate::partition::{Partition, partitioned, places};
+use crate::plot::{DrawError, Plot};
+use crate::sheet::{Frame, axes, path_axes};
+use crate::style::{GREY, limit_style, line_style};
 use nalgebra::{Complex, ComplexField};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
+use workbench::stability::bands::{Band, Loss};
+use workbench::stability::lag::Lag;
+use workbench::stability::lobes::LobePoint;
+use workbench::stability::map::{Column, StableMap};
+use workbench::stability::response::{Response, unwrapped};
+use workbench::stability::system::Adjustment;
 
 /// Windows reach to this many times the limit cutting stiffness.
 const BEYOND: f64 = 4.0;

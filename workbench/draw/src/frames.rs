@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A machine at home in two views: legs by their numbers, axes of base and platform, and which way is positive.
 
-use crate::draw::arrows::{SIGN, WIDTH, along_sight, arrow};
-use crate::draw::key::{Key, Sign};
-use crate::draw::machine::{GUIDE, LEG};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
-use crate::draw::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
-use crate::read::direction::ToolDirection;
-use crate::read::machine::MachineConfig;
+use crate::arrows::{SIGN, WIDTH, along_sight, arrow};
+use crate::key::{Key, Sign};
+use crate::machine::{GUIDE, LEG};
+use crate::plot::DrawError;
+use crate::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
+use crate::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
 use kinematics::{At, LegKind, Letter, POSE_LETTERS, Vector3};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use workbench::read::direction::ToolDirection;
+use workbench::read::machine::MachineConfig;
 
 /// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
 const AXIS: f64 = 0.16;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Maps in shades with lines of equal value.
 
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{
+use crate::plot::DrawError;
+use crate::sheet::{
     Area, Chart, Frame, SIZE, drawn_on, path_axes, round_steps, span, tick, width_for,
 };
-use crate::draw::style::{GREY, SMALL, letters_at, shade, width_of};
+use crate::style::{GREY, SMALL, letters_at, shade, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a program asks of a machine, in figures over one common axis.
 
-use crate::draw::lines::Line;
-use crate::draw::machine_path::in_its_room;
-use crate::draw::over::Mark;
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::TIME;
-use crate::draw::strips::{Strip, Strips, drawn_strips};
-use crate::draw::thin::{envelope, highest, lowest};
-use crate::program::course::{Abscissa, Sample, Thinned};
-use crate::read::joints::Group;
-use crate::read::machine::MachineConfig;
+use crate::lines::Line;
+use crate::machine_path::in_its_room;
+use crate::over::Mark;
+use crate::plot::DrawError;
+use crate::sheet::TIME;
+use crate::strips::{Strip, Strips, drawn_strips};
+use crate::thin::{envelope, highest, lowest};
 use kinematics::{Joints, Letter, Limit};
+use workbench::program::course::{Abscissa, Sample, Thinned};
+use workbench::read::joints::Group;
+use workbench::read::machine::MachineConfig;
 
 /// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The ellipsoids of displacements and of turns under a load.
 
-use crate::draw::key::{Key, Sign, draw_keys};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Area, Frame, drawn_on, path_axes};
-use crate::draw::style::{PALE, TITLE, letters_at, limit_style, line_style};
-use crate::study::stiffness::{Ellipsoid, Stiffness};
+use crate::key::{Key, Sign, draw_keys};
+use crate::plot::{DrawError, Plot};
+use crate::sheet::{Area, Frame, drawn_on, path_axes};
+use crate::style::{PALE, TITLE, letters_at, limit_style, line_style};
 use kinematics::Letter;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use workbench::study::stiffness::{Ellipsoid, Stiffness};
 
 /// A part of a stiffness as it is drawn: what a load does, whichever way it points.
 struct Loaded {

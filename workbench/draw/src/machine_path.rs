@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The path of a program in the room of its machine, by how near it comes to the limits.
 
-use crate::draw::key::{Key, Sign, draw_keys_across};
-use crate::draw::machine::{Drawn, LEG, at_pose};
-use crate::draw::over::{Mark, label};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Area, drawn_on, span};
-use crate::draw::space::{Space, View, edges, project};
-use crate::draw::style::{BLUE, ORANGE, RED, SMALL, mark_letters, width_of};
-use crate::draw::thin::places_apart;
-use crate::program::course::Thinned;
-use crate::read::machine::MachineConfig;
+use crate::key::{Key, Sign, draw_keys_across};
+use crate::machine::{Drawn, LEG, at_pose};
+use crate::over::{Mark, label};
+use crate::plot::DrawError;
+use crate::sheet::{Area, drawn_on, span};
+use crate::space::{Space, View, edges, project};
+use crate::style::{BLUE, ORANGE, RED, SMALL, mark_letters, width_of};
+use crate::thin::places_apart;
 use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use workbench::program::course::Thinned;
+use workbench::read::machine::MachineConfig;
 
 /// Most points of a path.
 const MOST_POINTS: usize = 5000;

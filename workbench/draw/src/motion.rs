@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The joints of a motion: values, changes along the path, speeds and corrections.
 
-use crate::draw::lines::{Line, first_up, lines};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sample::Sample;
-use crate::draw::sheet::TIME;
-use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
-use crate::draw::tool_path::{isometric, tool_path};
-use crate::program::path::{Along, along};
-use crate::read::joints::{Group, JointKind};
-use crate::read::machine::MachineConfig;
+use crate::lines::{Line, first_up, lines};
+use crate::plot::{DrawError, Plot};
+use crate::sample::Sample;
+use crate::sheet::TIME;
+use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::tool_path::{isometric, tool_path};
 use kinematics::{LegKind, MAX_JOINTS};
+use workbench::program::path::{Along, along};
+use workbench::read::joints::{Group, JointKind};
+use workbench::read::machine::MachineConfig;
 
 /// All plots of a trace.
 ///

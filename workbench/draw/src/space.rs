@@ -2,10 +2,10 @@
 //! Things in space, seen from the front, the right and above: X runs to the right and down, Y to the
 //! right and up, Z up, all at one scale. Walls with round values stand behind them.
 
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Area, round_steps, span, tick};
-use crate::draw::style::{GREY, NAME, PALE, SMALL, TITLE, letters_at};
-use crate::draw::thin::bends;
+use crate::plot::DrawError;
+use crate::sheet::{Area, round_steps, span, tick};
+use crate::style::{GREY, NAME, PALE, SMALL, TITLE, letters_at};
+use crate::thin::bends;
 use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
@@ -327,7 +327,7 @@ mod tests {
         let order = |y: f64| {
             let space = Space::around("", "mm", &places);
             let parts = [vec![flat(0.5)], across(y)].into_iter().flatten().collect();
-            let svg = crate::draw::sheet::drawn(|root| space.draw(root, parts).map(drop)).unwrap();
+            let svg = crate::sheet::drawn(|root| space.draw(root, parts).map(drop)).unwrap();
             svg.find("<polygon").unwrap() < svg.find("stroke-width=\"5\"").unwrap()
         };
         assert!(order(-1.0) && !order(2.0));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How few points a line needs on a sheet: its peaks stay.
 
-use crate::draw::sheet::{SIZE, padded, span};
+use crate::sheet::{SIZE, padded, span};
 
 /// Columns that a line is thinned to: as many as a strip has pixels.
 const COLUMNS: usize = 680;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Lines that are compared, in one plot.
 
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, Frame, axes, padded};
-use crate::draw::style::{limit_style, line_style};
-use crate::draw::thin::{bends, thin};
-use crate::read::joints::Group;
-use crate::read::machine::MachineConfig;
+use crate::key::{Key, Sign, keyed};
+use crate::plot::DrawError;
+use crate::sheet::{Chart, Frame, axes, padded};
+use crate::style::{limit_style, line_style};
+use crate::thin::{bends, thin};
 use plotters::prelude::*;
+use workbench::read::joints::Group;
+use workbench::read::machine::MachineConfig;
 
 /// One named line of a plot.
 pub(super) struct Line {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The key that says what is what, where it covers nothing.
 
-use crate::draw::arrows::{WIDTH, along_sight, arrow};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Area, CAPTION, MARGIN, SIZE, drawn_on};
-use crate::draw::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
+use crate::arrows::{WIDTH, along_sight, arrow};
+use crate::plot::DrawError;
+use crate::sheet::{Area, CAPTION, MARGIN, SIZE, drawn_on};
+use crate::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 

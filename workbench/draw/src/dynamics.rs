@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How a machine vibrates: responses, maps, the trace of the tool tip and its spectrum.
 
-use crate::draw::contour::contoured;
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::{Line, without_stairs};
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sheet::{Frame, TIME, path_axes};
-use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
-use crate::draw::style::{PALE, line_style};
-use crate::draw::thin::thin;
-use crate::dynamics::linear::Ellipse;
-use crate::dynamics::record::Record;
-use crate::study::map::Map;
+use crate::contour::contoured;
+use crate::key::{Key, Sign, keyed};
+use crate::lines::{Line, without_stairs};
+use crate::plot::{DrawError, Plot};
+use crate::sheet::{Frame, TIME, path_axes};
+use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::style::{PALE, line_style};
+use crate::thin::thin;
 use kinematics::{Letter, Matrix3, Vector3};
 use nalgebra::Complex;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
+use workbench::dynamics::linear::Ellipse;
+use workbench::dynamics::record::Record;
+use workbench::study::map::Map;
 
 /// um per mm.
 const UM: f64 = 1e3;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The path of the control point, in planes and in space.
 
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::without_stairs;
-use crate::draw::plot::DrawError;
-use crate::draw::sample::Sample;
-use crate::draw::sheet::{Frame, drawn, path_axes, span};
-use crate::draw::space::{Space, project};
-use crate::draw::style::{BLUE, VERMILLION};
-use crate::draw::thin::places_apart;
+use crate::key::{Key, Sign, keyed};
+use crate::lines::without_stairs;
+use crate::plot::DrawError;
+use crate::sample::Sample;
+use crate::sheet::{Frame, drawn, path_axes, span};
+use crate::space::{Space, project};
+use crate::style::{BLUE, VERMILLION};
+use crate::thin::places_apart;
 use kinematics::{Letter, Vector3};
 use plotters::prelude::*;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Places where limits break, as marks in the plots of a page.
 
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::Area;
-use crate::draw::style::{SMALL, mark_letters, width_of};
+use crate::plot::DrawError;
+use crate::sheet::Area;
+use crate::style::{SMALL, mark_letters, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The legs along a sequence of poses: angles, gaps, and paths of points of the platform.
 
-use crate::draw::course::{Course, lines_over, strips_over};
-use crate::draw::lines::Line;
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::strips::Strip;
-use crate::draw::thin::{thin, thin_low};
-use crate::read::machine::MachineConfig;
-use crate::study::rods::Rods;
+use crate::course::{Course, lines_over, strips_over};
+use crate::lines::Line;
+use crate::plot::{DrawError, Plot};
+use crate::strips::Strip;
+use crate::thin::{thin, thin_low};
+use workbench::read::machine::MachineConfig;
+use workbench::study::rods::Rods;
 
 /// Pictures of the legs along a sequence of poses.
 ///

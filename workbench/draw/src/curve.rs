@@ -2,25 +2,25 @@
 //! A curve of two one-parametric families as paper 000 draws it: the net of both families with its
 //! points, their surfaces over x and y with the curve and its projection; and what it asks of the joints.
 
-use crate::curve::base::{Form, Part};
-use crate::curve::carriages::Place;
-use crate::curve::job::Job;
-use crate::curve::route::Route;
-use crate::curve::table::Row;
-use crate::draw::contour::isoline;
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::lines::{Line, first_up, lines};
-use crate::draw::motion;
-use crate::draw::plot::{DrawError, Plot};
-use crate::draw::sample::Sample;
-use crate::draw::sheet::{Frame, padded, path_axes, span, tick};
-use crate::draw::space::Space;
-use crate::draw::strips::{Strip, Strips, drawn_apart, drawn_strips};
-use crate::draw::style::{BLUE, GREY, VERMILLION, limit_style};
-use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
+use crate::contour::isoline;
+use crate::key::{Key, Sign, keyed};
+use crate::lines::{Line, first_up, lines};
+use crate::motion;
+use crate::plot::{DrawError, Plot};
+use crate::sample::Sample;
+use crate::sheet::{Frame, padded, path_axes, span, tick};
+use crate::space::Space;
+use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
+use crate::style::{BLUE, GREY, VERMILLION, limit_style};
 use kinematics::{MAX_LEGS, Vector3};
 use plotters::prelude::*;
+use workbench::curve::base::{Form, Part};
+use workbench::curve::carriages::Place;
+use workbench::curve::job::Job;
+use workbench::curve::route::Route;
+use workbench::curve::table::Row;
+use workbench::read::joints::Joint;
+use workbench::read::machine::MachineConfig;
 
 /// Curves of each family.
 const CURVES: usize = 9;

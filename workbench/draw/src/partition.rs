@@ -2,13 +2,13 @@
 //! Partitions of a plane by the number of unstable roots: curves hatched on the side with fewer of
 //! them, and that number in every region.
 
-use crate::draw::key::{Key, Sign, keyed};
-use crate::draw::plot::DrawError;
-use crate::draw::sheet::{Chart, Frame, SIZE, axes};
-use crate::draw::style::{BLUE, NAME, PALE, letters_at};
-use crate::stability::partition::{Point, Window, regions};
+use crate::key::{Key, Sign, keyed};
+use crate::plot::DrawError;
+use crate::sheet::{Chart, Frame, SIZE, axes};
+use crate::style::{BLUE, NAME, PALE, letters_at};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use workbench::stability::partition::{Point, Window, regions};
 
 /// Pixels from one stroke of the hatching to the next, and their length.
 const HATCH: [f64; 2] = [11.0, 8.0];

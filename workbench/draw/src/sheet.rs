@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A sheet: its size and its axes.
 
-use crate::draw::plot::DrawError;
-use crate::draw::style::{FONT, NAME, SMALL, TITLE, dashed};
+use crate::plot::DrawError;
+use crate::style::{FONT, NAME, SMALL, TITLE, dashed};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
