@@ -267,7 +267,7 @@ fn loops_without_an_end_end() {
     let (moves, text) = told("G91 G1 X0.001");
     assert!(moves <= 1000 && text.contains("p.ngc:3: more than 1000 moves"), "{moves} {text}");
     let (moves, text) = told("#1=[#1+1]");
-    assert!(moves == 1 && text.contains("no move in 1 seconds"), "{moves} {text}");
+    assert!(moves == 1 && text.contains("no move within 1 s"), "{moves} {text}");
 }
 
 #[test]

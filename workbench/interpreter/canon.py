@@ -434,7 +434,7 @@ class Canon(Translated, ArcsToSegmentsMixin):
         if moves != self.moves or seconds is None:
             self.idle = self.moves, now()
         elif now() - seconds > self.most_seconds:
-            self.refused = (f"{self.program}:{max(self.line, 1)}: no move in {self.most_seconds:g} seconds after this line: "
+            self.refused = (f"{self.program}:{max(self.line, 1)}: no move within {self.most_seconds:g} s after this line: "
                             "a loop without an end? --patience takes more")
             return True
         return False
