@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC in virtual time, as `make install` has installed it.
 
-use crate::shipped::{self, MACHINES};
+use crate::shipped;
 use std::fs;
 use std::ops::ControlFlow;
 use std::os::unix::fs::PermissionsExt;
@@ -37,10 +37,10 @@ pub fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome,
     process::run(&shipped::config(machine), file.path(), options, |_| ControlFlow::Continue(()))
 }
 
-// What becomes of all programs tests/live/truth.py looks at.
+// What becomes of all programs, and that every cycle has a row, tests/live/truth.py looks at.
 #[test]
-fn the_first_program_of_every_machine_runs_to_its_end_with_a_row_for_every_cycle() {
-    for machine in MACHINES {
+fn a_program_runs_to_its_end_with_a_row_for_every_cycle() {
+    for machine in ["hexapod", "rotary-delta"] {
         let program = &programs(machine)[0];
         let (outcome, rows) = run(machine, program);
         let name = program.display();

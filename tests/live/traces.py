@@ -62,7 +62,10 @@ def virtual(path, joints):
     with open(path) as trace:
         names = next(trace).rstrip("\n").split(",")
         tool, joint, behind = (names.index(name) for name in ("tool_x", "joint_0", "feed"))
-        rows = table(trace, [1, *range(2, 8), *range(joint, joint + joints), *range(tool, behind)])
+        rows = table(trace, [0, 1, *range(2, 8), *range(joint, joint + joints), *range(tool, behind)])
+    times, rows = rows[:, 0], rows[:, 1:]
+    if (numpy.rint(times / times[:1]) != numpy.arange(1, len(times) + 1)).any():
+        raise ValueError(f"{path}: not a row for every servo cycle")
     places, offsets = rows[:, 1:7 + joints], rows[:, 7 + joints:]
     busy = numpy.zeros(len(rows), bool)
     busy[1:] = (offsets[1:] != offsets[:-1]).any(axis=1)
