@@ -157,10 +157,10 @@ setup-more: setup
 	@$(MAKE) --no-print-directory setup-screen
 	@$(BEHIND) $(MAKE) --no-print-directory setup-site
 
-# Needs nothing of LinuxCNC: where a compiler is there, it is built while the rest is being installed. All programs,
-# also those that are needed later: the workbench is compiled alone for long.
+# Needs nothing of LinuxCNC, as what tests the C interface does: where a compiler is there, it is built while the
+# rest is being installed. The program that writes the header compiles alone for long: not as the last of all.
 built: $(if $(shell command -v cc),rust,setup)
-	$(HOST_BUILD)
+	$(HOST_BUILD) --bin pkm --bin judge --bin header
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
