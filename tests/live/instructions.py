@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+from served import Served  # noqa: E402
 from session import Session  # noqa: E402
 from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
 
@@ -139,9 +140,8 @@ def wait_for(file):
 
 def run(place):
     """The machine, as a normal user."""
-    from live_test import HEXAPOD, Served
     out = REPOSITORY / "out"
-    with Session(HEXAPOD) as session, Served(session, out) as served:
+    with Session(REPOSITORY / "configs/hexapod") as session, Served(session, out) as served:
         (place / "home").write_text(str(session.folder))
         path = session.copy / "programs/five-axis-surface.ngc"
         result = session.run("stands", out, SECONDS, path=str(path), place=str(place), port=served.port, count=BROWSERS)

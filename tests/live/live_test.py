@@ -12,7 +12,6 @@ import argparse
 import gzip
 import json
 import math
-import os
 import re
 import shutil
 import subprocess
@@ -31,9 +30,10 @@ import getting_started  # noqa: E402
 import ini_edit  # noqa: E402
 import run_live  # noqa: E402
 from browsers import Browser  # noqa: E402
+from served import Served  # noqa: E402
 from session import Session  # noqa: E402
-from unprivileged import (LANES, REPOSITORY, SYSTEM_PYTHON, claimed, clear_hal, is_unprivileged,  # noqa: E402
-                          only_one, rerun_unprivileged)
+from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
+                          rerun_unprivileged)
 
 TOOLS = REPOSITORY / "target/host"
 HEXAPOD = REPOSITORY / "configs/hexapod"
@@ -731,32 +731,6 @@ RECORDING.add("virtual_runs_and_a_live_one_leave_each_other_alone")
 
 # Python with its library takes half of it.
 MOST_KILOBYTES = 50_000
-
-
-class Served:
-    """pkm-live beside LinuxCNC."""
-
-    def __init__(self, session, out):
-        page = out / "page.html"
-        page.write_text("<!doctype html><title>Machine</title>")
-        command = [SYSTEM_PYTHON, REPOSITORY / "viewer/pkm-live", session.ini, "--port", "0", "--page", page]
-        # LinuxCNC has a table of its tools at home, and the session a home of its own.
-        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
-                                        env={**os.environ, "HOME": str(session.folder)})
-        self.port = int(self.process.stdout.readline().rstrip("/\n").rpartition(":")[2])
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
-
-    def memory(self):
-        """Of this process, kB."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        return int(re.search(r"VmRSS:\s*(\d+)", status)[1])
 
 
 def watched(out, rounds, limit):
