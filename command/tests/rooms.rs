@@ -74,6 +74,7 @@ fn named(file: &Path, room: &str) -> BTreeSet<File> {
     let code = text.split("#[cfg(test)]").next().unwrap();
     let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
     let mut words: String = lines.collect::<Vec<_>>().join("\n");
+    // As its files would name rooms from within the workbench.
     if room == DRAW {
         words = words.replace("crate::", "crate::draw::").replace("workbench::", "crate::");
     }
