@@ -54,17 +54,22 @@ const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
   return { machine, program: join(programs, readdirSync(programs).filter((name) => name.endsWith(".ngc")).sort()[0]) };
 });
 
-/** A page of a browser without a network; what it complains about is collected. */
-async function opened(browser, html) {
+/** A tab of a browser without a network; what its pages complain about is collected. */
+async function tab(browser) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, offline: true });
   const page = await context.newPage();
   page.complaints = [];
   page.on("console", (told) => ["error", "warning"].includes(told.type()) && page.complaints.push(told.text()));
   page.on("pageerror", (error) => page.complaints.push(error.message));
   page.on("request", (request) => request.url().match(/^(file|data|blob):/) || page.complaints.push(`asked for ${request.url()}`));
+  return page;
+}
+
+/** Another page in the same tab: a tab of its own takes more than half of the time of a page. */
+async function open(page, html) {
+  page.complaints.length = 0;
   await page.goto(`file://${html}`);
   await page.waitForFunction(() => window.pkm);
-  return { page, close: () => context.close() };
 }
 
 /** Nothing but what a browser without a graphics card says of itself. */
@@ -104,6 +109,7 @@ function compare(machine, mechanism, { scene, tool: spindle }, states, tolerance
         check(told.stderr.includes(state.refusal), `${machine}: "${state.refusal}" is not what pkm joints says: ${told.stderr}`);
       } else {
         check(state.code === 0, `${machine}: the page refuses ${state.pose}: ${state.refusal}`);
+        check(state.joints.every(Number.isFinite), `${machine}: joints ${state.joints} at ${state.pose}`);
         const apart = Math.max(...state.joints.map((value, n) => Math.abs(value - rows[i][n])));
         check(apart <= tolerance, `${machine}: joints ${apart} apart at ${state.pose}`);
       }
@@ -112,12 +118,17 @@ function compare(machine, mechanism, { scene, tool: spindle }, states, tolerance
   return refused;
 }
 
+/** What a function of the page gives, as one text: value by value the browser's protocol takes longer than the page. */
+async function asText(page, ask, given) {
+  return JSON.parse(await page.evaluate(ask, given));
+}
+
 /** Random poses within the axes and beyond, taken as a drag would. */
 async function dragged(page, scene, tool, which) {
-  return page.evaluate(({ axes, home, tool, which, count }) => {
+  return asText(page, ({ axes, home, tool, which, count }) => {
     let seed = 12345;
     const chance = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
-    return Array.from({ length: count }, (_, n) => {
+    const states = Array.from({ length: count }, (_, n) => {
       const beyond = n % 4 === 0 ? 3 : 0;
       const pose = [...home];
       for (const { letter, min, max } of axes) {
@@ -127,6 +138,7 @@ async function dragged(page, scene, tool, which) {
       window.pkm.take(pose, tool, which);
       return window.pkm.state(which);
     });
+    return JSON.stringify(states);
   }, { axes: scene.axes, home: scene.home.pose, tool, which, count: POSES });
 }
 
@@ -150,18 +162,18 @@ async function isDrawn(page, name) {
   return seen;
 }
 
-async function machineTest(browser, { machine, program }) {
+async function machineTest(page, { machine, program }) {
   const html = file(`${machine}.html`);
   const made = pkm(["view", ini(machine), program, "--html", html]);
   check(made.status === 0, `${machine}: ${made.stderr}`);
-  const { page, close } = await opened(browser, html);
+  await open(page, html);
   const scenes = await page.evaluate(() => window.pkm.mechanisms());
   const before = await isDrawn(page, machine);
   for (const [which, own] of scenes.entries()) {
-    const along = await page.evaluate((which) => Array.from({ length: 60 }, (_, n) => {
+    const along = await asText(page, (which) => JSON.stringify(Array.from({ length: 60 }, (_, n) => {
       window.pkm.go((n / 59) * window.pkm.end());
       return window.pkm.state(which);
-    }), which);
+    })), which);
     compare(machine, which, own, along, ROUNDED);
     for (const { platform, nose } of along) {
       check(Math.hypot(...nose.map((value, k) => value - platform[12 + k])) < 1e-6, `${machine}: the platform is drawn elsewhere`);
@@ -179,28 +191,26 @@ async function machineTest(browser, { machine, program }) {
   check(after.some(({ at }, i) => Math.hypot(at[0] - before[i].at[0], at[1] - before[i].at[1]) > 1), `${machine}: nothing has moved`);
   const placed = scenes[0].scene.is_carried && (await carry(page, machine, ini(machine), scenes[0]));
   check(complaints(page).length === 0, `${machine}: ${complaints(page).join("; ")}`);
-  await close();
   return `${scenes.length * (POSES + 60)} poses as pkm joints${placed ? `, ${placed} as the model beside AXIS` : ""}`;
 }
 
-async function alone(browser) {
+async function alone(page) {
   for (const machine of ["linear-delta", "lathe-mirrored"]) {
     const html = file(`${machine}-alone.html`);
     pkm(["view", ini(machine), "--html", html]);
-    const { page, close } = await opened(browser, html);
+    await open(page, html);
     const [body, limits] = await page.evaluate(() => window.pkm.workspace());
     check(body > 100 && limits === 24, `${machine}: workspace of ${body} points, box of ${limits}`);
     await isDrawn(page, `${machine}-workspace`);
     check(complaints(page).length === 0, complaints(page).join("; "));
-    await close();
   }
 }
 
-async function marks(browser) {
+async function marks(page) {
   writeFileSync(file("marks.ngc"), "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nM2\n");
   const made = pkm(["view", ini("hexapod"), file("marks.ngc"), "--html", file("marks.html")]);
   check(made.status === 1, `status ${made.status}: ${made.stderr}`);
-  const { page, close } = await opened(browser, file("marks.html"));
+  await open(page, file("marks.html"));
   await page.locator(".finding").first().click();
   const { line, time } = await page.evaluate(() => window.pkm.state());
   check(line === 4 && time > 0, `the mark leads to line ${line} at ${time} s`);
@@ -213,18 +223,16 @@ async function marks(browser) {
   const refused = await page.locator(".reason").textContent();
   check(refused.includes("[code -"), `refused without a reason: ${refused}`);
   await isDrawn(page, "marks");
-  await close();
 }
 
-async function unread(browser) {
+async function unread(page) {
   writeFileSync(file("unread.ngc"), "G1 X10 F100\nG1 X[1+\nM2\n");
   const made = pkm(["view", ini("hexapod"), file("unread.ngc"), "--html", file("unread.html")]);
   check(made.status === 2, `status ${made.status}`);
-  const { page, close } = await opened(browser, file("unread.html"));
+  await open(page, file("unread.html"));
   const told = await page.locator("header .error").textContent();
   check(told.includes("unread.ngc"), `not told: ${told}`);
   await isDrawn(page, "unread");
-  await close();
 }
 
 /** An INI file of legs, with limits about their values at home. */
@@ -263,17 +271,16 @@ function ownMachines() {
   };
 }
 
-async function own(browser) {
+async function own(page) {
   for (const [name, text] of Object.entries(ownMachines())) {
     writeFileSync(file(`${name}.ini`), text);
     const made = pkm(["view", file(`${name}.ini`), "--html", file(`${name}.html`)]);
     check(made.status === 0, `${name}: ${made.stderr}`);
-    const { page, close } = await opened(browser, file(`${name}.html`));
+    await open(page, file(`${name}.html`));
     await isDrawn(page, name);
     const { refusal, joints } = await page.evaluate(() => window.pkm.state());
     check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `${name}: ${refusal}`);
     check(complaints(page).length === 0, complaints(page).join("; "));
-    await close();
   }
 }
 
@@ -302,16 +309,17 @@ function carrying() {
 
 /** Random poses, tools and values of the extra axes, and where the page draws everything. */
 async function carried(page, scene) {
-  return page.evaluate(({ axes, home, extra, count }) => {
+  return asText(page, ({ axes, home, extra, count }) => {
     let seed = 54321;
     const within = (low, high) => low + ((seed = (seed * 48271) % 2147483647) / 2147483647) * (high - low);
-    return Array.from({ length: count }, () => {
+    const states = Array.from({ length: count }, () => {
       const pose = [...home];
       for (const { letter, min, max } of axes) pose["XYZABC".indexOf(letter)] = within(0.75 * min + 0.25 * max, 0.25 * min + 0.75 * max);
       const values = Object.fromEntries(extra.map(({ letter }) => [letter, within(-180, 180)]));
       window.pkm.take(pose, [within(-50, 50), within(-50, 50), within(-50, 50)], 0, values);
       return window.pkm.state();
     });
+    return JSON.stringify(states);
   }, { axes: scene.axes, home: scene.home.pose, extra: scene.extra_axes, count: CARRIED });
 }
 
@@ -355,27 +363,26 @@ async function carry(page, name, machine, { scene }) {
   return states.length;
 }
 
-async function carriers(browser) {
+async function carriers(page) {
   let count = 0;
   for (const [name, text] of Object.entries(carrying())) {
     writeFileSync(file(`${name}.ini`), text);
     const made = pkm(["view", file(`${name}.ini`), "--html", file(`${name}.html`)]);
     check(made.status === 0, `${name}: ${made.stderr}`);
-    const { page, close } = await opened(browser, file(`${name}.html`));
+    await open(page, file(`${name}.html`));
     const [own] = await page.evaluate(() => window.pkm.mechanisms());
     count += await carry(page, name, file(`${name}.ini`), own);
     check(complaints(page).length === 0, complaints(page).join("; "));
-    await close();
   }
   return `${count} poses as the model beside AXIS`;
 }
 
 /** A table turns under the tip, which stays in base: on the work it goes round, and the path is drawn on the work. */
-async function workPath(browser) {
+async function workPath(page) {
   writeFileSync(file("turn.ngc"), "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 F1000\nM2\n");
   const made = pkm(["view", ini("hexapod-rotary-table"), file("turn.ngc"), "--html", file("turn.html")]);
   check(made.status === 0, made.stderr);
-  const { page, close } = await opened(browser, file("turn.html"));
+  await open(page, file("turn.html"));
   const ends = await page.evaluate(() => [0.5, 1].map((part) => {
     window.pkm.go(part * window.pkm.end());
     return window.pkm.state();
@@ -389,11 +396,10 @@ async function workPath(browser) {
   const apart = Math.max(...path.filter(({ time }) => time > ends[0].time).map(({ at }) => Math.hypot(at[0] - 40, at[1], at[2] - 200)));
   check(apart < 1e-5, `the path is drawn ${apart} beside the point of the work`);
   await isDrawn(page, "turn");
-  await close();
 }
 
 /** The machine is drawn whatever is wrong with the shapes of its parts, and what is wrong is told. */
-async function shapes(browser) {
+async function shapes(page) {
   const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
   writeFileSync(file("good.stl"), triangles);
   writeFileSync(file("broken.stl"), "not a shape");
@@ -401,21 +407,20 @@ async function shapes(browser) {
   writeFileSync(file("shapes.ini"), text);
   const made = pkm(["view", file("shapes.ini"), "--html", file("shapes.html")]);
   check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
-  const { page, close } = await opened(browser, file("shapes.html"));
+  await open(page, file("shapes.html"));
   const told = (await page.locator("header .error").allTextContents()).join("; ");
   check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `told: ${told}`);
   await isDrawn(page, "shapes");
-  await close();
 }
 
 /** Of a program that LinuxCNC does not run there is no motion: machine, lines and findings are shown, and why. */
-async function unjudged(browser) {
+async function unjudged(page) {
   writeFileSync(file("other.ini"), readFileSync(ini("hexapod"), "utf8").replace("[TRAJ]\n", "[TRAJ]\nPLANNER_TYPE = 1\n"));
   writeFileSync(file("hexapod.tbl"), readFileSync(join(HOME, "configs/hexapod/hexapod.tbl")));
   writeFileSync(file("unjudged.ngc"), "G21 G90\nG1 X10 F1000\nG1 X200\nM2\n");
   const made = pkm(["view", file("other.ini"), file("unjudged.ngc"), "--html", file("unjudged.html")]);
   check(made.status === 1 && made.stderr.includes("PLANNER_TYPE"), `status ${made.status}: ${made.stderr}`);
-  const { page, close } = await opened(browser, file("unjudged.html"));
+  await open(page, file("unjudged.html"));
   check((await page.locator(".warning").first().textContent()).includes("PLANNER_TYPE"), "why is not told");
   check((await page.locator("input[aria-label=time]").count()) === 0, "there is a slider without a time");
   const mark = page.locator(".finding").first();
@@ -424,22 +429,20 @@ async function unjudged(browser) {
   check((await page.locator(".space .now b").textContent()) === "3", "the mark does not lead to its line");
   await isDrawn(page, "unjudged");
   check(complaints(page).length === 0, complaints(page).join("; "));
-  await close();
 }
 
 /** An axis without limits can be set, and its travel is told as without an end. */
-async function unlimited(browser) {
+async function unlimited(page) {
   const text = Object.values(ownMachines())[0].replace(/(\[AXIS_X\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/, "$1");
   writeFileSync(file("unlimited.ini"), text);
   const made = pkm(["view", file("unlimited.ini"), "--html", file("unlimited.html")]);
   check(made.status === 0, made.stderr);
-  const { page, close } = await opened(browser, file("unlimited.html"));
+  await open(page, file("unlimited.html"));
   await page.evaluate(() => window.pkm.take([30, 0, -300, 0, 0, 0]));
   const { refusal, joints } = await page.evaluate(() => window.pkm.state());
   check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `refused: ${refusal}`);
   await isDrawn(page, "unlimited");
   check(complaints(page).length === 0, complaints(page).join("; "));
-  await close();
 }
 
 /** A stream of events as pkm-live sends them, beside the page that it serves. */
@@ -464,12 +467,12 @@ async function streaming(html) {
 }
 
 /** The page of pkm-live says what the stream says; that the stream is LinuxCNC's is seen in tests/live. */
-async function live(browser) {
+async function live(offline) {
   const machine = "hexapod-rotary-table";
   const made = pkm(["view", ini(machine), "--live", "--html", file("live.html")]);
   check(made.status === 0, made.stderr);
   const stream = await streaming(file("live.html"));
-  const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
+  const context = await offline.context().browser().newContext({ viewport: offline.viewportSize() });
   const page = await context.newPage();
   await page.goto(stream.address);
   await page.waitForFunction(() => window.pkm);
@@ -500,15 +503,14 @@ async function live(browser) {
   stream.close();
 }
 
-async function long(browser) {
+async function long(page) {
   const lines = Array.from({ length: 5000 }, (_, i) => `G1 X${(40 * Math.cos(i / 30)).toFixed(4)} Y${(40 * Math.sin(i / 30)).toFixed(4)} Z${(200 + i / 200).toFixed(4)}`);
   writeFileSync(file("long.ngc"), `G21 G90 G64 P0.01\nG1 F3000\n${lines.join("\n")}\nM2\n`);
   pkm(["view", ini("hexapod"), file("long.ngc"), "--html", file("long.html")]);
   const { size } = statSync(file("long.html"));
   check(size < MOST_BYTES, `${size} bytes`);
-  const { page, close } = await opened(browser, file("long.html"));
+  await open(page, file("long.html"));
   await isDrawn(page, "long");
-  await close();
   return `${size} bytes for 5,000 lines`;
 }
 
@@ -531,7 +533,7 @@ async function video() {
 }
 
 const TESTS = [
-  ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (browser) => machineTest(browser, one)]),
+  ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (page) => machineTest(page, one)]),
   ["a machine without a program shows its workspace and the axis limits", alone],
   ["a mark leads to its line, and a refused pose has a reason", marks],
   ["a program that cannot be read is told beside the machine", unread],
@@ -553,15 +555,17 @@ async function main() {
     executablePath: "/usr/bin/chromium",
     args: ["--use-angle=swiftshader", "--disable-gpu-compositing", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run", ...(process.getuid() === 0 ? ["--no-sandbox"] : [])],
   });
+  let page = await tab(browser);
   let failed = 0;
   const chosen = TESTS.filter(([name]) => name.includes(ONLY));
   for (const [name, test] of chosen) {
     try {
-      const told = await test(browser);
+      const told = await test(page);
       console.log(`PASS ${name}${told ? `: ${told}` : ""}`);
     } catch (error) {
       failed += 1;
       console.log(`FAIL ${name}: ${error.message}`);
+      page = await tab(browser);
     }
   }
   await browser.close();
