@@ -90,9 +90,8 @@ fn begin_change(case: &Case, control: &Control, module: &Module) {
     offset(&case.joints);
 }
 
-/// A geometry to freeze and a fault to tell.
-pub fn make_busy(case: &Case, control: &Control) -> Module {
-    let module = control.module();
+/// A geometry to freeze again and a fault to tell.
+pub fn make_busy(case: &Case, control: &Control, module: &Module) {
     module.set("apply", 0.0);
     module.monitor();
     let joints = module.inverse(&control.home()).expect("home");
@@ -100,5 +99,4 @@ pub fn make_busy(case: &Case, control: &Control) -> Module {
     let _ = module.inverse(&case.pose);
     let _ = module.inverse(&[f64::NAN; 9]);
     module.set("apply", 1.0);
-    module
 }

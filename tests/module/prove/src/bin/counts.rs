@@ -170,10 +170,11 @@ fn measure(list: &Path) -> Result<(), String> {
         let case = Case::from_line(line).ok_or_else(|| format!("line {n} is no case"))?;
         let control = &machines[case.machine];
         let module =
-            modules.entry((case.machine, Beside::of(&case))).or_insert_with_key(|(_, beside)| {
-                match beside {
-                    Beside::Nothing => unmonitored(control),
-                    Beside::Monitor | Beside::ToolChange => control.module(),
+            modules.entry((case.machine, Purpose::of(&case))).or_insert_with_key(|(_, purpose)| {
+                match purpose {
+                    Purpose::Alone => unmonitored(control),
+                    Purpose::Monitor | Purpose::ToolChange | Purpose::Freezing => control.module(),
+                    Purpose::Search => searching(control),
                 }
             });
         make(&case, control, module);
@@ -181,21 +182,26 @@ fn measure(list: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// What a module has run beside its calls: one of each is kept for every machine.
+/// What a module is for: one of each is kept for every machine, as under valgrind to load one takes longer than
+/// most of its calls.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
-enum Beside {
-    Nothing,
+enum Purpose {
+    Alone,
     Monitor,
     ToolChange,
+    Freezing,
+    Search,
 }
 
-impl Beside {
+impl Purpose {
     fn of(case: &Case) -> Self {
         match case.call {
             Call::ToolChange => Self::ToolChange,
             Call::Monitor => Self::Monitor,
+            Call::Applying => Self::Freezing,
+            Call::Searching => Self::Search,
             _ if case.aim == Aim::Typical => Self::Monitor,
-            _ => Self::Nothing,
+            _ => Self::Alone,
         }
     }
 }
@@ -212,7 +218,7 @@ fn make(case: &Case, control: &Control, module: &Module) {
             let mut world = case.pose;
             counted(|| module.forward_into(&case.joints, &mut world));
             // Without a monitor one call of 16 looks at all pins: every call that is counted.
-            for _ in 0..if Beside::of(case) == Beside::Nothing { LOOKS - 1 } else { 0 } {
+            for _ in 0..if Purpose::of(case) == Purpose::Alone { LOOKS - 1 } else { 0 } {
                 module.forward_into(&[f64::NAN; 16], &mut case.pose.clone());
             }
         }
@@ -228,7 +234,7 @@ fn make(case: &Case, control: &Control, module: &Module) {
             counted(|| module.monitor());
         }
         Call::Applying => {
-            let module = make_busy(case, control);
+            make_busy(case, control, module);
             counted(|| module.monitor());
         }
         Call::Freezing => {
@@ -238,7 +244,9 @@ fn make(case: &Case, control: &Control, module: &Module) {
             counted(|| module.inverse_into(&case.pose, &mut joints));
         }
         Call::Searching => {
-            let (module, mut world) = (searching(control), control.home());
+            // Anew: a search goes on for the joints of its first call.
+            assert!(control.apply(module), "{:?}", module.messages());
+            let mut world = control.home();
             let code = counted(|| module.forward_into(&case.joints, &mut world));
             assert_eq!(code, Cause::Searching.code(), "the search ends early");
         }
