@@ -10,6 +10,8 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
 # Beside them, a screen in memory with OpenGL, and pictures of it.
 SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
+# The documentation as a site, and lints.
+SITE_PACKAGES := mandoc python3-venv shellcheck
 PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
@@ -148,10 +150,10 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 # real clock.
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
-	$(BESIDE)=3 setup-more ini-cases built
+	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" setup-more ini-cases built
 	$(BESIDE)=3 test-machines test-programs test-aside
 
-# apt runs once at a time.
+# By one run of apt, in `setup`, which comes first; the rest finds nothing to install.
 setup-more: setup
 	@$(MAKE) --no-print-directory setup-page
 	@$(MAKE) --no-print-directory setup-screen
@@ -314,7 +316,6 @@ check: setup site lint-scripts lint-crates
 
 # Python and shell.
 lint-scripts: setup-site
-	@$(call INSTALLED,shellcheck)
 	$(PYTHON_TOOLS)/bin/ruff check --quiet --config tools/ruff.toml
 	shellcheck $$(git ls-files '*.sh' tools/pre-commit)
 
@@ -418,12 +419,9 @@ INSTALLED = missing=$$(for p in $(1); do \
 # For the page of pkm view alone: a browser to look at it, ffmpeg for videos, node to build its code. Users
 # need none of them but a browser.
 PAGE_COMMANDS := node:nodejs npm:npm chromium:chromium ffmpeg:ffmpeg
+PAGE_PACKAGES = $(shell for c in $(PAGE_COMMANDS); do command -v $${c%:*} >/dev/null || echo $${c#*:}; done)
 setup-page:
-	@missing=$$(for c in $(PAGE_COMMANDS); do command -v $${c%:*} >/dev/null || echo $${c#*:}; done); \
-	if [ -n "$$missing" ]; then \
-	    echo "pkmkins: installing" $$missing "with apt"; \
-	    $(APT) update -q && $(APT) install -q -y --no-install-recommends $$missing || exit 1; \
-	fi
+	@$(call INSTALLED,$(PAGE_PACKAGES))
 	@[ page/node_modules/.package-lock.json -nt page/package-lock.json ] || \
 	    npm ci --prefix page --silent --no-audit --no-fund
 
@@ -443,10 +441,10 @@ setup: rust
 
 # mandoc, for the manual pages, and tools in Python: in the versions of tools/python.txt, and in a folder of their own.
 setup-site: $(PYTHON_TOOLS)/.installed
-	@$(call INSTALLED,mandoc)
+	@$(call INSTALLED,$(SITE_PACKAGES))
 
 $(PYTHON_TOOLS)/.installed: tools/python.txt
-	@$(call INSTALLED,python3-venv)
+	@$(call INSTALLED,$(SITE_PACKAGES))
 	python3 -m venv --clear $(PYTHON_TOOLS)
 	$(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
 	@touch $@
@@ -479,7 +477,8 @@ module:
 
 # The module and its HAL files stand beside the library, which takes them before those that are installed.
 virtual: setup module
-	workbench/virtual/build.sh target/virtual
+	@[ -e "$(VIRTUAL)" ] && [ -z "$$(find $(VIRTUAL_SOURCES) -newer "$(VIRTUAL)")" ] || \
+	    workbench/virtual/build.sh target/virtual
 	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual
 
 # The names that people depend on; a released one that has vanished is refused.
