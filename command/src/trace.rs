@@ -3,8 +3,8 @@
 
 use super::failure::Failure;
 use super::joints::{coordinates, joint_names};
-use std::fmt::Display;
-use std::io::{self, Write};
+use std::fmt::{Display, Write as _};
+use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
 use workbench::control::row::Row;
@@ -16,6 +16,8 @@ pub struct Trace<'a> {
     config: &'a MachineConfig,
     out: Whole,
     file: &'a Path,
+    /// The row that is being written.
+    text: String,
     unwritten: Option<Failure>,
 }
 
@@ -34,7 +36,7 @@ impl<'a> Trace<'a> {
         let head = head.chain(beside(&["u", "v", "w"]));
         let names: Vec<String> = head.chain(joints.clone()).chain(errors).chain(tail).collect();
         writeln!(out, "{}", names.join(",")).at(file)?;
-        Ok(Self { config, out, file, unwritten: None })
+        Ok(Self { config, out, file, text: String::new(), unwritten: None })
     }
 
     /// A servo cycle; breaks off where the file cannot be written, which [`Self::finish`] says.
@@ -69,7 +71,9 @@ impl<'a> Trace<'a> {
             &row.second.tool[..tools],
             &[row.feed],
         ];
-        Ok(write_cycle(&mut self.out, time, row.line, &values.concat()).at(self.file)?)
+        self.text.clear();
+        put_cycle(&mut self.text, time, row.line, values.into_iter().flatten().copied());
+        Ok(self.out.write_all(self.text.as_bytes()).at(self.file)?)
     }
 
     /// Keeps the file of a run that was judged.
@@ -85,10 +89,19 @@ impl<'a> Trace<'a> {
 }
 
 /// Numbers need no quotes; a long program has millions of rows.
-fn write_cycle(out: &mut Whole, time: f64, line: impl Display, values: &[f64]) -> io::Result<()> {
-    write!(out, "{time},{line}")?;
+fn put_cycle(text: &mut String, time: f64, line: impl Display, values: impl Iterator<Item = f64>) {
+    put_number(text, time);
+    write!(text, ",{line}").expect("a text takes all");
     for value in values {
-        write!(out, ",{value}")?;
+        text.push(',');
+        put_number(text, value);
     }
-    writeln!(out)
+    text.push('\n');
+}
+
+/// The fewest digits that are read as the same number, with an exponent where that is shorter.
+fn put_number(text: &mut String, value: f64) {
+    let mut digits = zmij::Buffer::new();
+    let told = digits.format(value);
+    text.push_str(told.strip_suffix(".0").unwrap_or(told));
 }
