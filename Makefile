@@ -308,8 +308,7 @@ check: setup site lint-scripts lint-crates
 	@$(LINT) fmt --all --check
 	@cd fuzz && $(LINT) fmt --check
 	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
-	@$(LINT) clippy $(LOCKED) --profile host --all-targets -- -D warnings
-	@$(LINT) clippy $(LOCKED) --release -p pkmkins --target-dir target/module -- -D warnings
+	@$(LINT) clippy $(LOCKED) --profile host --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
