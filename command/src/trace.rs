@@ -99,7 +99,7 @@ fn put_cycle(text: &mut String, time: f64, line: impl Display, values: impl Iter
     text.push('\n');
 }
 
-/// The fewest digits that are read as the same number, with an exponent where that is shorter.
+/// The fewest digits that are read as the same number; below 1e-5 and from 1e16 on with an exponent.
 fn put_number(text: &mut String, value: f64) {
     let mut digits = zmij::Buffer::new();
     let told = digits.format(value);
