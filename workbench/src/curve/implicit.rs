@@ -24,7 +24,7 @@ pub struct Families {
     pub t_unit: f64,
 }
 
-/// Values and gradients of both functions, or their enclosures.
+/// Gradients of both functions, or their enclosures.
 type Gradients = [[Interval; 3]; 2];
 
 impl Families {
@@ -46,14 +46,17 @@ impl Families {
         found.map_or(f64::NAN, |found| found.value.middle())
     }
 
-    fn gradients(&self, at: [Interval; 3]) -> Result<Gradients, Trouble> {
+    /// Values and gradients over a box.
+    fn over(&self, at: [Interval; 3]) -> Result<([Interval; 2], Gradients), Trouble> {
+        let mut values = [Interval::ZERO; 2];
         let mut gradients = [[Interval::ZERO; 3]; 2];
         for k in 0..3 {
             let unit = |i| if i == k { Interval::point(1.0) } else { Interval::ZERO };
             let [alpha, beta] = self.along(at, std::array::from_fn(unit))?;
             (gradients[0][k], gradients[1][k]) = (alpha.first, beta.first);
+            values = [alpha.value, beta.value];
         }
-        Ok(gradients)
+        Ok((values, gradients))
     }
 
     /// Values and gradients at a point.
@@ -61,10 +64,8 @@ impl Families {
         &self,
         point: &Vector3<f64>,
     ) -> Result<([f64; 2], [Vector3<f64>; 2]), Trouble> {
-        let at: [Interval; 3] = std::array::from_fn(|k| Interval::point(point[k]));
-        let values = self.along(at, [Interval::ZERO; 3])?.map(|found| found.value.middle());
-        let gradient = |row: [Interval; 3]| Vector3::from(row.map(Interval::middle));
-        Ok((values, self.gradients(at)?.map(gradient)))
+        let (values, gradients) = self.over(alone(point))?;
+        Ok((values.map(Interval::middle), gradients.map(middles)))
     }
 
     /// The point of the curve near `guess` in the plane n · p = `height`; `None` where Newton's
@@ -91,6 +92,15 @@ impl Families {
         }
         Ok(None)
     }
+}
+
+/// The box of one point.
+fn alone(point: &Vector3<f64>) -> [Interval; 3] {
+    std::array::from_fn(|k| Interval::point(point[k]))
+}
+
+fn middles(row: [Interval; 3]) -> Vector3<f64> {
+    Vector3::from(row.map(Interval::middle))
 }
 
 /// A piece of the curve over its chord: the parameter is the distance along the chord.
@@ -122,43 +132,45 @@ impl Chord {
         let Some((middle, _)) = families.in_plane(guess, &self.along, height)? else {
             return Ok(None);
         };
-        let (_, [a, b]) = families.at(&middle)?;
+        let (_, gradients) = families.over(alone(&middle))?;
+        let [a, b] = gradients.map(middles);
         let rows = Matrix3::from_rows(&[a.transpose(), b.transpose(), self.along.transpose()]);
         let Some(inverse) = rows.try_inverse() else { return Ok(None) };
-        let proof = Proof { families, along: &self.along, middle, inverse };
+        let proof = Proof { families, along: &self.along, middle, gradients, inverse };
         Ok(proof.enclosed(over)?.map(|[x, y, w]| [x, y, w * families.t_unit]))
     }
 }
 
-/// A point of the curve, and the inverse of the rows of its equations there.
+/// A point of the curve, gradients there, and the inverse of the rows of its equations.
 struct Proof<'a> {
     families: &'a Families,
     along: &'a Vector3<f64>,
     middle: Vector3<f64>,
+    gradients: Gradients,
     inverse: Matrix3<f64>,
 }
 
 impl Proof<'_> {
     fn enclosed(&self, over: Interval) -> Result<Option<[Taylor; 3]>, Trouble> {
         let half = 0.5 * (over.high - over.low);
+        if half == 0.0 {
+            return self.derivatives(alone(&self.middle), &self.excess(&self.gradients));
+        }
         let tangent = self.inverse.column(2).into_owned();
         let rounding = ROUNDING * (1.0 + self.middle.amax());
         let mut radius =
             tangent.map(|x| 1.1 * x.abs() * half) + Vector3::repeat(0.1 * half + rounding);
-        if half == 0.0 {
-            radius = Vector3::zeros();
-        }
         for _ in 0..GROWTHS {
             let at: [Interval; 3] =
                 std::array::from_fn(|k| Interval::about(self.middle[k], radius[k]));
-            let gradients = self.families.gradients(at)?;
+            let (_, gradients) = self.families.over(at)?;
             let excess = self.excess(&gradients);
             // |x − middle| for every solution with x in the box.
             let reached: [f64; 3] = std::array::from_fn(|k| {
                 let bent: f64 = (0..3).map(|j| excess[k][j].magnitude() * radius[j]).sum();
                 tangent[k].abs() * half + bent + rounding
             });
-            if half == 0.0 || (0..3).all(|k| reached[k] < radius[k]) {
+            if (0..3).all(|k| reached[k] < radius[k]) {
                 return self.derivatives(at, &excess);
             }
             radius = Vector3::from_fn(|k, _| (1.2 * reached[k]).max(radius[k]));
