@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 /// Every room, and those that it may use. Reading knows no proof, a proof no program, and nobody
 /// knows who draws.
-const ROOMS: [(&str, &[&str]); 19] = [
+const ROOMS: [(&str, &[&str]); 20] = [
+    ("dense", &[]),
     ("files", &[]),
     ("read", &["files"]),
     ("limits", &["read"]),
@@ -21,7 +22,7 @@ const ROOMS: [(&str, &[&str]); 19] = [
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("dynamics", &["read", "rows", "study"]),
-    ("stability", &["dynamics", "read", "study"]),
+    ("stability", &["dense", "dynamics", "read", "study"]),
     ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("view", &["control", "limits", "program", "read", "scene"]),

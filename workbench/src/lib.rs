@@ -17,4 +17,4 @@ pub mod stability;
 pub mod study;
 pub mod view;
 
-pub use machine::{files, limits, proof, read};
+pub use machine::{dense, files, limits, proof, read};

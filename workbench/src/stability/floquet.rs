@@ -6,8 +6,9 @@
 //! collocated on Chebyshev nodes; in between they move freely, which is solved exactly. What goes
 //! from period to period is the state of the modes and the displacement at the nodes.
 
+use crate::dense;
 use crate::stability::process::{Piece, Process, Row};
-use nalgebra::{Complex, DMatrix, DVector, Matrix3x2, Schur};
+use nalgebra::{Complex, DMatrix, DVector, Matrix3x2};
 use std::f64::consts::{PI, TAU};
 
 /// Nodes of a piece, and how many a period of the fastest mode adds: errors below 1e-8.
@@ -40,9 +41,6 @@ pub fn fast_enough(rows: &[Row], process: &Process, rpm: f64) -> Result<(), TooS
     let slowest = 60.0 * hz / (process.teeth as f64 * MOST_PERIODS);
     if rpm >= slowest { Ok(()) } else { Err(TooSlow { rpm, hz, slowest }) }
 }
-
-/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
-const SCHUR_STEPS: usize = 200;
 
 /// One tooth period at a spindle speed, for any depth.
 #[derive(Clone, Debug)]
@@ -99,12 +97,7 @@ impl Period {
     pub fn multiplier(&self, depth: f64) -> Complex<f64> {
         let none = Complex::new(f64::NAN, f64::NAN);
         let Some(matrix) = self.monodromy(depth) else { return none };
-        if !matrix.iter().all(|value| value.is_finite()) {
-            return none;
-        }
-        let steps = SCHUR_STEPS * matrix.nrows();
-        let Some(schur) = Schur::try_new(matrix, f64::EPSILON, steps) else { return none };
-        let all = schur.complex_eigenvalues();
+        let Some(all) = dense::eigenvalues(matrix) else { return none };
         let largest = all.iter().copied().max_by(|a, b| a.norm_sqr().total_cmp(&b.norm_sqr()));
         largest.unwrap_or(none)
     }
@@ -131,7 +124,7 @@ impl Period {
                     let mut right = &cut.from_state * &state;
                     let mut old = right.columns_mut(place, count);
                     old -= &cut.from_cut * depth;
-                    let mut moved = system.lu().solve(&right)?;
+                    let mut moved = dense::solved(system, &right)?;
                     whole.rows_mut(place, count).copy_from(&moved);
                     let mut own = moved.columns_mut(place, count);
                     own -= DMatrix::identity(count, count);

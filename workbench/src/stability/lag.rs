@@ -7,9 +7,10 @@
 //! displacement, so that the loop is on the limit of stability where `1 + K G/(1 + T p) = 0` has
 //! a root on the imaginary axis. Units: N, mm, s, t.
 
+use crate::dense;
 use crate::dynamics::mode::Mode;
 use crate::stability::root;
-use nalgebra::{Complex, ComplexField, DMatrix, Schur, Vector3};
+use nalgebra::{Complex, ComplexField, DMatrix, Vector3};
 
 /// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -332,19 +333,11 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     eigenvalues(companion)
 }
 
-/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
-const SCHUR_STEPS: usize = 200;
-
 /// Eigenvalues of a matrix; NaN where it has an entry that is no number.
 fn eigenvalues(matrix: DMatrix<Complex<f64>>) -> Vec<Complex<f64>> {
     let size = matrix.nrows();
-    let is_finite = matrix.iter().all(|entry| entry.re.is_finite() && entry.im.is_finite());
-    let schur = is_finite.then(|| Schur::try_new(matrix, f64::EPSILON, SCHUR_STEPS * size));
-    match schur.flatten() {
-        // The diagonal of a complex Schur form.
-        Some(schur) => schur.unpack().1.diagonal().iter().copied().collect(),
-        None => vec![Complex::new(f64::NAN, f64::NAN); size],
-    }
+    dense::complex_eigenvalues(matrix)
+        .unwrap_or_else(|| vec![Complex::new(f64::NAN, f64::NAN); size])
 }
 
 #[cfg(test)]

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Eigenvalues and solutions of matrices of any size.
+//!
+//! What a library has as generic code is built where it is used: studies use it from here, as it calculates
+//! much.
+
+use nalgebra::{Complex, ComplexField, DMatrix, Dyn, Schur};
+
+/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
+const SCHUR_STEPS: usize = 200;
+
+/// Eigenvalues of a matrix; `None` where it has an entry that is no number.
+pub fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    Some(schur(matrix)?.complex_eigenvalues().iter().copied().collect())
+}
+
+/// The same of a complex one.
+pub fn complex_eigenvalues(matrix: DMatrix<Complex<f64>>) -> Option<Vec<Complex<f64>>> {
+    // The diagonal of a complex Schur form.
+    Some(schur(matrix)?.unpack().1.diagonal().iter().copied().collect())
+}
+
+/// X with A X = B; `None` where A has no inverse.
+pub fn solved(a: DMatrix<f64>, b: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    a.lu().solve(b)
+}
+
+fn schur<T: ComplexField<RealField = f64>>(matrix: DMatrix<T>) -> Option<Schur<T, Dyn>> {
+    let steps = SCHUR_STEPS * matrix.nrows();
+    let is_finite = matrix.iter().all(|entry| entry.is_finite());
+    is_finite.then(|| Schur::try_new(matrix, f64::EPSILON, steps)).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_has_its_angle_and_what_is_no_number_has_no_eigenvalues() {
+        let (s, c) = 0.3_f64.sin_cos();
+        let turn = DMatrix::from_row_slice(2, 2, &[c, -s, s, c]);
+        let complex = turn.map(|entry| Complex::new(entry, 0.0));
+        for mut found in [eigenvalues(turn), complex_eigenvalues(complex)].map(Option::unwrap) {
+            found.sort_by(|a, b| a.im.total_cmp(&b.im));
+            for (value, angle) in found.iter().zip([-0.3, 0.3]) {
+                // Rounding of a matrix of order 2.
+                assert!((value - Complex::from_polar(1.0, angle)).modulus() < 1e-15, "{value}");
+            }
+        }
+        let bad = DMatrix::from_element(2, 2, f64::NAN);
+        assert_eq!(complex_eigenvalues(bad.map(|entry| Complex::new(entry, 0.0))), None);
+        assert_eq!(eigenvalues(bad), None);
+    }
+}
