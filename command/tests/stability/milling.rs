@@ -208,29 +208,42 @@ fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: u
     let h = delay / steps as f64;
     let turn = TAU * rpm / 60.0;
     // Twice as many rows: at full and half steps.
-    let mut old = vec![Vector3::zeros(); 2 * steps + 1];
+    let mut old = vec![[0.0; 3]; 2 * steps + 1];
     let mut state = vec![0.0; 2 * count];
-    let place =
-        |state: &[f64]| -> Vector3<f64> { (0..count).map(|j| modes[j].tip * state[2 * j]).sum() };
-    let rates = |time: f64, state: &[f64], before: &Vector3<f64>| -> Vec<f64> {
-        let moved = place(state) - before;
-        let mut force = Vector3::zeros();
+    // Plain numbers: the tests themselves are built without optimisation.
+    let tips: Vec<[f64; 3]> = modes.iter().map(|mode| mode.tip.into()).collect();
+    let sum = |state: &[f64], first: usize| -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for j in 0..count {
+            for k in 0..3 {
+                sum[k] += tips[j][k] * state[2 * j + first];
+            }
+        }
+        sum
+    };
+    let place = |state: &[f64]| sum(state, 0);
+    let rates = |time: f64, state: &[f64], before: &[f64; 3]| -> Vec<f64> {
+        let [x, y, _] = place(state);
+        let moved = [x - before[0], y - before[1]];
+        let mut force = [0.0; 3];
         for tooth in 0..process.teeth {
             let angle = (turn * time + process.pitch() * tooth as f64) % TAU;
             if angle >= process.arc[0] && angle <= process.arc[1] {
                 let (s, c) = angle.sin_cos();
-                let chip = feed * s + moved.x * s + moved.y * c;
+                let chip = feed * s + moved[0] * s + moved[1] * c;
                 // Along (s, c) the coefficient matrix has the force of a chip of 1.
-                let unit = process.at(angle) * nalgebra::Vector2::new(s, c);
-                force += unit * (chip.max(0.0) * depth);
+                let [along_x, along_y]: [[f64; 3]; 2] = process.at(angle).into();
+                for k in 0..3 {
+                    force[k] += (along_x[k] * s + along_y[k] * c) * chip.max(0.0) * depth;
+                }
             }
         }
         let mut rate = vec![0.0; 2 * count];
         for (j, mode) in modes.iter().enumerate() {
             let (q, v) = (state[2 * j], state[2 * j + 1]);
             rate[2 * j] = v;
-            rate[2 * j + 1] =
-                mode.tip.dot(&force) - 2.0 * mode.zeta * mode.omega * v - mode.omega.powi(2) * q;
+            let push: f64 = (0..3).map(|k| tips[j][k] * force[k]).sum();
+            rate[2 * j + 1] = push - 2.0 * mode.zeta * mode.omega * v - mode.omega.powi(2) * q;
         }
         rate
     };
@@ -247,19 +260,21 @@ fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: u
             let r2 = rates(time + h / 2.0, &moved(&state, &r1, h / 2.0), &before[1]);
             let r3 = rates(time + h / 2.0, &moved(&state, &r2, h / 2.0), &before[1]);
             let r4 = rates(time + h, &moved(&state, &r3, h), &before[2]);
-            let sum: Vec<f64> =
+            let rate: Vec<f64> =
                 (0..2 * count).map(|i| (r1[i] + 2.0 * r2[i] + 2.0 * r3[i] + r4[i]) / 6.0).collect();
-            let next = moved(&state, &sum, h);
+            let next = moved(&state, &rate, h);
             // Cubic between the steps, from places and speeds.
-            let speed = |state: &[f64]| -> Vector3<f64> {
-                (0..count).map(|j| modes[j].tip * state[2 * j + 1]).sum()
-            };
-            let middle =
-                (place(&state) + place(&next)) / 2.0 + (speed(&state) - speed(&next)) * (h / 8.0);
-            new.extend([middle, place(&next)]);
+            let [[here, there], [slow, fast]] =
+                [0, 1].map(|first| [&state, &next].map(|state| sum(state, first)));
+            let middle = std::array::from_fn(|k| {
+                (here[k] + there[k]) / 2.0 + (slow[k] - fast[k]) * (h / 8.0)
+            });
+            new.extend([middle, there]);
             state = next;
         }
-        let change = new.iter().zip(&old).map(|(a, b)| (a - b).norm());
+        let apart =
+            |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+        let change = new.iter().zip(&old).map(|(a, b)| apart(a, b));
         changes.push(change.fold(0.0, f64::max));
         old = new;
     }
