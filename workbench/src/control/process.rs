@@ -232,10 +232,10 @@ impl<'a> Run<'a> {
             match record {
                 Record::Head { version, linuxcnc } => check_version(version, &linuxcnc, installed)?,
                 Record::Row(row) => {
-                    if see(&row).is_break() {
+                    if see(row).is_break() {
                         return Err(NotJudged::Interrupted);
                     }
-                    if let Some(ending) = watch.row(&row)? {
+                    if let Some(ending) = watch.row(row)? {
                         return Ok(watch.outcome(ending, row.cycle));
                     }
                 }

@@ -40,7 +40,7 @@ pub struct Beside {
 }
 
 /// One servo cycle of a program.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
     /// Servo cycles since the program was started.
     pub cycle: u64,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
-use crate::control::row::{Beside, Extra, Flags, Message, MessageKind, Row};
-use kinematics::{ExtraAxes, MAX_JOINTS, Second, World};
+use crate::control::row::{Flags, Message, MessageKind, Row};
+use kinematics::{ExtraAxes, Second};
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
@@ -29,8 +29,7 @@ pub enum Cause {
 
 /// One record.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "nearly all are rows, and none is kept")]
-pub enum Record {
+pub enum Record<'a> {
     /// The first one.
     Head {
         /// Version of the records.
@@ -39,7 +38,7 @@ pub enum Record {
         linuxcnc: String,
     },
     /// A servo cycle.
-    Row(Row),
+    Row(&'a Row),
     /// What LinuxCNC tells the operator; its time is still in cycles.
     Message(u64, Message),
     /// The last one: cycles, line, cause, text.
@@ -62,19 +61,21 @@ pub struct Records<R> {
     from: R,
     columns: Columns,
     bytes: Vec<u8>,
+    /// The newest one: nearly all records are rows, and large to be handed on.
+    row: Row,
 }
 
 impl<R: Read> Records<R> {
     /// Records from a buffered reader.
     pub fn new(from: R, columns: Columns) -> Self {
-        Self { from, columns, bytes: vec![] }
+        Self { from, columns, bytes: vec![], row: Row::default() }
     }
 
     /// The next record; `None` where there are no more.
     ///
     /// # Errors
     /// It cannot be read, or is none.
-    pub fn read(&mut self) -> io::Result<Option<Record>> {
+    pub fn read(&mut self) -> io::Result<Option<Record<'_>>> {
         let mut head = [0; 8];
         if self.from.read(&mut head[..1])? == 0 {
             return Ok(None);
@@ -90,7 +91,7 @@ impl<R: Read> Records<R> {
         let mut fields = Fields(&self.bytes);
         let record = match kind {
             HEAD => head_of(&fields.text()),
-            ROW => fields.row(&self.columns).map(Record::Row),
+            ROW => fields.row(&self.columns, &mut self.row).map(|()| Record::Row(&self.row)),
             MESSAGE => fields.message(),
             END => fields.end(),
             _ => None,
@@ -103,7 +104,7 @@ fn malformed() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "a record is malformed")
 }
 
-fn head_of(text: &str) -> Option<Record> {
+fn head_of(text: &str) -> Option<Record<'static>> {
     let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
     Some(Record::Head {
         version: value("version")?.parse().ok()?,
@@ -138,49 +139,44 @@ impl Fields<'_> {
         self.take().map(f64::from_ne_bytes)
     }
 
-    fn values<const N: usize>(&mut self, count: usize) -> Option<[f64; N]> {
-        let mut values = [0.0; N];
-        for value in &mut values[..count] {
+    fn values(&mut self, into: &mut [f64]) -> Option<()> {
+        for value in into {
             *value = self.value()?;
         }
-        Some(values)
+        Some(())
     }
 
     fn text(&self) -> String {
         String::from_utf8_lossy(self.0).into_owned()
     }
 
-    fn row(&mut self, columns: &Columns) -> Option<Row> {
-        let (joints, axes) = (columns.joints, &columns.extra);
-        let (cycle, line, flags) = (self.cycle()?, self.line()?, self.number()?);
-        let feed = self.value()?;
-        let world: World = self.values(9)?;
-        let [x, y, z, a, b, c, ..] = world;
-        let mut row = Row {
-            cycle,
-            line,
-            flags: Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 },
-            feed,
-            pose: [x, y, z, a, b, c],
-            tool: self.values(3)?,
-            second: Beside { pose: [0.0; 6], tool: self.values(3)? },
-            joints: self.values::<MAX_JOINTS>(joints)?,
-            extra: Extra { world, positions: self.values(axes.len())?, ..Extra::default() },
-            errors: self.values::<MAX_JOINTS>(joints)?,
-            allowed: [0.0; MAX_JOINTS],
-        };
-        row.extra.errors = self.values(axes.len())?;
-        row.allowed = self.values::<MAX_JOINTS>(joints)?;
-        row.extra.allowed = self.values(axes.len())?;
+    /// Into a row that has been of the same columns, or of none.
+    fn row(&mut self, columns: &Columns, row: &mut Row) -> Option<()> {
+        let (joints, axes) = (columns.joints, columns.extra.len());
+        (row.cycle, row.line) = (self.cycle()?, self.line()?);
+        let flags = self.number()?;
+        row.flags = Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 };
+        row.feed = self.value()?;
+        self.values(&mut row.extra.world)?;
+        self.values(&mut row.tool)?;
+        self.values(&mut row.second.tool)?;
+        self.values(row.joints.get_mut(..joints)?)?;
+        self.values(row.extra.positions.get_mut(..axes)?)?;
+        self.values(row.errors.get_mut(..joints)?)?;
+        self.values(row.extra.errors.get_mut(..axes)?)?;
+        self.values(row.allowed.get_mut(..joints)?)?;
+        self.values(row.extra.allowed.get_mut(..axes)?)?;
+        row.pose.copy_from_slice(&row.extra.world[..6]);
         let second = columns.second.iter().flat_map(Second::places);
-        for place in axes.places().chain(second) {
+        for place in columns.extra.places().chain(second) {
             row.pose.get_mut(place).into_iter().for_each(|value| *value = 0.0);
         }
-        row.second.pose = columns.second.map_or([0.0; 6], |second| second.pose_of(&world));
-        Some(row)
+        row.second.pose =
+            columns.second.map_or([0.0; 6], |second| second.pose_of(&row.extra.world));
+        Some(())
     }
 
-    fn message(&mut self) -> Option<Record> {
+    fn message(&mut self) -> Option<Record<'static>> {
         let (cycle, line, kind) = (self.cycle()?, self.line()?, self.number()?);
         let read = self.line()?;
         let kind =
@@ -189,7 +185,7 @@ impl Fields<'_> {
         Some(Record::Message(cycle, Message { kind, text, line, read, seconds: 0.0 }))
     }
 
-    fn end(&mut self) -> Option<Record> {
+    fn end(&mut self) -> Option<Record<'static>> {
         let (cycle, line, cause) = (self.cycle()?, self.line()?, self.number()?);
         let cause = *[Cause::Finished, Cause::Stopped, Cause::NotJudged].get(cause as usize)?;
         Some(Record::End(cycle, line, cause, self.text()))
@@ -243,8 +239,8 @@ mod tests {
         let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
         let axes = ExtraAxes::parse(b"WC", &layout).unwrap();
         let columns = Columns { extra: axes, ..plain(1) };
-        let record = Records::new(bytes.as_slice(), columns).read().unwrap();
-        let Some(Record::Row(row)) = record else { panic!("no row") };
+        let mut records = Records::new(bytes.as_slice(), columns);
+        let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         // Feed, all coordinates, of which the pose has no C, tool; then commands, errors and what is allowed of three joints.
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         let first = |values: &[f64]| [values[0], values[1], values[2]];
@@ -263,8 +259,8 @@ mod tests {
         let first = Layout::new(1, letters(b"X"), Letters::NONE).unwrap();
         let second = Second::new(2, letters(b"ZB"), letters(b"C"), &first).unwrap();
         let columns = Columns { second: Some(second), ..plain(2) };
-        let record = Records::new(bytes.as_slice(), columns).read().unwrap();
-        let Some(Record::Row(row)) = record else { panic!("no row") };
+        let mut records = Records::new(bytes.as_slice(), columns);
+        let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         assert_eq!(row.second.pose, [0.0, 0.0, 10.0, 0.0, 7.0, 0.0]);
         assert_eq!((row.tool, row.second.tool), ([11.0, 12.0, 13.0], [14.0, 15.0, 16.0]));
@@ -273,11 +269,11 @@ mod tests {
     #[test]
     fn what_is_cut_off_or_is_no_record_is_an_error() {
         let whole = record(ROW, &[&[0; 16 + 22 * 8]]);
-        let read = |bytes: &[u8], joints| Records::new(bytes, plain(joints)).read();
-        assert!(read(&whole, 2).is_ok());
-        assert!(read(&whole, 3).is_err());
-        assert!(read(&whole[..whole.len() - 1], 2).is_err());
-        assert!(read(&record(9, &[]), 2).is_err());
-        assert!(read(&[0xff; 8], 2).is_err());
+        let is_read = |bytes: &[u8], joints| Records::new(bytes, plain(joints)).read().is_ok();
+        assert!(is_read(&whole, 2));
+        assert!(!is_read(&whole, 3));
+        assert!(!is_read(&whole[..whole.len() - 1], 2));
+        assert!(!is_read(&record(9, &[]), 2));
+        assert!(!is_read(&[0xff; 8], 2));
     }
 }
