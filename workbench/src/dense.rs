@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Eigenvalues and solutions of matrices of any size.
+//! Eigenvalues of matrices of any size, and solutions of linear equations.
 //!
-//! What a library has as generic code is built where it is used: studies use it from here, as it calculates
-//! much.
+//! Generic code of a library is compiled where it is used: here that is at the level of what calculates, which
+//! studies need for large matrices.
 
 use nalgebra::{Complex, ComplexField, DMatrix, Dyn, Schur};
 
 /// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
 const SCHUR_STEPS: usize = 200;
 
-/// Eigenvalues of a matrix; `None` where it has an entry that is no number.
+/// Eigenvalues of a matrix; `None` where an entry is not finite, or the routine does not come to an end.
 pub fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(schur(matrix)?.complex_eigenvalues().iter().copied().collect())
 }

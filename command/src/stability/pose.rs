@@ -263,7 +263,7 @@ fn single(
     Single {
         rpm,
         zero_order_mm,
-        semi_discretisation: found.first().map(check),
+        semi_discretisation: found.first().map(check).filter(|value| value.is_finite()),
         unstable: unstable(&found, deepest),
         multiplier_at_depth: depth.map(|depth| period.multiplier(depth).modulus()),
     }

@@ -46,7 +46,8 @@ impl Families {
         found.map_or(f64::NAN, |found| found.value.middle())
     }
 
-    /// Values and gradients over a box.
+    /// Values and gradients over a box; the values to rounding those of [`Self::value`], as a power with t in
+    /// its exponent is a number's there.
     fn over(&self, at: [Interval; 3]) -> Result<([Interval; 2], Gradients), Trouble> {
         let mut values = [Interval::ZERO; 2];
         let mut gradients = [[Interval::ZERO; 3]; 2];

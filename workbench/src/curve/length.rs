@@ -13,7 +13,7 @@ const RULE: [[f64; 2]; 5] = [
     [0.973_906_528_517_171_7, 0.066_671_344_308_688_14],
 ];
 /// Error of an integral, as a share of the whole, and in mm of one that is shorter than 1 mm: some
-/// roundings of a point of the curve.
+/// roundings of a point of the curve. Where the parameter is far from 0, its roundings make more.
 const ERROR: f64 = 1e-13;
 /// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the square of
 /// that.

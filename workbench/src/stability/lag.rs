@@ -333,7 +333,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     eigenvalues(companion)
 }
 
-/// Eigenvalues of a matrix; NaN where it has an entry that is no number.
+/// Eigenvalues of a matrix; NaN where [`dense::complex_eigenvalues`] has none.
 fn eigenvalues(matrix: DMatrix<Complex<f64>>) -> Vec<Complex<f64>> {
     let size = matrix.nrows();
     dense::complex_eigenvalues(matrix)
