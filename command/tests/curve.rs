@@ -246,6 +246,8 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
         (explicit("1/(t-1)"), "at t = 1: \"1/(t-1)\" divides by 0"),
         (explicit("1/(t-1.3)"), "a pole, a divisor of 0"),
         (explicit("1/(t-1.3)"), "at t = 1.30000"),
+        // Where the divisor itself loses digits beside the pole.
+        ("[curve]\nx_mm = '1/(1+cos(t))'\ny_mm = 0\nt = [0, '2*pi']\n".into(), "divides by 0"),
         (explicit("sqrt(t)"), "at t = -1"),
         (explicit("sqrt(t)"), "no real value: sqrt of -"),
         (explicit("q*t"), "[curve] x_mm: \"q*t\": the name q is unknown; known are t"),
