@@ -263,7 +263,7 @@ fn single(
     Single {
         rpm,
         zero_order_mm,
-        semi_discretisation: found.first().map(check).filter(|value| value.is_finite()),
+        semi_discretisation: found.first().and_then(check),
         unstable: unstable(&found, deepest),
         multiplier_at_depth: depth.map(|depth| period.multiplier(depth).modulus()),
     }
@@ -357,8 +357,16 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         if single.unstable.is_empty() {
             writeln!(out, "    stable")?;
         }
-        if let Some(check) = single.semi_discretisation {
-            writeln!(out, "    there semi-discretisation has a largest multiplier of {check:.4}")?;
+        match single.semi_discretisation {
+            _ if single.unstable.is_empty() => {}
+            Some(check) => writeln!(
+                out,
+                "    there semi-discretisation has a largest multiplier of {check:.4}"
+            )?,
+            None => writeln!(
+                out,
+                "    not judged by semi-discretisation: its eigenvalues were not found"
+            )?,
         }
         if let Some(multiplier) = single.multiplier_at_depth {
             writeln!(out, "    at --depth the largest multiplier is {multiplier:.5}")?;

@@ -118,11 +118,11 @@ fn multipliers_are_those_of_an_independent_calculation_and_of_semi_discretisatio
         for expected in rows("chatter", key) {
             let found = amount(&period, expected[0]);
             close(found, expected[1], MULTIPLIER);
-            let semi = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 80);
+            let semi = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 80).unwrap();
             // The same method with the same steps.
             close(semi, expected[2], MULTIPLIER);
             close(semi, found, 2.0 * SEMI);
-            let finer = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 160);
+            let finer = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 160).unwrap();
             close(finer, found, SEMI);
             // Its error falls with the square of the steps: the limit is collocation's.
             close((4.0 * finer - semi) / 3.0, found, 1e-4);
@@ -195,7 +195,7 @@ fn an_axial_force_counts_where_a_mode_moves_along_the_axis_too() {
     assert!((with / without - 1.0).abs() > 0.02, "{with} {without}");
     // The check knows it too.
     let process = cut(PI / 2.0, PI, 300.0);
-    close(semi::multiplier(&along, &process, 5000.0, with, 160), 1.0, SEMI);
+    close(semi::multiplier(&along, &process, 5000.0, with, 160).unwrap(), 1.0, SEMI);
 }
 
 /// The largest change of the displacement from one tooth period to the next, period by period: the

@@ -191,7 +191,8 @@ fn limits_by_collocation_are_those_of_an_independent_calculation_and_of_semi_dis
             let found = first_limit(&Period::new(&in_plane, &process, rpm), 3.0 * expected[1]);
             close(found.unwrap(), depth, DEPTH);
             // The limit of the other method is within 1 %: it passes 1 in between.
-            let at = |share: f64| semi::multiplier(&in_plane, &process, rpm, share * depth, 60);
+            let at =
+                |share: f64| semi::multiplier(&in_plane, &process, rpm, share * depth, 60).unwrap();
             assert!(at(1.0 - SEMI) < 1.0 && at(1.0 + SEMI) > 1.0, "{name} {rpm}");
         }
     }
@@ -212,7 +213,7 @@ fn an_island_of_instability_is_found_that_zero_order_cannot_see() {
         assert!((period.multiplier(depth) + 1.0).modulus() < 1e-5);
     }
     // The check sees it as well.
-    let semi = |depth: f64| semi::multiplier(&in_plane, &process, 6000.0, depth, 80);
+    let semi = |depth: f64| semi::multiplier(&in_plane, &process, 6000.0, depth, 80).unwrap();
     assert!(semi(2.26) < 1.0 && semi(2.30) > 1.0 && semi(7.2) > 1.0 && semi(7.28) < 1.0);
     let zero_order = Lobes::new(&in_plane, &process, 6000.0).limit(6000.0).unwrap().depth;
     assert!(zero_order > 8.15, "{zero_order}");

@@ -11,8 +11,14 @@ use nalgebra::{ComplexField, DMatrix};
 use std::f64::consts::TAU;
 
 /// The largest amount of a multiplier at a spindle speed (1/min) and a depth (mm), with so many
-/// steps (2 at least) in a tooth period; NaN where it is no number.
-pub fn multiplier(rows: &[Row], process: &Process, rpm: f64, depth: f64, steps: usize) -> f64 {
+/// steps (2 at least) in a tooth period; `None` as of [`dense::eigenvalues`].
+pub fn multiplier(
+    rows: &[Row],
+    process: &Process,
+    rpm: f64,
+    depth: f64,
+    steps: usize,
+) -> Option<f64> {
     let states = 2 * rows.len();
     let step = process.delay(rpm) / steps as f64;
     let turn = TAU * rpm / 60.0 * step;
@@ -35,8 +41,8 @@ pub fn multiplier(rows: &[Row], process: &Process, rpm: f64, depth: f64, steps: 
         shifted.rows_mut(states + 2, kept).copy_from(&whole.rows(states, kept));
         whole = shifted;
     }
-    let all = dense::eigenvalues(whole);
-    all.map_or(f64::NAN, |all| all.iter().map(|value| value.modulus()).fold(0.0, f64::max))
+    let all = dense::eigenvalues(whole)?;
+    Some(all.iter().map(|value| value.modulus()).fold(0.0, f64::max))
 }
 
 /// Free motion of all states, what forces do to them, and what is seen of them.
