@@ -21,7 +21,7 @@ const ROOMS: [(&str, &[&str]); 20] = [
     ("program", &["control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("curve", &["files", "limits", "program", "proof", "read", "study"]),
-    ("dynamics", &["read", "rows", "study"]),
+    ("dynamics", &["dense", "read", "rows", "study"]),
     ("stability", &["dense", "dynamics", "read", "study"]),
     ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),

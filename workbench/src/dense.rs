@@ -6,6 +6,9 @@
 
 use nalgebra::{Complex, ComplexField, DMatrix, Dyn, Schur};
 
+/// Of complex numbers.
+pub type ComplexMatrix = DMatrix<Complex<f64>>;
+
 /// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
 const SCHUR_STEPS: usize = 200;
 
@@ -15,9 +18,14 @@ pub fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
 }
 
 /// The same of a complex one.
-pub fn complex_eigenvalues(matrix: DMatrix<Complex<f64>>) -> Option<Vec<Complex<f64>>> {
+pub fn complex_eigenvalues(matrix: ComplexMatrix) -> Option<Vec<Complex<f64>>> {
     // The diagonal of a complex Schur form.
-    Some(schur(matrix)?.unpack().1.diagonal().iter().copied().collect())
+    Some(complex_schur(matrix)?.1.diagonal().iter().copied().collect())
+}
+
+/// U and T with A = U T U*, U unitary and T upper triangular; `None` as of [`eigenvalues`].
+pub fn complex_schur(matrix: ComplexMatrix) -> Option<(ComplexMatrix, ComplexMatrix)> {
+    schur(matrix).map(Schur::unpack)
 }
 
 /// X with A X = B; `None` where A has no inverse.

@@ -4,14 +4,12 @@
 //! States are modal displacements times their frequencies, modal velocities, and the filters of the
 //! force: entries of one size. A P + P Aᵀ + Q = 0 is solved by Schur's form (Bartels and Stewart 1972).
 
+use crate::dense;
 use crate::dynamics::noise::{Spectrum, exponential};
 use crate::dynamics::structure::Structure;
 use kinematics::{Matrix3, Vector3};
-use nalgebra::{Complex, DMatrix, DVector, Schur};
+use nalgebra::{Complex, DMatrix, DVector};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-
-/// Steps of Schur's algorithm: far more than matrices of this size take.
-const SCHUR_STEPS: usize = 10_000;
 
 /// Doublings of the sum for a sampled force: 2^60 steps.
 const DOUBLINGS: usize = 60;
@@ -172,11 +170,10 @@ impl Linear {
     }
 }
 
-/// P with A P + P Aᵀ + Q = 0; `None` where A is not stable.
+/// P with A P + P Aᵀ + Q = 0; `None` where A is not stable, or has no Schur form that is found.
 pub fn lyapunov(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let complex = |matrix: &DMatrix<f64>| matrix.map(|value| Complex::new(value, 0.0));
-    let schur = Schur::try_new(complex(a), f64::EPSILON, SCHUR_STEPS)?;
-    let (u, t) = schur.unpack();
+    let (u, t) = dense::complex_schur(complex(a))?;
     let count = a.nrows();
     let right = u.adjoint() * complex(q) * &u;
     let mut y = DMatrix::zeros(count, count);

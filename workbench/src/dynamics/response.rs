@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a structure does of itself and under a force that swings: modes, poles, receptance.
 
+use crate::dense;
 use crate::dynamics::mode::Mode;
 use crate::dynamics::shapes::Shapes;
 use crate::dynamics::structure::Structure;
@@ -34,7 +35,7 @@ impl Structure {
     }
 
     /// Poles with damping, whatever couples the modes: those that swing, with imaginary parts above 0,
-    /// and those that do not; by their amount, smallest first, 1/s. `None` as above.
+    /// and those that do not; by their amount, smallest first, 1/s. `None` as above, or as of [`dense::eigenvalues`].
     pub fn poles(&self) -> Option<Vec<Complex<f64>>> {
         let shapes = self.shapes()?;
         let count = shapes.omegas.len();
@@ -45,8 +46,8 @@ impl Structure {
         state.view_mut((count, 0), (count, count)).copy_from(&-omegas);
         let damping = shapes.vectors.tr_mul(&(&self.damping * &shapes.vectors));
         state.view_mut((count, count), (count, count)).copy_from(&-damping);
-        let poles = state.complex_eigenvalues();
-        let mut poles: Vec<_> = poles.iter().copied().filter(|pole| pole.im >= 0.0).collect();
+        let mut poles = dense::eigenvalues(state)?;
+        poles.retain(|pole| pole.im >= 0.0);
         poles.sort_by(|a, b| a.re.hypot(a.im).total_cmp(&b.re.hypot(b.im)));
         Some(poles)
     }

@@ -257,9 +257,8 @@ impl Solved {
             system[(i, i)] += row.omega * row.omega;
         }
         // The nodes are distinct: the matrix of a differential equation with initial values.
-        let solved = system.lu();
-        let of = |right: DMatrix<f64>| solved.solve(&right).unwrap_or(right * f64::NAN);
-        let from_force = of(DMatrix::identity(inner, inner));
+        let from_force = dense::solved(system, &DMatrix::identity(inner, inner))
+            .unwrap_or_else(|| DMatrix::from_element(inner, inner, f64::NAN));
         let from_place = &from_force * (-(&rest * &first) - &first * rate);
         let from_speed = &from_force * -&first;
         let last = rest.row(inner - 1);
