@@ -10,7 +10,7 @@
 use super::tolerances::WRONG;
 use super::{NO_OFFSET, NO_TOOL};
 use kinematics::{Geometry, Joints, LegGeometry, LegKind, Letter, Machine, Pose, Solver, Vector3};
-use nalgebra::{Matrix3, Rotation3, SVector};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 const STEPS: usize = 1000;
 
@@ -230,25 +230,27 @@ impl<'a> Tracker<'a> {
     pub fn newton_step(&self, rows: &[Row; 8], residuals: &[f64; 8]) -> Option<(Row, f64)> {
         let layout = self.geometry.layout();
         // Coordinates that do not move get an equation of their own, x = 0.
-        let mut system = [[0.0; 8]; 6];
-        (0..6).for_each(|k| system[k][k] = 1.0);
+        let mut a = SMatrix::<f64, 6, 6>::identity();
+        let mut b = Row::zeros();
         let active = || (0..6).filter(|k| self.is_active(*k));
         if layout.is_redundant() {
             for j in active() {
                 for k in active() {
-                    system[j][k] = rows.iter().map(|row| row[j] * row[k]).sum();
+                    a[(j, k)] = rows.iter().map(|row| row[j] * row[k]).sum();
                 }
-                system[j][6] = rows.iter().zip(residuals).map(|(row, r)| row[j] * r).sum();
+                b[j] = rows.iter().zip(residuals).map(|(row, r)| row[j] * r).sum();
             }
         } else {
             for (i, j) in active().enumerate() {
-                system[j][..6].copy_from_slice(rows[i].as_slice());
-                system[j][6] = residuals[i];
+                for k in 0..6 {
+                    a[(j, k)] = rows[i][k];
+                }
+                b[j] = residuals[i];
             }
         }
-        let (solution, sign) = solved(system)?;
-        let sign = if layout.is_redundant() { 1.0 } else { sign };
-        Some((-Row::from(solution), sign))
+        let lu = a.lu();
+        let sign = if layout.is_redundant() { 1.0 } else { lu.determinant().signum() };
+        Some((-lu.solve(&b)?, sign))
     }
 
     /// The right pose, or `None` where the path meets a singular pose or a dead point.
@@ -360,39 +362,6 @@ impl<'a> Tracker<'a> {
         let (_, sign) = self.newton_step(&self.charted(&rows, &state), &residuals)?;
         Some(sign > 0.0)
     }
-}
-
-/// x of a x = b and the sign of det a, by Gauss's elimination with the largest pivot of each column; `None` for a
-/// singular a. `rows` are those of a, each with its b behind it. (With nalgebra's all these tests take a tenth longer.)
-fn solved(mut rows: [[f64; 8]; 6]) -> Option<([f64; 6], f64)> {
-    let mut sign = 1.0;
-    for k in 0..6 {
-        let mut pivot = k;
-        for i in k + 1..6 {
-            if rows[i][k].abs() > rows[pivot][k].abs() {
-                pivot = i;
-            }
-        }
-        if pivot != k {
-            rows.swap(k, pivot);
-            sign = -sign;
-        }
-        let row = rows[k];
-        if row[k] == 0.0 {
-            return None;
-        }
-        sign *= row[k].signum();
-        for below in &mut rows[k + 1..] {
-            let factor = below[k] / row[k];
-            below.iter_mut().zip(row).for_each(|(entry, above)| *entry -= factor * above);
-        }
-    }
-    let mut x = [0.0; 6];
-    for k in (0..6).rev() {
-        let known: f64 = (k + 1..6).map(|j| rows[k][j] * x[j]).sum();
-        x[k] = (rows[k][6] - known) / rows[k][k];
-    }
-    Some((x, sign))
 }
 
 /// Axis times angle of a rotation by less than half a turn, exact for small ones too.
