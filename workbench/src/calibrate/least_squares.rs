@@ -1,45 +1,38 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Least squares by Levenberg and Marquardt's method: the library's interface on our types.
-//!
-//! The library speaks another version of nalgebra than the rest of the crate; matrices cross
-//! here as slices.
+//! Least squares by Levenberg and Marquardt's method: the library's interface on a function.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
-use nalgebra::{DMatrix, DVector};
-use nalgebra_of_lm as lm;
+use nalgebra::{DMatrix, DVector, Dyn, U1, VecStorage};
 
 /// Residuals and their derivatives at some place.
 pub type Linear = (DVector<f64>, DMatrix<f64>);
 
 struct Problem<F> {
     evaluate: F,
-    place: lm::DVector<f64>,
+    place: DVector<f64>,
     here: Option<Linear>,
 }
 
-impl<F: FnMut(&[f64]) -> Option<Linear>> LeastSquaresProblem<f64, lm::Dyn, lm::Dyn> for Problem<F> {
-    type ResidualStorage = lm::VecStorage<f64, lm::Dyn, lm::U1>;
-    type JacobianStorage = lm::VecStorage<f64, lm::Dyn, lm::Dyn>;
-    type ParameterStorage = lm::VecStorage<f64, lm::Dyn, lm::U1>;
+impl<F: FnMut(&[f64]) -> Option<Linear>> LeastSquaresProblem<f64, Dyn, Dyn> for Problem<F> {
+    type ResidualStorage = VecStorage<f64, Dyn, U1>;
+    type JacobianStorage = VecStorage<f64, Dyn, Dyn>;
+    type ParameterStorage = VecStorage<f64, Dyn, U1>;
 
-    fn set_params(&mut self, place: &lm::DVector<f64>) {
+    fn set_params(&mut self, place: &DVector<f64>) {
         self.place.copy_from(place);
         self.here = (self.evaluate)(place.as_slice());
     }
 
-    fn params(&self) -> lm::DVector<f64> {
+    fn params(&self) -> DVector<f64> {
         self.place.clone()
     }
 
-    fn residuals(&self) -> Option<lm::DVector<f64>> {
-        let (residuals, _) = self.here.as_ref()?;
-        Some(lm::DVector::from_column_slice(residuals.as_slice()))
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.here.as_ref().map(|(residuals, _)| residuals.clone())
     }
 
-    fn jacobian(&self) -> Option<lm::DMatrix<f64>> {
-        let (_, jacobian) = self.here.as_ref()?;
-        let (rows, columns) = jacobian.shape();
-        Some(lm::DMatrix::from_column_slice(rows, columns, jacobian.as_slice()))
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        self.here.as_ref().map(|(_, jacobian)| jacobian.clone())
     }
 }
 
@@ -54,7 +47,7 @@ pub(crate) fn minimum(
     start: &[f64],
     evaluate: impl FnMut(&[f64]) -> Option<Linear>,
 ) -> Result<Vec<f64>, NotConverged> {
-    let place = lm::DVector::from_column_slice(start);
+    let place = DVector::from_column_slice(start);
     let mut problem = Problem { evaluate, place: place.clone(), here: None };
     problem.set_params(&place);
     let (found, report) = LevenbergMarquardt::new().minimize(problem);
