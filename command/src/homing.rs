@@ -2,13 +2,13 @@
 //! `pkm homing`.
 
 use super::failure::{Failure, tell_error};
-use super::joints::{coordinates, joint_names};
 use super::{Bar, MachineFile, Verdict, output};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 use workbench::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use workbench::files::{csv, write_whole};
+use workbench::read::columns::{coordinates, joint_names};
 use workbench::read::machine::MachineConfig;
 use workbench::view::data::Data;
 use workbench::view::page::page;

@@ -6,7 +6,8 @@ use super::input::RowFile;
 use super::poses::PoseWords;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
-use kinematics::{Letter, Pose, Vector3};
+use kinematics::{Pose, Vector3};
+use workbench::read::columns::{coordinates, joint_names};
 use workbench::read::machine::MachineConfig;
 
 /// Joint values of poses (inverse kinematics)
@@ -43,16 +44,6 @@ impl Tool {
         let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
         config.spindle + Vector3::from_fn(|k, _| given[k])
     }
-}
-
-/// Names of the coordinates of a pose.
-pub fn coordinates() -> Vec<String> {
-    Letter::ALL.iter().map(|letter| letter.name().to_ascii_lowercase().to_string()).collect()
-}
-
-/// Names of the joint values.
-pub fn joint_names(count: usize) -> Vec<String> {
-    (0..count).map(|i| format!("joint_{i}")).collect()
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {

@@ -37,7 +37,6 @@ mod scene;
 mod sensitivity;
 mod stability;
 mod stiffness;
-mod trace;
 mod travel;
 mod vibration;
 mod view;

@@ -3,10 +3,11 @@
 
 use super::failure::{Failure, refused};
 use super::input::RowFile;
-use super::joints::{Tool, coordinates, joint_names};
+use super::joints::Tool;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use kinematics::Pose;
+use workbench::read::columns::{coordinates, joint_names};
 
 /// Poses of joint values (forward kinematics)
 ///

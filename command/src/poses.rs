@@ -3,11 +3,12 @@
 
 use super::failure::{Failure, refused};
 use super::input::{Program, RowFile};
-use super::joints::{Tool, coordinates};
+use super::joints::Tool;
 use super::{Bar, moves, output, rows};
 use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
 use std::path::{Path, PathBuf};
 use workbench::program::replay::{duration_of_all, replay_seen};
+use workbench::read::columns::coordinates;
 use workbench::read::machine::MachineConfig;
 
 /// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so

@@ -3,7 +3,6 @@
 
 use super::failure::{Failure, MovesNothing, refused, tell_error};
 use super::run::{Control, Progress};
-use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output, report, told};
 use draw::margins::figures;
 use draw::page::{self, Report, of_program};
@@ -15,6 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use workbench::check::cautions::{Caution, cautions};
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Message, Row};
+use workbench::control::trace::Trace;
 use workbench::files::{self, Locate, open, write_whole};
 use workbench::program::both::Flights;
 use workbench::program::course::{Course, Thinned};

@@ -2,7 +2,6 @@
 //! `pkm replay`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::joints::{coordinates, joint_names};
 use super::output::Table;
 use super::{Bar, MachineFile, Verdict, moves};
 use draw::motion;
@@ -11,6 +10,7 @@ use draw::sample::Sample;
 use std::path::PathBuf;
 use workbench::files::Locate;
 use workbench::program::replay::{Visit, duration_of_all, replay_seen};
+use workbench::read::columns::{coordinates, joint_names};
 use workbench::read::machine::MachineConfig;
 
 /// Writes the joint values that a program asks for

@@ -2,7 +2,6 @@
 //! `pkm rods`.
 
 use super::failure::{Failure, tell_error};
-use super::joints::{coordinates, joint_names};
 use super::output::Table;
 use super::poses::{Source, Stop};
 use super::{MachineFile, StudyFile, Verdict};
@@ -11,6 +10,7 @@ use draw::plot::Plot;
 use draw::rods::of_rods;
 use kinematics::Vector3;
 use std::path::PathBuf;
+use workbench::read::columns::{coordinates, joint_names};
 use workbench::read::machine::MachineConfig;
 use workbench::study::rods::{Rods, View};
 

@@ -2,7 +2,6 @@
 //! `pkm run`.
 
 use super::failure::Failure;
-use super::trace::Trace;
 use super::{Bar, MachineFile, Verdict, output};
 use serde::Serialize;
 use std::io::Write;
@@ -10,6 +9,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use workbench::control::process::{self, Options};
 use workbench::control::row::{Ending, Message, MessageKind, Outcome, Row};
+use workbench::control::trace::Trace;
 use workbench::files::open;
 use workbench::program::done::Done;
 use workbench::read::machine::MachineConfig;

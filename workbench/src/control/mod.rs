@@ -15,3 +15,4 @@ pub mod refusal;
 pub mod row;
 pub mod scratch;
 pub mod stream;
+pub mod trace;

@@ -12,6 +12,7 @@ use crate::files;
 use crate::program::interpreter::{Move, MoveKind};
 use crate::program::path::{Along, along};
 use crate::program::preflight::preflight;
+use crate::read::columns::joint_names;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Joints, Pose, Vector3};
 
@@ -206,7 +207,7 @@ pub fn csv(config: &MachineConfig, job: &Job) -> String {
     let count = config.joints.len();
     let mut header: Vec<String> =
         ["operation", "kind", "length", "x", "y", "z", "a", "b", "c"].map(String::from).into();
-    header.extend((0..count).map(|i| format!("joint_{i}")));
+    header.extend(joint_names(count));
     header.extend((0..count).map(|i| format!("change_{i}")));
     let rows = job.done.iter().enumerate().flat_map(|(n, done)| {
         done.places.iter().zip(&done.along).map(move |((pose, joints), along)| {

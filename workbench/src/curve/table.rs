@@ -6,6 +6,7 @@ use crate::curve::gcode::in_machine;
 use crate::curve::motion::Node;
 use crate::curve::route_error::RouteError;
 use crate::files;
+use crate::read::columns::joint_names;
 use crate::read::machine::MachineConfig;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 
@@ -82,7 +83,7 @@ pub fn csv(config: &MachineConfig, rows: &[Row]) -> String {
         ["t", "s", "x", "y", "z", "a", "b", "c", "tangent_x", "tangent_y", "tangent_z"]
             .map(String::from)
             .into();
-    header.extend((0..count).map(|i| format!("joint_{i}")));
+    header.extend(joint_names(count));
     header.extend((0..count).map(|i| format!("rate_{i}")));
     header.extend(["centre_x", "centre_y", "centre_z"].map(String::from));
     let cell = |value: Option<f64>| value.map_or(String::new(), |value| (value + 0.0).to_string());

@@ -3,6 +3,7 @@
 
 pub mod boxes;
 mod chain;
+pub mod columns;
 pub mod diagnostic;
 pub mod direction;
 pub mod edit;

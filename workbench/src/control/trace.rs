@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every servo cycle of a run, in a file.
 
-use super::failure::Failure;
-use super::joints::{coordinates, joint_names};
+use crate::control::row::Row;
+use crate::files::{AtFile, Locate, Whole};
+use crate::read::columns::{coordinates, joint_names};
+use crate::read::machine::MachineConfig;
 use std::fmt::{Display, Write as _};
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::ops::ControlFlow;
 use std::path::Path;
-use workbench::control::row::Row;
-use workbench::files::{Locate, Whole};
-use workbench::read::machine::MachineConfig;
 
 /// A file with a row for every servo cycle; it takes its name when it is whole.
 pub struct Trace<'a> {
@@ -18,11 +17,15 @@ pub struct Trace<'a> {
     file: &'a Path,
     /// The row that is being written.
     text: String,
-    unwritten: Option<Failure>,
+    unwritten: Option<AtFile<io::Error>>,
 }
 
 impl<'a> Trace<'a> {
-    pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, Failure> {
+    /// A file with the names of its columns.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, AtFile<io::Error>> {
         let mut out = Whole::new(file)?;
         let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));
@@ -50,7 +53,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    fn write(&mut self, row: &Row) -> Result<(), Failure> {
+    fn write(&mut self, row: &Row) -> Result<(), AtFile<io::Error>> {
         let (joints, extra) = (self.config.guarded_joints(), self.config.extra.len());
         let time = row.cycle as f64 * self.config.period;
         let [x, y, z, a, b, c] = row.pose;
@@ -73,18 +76,21 @@ impl<'a> Trace<'a> {
         ];
         self.text.clear();
         put_cycle(&mut self.text, time, row.line, values.into_iter().flatten().copied());
-        Ok(self.out.write_all(self.text.as_bytes()).at(self.file)?)
+        self.out.write_all(self.text.as_bytes()).at(self.file)
     }
 
     /// Keeps the file of a run that was judged.
-    pub fn finish(self, is_judged: bool) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// It cannot be written, now or before.
+    pub fn finish(self, is_judged: bool) -> Result<(), AtFile<io::Error>> {
         if let Some(error) = self.unwritten {
             return Err(error);
         }
         if !is_judged {
             return Ok(());
         }
-        Ok(self.out.finish()?)
+        self.out.finish()
     }
 }
 
