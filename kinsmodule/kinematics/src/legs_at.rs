@@ -3,7 +3,7 @@
 
 use crate::fault::{Cause, Fault};
 use crate::inverse::Placement;
-use crate::lanes::{Lanes3, cross, dot, put, scaled, sum, wide};
+use crate::lanes::{cross, dot, put, scaled, sum, wide};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::mechanism::Mechanism;
 use crate::nut::Torsion;
@@ -11,6 +11,7 @@ use crate::placed::Placed;
 use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
 use crate::singular::{is_surely_above, smallest_singular_value};
+use crate::target::Target;
 use core::cell::Cell;
 use nalgebra::Vector3;
 
@@ -20,11 +21,9 @@ pub(crate) struct LegsAt<'a, const N: usize> {
     pub tool: Vector3<f64>,
     pub trig: Trigonometry,
     pub placement: Placement,
-    /// Joint values of the legs.
-    pub joints: [f64; N],
     pub corrections: [f64; N],
-    /// Where the joints put the moving base anchors.
-    pub anchors: Lanes3<N>,
+    /// Joint values of the legs, and where they put the moving base anchors.
+    pub target: Target<N>,
     /// The legs from there.
     pub placed: Placed<N>,
     /// Means something on machines with a nut only.
@@ -62,9 +61,8 @@ impl<const N: usize> Mechanism<N> {
             tool: Vector3::zeros(),
             trig: Trigonometry::LEVEL,
             placement: Placement::LEVEL,
-            joints: [0.0; N],
             corrections: [0.0; N],
-            anchors: Lanes3::ZERO,
+            target: Target::of([0.0; N]),
             placed: Placed::ZERO,
             torsion: Torsion::ZERO,
             gradients: Cell::new(None),
@@ -86,10 +84,10 @@ impl<const N: usize> LegsAt<'_, N> {
         let place = &self.placement.place;
         let torsion = &mut self.torsion;
         self.corrections = machine.corrected(place, &mut self.placed, |found| *torsion = *found)?;
-        self.joints = machine.leg_joints(&self.placed, &self.corrections)?;
-        self.anchors = machine.moved_anchors(&self.joints)?;
+        self.target.joints = machine.leg_joints(&self.placed, &self.corrections)?;
+        machine.aim(&mut self.target)?;
         if machine.moving {
-            machine.place(&self.anchors, &self.placement.place, &mut self.placed);
+            machine.place(&self.target.anchors, &self.placement.place, &mut self.placed);
         }
         self.gradients.set(None);
         self.singular_value.set(None);
@@ -98,7 +96,7 @@ impl<const N: usize> LegsAt<'_, N> {
 
     /// Joint values of legs and table.
     pub fn all_joints(&self) -> Result<Joints, Fault> {
-        self.machine.all_joints(&self.joints, &self.placement.point)
+        self.machine.all_joints(&self.target.joints, &self.placement.point)
     }
 
     pub fn corrections(&self) -> PerLeg {
@@ -108,7 +106,7 @@ impl<const N: usize> LegsAt<'_, N> {
     pub fn write_segments(&self, segments: &mut [Segment; MAX_LEGS]) {
         for (i, segment) in segments.iter_mut().enumerate().take(self.machine.count()) {
             *segment = Segment {
-                base: self.anchors.get(i),
+                base: self.target.anchors.get(i),
                 platform: self.placement.place.centre + self.placed.arms.get(i),
             };
         }
@@ -126,14 +124,14 @@ impl<const N: usize> LegsAt<'_, N> {
 
     /// Speed of the platform anchor along the leg per joint rate.
     fn transmission(&self, i: usize, n: &Vector3<f64>) -> f64 {
-        self.machine.legs[i].transmission(self.joints[i] + self.machine.offset[i], n)
+        self.machine.legs[i].transmission(self.target.joints[i] + self.machine.offset[i], n)
     }
 
     /// How far leg `i` is from its dead point, see [`crate::leg`]; `None` where it has none.
     pub fn drive(&self, i: usize) -> Option<f64> {
         let machine = self.machine;
         (i < machine.count())
-            .then(|| machine.margin(&self.placed, i, self.joints[i] + machine.offset[i]))?
+            .then(|| machine.margin(&self.placed, i, self.target.joints[i] + machine.offset[i]))?
     }
 
     /// Gradients of the legs' joint values.

@@ -48,6 +48,7 @@ mod segment;
 mod side;
 mod singular;
 mod spheres;
+mod target;
 mod text;
 mod trig;
 mod watch;

@@ -83,7 +83,7 @@ impl<const N: usize> Mechanism<N> {
     pub fn side(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Side, Fault> {
         let mut legs = self.nowhere();
         legs.move_to(pose, tool)?;
-        let (joints, placed, place) = (&legs.joints, &legs.placed, &legs.placement.place);
+        let (joints, placed, place) = (&legs.target.joints, &legs.placed, &legs.placement.place);
         let torsion = legs.torsion();
         let columns = self.charted_rows(placed, torsion, place);
         let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
@@ -183,7 +183,7 @@ mod tests {
         legs.move_to(&pose, &Vector3::zeros()).unwrap();
         let columns = machine.charted_rows(&legs.placed, None, &legs.placement.place);
         let inverse = PseudoInverse::new(&columns, &machine.active).unwrap();
-        let add = |rho| machine.of_joints(&legs.placed, &legs.joints, &inverse, rho);
+        let add = |rho| machine.of_joints(&legs.placed, &legs.target.joints, &inverse, rho);
         // A margin of 4/5 and s1 = 1: a lower end goes at 2/0.8, its rod turns at 1 + 2/0.8 over 5,
         // up to 0.4; each adds 2/(0.8 · 5). Some roundings.
         let most = 0.4 * 5.0 / 3.5;

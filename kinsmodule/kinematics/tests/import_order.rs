@@ -6,12 +6,13 @@ use std::fs;
 use std::path::Path;
 
 /// Files and folders, lowest floor first; those of one floor do not know each other.
-const FLOORS: [&[&str]; 12] = [
+const FLOORS: [&[&str]; 13] = [
     &["corner", "lanes", "letters", "load_error", "segment", "text"],
     &["fault", "placed", "pseudo_inverse", "singular", "trig"],
     &["layout", "leg", "pose"],
     &["extra", "geometry", "nut", "rings", "second"],
     &["chain", "mechanism", "watch"],
+    &["target"],
     &["certificate", "inverse", "spheres"],
     &["forward", "freeze", "legs_at"],
     &["jacobian"],

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Joints that contradict each other, where legs exceed coordinates: how far off, and which one.
 
-use super::residual::{Measured, Target, newton_step, norm};
+use super::residual::{Measured, newton_step, norm};
 use super::solver::Solver;
 use crate::fault::{Cause, Fault, MachinePart};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
 use crate::pseudo_inverse::PseudoInverse;
+use crate::target::Target;
 
 /// Default of the residual limit as a share of the platform radius: a following error of
 /// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One certified ball: its first step, and the way to the pose that it determines.
 
-use super::residual::{Measured, Stance, Target, along, newton_step, norm};
+use super::residual::{Measured, Stance, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
 use crate::certificate::{CERTAIN_AT_ALL, Motion, chord_deviation, lipschitz_constant, row_change};
 use crate::fault::{Cause, Fault};
@@ -9,6 +9,7 @@ use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::{Displacement, Place};
 use crate::pseudo_inverse::PseudoInverse;
+use crate::target::Target;
 
 /// Solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;

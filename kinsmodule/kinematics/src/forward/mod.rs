@@ -23,9 +23,10 @@ use crate::mechanism::{Chart, Mechanism};
 use crate::placed::Place;
 use crate::pose::{Pose, Trigonometry, angles_near};
 use crate::pseudo_inverse::PseudoInverse;
+use crate::target::Target;
 use converge::{Ball, End};
 use nalgebra::Vector3;
-use residual::{Measured, Stance, Target, newton_step, norm};
+use residual::{Measured, Stance, newton_step, norm};
 use solver::Effort;
 
 /// Position error at which iteration stops, as a share of the size.

@@ -2,13 +2,14 @@
 //! A chain of certified balls along the straight line in joint space, for far seeds.
 
 use super::converge::Step;
-use super::residual::{Measured, Target, newton_step, norm};
+use super::residual::{Measured, newton_step, norm};
 use super::solver::{Effort, MAX_SUB_STEPS};
 use crate::certificate::CERTIFIED;
 use crate::fault::{Cause, Fault};
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
 use crate::pseudo_inverse::PseudoInverse;
+use crate::target::Target;
 
 /// Trials for the length of one sub-step.
 const MAX_TRIALS: u32 = 4;
@@ -86,7 +87,9 @@ impl<const N: usize> Mechanism<N> {
         let from = self.joints_at(&start)?;
         let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
-        let (mut at, mut inverse) = (Measured::ZERO, PseudoInverse::ZERO);
+        // In place over and over: what is handed on is copied.
+        let (mut here, mut at) = (Target::of(from), Measured::ZERO);
+        let (mut there, mut inverse) = (Measured::ZERO, PseudoInverse::ZERO);
         let mut done = 0.0;
         let mut share = shrunk(1.0, h_whole);
         let mut ahead = Ahead::NOT;
@@ -96,7 +99,8 @@ impl<const N: usize> Mechanism<N> {
         effort.sub_steps = 0;
         while effort.sub_steps < MAX_SUB_STEPS {
             effort.sub_steps += 1;
-            let here = self.target(&along(done))?;
+            here.joints = along(done);
+            self.aim(&mut here)?;
             let middle = self.moved(&place, &ahead.by);
             let taken = self
                 .regular(&here, &middle, (&mut at, &mut inverse), effort.sub_steps == 1)
@@ -104,7 +108,7 @@ impl<const N: usize> Mechanism<N> {
                     let back = norm(&newton_step(&inverse, &at.residual));
                     let leftover = back.max((ahead.off + norm(&ahead.by)) / 2.0);
                     let path = Path { along: &along, here: &here, target, done, leftover };
-                    self.sub_step(&path, &middle, &inverse, share, effort)
+                    self.sub_step(&path, &middle, (&inverse, &mut there), share, effort)
                 });
             let taken = match taken {
                 // What was expected ahead is not there. It cost what a solve does.
@@ -157,10 +161,11 @@ impl<const N: usize> Mechanism<N> {
         &self,
         path: &Path<'_, N, impl Fn(f64) -> [f64; N]>,
         place: &Place,
-        inverse: &PseudoInverse<N>,
+        (inverse, at): (&PseudoInverse<N>, &mut Measured<N>),
         mut share: f64,
         effort: &mut Effort,
     ) -> Result<SubStep, Fault> {
+        let mut between = Target::of(path.target.joints);
         for _ in 0..MAX_TRIALS {
             let rest = 1.0 - path.done;
             let arrives = share >= rest;
@@ -168,19 +173,19 @@ impl<const N: usize> Mechanism<N> {
                 break;
             }
             // The end is the target itself, not a sum of shares.
-            let between;
             let to = if arrives {
                 path.target
             } else {
-                between = self.target(&(path.along)(path.done + share))?;
+                between.joints = (path.along)(path.done + share);
+                self.aim(&mut between)?;
                 &between
             };
             let motion = self.motion(path.here, to);
             let ahead = self.taken_along(place, motion.as_ref());
-            let at = self.measured(to, &ahead)?;
+            self.measure(to, &ahead, at)?;
             effort.spend()?;
             let Step { step, lipschitz, h, .. } =
-                self.first_step(&at, inverse, path.leftover, to, motion.as_ref());
+                self.first_step(at, inverse, path.leftover, to, motion.as_ref());
             share = share.min(rest);
             if h <= CERTIFIED {
                 let place = self.moved(&ahead, &step);
