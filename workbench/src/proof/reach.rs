@@ -165,7 +165,8 @@ impl<'a> Reach<'a> {
     /// # Errors
     /// What stops it.
     pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
-        let at = self.at(pose).map_err(Stop::Fault)?;
+        let mut at = self.nowhere();
+        at.move_to(&Pose::from_degrees(*pose), &self.tool).map_err(Stop::Fault)?;
         at.check(&self.limits).map_err(Stop::Limit)
     }
 
