@@ -30,7 +30,7 @@ run() {
 if [ "${1:-}" != --minutes ]; then
     rm -rf target/corpus/core/* target/corpus/layouts/* target/corpus/entry_points/*
     # A few seconds of runs do not pay for more; checks of overflow stay.
-    export CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false
+    export CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false CARGO_PROFILE_RELEASE_LTO=off
     RUSTFLAGS=$coverage cargo build --release --locked --quiet --target $target
     run core target -seed=1 -runs=20000
     run layouts target -seed=1 -runs=20000
