@@ -57,19 +57,23 @@ def recorded(path):
     return Trace(rows[:, 0].astype(int), rows[:, 3:], rows[:, 1] == 1, rows[:, 2] == 1)
 
 
-def virtual(path, joints):
-    """What `pkm run --trace` wrote. While a tool change moves the joints, its offset changes."""
+def virtual(path, joints, has_poses=True):
+    """What `pkm run --trace` wrote. While a tool change moves the joints, its offset changes. Where nobody looks
+    at the poses they are left out, zeros in their place: reading them takes a third of the time."""
     with open(path) as trace:
         names = next(trace).rstrip("\n").split(",")
         tool, joint, behind = (names.index(name) for name in ("tool_x", "joint_0", "feed"))
-        rows = table(trace, [0, 1, *range(2, 8), *range(joint, joint + joints), *range(tool, behind)])
-    times, rows = rows[:, 0], rows[:, 1:]
+        poses = range(2, 2 + len(AXES)) if has_poses else ()
+        rows = table(trace, [0, 1, *poses, *range(joint, joint + joints), *range(tool, behind)])
+    times, lines, rows = rows[:, 0], rows[:, 1], rows[:, 2:]
     if (numpy.rint(times / times[:1]) != numpy.arange(1, len(times) + 1)).any():
         raise ValueError(f"{path}: not a row for every servo cycle")
-    places, offsets = rows[:, 1:7 + joints], rows[:, 7 + joints:]
+    if not has_poses:
+        rows = numpy.hstack((numpy.zeros((len(rows), len(AXES))), rows))
+    places, offsets = numpy.split(rows, [len(AXES) + joints], axis=1)
     busy = numpy.zeros(len(rows), bool)
     busy[1:] = (offsets[1:] != offsets[:-1]).any(axis=1)
-    return Trace(rows[:, 0].astype(int), places, numpy.ones(len(rows), bool), busy)
+    return Trace(lines.astype(int), places, numpy.ones(len(rows), bool), busy)
 
 
 def without(trace, letters):
@@ -161,7 +165,7 @@ def largest(values, cycles, lines):
 
 
 def figures(trace, period):
-    """Peaks of the joints with their lines, and the line that moved last."""
+    """Peaks of the joints with their lines."""
     lines, places, _, busy = trace
     quiet = numpy.ones(len(lines), bool)
     around = numpy.flatnonzero(busy)[:, None] + numpy.arange(-AROUND_TOOL_CHANGES, AROUND_TOOL_CHANGES)
@@ -171,7 +175,7 @@ def figures(trace, period):
     change[1:] = numpy.diff(speed, axis=0) / period
     # A speed is of two cycles, its change of three.
     steps = 1 + numpy.flatnonzero(quiet[1:-1] & quiet[2:])
-    return {"stopped_line": stopped_line(trace), "speed": largest(speed, steps, lines),
+    return {"speed": largest(speed, steps, lines),
             "acceleration": largest(change, steps[quiet[steps - 1]], lines)}
 
 

@@ -74,7 +74,7 @@ class Figures(unittest.TestCase):
         found = traces.figures(trace([3]), 0.001)
         self.assertAlmostEqual(found["speed"][0][0], 2.0)
         self.assertAlmostEqual(found["acceleration"][0][0], 1000.0)
-        self.assertEqual(found["stopped_line"], 9)
+        self.assertEqual(traces.stopped_line(trace([3])), 9)
 
     def test_a_tool_change_is_left_out_of_the_peaks(self):
         moved = trace([3])

@@ -29,7 +29,7 @@ def outcome(ini, trace, errors, is_ended):
     joints = int(ini_edit.value(text, "KINS", "JOINTS"))
     period = 1e-9 * float(ini_edit.value(text, "EMCMOT", "SERVO_PERIOD"))
     found = {"errors": [text for text, _ in errors], "ended": is_ended,
-             **traces.figures(traces.virtual(trace, joints), period)}
+             **traces.figures(traces.virtual(trace, joints, has_poses=False), period)}
     if errors:
         # Drives that are off make the command follow them: the message knows what moved before.
         found["stopped_line"] = errors[0][1]
