@@ -36,16 +36,13 @@ impl Seen {
         let mut seen =
             Self { joints, taken: 0, refused: BTreeMap::new(), worst: None, nearest: None };
         let of_legs = Limits { conditioning: 0.0, ..limits::beyond_axes(config) };
-        let mut drawn = vec![];
+        let (mut drawn, mut at) = (vec![], reach.nowhere());
         for _ in 0..DRAWN {
             let pose = drawn_pose(config, within, &mut rng);
-            let at = match reach.at(&pose) {
-                Ok(at) => at,
-                Err(fault) => {
-                    *seen.refused.entry(Margin::of_fault(&fault).limit).or_default() += 1;
-                    continue;
-                }
-            };
+            if let Err(fault) = reach.move_to(&mut at, &pose) {
+                *seen.refused.entry(Margin::of_fault(&fault).limit).or_default() += 1;
+                continue;
+            }
             for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
                 *range = (range.0.min(*value), range.1.max(*value));
             }
@@ -75,7 +72,7 @@ impl Seen {
             return Self { worst: least, ..seen };
         }
         seen.worst = conditioning::worst(within, drawn, |pose| {
-            let at = reach.at(pose).ok()?;
+            reach.move_to(&mut at, pose).ok()?;
             at.check(&of_legs).ok()?;
             Some(at.smallest_singular_value())
         });

@@ -26,7 +26,7 @@ pub fn at(config: &MachineConfig, pose: &[f64; 6]) -> Result<f64, Fault> {
 pub fn worst(
     within: &AxisBox,
     mut drawn: Vec<(f64, [f64; 6])>,
-    value: impl Fn(&[f64; 6]) -> Option<f64>,
+    mut value: impl FnMut(&[f64; 6]) -> Option<f64>,
 ) -> Option<(f64, [f64; 6])> {
     let mut rng = Pcg64::seed_from_u64(0);
     drawn.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -166,13 +166,21 @@ impl<'a> Reach<'a> {
     /// What stops it.
     pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
         let mut at = self.nowhere();
-        at.move_to(&Pose::from_degrees(*pose), &self.tool).map_err(Stop::Fault)?;
+        self.move_to(&mut at, pose).map_err(Stop::Fault)?;
         at.check(&self.limits).map_err(Stop::Limit)
     }
 
-    /// At no pose yet: memory for [`Self::middle`], which is too large to be handed on.
-    pub(super) fn nowhere(&self) -> At<'a> {
+    /// At no pose yet: memory for many, as one is too large to be handed on.
+    pub fn nowhere(&self) -> At<'a> {
         self.config.machine.nowhere()
+    }
+
+    /// As [`Self::at`], in memory that is there.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::at`].
+    pub fn move_to(&self, at: &mut At<'a>, pose: &[f64; 6]) -> Result<(), Fault> {
+        at.move_to(&Pose::from_degrees(*pose), &self.tool)
     }
 
     pub(super) fn middle<'b>(
@@ -180,7 +188,7 @@ impl<'a> Reach<'a> {
         at: &'b mut At<'a>,
         pose: &[f64; 6],
     ) -> Result<Middle<'b>, Fault> {
-        at.move_to(&Pose::from_degrees(*pose), &self.tool)?;
+        self.move_to(at, pose)?;
         let at: &'b At<'b> = at;
         let ((sb, cb), (sc, cc)) = (at.pose().angles.y.sin_cos(), at.pose().angles.z.sin_cos());
         let mut middle = Middle {
