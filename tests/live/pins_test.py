@@ -55,8 +55,11 @@ class Hal:
                      "addf pkmkins.monitor servo"]
 
     def __enter__(self):
-        clear_hal()
-        self.answers(self.load)
+        try:
+            self.answers(self.load)
+        except Wrong:
+            clear_hal()
+            raise
         return self
 
     def __exit__(self, *_):

@@ -66,7 +66,6 @@ class Session:
 
     def start_linuxcnc(self, limit, progress=None):
         """Runs LinuxCNC to its end and returns its exit code; None if it had to be stopped."""
-        clear_hal()
         # RUNTESTS: everything goes to our log, not to files in the home folder.
         environment = {**os.environ, "HOME": str(self.folder), "RUNTESTS": "1"}
         with open(self.log, "w") as log:

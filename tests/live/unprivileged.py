@@ -112,6 +112,8 @@ def only_one():
             print("waiting for another live run to end", file=sys.stderr)
             fcntl.flock(lock, fcntl.LOCK_EX)
         refuse_beside_other_sessions()
+        # What an earlier run has left behind; from here on each session ends what it began.
+        clear_hal()
         yield
 
 
@@ -128,7 +130,7 @@ def refuse_beside_other_sessions():
 
 
 def clear_hal():
-    """Ends a HAL session that an earlier run has left behind."""
+    """Ends a HAL session."""
     subprocess.run(["halrun", "-U"], stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
 
 

@@ -110,7 +110,6 @@ def driven(name, out, task, edit=lambda ini: None, path=None):
         env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
         if path:
             env["PATH"] = path
-        clear_hal()
         with open(out / "linuxcnc.log", "w") as log:
             process = started(ini, log, env)
             try:

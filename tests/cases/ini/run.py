@@ -89,13 +89,13 @@ class Session:
         (self.folder / "load.hal").write_text(LOAD.format(**self.setup._asdict()))
         self.load()
         if lost_its_start(self.log.read_text()):
+            clear_hal()
             self.load()
         if not self.loaded and "pkmkins" not in self.log.read_text():
             sys.exit(f"tests/cases/ini: HAL could not be loaded: {self.log.read_text()}")
         return self
 
     def load(self):
-        clear_hal()
         # The process that runs the realtime modules inherits these files, hence no pipes here.
         with open(self.log, "w") as log:
             started = subprocess.run([REALTIME, "start"], stdin=subprocess.DEVNULL, stdout=log, stderr=log, timeout=30)
