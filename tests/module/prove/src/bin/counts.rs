@@ -12,7 +12,7 @@
 use abi_tests::control::Control;
 use abi_tests::module::Module;
 use kinematics::{Cause, MAX_ITERATIONS};
-use prove::callgrind::{counted, run};
+use prove::callgrind::{begin, counted, run};
 use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
 use prove::monitored::{change_tool, make_busy, move_on};
 use serde::{Deserialize, Serialize};
@@ -164,20 +164,23 @@ impl Drop for Scratch {
 /// Runs the calls of a list, under valgrind.
 fn measure(list: &Path) -> Result<(), String> {
     let machines = machines();
-    let mut modules = BTreeMap::new();
     let text = std::fs::read_to_string(list).map_err(|e| e.to_string())?;
-    for (n, line) in text.lines().enumerate() {
-        let case = Case::from_line(line).ok_or_else(|| format!("line {n} is no case"))?;
+    let read = |(n, line)| Case::from_line(line).ok_or_else(|| format!("line {n} is no case"));
+    let cases: Vec<Case> = text.lines().enumerate().map(read).collect::<Result<_, _>>()?;
+    let mut modules = BTreeMap::new();
+    for case in &cases {
         let control = &machines[case.machine];
-        let module =
-            modules.entry((case.machine, Purpose::of(&case))).or_insert_with_key(|(_, purpose)| {
-                match purpose {
-                    Purpose::Alone => unmonitored(control),
-                    Purpose::Monitor | Purpose::ToolChange | Purpose::Freezing => control.module(),
-                    Purpose::Search => searching(control),
-                }
-            });
-        make(&case, control, module);
+        modules.entry((case.machine, Purpose::of(case))).or_insert_with_key(|(_, purpose)| {
+            match purpose {
+                Purpose::Alone => unmonitored(control),
+                Purpose::Monitor | Purpose::ToolChange | Purpose::Freezing => control.module(),
+                Purpose::Search => searching(control),
+            }
+        });
+    }
+    begin();
+    for case in &cases {
+        make(case, &machines[case.machine], &modules[&(case.machine, Purpose::of(case))]);
     }
     Ok(())
 }
