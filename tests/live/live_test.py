@@ -815,10 +815,11 @@ def feed_inhibited_by_something_else_stops_the_start(out):
 def refused_load(out, parameters, words):
     file = out / "load.hal"
     file.write_text(f"loadrt pkmkins {parameters}\n")
-    clear_hal()
-    done = subprocess.run(["halrun", str(file)], stdin=subprocess.DEVNULL, text=True, timeout=30,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    clear_hal()
+    try:
+        done = subprocess.run(["halrun", str(file)], stdin=subprocess.DEVNULL, text=True, timeout=30,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    finally:
+        clear_hal()
     assert done.returncode != 0, f"loadrt pkmkins {parameters} was accepted"
     for word in words:
         assert word in done.stdout, f"loadrt pkmkins {parameters}: no {word!r} in {done.stdout!r}"

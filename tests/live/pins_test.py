@@ -57,7 +57,7 @@ class Hal:
     def __enter__(self):
         try:
             self.answers(self.load)
-        except Wrong:
+        except BaseException:
             clear_hal()
             raise
         return self

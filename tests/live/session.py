@@ -78,9 +78,11 @@ class Session:
         except subprocess.TimeoutExpired:
             return None
         finally:
-            if process.poll() is None:
-                self._stop(process)
-            clear_hal()
+            try:
+                if process.poll() is None:
+                    self._stop(process)
+            finally:
+                clear_hal()
 
     @staticmethod
     def _stop(process):

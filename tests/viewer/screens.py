@@ -116,8 +116,10 @@ def driven(name, out, task, edit=lambda ini: None, path=None):
                 driver = [sys.executable, str(HERE / "drive.py"), str(out), task]
                 done = subprocess.run(driver, env=env, capture_output=True, text=True, timeout=START_SECONDS + 120)
             finally:
-                stop(process)
-                clear_hal()
+                try:
+                    stop(process)
+                finally:
+                    clear_hal()
         assert done.returncode == 0, done.stdout + done.stderr
     return (out / "linuxcnc.log").read_text(errors="replace")
 

@@ -87,12 +87,16 @@ class Session:
 
     def __enter__(self):
         (self.folder / "load.hal").write_text(LOAD.format(**self.setup._asdict()))
-        self.load()
-        if lost_its_start(self.log.read_text()):
-            clear_hal()
+        try:
             self.load()
-        if not self.loaded and "pkmkins" not in self.log.read_text():
-            sys.exit(f"tests/cases/ini: HAL could not be loaded: {self.log.read_text()}")
+            if lost_its_start(self.log.read_text()):
+                clear_hal()
+                self.load()
+            if not self.loaded and "pkmkins" not in self.log.read_text():
+                sys.exit(f"tests/cases/ini: HAL could not be loaded: {self.log.read_text()}")
+        except BaseException:
+            clear_hal()
+            raise
         return self
 
     def load(self):
