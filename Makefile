@@ -100,7 +100,7 @@ help:
 	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
 	@echo "make certify    how often forward is right, refuses and errs, as tables"
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
-	@echo "make fuzz       both fuzz targets for MINUTES=10 each"
+	@echo "make fuzz       the three fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
 	@echo "make truth      preflight beside LinuxCNC in virtual time: 270 programs, ends in a table"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"

@@ -49,7 +49,10 @@ export CARGO_PROFILE_HOST_DEBUG_ASSERTIONS=true CARGO_PROFILE_HOST_OVERFLOW_CHEC
 RUSTFLAGS=$flags CARGO_PROFILE_HOST_PANIC=abort cargo build --profile host --locked --quiet -p pkmkins \
     --target $target --target-dir target/fuzz-module
 # What the module calls of the sanitizer is in the program that loads it.
-RUSTFLAGS="$flags -Clink-arg=-Wl,--export-dynamic" build --target $target --target-dir target/watched
+(
+    export RUSTFLAGS="$flags -Clink-arg=-Wl,--export-dynamic"
+    build --target $target --target-dir target/watched
+)
 export PKMKINS_SO="$root/target/fuzz-module/$target/host/libpkmkins.so"
 run core target/watched/$target -max_total_time=$seconds
 run layouts target/watched/$target -max_total_time=$seconds

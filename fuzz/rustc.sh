@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
 # rustc for the crates of the workspace, as cargo's RUSTC_WORKSPACE_WRAPPER: with the coverage that guides libFuzzer,
-# and with checks of overflow. The libraries of others stay those of all other programs.
+# and with checks of overflow. The libraries of others stay those of all other programs. Cargo knows this file by its
+# name alone: where its flags change, the crates have to be built anew by hand.
 case " $* " in
 # Runs while something is built, without libFuzzer.
 *" --crate-name build_script_"*) exec "$@" ;;
