@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -143,7 +143,7 @@ calibration-demo: install
 	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
 
 # Parts beside one another, each a chain of its own: what runs machines live waits most of the time, other parts
-# keep one core busy, and what is built keeps both. Where one fails the others go on.
+# keep one core busy and wait for one another, and what is built keeps both. Where one fails the others go on.
 BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 
 # First what the others need; then machines live, and behind them, in the time that these leave, what needs no
@@ -151,7 +151,7 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
 	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" setup-more ini-cases built
-	$(BESIDE)=3 test-machines test-programs test-aside
+	$(BESIDE)=4 test-machines test-programs test-virtual test-aside
 
 # By one run of apt, in `setup`, which comes first; the rest finds nothing to install.
 setup-more: setup
@@ -179,12 +179,14 @@ BEHIND := chrt --idle 0
 test-programs: setup
 	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 
-# What needs cargo comes last: it would wait for the tests to be built.
-test-aside: setup
+test-virtual: setup
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	$(BEHIND) tests/virtual/guarded.py --programs 100
+
+# Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
+test-aside: setup
 	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
 	$(BEHIND) $(MAKE) --no-print-directory test-python
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
