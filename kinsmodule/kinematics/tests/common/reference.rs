@@ -17,6 +17,9 @@ const STEPS: usize = 1000;
 /// Steps of the second, closer look where the first one found no way.
 const CLOSE_STEPS: usize = 20_000;
 
+/// Shortest step of the closer look, as a share of the path: next to a singular pose a step is halved.
+const SHORTEST: f64 = 1e-8;
+
 /// Newton's steps at one point of the path: with the exact rows two are enough.
 const CORRECTIONS: usize = 40;
 
@@ -265,24 +268,37 @@ impl<'a> Tracker<'a> {
 
     fn follow_in(&self, steps: usize, seed: &Pose, joints: &Joints) -> Option<Pose> {
         let from = self.machine.inverse(seed, &NO_TOOL).ok()?;
-        let plain = if steps == STEPS { PLAIN } else { 0 };
+        let is_close = steps != STEPS;
+        let plain = if is_close { 0 } else { PLAIN };
         let exact = EXACT * self.size().max(self.radius());
         let mut seen = None;
         let mut state = self.state(seed);
         let mut last = state;
-        for step in 1..=steps {
-            let t = step as f64 / steps as f64;
-            let at = std::array::from_fn(|i| from[i] + t * (joints[i] - from[i]));
-            let guess = self.onwards(&last, &state);
-            let on_the_way = if step == steps { 0.0 } else { ON_THE_WAY };
+        let whole = 1.0 / steps as f64;
+        let (mut done, mut length, mut before) = (0.0, whole, whole);
+        while done < 1.0 {
+            // The last step ends at the end, whatever the sum of those before it.
+            let is_last = done + 1.5 * length > 1.0;
+            let to = if is_last { 1.0 } else { done + length };
+            let at = std::array::from_fn(|i| from[i] + to * (joints[i] - from[i]));
+            let guess = self.onwards(&last, &state, (to - done) / before);
+            let on_the_way = if is_last { 0.0 } else { ON_THE_WAY };
             let enough = exact.max(on_the_way * self.apart(&state, &last));
-            let (next, sign) = self.corrected(&at, guess, plain, enough)?;
             // A Newton step that leaves the neighbourhood follows another path.
-            let far = 50.0 * self.machine.radius() / steps as f64;
-            if *seen.get_or_insert(sign) != sign || self.apart(&next, &guess) > far {
-                return None;
+            let far = 50.0 * self.machine.radius() * length;
+            let next = self.corrected(&at, guess, plain, enough).filter(|(next, sign)| {
+                *seen.get_or_insert(*sign) == *sign && self.apart(next, &guess) <= far
+            });
+            match next {
+                Some((next, _)) => {
+                    (before, done) = (to - done, to);
+                    (last, state) = (state, next);
+                    length = whole.min(2.0 * length);
+                }
+                // Next to a singular pose the platform goes ever farther in a step of the joints.
+                None if is_close && length > SHORTEST => length /= 2.0,
+                None => return None,
             }
-            (last, state) = (state, next);
         }
         Some(self.pose(&state, joints))
     }
@@ -292,16 +308,16 @@ impl<'a> Tracker<'a> {
         (one.centre - other.centre).norm() + self.radius() * (one.rotation - other.rotation).norm()
     }
 
-    /// The next place if the last step is repeated.
-    fn onwards(&self, last: &State, state: &State) -> State {
-        let centre = state.centre * 2.0 - last.centre;
+    /// The next place if the last step is repeated, so many times.
+    fn onwards(&self, last: &State, state: &State, times: f64) -> State {
+        let centre = state.centre + (state.centre - last.centre) * times;
         if self.turns_freely() {
             // By a rotation vector: products alone would lose orthogonality step by step.
-            let turn = rotation_vector(&(state.rotation * last.rotation.transpose()));
+            let turn = rotation_vector(&(state.rotation * last.rotation.transpose())) * times;
             let rotation = Rotation3::new(turn).matrix() * state.rotation;
             return State { centre, rotation, angles: state.angles };
         }
-        let angles = state.angles * 2.0 - last.angles;
+        let angles = state.angles + (state.angles - last.angles) * times;
         State { centre, rotation: Pose { position: centre, angles }.rotation(), angles }
     }
 
