@@ -39,12 +39,7 @@ impl Line {
     /// The first cycle beyond a singular pose; `None` where the legs end before.
     #[must_use]
     pub fn crossing(&self, module: &Module, machine: &Parallel, cycles: usize) -> Option<usize> {
-        let beyond = |cycle: usize| {
-            let at = self.at(cycle);
-            // The determinant by pose coordinates has the factor cos B, which is no singular pose.
-            let turned = at[4].to_radians().cos() * self.start[4].to_radians().cos() < 0.0;
-            same_handed(module, machine, &at, &self.start).map(|same| same == turned)
-        };
+        let beyond = |cycle: usize| self.is_beyond(module, machine, cycle);
         // Coarsely first, then cycle by cycle.
         let mut before = 0;
         for cycle in (50..cycles).step_by(50) {
@@ -54,6 +49,15 @@ impl Line {
             before = cycle;
         }
         None
+    }
+
+    /// Whether the pose of a cycle is on the other side of singular poses than the start: beyond one of
+    /// them, not beyond two. `None` where the legs do not reach it.
+    fn is_beyond(&self, module: &Module, machine: &Parallel, cycle: usize) -> Option<bool> {
+        let at = self.at(cycle);
+        // The determinant by pose coordinates has the factor cos B, which is no singular pose.
+        let turned = at[4].to_radians().cos() * self.start[4].to_radians().cos() < 0.0;
+        same_handed(module, machine, &at, &self.start).map(|same| same == turned)
     }
 }
 
@@ -117,7 +121,8 @@ impl Sequences {
             if code == 0 {
                 let apart = distance(&world, &command, machine.radius()) / machine.size();
                 self.farthest = self.farthest.max(apart);
-                answered |= cycle > crossing;
+                answered |= cycle > crossing
+                    && line.is_beyond(&machine.module(), machine, cycle) != Some(false);
             } else {
                 passed |= code == PASSED;
             }
