@@ -3,13 +3,17 @@
 
 use super::residual::{Measured, Stance, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
-use crate::certificate::{CERTAIN_AT_ALL, Motion, chord_deviation, lipschitz_constant, row_change};
+use crate::certificate::{
+    CERTAIN_AT_ALL, CERTIFIED, Motion, chord_deviation, lipschitz_constant, lipschitz_of_hessian,
+    row_change,
+};
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
 use crate::placed::{Displacement, Place};
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
+use libm::sqrt;
 
 /// Solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;
@@ -20,6 +24,21 @@ const CHORD_STEP: f64 = 1e-2;
 /// Share of the tolerance that the next step may be expected to leave: beyond it another
 /// factorisation keeps a servo step to three solves.
 const CHORD_MARGIN: f64 = 0.03;
+
+/// The h aimed at for the next step of a chain: less than is allowed, because L grows from one to the next.
+const AIM: f64 = 0.95 * CERTIFIED;
+
+/// The same where L comes from the Hessian. From step to step L and the length of a share of the joint path grow by
+/// a tenth at most, except next to singular poses.
+const SHARP_AIM: f64 = 0.88 * CERTIFIED;
+
+/// Smallest and largest part of a step that was too long which is tried next.
+pub(super) const LEAST_SHARE: f64 = 0.02;
+const MOST_SHARE: f64 = 0.9;
+
+/// Steps turn the platform by Cayley's formula, less than the chart does by r|ω|³/12: by a twenty-fifth of what a step
+/// leaves unconverged at most, as (r|ω|/r)² ≤ h/4.24 where the third derivatives of all legs enter L.
+const CAYLEY: f64 = 1.04;
 
 /// Where a search has come to.
 pub(super) struct End<const N: usize> {
@@ -70,10 +89,55 @@ impl Walk {
 pub(super) struct Step {
     pub(super) step: [f64; 6],
     pub(super) length: f64,
-    /// L of the ball of twice its length; infinite where nothing can be said.
+    /// How far the ball has to reach; its radius is twice that.
+    pub(super) reach: f64,
+    /// Change of the rows over the step.
+    pub(super) turned: f64,
+    /// L of the ball; infinite where nothing can be said.
     pub(super) lipschitz: f64,
-    /// L times how far the ball has to reach, and the change of the rows over the step.
-    pub(super) h: f64,
+    /// The part of L that does not shrink with the ball; infinite for the bound leg by leg.
+    pub(super) hessian: f64,
+}
+
+impl Step {
+    /// What the certificate allows up to 1/2 of.
+    #[inline(always)]
+    pub(super) fn h(&self) -> f64 {
+        self.lipschitz * self.reach + self.turned
+    }
+
+    /// Whether the certificate holds.
+    #[inline(always)]
+    pub(super) fn is_certified(&self) -> bool {
+        self.h() <= CERTIFIED
+    }
+
+    /// Bound of what the step leaves unconverged: (1 − √(1 − 2h) − h)/L (Newton-Kantorovich), written so that nothing
+    /// cancels, and with what the rows change by.
+    pub(super) fn unconverged(&self) -> f64 {
+        let h = self.h();
+        CAYLEY * self.reach * (h + self.turned) / (1.0 - h + sqrt(1.0 - 2.0 * h))
+    }
+
+    /// About how long the next of a chain of steps should be; 0 where nothing can be said.
+    pub(super) fn next_length(&self) -> f64 {
+        if !(self.h() < f64::INFINITY) {
+            return 0.0;
+        }
+        let h = if self.hessian < f64::INFINITY { SHARP_AIM } else { AIM };
+        // h = s t + g t² at t times the reach.
+        let growing = (self.lipschitz - self.hessian).max(0.0) * self.reach;
+        let steady = self.h() - growing;
+        self.reach * 2.0 * h / (steady + sqrt(steady * steady + 4.0 * growing * h))
+    }
+
+    /// How much of a step that is too long should do, in a chain of steps.
+    pub(super) fn share_to_try(&self) -> f64 {
+        if !(self.length > 0.0) {
+            return LEAST_SHARE;
+        }
+        (self.next_length() / self.length).clamp(LEAST_SHARE, MOST_SHARE)
+    }
 }
 
 /// A factored place with its Newton step, which is certified.
@@ -84,9 +148,24 @@ pub(super) struct Ball<'a, const N: usize> {
 
 impl<const N: usize> Mechanism<N> {
     /// Newton's step from a measured place towards `target`, and the Lipschitz constant of
-    /// the ball that it needs, which reaches at least twice `leftover` far.
-    #[inline]
+    /// the ball that it needs, which reaches at least twice `leftover` far, leg by leg.
+    #[inline(always)]
     pub(super) fn first_step(
+        &self,
+        at: &Measured<N>,
+        inverse: &PseudoInverse<N>,
+        leftover: f64,
+        target: &Target<N>,
+        motion: Option<&Motion<N>>,
+    ) -> Step {
+        let first = self.unproved_step(at, inverse, leftover, target, motion);
+        let lipschitz = self.lipschitz_of_legs(at, inverse, 2.0 * first.reach, motion);
+        Step { lipschitz, ..first }
+    }
+
+    /// The same with nothing said of the Lipschitz constant.
+    #[inline(always)]
+    pub(super) fn unproved_step(
         &self,
         at: &Measured<N>,
         inverse: &PseudoInverse<N>,
@@ -103,10 +182,55 @@ impl<const N: usize> Mechanism<N> {
             let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
             turned = row_change(self, &at.placed, inverse, 2.0 * reach, motion, margin);
         }
-        let lipschitz =
-            lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, 2.0 * reach, motion)
-                .unwrap_or(f64::INFINITY);
-        Step { step, length, lipschitz, h: lipschitz * reach + turned }
+        Step { step, length, reach, turned, lipschitz: f64::INFINITY, hessian: f64::INFINITY }
+    }
+
+    /// The Lipschitz constant leg by leg, infinite where nothing can be said.
+    #[inline(always)]
+    pub(super) fn lipschitz_of_legs(
+        &self,
+        at: &Measured<N>,
+        inverse: &PseudoInverse<N>,
+        rho: f64,
+        motion: Option<&Motion<N>>,
+    ) -> f64 {
+        lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, rho, motion)
+            .unwrap_or(f64::INFINITY)
+    }
+
+    /// Takes the Lipschitz constant from the Hessian at the middle of the ball where that is less.
+    pub(super) fn bound_by_hessian(
+        &self,
+        first: &mut Step,
+        at: &Measured<N>,
+        inverse: &PseudoInverse<N>,
+        motion: Option<&Motion<N>>,
+        hessian: f64,
+    ) {
+        let sharp = self.sharp_lipschitz(at, inverse, 2.0 * first.reach, motion, hessian);
+        if sharp < first.lipschitz {
+            (first.lipschitz, first.hessian) = (sharp, hessian);
+        }
+    }
+
+    /// The same from a stance whose step is too long leg by leg. Next to a singular pose it stays as it is.
+    // By value: registers, see `lanes`.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn sharpened(
+        &self,
+        mut first: Step,
+        about: &Stance<N>,
+        motion: Option<Motion<N>>,
+        effort: &mut Effort,
+    ) -> Result<Step, Fault> {
+        let Stance { at, inverse, .. } = about;
+        if self.has_hessian() && self.refuse_nearly_singular(at, inverse).is_ok() {
+            effort.spend_on_hessian()?;
+            let hessian = self.hessian_norm(at, inverse);
+            self.bound_by_hessian(&mut first, at, inverse, motion.as_ref(), hessian);
+        }
+        Ok(first)
     }
 
     /// Converges within the ball, in the chart about its middle.
@@ -216,7 +340,7 @@ impl<const N: usize> Mechanism<N> {
         // The ball of the first step serves if it is as large.
         let lipschitz = match distance <= 2.0 * first.length {
             true => first.lipschitz,
-            false => self.lipschitz(&about.at, &about.inverse, distance).unwrap_or(f64::INFINITY),
+            false => self.lipschitz_beyond(about, distance, first.hessian),
         };
         let reach = lipschitz * distance;
         if !(reach < 1.0) {
@@ -225,20 +349,35 @@ impl<const N: usize> Mechanism<N> {
         if self.moving {
             self.refuse_dead_points(&end.placed, &target.joints)?;
         }
+        // Where L comes from the Hessian it may be less than leg by leg, and this has been refused before.
         if !(first.lipschitz * self.size * CERTAIN_AT_ALL < 1.0) {
             self.refuse_nearly_singular(&about.at, &about.inverse)?;
         }
         Ok(Certificate::Ball(reach))
     }
 
-    /// L of the ball of radius `rho` about a measured place.
-    fn lipschitz(
+    /// L of the ball of radius `rho` about a stance, with what is known of the Hessian there.
+    #[cold]
+    fn lipschitz_beyond(&self, about: &Stance<N>, rho: f64, hessian: f64) -> f64 {
+        let Stance { at, inverse, .. } = about;
+        let of_legs = self.lipschitz_of_legs(at, inverse, rho, None);
+        if hessian < f64::INFINITY {
+            return of_legs.min(self.sharp_lipschitz(at, inverse, rho, None, hessian));
+        }
+        of_legs
+    }
+
+    fn sharp_lipschitz(
         &self,
         at: &Measured<N>,
         inverse: &PseudoInverse<N>,
         rho: f64,
-    ) -> Result<f64, Fault> {
-        lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, rho, None)
+        motion: Option<&Motion<N>>,
+        hessian: f64,
+    ) -> f64 {
+        let torsion = self.torsion_of(at);
+        lipschitz_of_hessian(self, &at.placed, torsion, inverse, rho, motion, hessian)
+            .unwrap_or(f64::INFINITY)
     }
 
     pub(super) fn refuse_nearly_singular(
@@ -246,7 +385,9 @@ impl<const N: usize> Mechanism<N> {
         at: &Measured<N>,
         inverse: &PseudoInverse<N>,
     ) -> Result<(), Fault> {
-        if self.lipschitz(at, inverse, 0.0)? * self.size * CERTAIN_AT_ALL < 1.0 {
+        let lipschitz =
+            lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, 0.0, None)?;
+        if lipschitz * self.size * CERTAIN_AT_ALL < 1.0 {
             return Ok(());
         }
         Err(Cause::NearlySingular.into())
@@ -258,11 +399,10 @@ mod tests {
     extern crate std;
 
     use super::*;
+    use crate::certificate::leg_chord_deviation;
     use crate::certificate::tests::{CHARTS, at, lengths, machine, random, unit};
-    use crate::certificate::{CERTIFIED, leg_chord_deviation};
     use crate::forward::residual::tests::{Trial, trial};
     use crate::leg::Leg;
-    use libm::sqrt;
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -392,7 +532,7 @@ mod tests {
                 let step_of = |motion| machine.first_step(at, inverse, leftover, &to, motion);
                 if let Ok(lipschitz) = lipschitz(2.0 * reach, None) {
                     assert_eq!(
-                        (step_of(None).lipschitz, step_of(None).h),
+                        (step_of(None).lipschitz, step_of(None).h()),
                         (lipschitz, lipschitz * reach)
                     );
                 }
@@ -404,7 +544,7 @@ mod tests {
                     row_change(&machine, &at.placed, inverse, 2.0 * reach, &step.motion, margin);
                 if let Ok(lipschitz) = lipschitz(2.0 * reach, motion) {
                     assert_eq!(
-                        (step_of(motion).lipschitz, step_of(motion).h),
+                        (step_of(motion).lipschitz, step_of(motion).h()),
                         (lipschitz, lipschitz * reach + turned)
                     );
                     checked += u32::from(turned > 0.0 && turned.is_finite());
@@ -455,12 +595,18 @@ mod tests {
                 continue;
             };
             let first = machine.first_step(&about.at, &about.inverse, 0.0, &target, None);
-            if !(first.h <= CERTIFIED) {
+            if !first.is_certified() {
                 continue;
             }
             let (lipschitz, ball) = (first.lipschitz, Ball { about: &about, first });
-            let mut effort =
-                Effort { iterations: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 };
+            let mut effort = Effort {
+                iterations: 0,
+                spent: 0,
+                sub_steps: 1,
+                limit: 9,
+                tolerance: 1e-9,
+                accepted: 1e-6,
+            };
             let mut end = End { place: about.place, at: Measured::ZERO };
             let Ok(Certificate::Ball(reach)) = machine.near(&target, &ball, &mut effort, &mut end)
             else {
@@ -474,6 +620,36 @@ mod tests {
     }
 
     #[test]
+    fn a_step_tells_how_long_the_next_should_be_and_what_it_leaves() {
+        let step = |length: f64, lipschitz: f64, hessian: f64| Step {
+            step: [0.0; 6],
+            length,
+            reach: length,
+            turned: 0.0,
+            lipschitz,
+            hessian,
+        };
+        let near = |found: f64, expected: f64| {
+            // Some roundings of numbers below 10.
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        };
+        // L stays: 0.38 over it. 1 − √0.2 − 0.4 of 1/L is left at most.
+        let plain = step(2.0, 0.2, f64::INFINITY);
+        near(plain.next_length(), 1.9);
+        near(plain.unconverged(), CAYLEY * (0.6 - sqrt(0.2)) / 0.2);
+        near(plain.share_to_try(), 0.9);
+        // L is 0.1 and grows by 0.05 per length: at 0.352 = 0.1 x + 0.05 x².
+        let sharp = step(2.0, 0.2, 0.1);
+        let next = sharp.next_length();
+        near(0.1 * next + 0.05 * next * next, 0.352);
+        // What reaches beyond the step itself may be used by the next one.
+        near(Step { reach: 4.0, ..step(2.0, 0.1, f64::INFINITY) }.next_length(), 3.8);
+        let unknown = step(2.0, f64::INFINITY, f64::INFINITY);
+        assert_eq!((unknown.next_length(), unknown.share_to_try()), (0.0, LEAST_SHARE));
+        assert_eq!(step(1e9, 1.0, f64::INFINITY).share_to_try(), LEAST_SHARE);
+    }
+
+    #[test]
     fn a_place_is_certified_as_far_as_its_ball_is_flat() {
         let mut rng = Pcg64::seed_from_u64(17);
         let (machine, place) = machine(&mut rng, b"XYZABC", false).expect("a machine");
@@ -482,8 +658,16 @@ mod tests {
         let mut about = Stance::new(place);
         machine.settle(&target, &mut about).expect("regular");
         let end = about.at;
+        let step_of = |length, lipschitz| Step {
+            step: [0.0; 6],
+            length,
+            reach: length,
+            turned: 0.0,
+            lipschitz,
+            hessian: f64::INFINITY,
+        };
         let confirm = |lipschitz: f64, length: f64, distance: f64| {
-            let first = Step { step: [0.0; 6], length, lipschitz, h: 0.0 };
+            let first = step_of(length, lipschitz);
             machine.confirm(&target, &Ball { about: &about, first }, distance, &end)
         };
         // Within twice the first step its own bound serves, here of a ball of radius 2.
@@ -505,8 +689,7 @@ mod tests {
         let regular =
             Mechanism { size: 0.99 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
         let told = |machine: &Mechanism<6>| {
-            let first =
-                Step { step: [0.0; 6], length: 1.0, lipschitz: 2.0 * lipschitz(0.0), h: 0.0 };
+            let first = step_of(1.0, 2.0 * lipschitz(0.0));
             machine.confirm(&target, &Ball { about: &about, first }, 0.0, &end)
         };
         assert_eq!(told(&regular), Ok(Certificate::Ball(0.0)));
@@ -552,7 +735,7 @@ mod tests {
     fn at_every_moment_of_a_certified_step_the_rows_stay_within_the_bound() {
         for coordinates in CHARTS {
             let mut rng = Pcg64::seed_from_u64(12);
-            let (mut checked, mut turned, mut stepped) = (0, 0.0_f64, 0.0_f64);
+            let (mut checked, mut sharp, mut turned, mut stepped) = (0, 0, 0.0_f64, 0.0_f64);
             for n in 0..10_000 {
                 let Some((machine, place)) = machine(&mut rng, coordinates, n % 4 == 0) else {
                     continue;
@@ -568,10 +751,21 @@ mod tests {
                     continue;
                 }
                 let inverse = stance.inverse;
-                let first = machine.first_step(&there, &inverse, 0.0, &to, Some(&step.motion));
-                if !(first.h <= CERTIFIED) {
+                let mut first = machine.first_step(&there, &inverse, 0.0, &to, Some(&step.motion));
+                if machine.has_hessian() {
+                    let hessian = machine.hessian_norm(&stance.at, &inverse);
+                    machine.bound_by_hessian(
+                        &mut first,
+                        &there,
+                        &inverse,
+                        Some(&step.motion),
+                        hessian,
+                    );
+                }
+                if !first.is_certified() {
                     continue;
                 }
+                sharp += u32::from(first.hessian < f64::INFINITY);
                 let reach =
                     first.length + chord_deviation(&machine, &there.placed, &inverse, &step.motion);
                 let rho = 2.0 * reach;
@@ -586,7 +780,7 @@ mod tests {
                     else {
                         panic!("the nut has no correction within a certified ball");
                     };
-                    let bound = first.lipschitz * rho + row_change;
+                    let bound = first.lipschitz * away + row_change;
                     assert!(departure <= bound + 1e-6, "{departure} {bound}");
                     turned = turned.max(departure / bound);
                     let residuals = residuals(&machine, &step, share, &[0.0; 6]).unwrap();
@@ -606,8 +800,11 @@ mod tests {
                 }
             }
             let name = core::str::from_utf8(coordinates).unwrap();
-            std::println!("{name}: {checked} points, rows {turned:.2}, step {stepped:.2} of bound");
+            std::println!(
+                "{name}: {checked} points, {sharp} by the Hessian, rows {turned:.2}, step {stepped:.2} of bound"
+            );
             assert!(checked > 1000, "{name}: {checked}");
+            assert_eq!(sharp > 100, name == "XYZABC", "{name}: {sharp}");
             // Bounds that are far too wide would be sound and useless.
             assert!(turned > 0.1 && stepped > 0.5, "{name}: {turned} {stepped}");
         }

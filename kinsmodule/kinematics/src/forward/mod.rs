@@ -8,13 +8,13 @@
 
 mod contradiction;
 mod converge;
+mod hessian;
 mod residual;
 mod solver;
 mod track;
 
 pub use solver::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 
-use crate::certificate::CERTIFIED;
 use crate::fault::{Cause, Fault};
 use crate::layout::Joints;
 use crate::leg::LEAST_DRIVE;
@@ -24,7 +24,7 @@ use crate::placed::Place;
 use crate::pose::{Pose, Trigonometry, angles_near};
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
-use converge::{Ball, End};
+use converge::{Ball, End, LEAST_SHARE};
 use nalgebra::Vector3;
 use residual::{Measured, Stance, newton_step, norm};
 use solver::Effort;
@@ -66,6 +66,7 @@ impl<const N: usize> Mechanism<N> {
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             iterations: 0,
+            spent: 0,
             sub_steps: 1,
             limit: solver.limit_iterations,
             tolerance: POSE_TOLERANCE * self.size,
@@ -198,25 +199,31 @@ impl<const N: usize> Mechanism<N> {
             ahead.place = self.taken_along(&ahead.place, motion.as_ref());
         }
         effort.spend()?;
-        let h_whole = match self.settle(target, ahead) {
+        let share = match self.settle(target, ahead) {
             Ok(()) => {
-                let first =
+                let mut first =
                     self.first_step(&ahead.at, &ahead.inverse, 0.0, target, motion.as_ref());
-                if first.h <= CERTIFIED {
+                if !first.is_certified() {
+                    first = self.sharpened(first, ahead, motion, effort)?;
+                }
+                if first.is_certified() {
                     return self.near(target, &Ball { about: ahead, first }, effort, end);
                 }
-                first.h
+                first.share_to_try()
             }
             // Far anchors about the seed's platform are a machine that need not exist.
-            Err(_) if self.moving => f64::INFINITY,
+            Err(_) if self.moving => LEAST_SHARE,
             Err(fault) => return Err(fault),
         };
-        ahead.place = self.track(target, start.unwrap_or(ahead.place), h_whole, effort)?;
-        self.settle(target, ahead)?;
+        ahead.place = self.track(target, start.unwrap_or(ahead.place), share, effort)?;
         effort.spend()?;
-        let first = self.first_step(&ahead.at, &ahead.inverse, 0.0, target, None);
-        if !(first.h <= CERTIFIED) {
-            return Err(Fault::with_value(Cause::NotCertified, first.h));
+        self.settle(target, ahead)?;
+        let mut first = self.first_step(&ahead.at, &ahead.inverse, 0.0, target, None);
+        if !first.is_certified() {
+            first = self.sharpened(first, ahead, None, effort)?;
+        }
+        if !first.is_certified() {
+            return Err(Fault::with_value(Cause::NotCertified, first.h()));
         }
         self.near(target, &Ball { about: ahead, first }, effort, end)
     }

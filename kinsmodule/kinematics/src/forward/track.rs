@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A chain of certified balls along the straight line in joint space, for far seeds.
 
-use super::converge::Step;
+use super::converge::{LEAST_SHARE, Step};
 use super::residual::{Measured, newton_step, norm};
-use super::solver::{Effort, MAX_SUB_STEPS};
-use crate::certificate::CERTIFIED;
+use super::solver::{Effort, MAX_SHARP_SUB_STEPS, MAX_SUB_STEPS};
 use crate::fault::{Cause, Fault};
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
@@ -17,9 +16,12 @@ const MAX_TRIALS: u32 = 4;
 /// Shortest sub-step, as a share of the joint path.
 const SHORTEST_SUB_STEP: f64 = 1e-4;
 
-/// What a Newton step may leave unconverged, as a share of 1/L of its ball: at h = 0.4,
-/// 1 − √(1 − 2 h) − h (Newton-Kantorovich).
-const UNCONVERGED: f64 = 0.16;
+/// How much of a sub-step that was too long is tried next at most.
+const MOST_TRIED: f64 = 0.95;
+
+/// How many times as far as the last sub-step the next one goes: what is read from one step says little of far away.
+const LEAST_GROWTH: f64 = 0.5;
+const MOST_GROWTH: f64 = 4.0;
 
 /// The straight line in joint space from the seed's joints to the target.
 struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
@@ -30,8 +32,23 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     target: &'a Target<N>,
     /// Share already covered.
     done: f64,
-    /// Bound of the way from the middle of the ball back to the path, half of it at least.
+    /// Measured at the middle of the ball.
+    at: &'a Measured<N>,
+    /// Share at the middle of the ball where that is ahead, 0 where it is about where the last sub-step has led.
+    middle: f64,
+    /// Newton's step from the middle of the ball back to the path.
+    back: f64,
+    /// Bound of the way back, half of it at least.
     leftover: f64,
+}
+
+impl<const N: usize, F: Fn(f64) -> [f64; N]> Path<'_, N, F> {
+    /// How many times as far beyond the middle a sub-step should go to have the h that is aimed at.
+    fn times(&self, first: &Step) -> f64 {
+        // From where the last sub-step has led the step begins with the way back.
+        let back = if self.middle > 0.0 { 0.0 } else { self.back.min(0.9 * first.length) };
+        (first.next_length() - back) / (first.length - back)
+    }
 }
 
 /// A certified step along the path.
@@ -44,25 +61,28 @@ struct SubStep {
     arrives: bool,
     /// The step, from the middle of its ball.
     step: [f64; 6],
-    /// L of that ball, and h = L η of the step.
-    lipschitz: f64,
-    h: f64,
+    /// Bound of what it leaves unconverged.
+    unconverged: f64,
+    /// How many times as far the next one should go.
+    times: f64,
 }
 
 /// The middle of the next ball, seen from where the last sub-step has led.
 struct Ahead {
     /// The way there.
     by: [f64; 6],
+    /// How much of the joint path that is.
+    share: f64,
     /// Bound of how far the path is from where the last sub-step has led.
     off: f64,
 }
 
 impl Ahead {
     /// The ball is about where the last sub-step has led.
-    const NOT: Self = Self { by: [0.0; 6], off: 0.0 };
+    const NOT: Self = Self { by: [0.0; 6], share: 0.0, off: 0.0 };
 
     fn is_ahead(&self) -> bool {
-        self.by != [0.0; 6]
+        self.share > 0.0
     }
 }
 
@@ -71,50 +91,63 @@ impl<const N: usize> Mechanism<N> {
     /// sub-steps, one Newton step each, to within one ball of its end.
     ///
     /// The path's point that a sub-step starts from is off the pose P where the last one has led by what that left
-    /// unconverged: at most 0.16/L of that step's ball. The next ball is about P, or of struts about the pose Y half a
-    /// sub-step ahead of it, so that it reaches as far back as ahead and one sub-step covers both ways. Its radius is twice
-    /// the Newton step back to the path, the one ahead, or half the distance of the path's point, whichever is the
-    /// largest; so that point is in it, and is the one that it determines. Because h ≤ 0.4 holds for
-    /// the step back to the path as well as for the one ahead, it holds for every point of the joint
-    /// path between, and the path of the platform stays in that ball.
+    /// unconverged. The next ball is about P, or of struts about the pose Y half a sub-step ahead of it, so that it reaches
+    /// as far back as ahead and one sub-step covers both ways. Its radius is twice the Newton step back to the path, the one
+    /// ahead, or half the distance of the path's point, whichever is the largest; so that point is in it, and is the one
+    /// that it determines. Because h ≤ 0.4 holds for the step back to the path as well as for the one ahead, it holds for
+    /// every point of the joint path between, and the path of the platform stays in that ball.
     pub(super) fn track(
         &self,
         target: &Target<N>,
         start: Place,
-        h_whole: f64,
+        mut share: f64,
         effort: &mut Effort,
     ) -> Result<Place, Fault> {
         let from = self.joints_at(&start)?;
         let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
         // In place over and over: what is handed on is copied.
-        let (mut here, mut at) = (Target::of(from), Measured::ZERO);
-        let (mut there, mut inverse) = (Measured::ZERO, PseudoInverse::ZERO);
+        let (mut one, mut other) = (Target::of(from), Target::of(from));
+        let (mut here, mut next) = (&mut one, &mut other);
+        self.aim(here)?;
+        let (mut at, mut there) = (Measured::ZERO, Measured::ZERO);
+        let mut inverse = PseudoInverse::ZERO;
         let mut done = 0.0;
-        let mut share = shrunk(1.0, h_whole);
         let mut ahead = Ahead::NOT;
         // Where base anchors move, or legs are in excess, there is none to expect: the legs do not fit half-way. Nor
         // where one was not there: next to singular poses every second sub-step would go for it.
         let mut looks_ahead = !self.moving && !self.layout.is_redundant();
+        let has_hessian = self.has_hessian();
+        let most = if has_hessian { MAX_SHARP_SUB_STEPS } else { MAX_SUB_STEPS };
         effort.sub_steps = 0;
-        while effort.sub_steps < MAX_SUB_STEPS {
+        while effort.sub_steps < most {
             effort.sub_steps += 1;
-            here.joints = along(done);
-            self.aim(&mut here)?;
+            if has_hessian {
+                // In advance: the sub-step that arrives may need none.
+                effort.spend_on_hessian()?;
+            }
             let middle = self.moved(&place, &ahead.by);
             let taken = self
-                .regular(&here, &middle, (&mut at, &mut inverse), effort.sub_steps == 1)
+                .regular(here, &middle, (&mut at, &mut inverse), effort.sub_steps == 1)
                 .and_then(|()| {
                     let back = norm(&newton_step(&inverse, &at.residual));
-                    let leftover = back.max((ahead.off + norm(&ahead.by)) / 2.0);
-                    let path = Path { along: &along, here: &here, target, done, leftover };
-                    self.sub_step(&path, &middle, (&inverse, &mut there), share, effort)
+                    let path = Path {
+                        along: &along,
+                        here,
+                        target,
+                        done,
+                        at: &at,
+                        middle: ahead.share,
+                        back,
+                        leftover: back.max((ahead.off + norm(&ahead.by)) / 2.0),
+                    };
+                    self.sub_step(&path, &middle, (&inverse, &mut there, next), share, effort)
                 });
             let taken = match taken {
                 // What was expected ahead is not there. It cost what a solve does.
                 Err(_) if ahead.is_ahead() => {
                     effort.spend()?;
-                    ahead.by = [0.0; 6];
+                    ahead = Ahead { off: ahead.off, ..Ahead::NOT };
                     looks_ahead = false;
                     share /= 2.0;
                     continue;
@@ -122,19 +155,23 @@ impl<const N: usize> Mechanism<N> {
                 taken => taken?,
             };
             place = taken.place;
-            done += taken.share;
             if taken.arrives {
                 return Ok(place);
             }
-            // A ball about the middle reaches twice as far.
-            let halves = if ahead.is_ahead() || !looks_ahead { 1.0 } else { 2.0 };
-            share = taken.share * 0.95 * (halves * CERTIFIED / taken.h).min(4.0);
-            let covered = if ahead.is_ahead() { taken.share / 2.0 } else { taken.share };
-            let half = share.min(1.0 - done) / 2.0;
-            let by = if looks_ahead { half / covered } else { 0.0 };
-            ahead = Ahead { by: taken.step.map(|x| by * x), off: UNCONVERGED / taken.lipschitz };
+            done += taken.share;
+            core::mem::swap(&mut here, &mut next);
+            let beyond = taken.share - ahead.share;
+            share = beyond * taken.times.clamp(LEAST_GROWTH, MOST_GROWTH);
+            ahead = Ahead { off: taken.unconverged, ..Ahead::NOT };
+            if looks_ahead {
+                // As far back as ahead: twice as far in all.
+                let half = share.min((1.0 - done) / 2.0);
+                share *= 2.0;
+                ahead.by = taken.step.map(|x| half / beyond * x);
+                ahead.share = half;
+            }
         }
-        Err(Fault::with_value(Cause::TooManySubSteps, f64::from(MAX_SUB_STEPS)))
+        Err(Fault::with_value(Cause::TooManySubSteps, f64::from(most)))
     }
 
     /// Measures and factors the middle of a ball; refuses dead points, and to set out next to a singular pose.
@@ -156,16 +193,17 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Chooses the share of the path that one certified Newton step may cover.
+    /// Chooses the share of the path that one certified Newton step may cover; `between` becomes the path's point
+    /// there, unless that is the end.
     fn sub_step(
         &self,
         path: &Path<'_, N, impl Fn(f64) -> [f64; N]>,
         place: &Place,
-        (inverse, at): (&PseudoInverse<N>, &mut Measured<N>),
+        (inverse, at, between): (&PseudoInverse<N>, &mut Measured<N>, &mut Target<N>),
         mut share: f64,
         effort: &mut Effort,
     ) -> Result<SubStep, Fault> {
-        let mut between = Target::of(path.target.joints);
+        let mut hessian = None;
         for _ in 0..MAX_TRIALS {
             let rest = 1.0 - path.done;
             let arrives = share >= rest;
@@ -177,29 +215,38 @@ impl<const N: usize> Mechanism<N> {
                 path.target
             } else {
                 between.joints = (path.along)(path.done + share);
-                self.aim(&mut between)?;
-                &between
+                self.aim(between)?;
+                &*between
             };
             let motion = self.motion(path.here, to);
             let ahead = self.taken_along(place, motion.as_ref());
             self.measure(to, &ahead, at)?;
             effort.spend()?;
-            let Step { step, lipschitz, h, .. } =
-                self.first_step(at, inverse, path.leftover, to, motion.as_ref());
-            share = share.min(rest);
-            if h <= CERTIFIED {
-                let place = self.moved(&ahead, &step);
-                return Ok(SubStep { place, share, arrives, step, lipschitz, h });
+            let mut first = self.unproved_step(at, inverse, path.leftover, to, motion.as_ref());
+            let of_legs = |rho| self.lipschitz_of_legs(at, inverse, rho, motion.as_ref());
+            // On the way the next sub-step would be a short one if this one were bounded leg by leg.
+            let is_sharp = self.has_hessian() && !arrives;
+            if !is_sharp {
+                first.lipschitz = of_legs(2.0 * first.reach);
             }
-            share = shrunk(share, h);
+            if self.has_hessian() && !first.is_certified() {
+                let hessian = *hessian.get_or_insert_with(|| self.hessian_norm(path.at, inverse));
+                self.bound_by_hessian(&mut first, at, inverse, motion.as_ref(), hessian);
+            }
+            if is_sharp && !first.is_certified() {
+                first.lipschitz = first.lipschitz.min(of_legs(2.0 * first.reach));
+            }
+            share = share.min(rest);
+            let times = path.times(&first);
+            if first.is_certified() {
+                let place = self.moved(&ahead, &first.step);
+                let unconverged = first.unconverged();
+                return Ok(SubStep { place, share, arrives, step: first.step, unconverged, times });
+            }
+            share = path.middle + (share - path.middle) * times.clamp(LEAST_SHARE, MOST_TRIED);
         }
         Err(Fault::with_value(Cause::PathStalled, path.done))
     }
-}
-
-/// A share of the path that should meet the certificate, after one with `h` did not.
-fn shrunk(share: f64, h: f64) -> f64 {
-    share * (0.9 * CERTIFIED / h).clamp(0.02, 0.9)
 }
 
 #[cfg(test)]
@@ -207,12 +254,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_share_shrinks_by_what_it_was_too_long_and_neither_by_nothing_nor_to_nothing() {
-        // 0.9 · 0.4/0.8 of it, to a rounding.
-        assert!((shrunk(0.5, 0.8) - 0.225).abs() < f64::EPSILON);
-        assert_eq!(shrunk(0.5, 0.4), 0.45);
-        assert_eq!(shrunk(0.5, 0.1), 0.45);
-        assert_eq!(shrunk(0.5, 1e9), 0.01);
-        assert_eq!(shrunk(0.5, f64::INFINITY), 0.01);
+    fn a_sub_step_goes_on_from_the_middle_of_its_ball_or_after_the_way_back() {
+        let (target, at) = (Target::of([0.0; 4]), Measured::ZERO);
+        let times = |middle: f64, back: f64, length: f64| {
+            let along = |_| [0.0; 4];
+            let path = Path {
+                along: &along,
+                here: &target,
+                target: &target,
+                done: 0.0,
+                at: &at,
+                middle,
+                back,
+                leftover: back,
+            };
+            // L stays 0.1: 3.8 is aimed at.
+            path.times(&Step {
+                step: [0.0; 6],
+                length,
+                reach: length,
+                turned: 0.0,
+                lipschitz: 0.1,
+                hessian: f64::INFINITY,
+            })
+        };
+        // Some roundings of numbers below 10.
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-14, "{found}");
+        near(times(0.0, 0.0, 2.0), 1.9);
+        // Of 2, 1 leads back to the path; 2.8 are left of 3.8.
+        near(times(0.0, 1.0, 2.0), 2.8);
+        // Ahead, the way back leads the other way.
+        near(times(0.25, 1.0, 2.0), 1.9);
+        // A step that is shorter than the way back tells little: nine tenths of it count.
+        near(times(0.0, 3.0, 2.0), 10.0);
     }
 }
