@@ -5,7 +5,7 @@
 //! `make certify` prints the tables.
 
 use crate::common::machines::{declared, genhexkins_tilted, wild};
-use crate::common::outcome::{Outcome, judged};
+use crate::common::outcome::{Outcome, judged_with_path};
 use crate::common::random::{RECIPES, Recipe, coin, draw};
 use crate::common::reference::Tracker;
 use crate::common::solutions::{all_solutions, is_same};
@@ -152,14 +152,14 @@ fn one_servo_step_away_every_result_is_the_pose_that_the_joints_came_from() {
         if found.is_ok_and(|found| case.apart(&found.pose, pose) <= WRONG) {
             return Outcome { right: 1, ..Outcome::default() };
         }
-        judged(case, call.tracker, joints, &seed)
+        judged_with_path(case, call.tracker, joints, &seed)
     });
 }
 
 #[test]
 fn from_home_every_result_is_the_pose_that_the_reference_tracker_reaches() {
     survey("From home", 32, cases(400), |call, _| {
-        judged(call.case, call.tracker, &call.joints, &call.case.home)
+        judged_with_path(call.case, call.tracker, &call.joints, &call.case.home)
     });
 }
 
@@ -188,7 +188,7 @@ fn judged_by_all(call: &Call, seed: &Pose, searched: &Searched, rng: &mut Pcg64)
     let closely_seen = |pose: &Pose| is_seed(tracker.follow_closely(pose, &at_seed));
     let returned = case.machine.forward(joints, seed, &NO_TOOL, &Solver::default());
     let Ok(returned) = returned.map(|found| found.pose) else {
-        return judged(case, tracker, joints, seed);
+        return judged_with_path(case, tracker, joints, seed);
     };
     let (same, others): (Vec<_>, Vec<_>) =
         others.iter().partition(|pose| is_same(tracker, pose, &returned));

@@ -11,6 +11,7 @@ use std::ops::AddAssign;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     pub right: usize,
+    /// Refused; by [`judged_with_path`] where no path leads there either.
     pub refused: usize,
     pub wrong: usize,
     /// Refused although the reference tracker reached the pose with a regular Jacobian.
@@ -37,20 +38,38 @@ impl AddAssign for Outcome {
     }
 }
 
-/// One call of forward, counted in the one field that it belongs to.
+/// One of a kind.
+fn one(count: fn(&mut Outcome) -> &mut usize) -> Outcome {
+    let mut outcome = Outcome::default();
+    *count(&mut outcome) = 1;
+    outcome
+}
+
+/// One call of forward, counted in the one field that it belongs to. What is refused is not looked into.
 pub fn judged(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> Outcome {
-    let one = |count: fn(&mut Outcome) -> &mut usize| {
-        let mut outcome = Outcome::default();
-        *count(&mut outcome) = 1;
-        outcome
-    };
-    let Ok(found) = case.machine.forward(joints, seed, &NO_TOOL, &Solver::default()) else {
-        return match tracker.follow(seed, joints) {
-            Some(_) => one(|o| &mut o.missed),
-            None => one(|o| &mut o.refused),
-        };
-    };
-    let is_right = |pose: &Pose| case.apart(&found.pose, pose) <= WRONG;
+    match case.machine.forward(joints, seed, &NO_TOOL, &Solver::default()) {
+        Ok(found) => answered(case, tracker, (joints, seed), &found.pose),
+        Err(_) => one(|o| &mut o.refused),
+    }
+}
+
+/// The same with a look at whether a path leads there that was refused, which takes as long as the rest.
+pub fn judged_with_path(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> Outcome {
+    let outcome = judged(case, tracker, joints, seed);
+    match outcome.refused > 0 && tracker.follow(seed, joints).is_some() {
+        true => one(|o| &mut o.missed),
+        false => outcome,
+    }
+}
+
+/// What an answer is.
+fn answered(
+    case: &Case,
+    tracker: &Tracker,
+    (joints, seed): (&Joints, &Pose),
+    found: &Pose,
+) -> Outcome {
+    let is_right = |pose: &Pose| case.apart(found, pose) <= WRONG;
     if tracker.follow(seed, joints).as_ref().is_some_and(is_right) {
         return one(|o| &mut o.right);
     }
@@ -61,14 +80,14 @@ pub fn judged(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> O
     let redundant = case.geometry.layout().is_redundant();
     // Near a singular pose the end of the way is known to rounding over the least singular value
     // only. Where it set out from is known well, and one way alone leads back there.
-    let back = tracker.follow_closely(&found.pose, &case.joints(seed));
+    let back = tracker.follow_closely(found, &case.joints(seed));
     if !redundant && back.is_some_and(|back| case.apart(&back, seed) <= WRONG) {
         return one(|o| &mut o.right);
     }
-    if redundant && closely.is_none() && tracker.fits(&found.pose, joints) {
+    if redundant && closely.is_none() && tracker.fits(found, joints) {
         return one(|o| &mut o.fitting);
     }
-    let (found, seed) = (found.pose.to_degrees(), seed.to_degrees());
+    let (found, seed) = (found.to_degrees(), seed.to_degrees());
     println!("{}: {found:?} from {seed:?} with {joints:?} is wrong", case.name);
     one(|o| &mut o.wrong)
 }
