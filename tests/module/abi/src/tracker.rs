@@ -35,9 +35,8 @@ pub fn connected_pose(
     for step in 1..=STEPS {
         let share = step as f64 / STEPS as f64;
         let target = std::array::from_fn(|j| start[j] + share * (joints[j] - start[j]));
-        tracker.correct(&target, &mut pose)?;
         // The determinant passes zero at a singular pose: beyond it the path is another.
-        if tracker.solved(&target, &pose, &[0.0; 6])?.1.signum() != side {
+        if tracker.correct(&target, &mut pose)?.signum() != side {
             return None;
         }
     }
@@ -76,20 +75,20 @@ impl Tracker<'_> {
         Tracker { module, letters, converged: machine.legs.iter().map(of).collect() }
     }
 
-    /// Newton's method back to the path.
-    fn correct(&self, target: &Joints, pose: &mut Pose) -> Option<()> {
+    /// Newton's method back to the path; det J there.
+    fn correct(&self, target: &Joints, pose: &mut Pose) -> Option<f64> {
         for _ in 0..CORRECTIONS {
             let here = self.module.inverse(pose).ok()?;
             let mut residual = [0.0; 6];
             for n in 0..self.letters.len() {
                 residual[n] = target[n] - here[n];
             }
-            let (step, _) = self.solved(&here, pose, &residual)?;
+            let (step, determinant) = self.solved(&here, pose, &residual)?;
             for (letter, change) in self.letters.iter().zip(step) {
                 pose[*letter] += change;
             }
             if residual.iter().zip(&self.converged).all(|(r, limit)| r.abs() <= *limit) {
-                return Some(());
+                return Some(determinant);
             }
         }
         None
