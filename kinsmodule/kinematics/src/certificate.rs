@@ -49,10 +49,10 @@
 //! Where base anchors move beside it, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
 //! fixed place bends by max(1, r/ϱ_min) δ²/l_min.
 //!
-//! **The Hessian.** L takes every leg at its worst, as if all bent the platform the same way, and is five to nine times as
-//! large as what the legs of a hexapod do together. For far seeds it is worth computing that at the middle of the
-//! ball: H = ‖J⁻¹D²f‖_F there (module `forward::hessian`). From the middle to X the rows change by the integral of
-//! D²f, so that ‖I − J⁻¹J(X)‖ ≤ L |X| with
+//! **The Hessian.** L takes every leg at its worst, as if all bent the platform the same way, and is several times as
+//! large as what they do together (the tests of `forward::hessian` print how many times). For far seeds it is
+//! worth computing that at the middle of the ball: H = ‖J⁻¹D²f‖_F there. From the middle to X the rows change
+//! by the integral of D²f, so that ‖I − J⁻¹J(X)‖ ≤ L |X| with
 //!
 //! ```text
 //! L = H + ‖J⁻¹‖_F √Σ(k₃ ρ/2)²,   |D³f| ≤ k₃ = (2/√3) s₁³/l_min² + 3 s₁s₂/l_min + s₃

@@ -36,8 +36,9 @@ const SHARP_AIM: f64 = 0.88 * CERTIFIED;
 pub(super) const LEAST_SHARE: f64 = 0.02;
 const MOST_SHARE: f64 = 0.9;
 
-/// Steps turn the platform by Cayley's formula, less than the chart does by r|ω|³/12: by a twenty-fifth of what a step
-/// leaves unconverged at most, as (r|ω|/r)² ≤ h/4.24 where the third derivatives of all legs enter L.
+/// Steps turn the platform by Cayley's formula, less than the chart does by r|ω|³/12 at most: a twenty-fifth of what a
+/// step η leaves unconverged, which h η/2 bounds from below. With all arms r on the average ‖J⁻¹‖_F √Σs₃² ≥ 4.24/r², so
+/// that h ≥ 4.24 η²/r² and |ω|²/(6h) ≤ 1/25. Leg by leg s₂ makes it less still.
 const CAYLEY: f64 = 1.04;
 
 /// Where a search has come to.
@@ -600,8 +601,8 @@ mod tests {
             }
             let (lipschitz, ball) = (first.lipschitz, Ball { about: &about, first });
             let mut effort = Effort {
-                iterations: 0,
                 spent: 0,
+                hessians: 0,
                 sub_steps: 1,
                 limit: 9,
                 tolerance: 1e-9,

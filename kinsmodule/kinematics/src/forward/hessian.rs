@@ -8,8 +8,8 @@
 //! H = Aᵀ(1 − n nᵀ)A/l + S/r,   A = (1, −[β]×),   S = (n βᵀ + β nᵀ)/2 − (n·β) 1
 //! ```
 //!
-//! (S/r in the block of the turns), and the Frobenius norm of M D²f is √Σ (MᵀM)ᵢⱼ ⟨Hᵢ, Hⱼ⟩. Of two legs only scalar products are left: with
-//! κ = 1 + βᵢ·βⱼ, p = nᵢ·βⱼ, q = βᵢ·nⱼ, a = n·β of a leg and ν = nᵢ·nⱼ
+//! (S/r in the block of the turns), and the Frobenius norm of M D²f is √Σ (MᵀM)ᵢⱼ ⟨Hᵢ, Hⱼ⟩. Of two legs only scalar
+//! products are left: with κ = 1 + βᵢ·βⱼ, p = nᵢ·βⱼ, q = βᵢ·nⱼ, a = n·β of a leg and ν = nᵢ·nⱼ
 //!
 //! ```text
 //! ⟨Hᵢ, Hⱼ⟩ = (κ² + 2κ(aᵢp + aⱼq − βᵢ·βⱼ) + |βᵢ|²|βⱼ|² − |βᵢ|²p² − |βⱼ|²q² + (κν − pq)²)/(lᵢlⱼ)
@@ -139,7 +139,8 @@ mod tests {
         // Second differences: rounding of 2e-13 over the square of the step, beside 1e-3.
         const STEP: f64 = 0.5;
         let mut rng = Pcg64::seed_from_u64(47);
-        let (mut checked, mut unknown) = (0, 0);
+        let (mut checked, mut unknown, mut worst) = (0, 0, 0.0_f64);
+        let mut times = std::vec![];
         for _ in 0..400 {
             let Some((machine, place)) = machine(&mut rng, b"XYZABC", false) else { continue };
             let Ok(joints) = machine.joints_at(&place) else { continue };
@@ -173,12 +174,24 @@ mod tests {
                     sum += inner(&x, &x);
                 }
             }
-            // Of the fourth derivatives, the square of a step of 1/400 of the radius at least.
+            // What fourth derivatives leave of second differences: the square of the step over the radius, some 1e-5.
             let off = (sqrt(sum) / norm - 1.0).abs();
-            assert!(off < 1e-3, "{off:e}: {} {norm}", sqrt(sum));
+            assert!(off < 1e-4, "{off:e}: {} {norm}", sqrt(sum));
+            worst = worst.max(off);
+            let of_legs = machine.lipschitz_of_legs(&about.at, &about.inverse, 0.0, None);
+            times.push(of_legs / norm);
             checked += 1;
         }
-        std::println!("{checked} machines, {unknown} with rings");
+        times.sort_by(f64::total_cmp);
+        let middle = times[times.len() / 2];
+        std::println!("{checked} machines, {unknown} with rings, off by {worst:.0e}");
+        std::println!(
+            "leg by leg {:.1} to {:.1} times, {middle:.1} in the middle",
+            times[0],
+            times[times.len() - 1]
+        );
+        // A norm that is no sharper would be sound and useless; nor is it ever less sharp.
+        assert!(times[0] >= 1.0 && middle > 3.0, "{times:?}");
         assert!(checked > 50 && unknown > 50, "{checked} {unknown}");
     }
 }

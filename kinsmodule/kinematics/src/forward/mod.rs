@@ -65,8 +65,8 @@ impl<const N: usize> Mechanism<N> {
         let start = || Place { centre, rotation, angles: seed.angles };
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
-            iterations: 0,
             spent: 0,
+            hessians: 0,
             sub_steps: 1,
             limit: solver.limit_iterations,
             tolerance: POSE_TOLERANCE * self.size,
@@ -99,7 +99,7 @@ impl<const N: usize> Mechanism<N> {
         pose.check()?;
         *solution = Solution {
             pose,
-            iterations: effort.iterations,
+            iterations: effort.solves(),
             sub_steps: effort.sub_steps,
             residual,
             corrections: self.per_leg(&corrections),
