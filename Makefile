@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live fuzz-short ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -187,7 +187,6 @@ test-virtual: setup
 
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
 test-aside: setup
-	$(BEHIND) $(MAKE) --no-print-directory fuzz-short
 	$(BEHIND) $(MAKE) --no-print-directory test-python
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
@@ -222,9 +221,6 @@ PYTHON_TOOLS := target/tools/python
 site: setup-site
 	$(HOST_BUILD) --bin pkm
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
-
-fuzz-short: setup
-	fuzz/run.sh
 
 ini-cases: install
 	tests/cases/ini/run.py
@@ -382,7 +378,7 @@ boxes:
 MINUTES := 10
 fuzz: setup
 	@$(LINT) clippy $(LOCKED) --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
-	fuzz/run.sh --minutes $(MINUTES)
+	fuzz/run.sh $(MINUTES)
 
 soak: install
 	$(HOST_BUILD) --bin pkm --bin judge

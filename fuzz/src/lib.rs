@@ -1,5 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Bytes of a fuzzer read as numbers, and what every target makes of them.
+//! What the fuzz targets do, and bytes of a fuzzer read as numbers.
+
+pub mod core;
+pub mod entry_points;
+pub mod layouts;
+
+#[path = "../../kinsmodule/kinematics/tests/common/mod.rs"]
+mod common;
+#[cfg(test)]
+mod short;
 
 /// Numbers that code stumbles over.
 const AWKWARD: [f64; 16] = [
@@ -55,7 +64,7 @@ impl<'a> Bytes<'a> {
     /// Any number at all, an awkward one, or one near `usual` by up to `spread`.
     pub fn number(&mut self, usual: f64, spread: f64) -> f64 {
         match self.byte() {
-            0..=15 => f64::from_le_bytes(core::array::from_fn(|_| self.byte())),
+            0..=15 => f64::from_le_bytes(std::array::from_fn(|_| self.byte())),
             16..=31 => AWKWARD[self.below(AWKWARD.len())],
             32..=47 => usual,
             48..=79 => usual + 1e-3 * spread * self.share(),
