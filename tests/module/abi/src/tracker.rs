@@ -8,6 +8,7 @@
 
 use crate::module::{Joints, Module, Pose};
 use crate::parallel::{Kind, Leg, Parallel};
+use nalgebra::{Matrix6, Vector6};
 
 /// Steps of the path: small beside any distance at which two poses share joints.
 const STEPS: usize = 1000;
@@ -94,49 +95,18 @@ impl Tracker<'_> {
         None
     }
 
-    /// Solution of J x = b over the letters that move, by elimination with row exchange,
-    /// and det J.
+    /// Solution of J x = b over the letters that move, and det J.
     fn solved(&self, joints: &Joints, pose: &Pose, b: &[f64; 6]) -> Option<([f64; 6], f64)> {
         let jacobian = self.module.jacobian(joints, pose).ok()?;
-        let count = self.letters.len();
-        let mut rows = [[0.0; 7]; 6];
-        for (i, row) in rows.iter_mut().enumerate().take(count) {
-            for (place, letter) in row.iter_mut().zip(&self.letters) {
-                *place = jacobian[i][*letter];
+        // What does not move is left alone.
+        let mut rows = Matrix6::identity();
+        for i in 0..self.letters.len() {
+            for (k, letter) in self.letters.iter().enumerate() {
+                rows[(i, k)] = jacobian[i][*letter];
             }
-            row[6] = b[i];
         }
-        let determinant = eliminated(&mut rows, count)?;
-        Some((std::array::from_fn(|i| rows[i][6]), determinant))
-    }
-}
-
-/// Turns the first `count` columns into the unit matrix; their determinant.
-fn eliminated(rows: &mut [[f64; 7]; 6], count: usize) -> Option<f64> {
-    let mut determinant = 1.0;
-    for k in 0..count {
-        let pivot = (k..count).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs()))?;
-        if rows[pivot][k] == 0.0 {
-            return None;
-        }
-        if pivot != k {
-            rows.swap(pivot, k);
-            determinant = -determinant;
-        }
-        determinant *= rows[k][k];
-        eliminate(rows, k);
-    }
-    Some(determinant)
-}
-
-/// Clears column `k` of every row but the k-th, which gets a 1 there.
-fn eliminate(rows: &mut [[f64; 7]; 6], k: usize) {
-    let pivot = rows[k].map(|value| value / rows[k][k]);
-    rows[k] = pivot;
-    for row in rows.iter_mut().enumerate().filter(|(i, _)| *i != k).map(|(_, row)| row) {
-        let factor = row[k];
-        for (value, above) in row.iter_mut().zip(pivot) {
-            *value -= factor * above;
-        }
+        let rows = rows.lu();
+        let step = rows.solve(&Vector6::from(*b))?;
+        Some((step.into(), rows.determinant()))
     }
 }

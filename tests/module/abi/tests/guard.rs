@@ -8,6 +8,7 @@ use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, subjects};
 use kinematics::Cause;
+use nalgebra::DMatrix;
 
 const PERIOD: f64 = 1e-3;
 
@@ -78,35 +79,8 @@ fn by_angle(pose: &Pose, point: Vector, k: usize, radius: f64) -> Vector {
     scaled(minus(at(1.0), at(-1.0)), 1.0 / (2.0 * step * radius))
 }
 
-/// Smallest singular value, by the power method on the inverse of AᵀA.
 fn smallest_singular_value(rows: &[Vec<f64>]) -> f64 {
-    let m = rows[0].len();
-    let gram = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
-    let mut x: Vec<f64> = (0..m).map(|i| 1.0 + 0.3 * i as f64).collect();
-    let mut value = 0.0;
-    for _ in 0..2000 {
-        let mut a: Vec<Vec<f64>> =
-            (0..m).map(|i| (0..m).map(|j| gram(i, j)).chain([x[i]]).collect()).collect();
-        eliminate(&mut a);
-        let y: Vec<f64> = a.iter().map(|row| row[m]).collect();
-        let length = y.iter().map(|v| v * v).sum::<f64>().sqrt();
-        x = y.iter().map(|v| v / length).collect();
-        value = (1.0 / length).sqrt();
-    }
-    value
-}
-
-/// Gauss and Jordan with the largest pivot of the column.
-fn eliminate(a: &mut [Vec<f64>]) {
-    for k in 0..a.len() {
-        let best = (k..a.len()).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs()));
-        a.swap(k, best.expect("a row"));
-        let pivot = a[k].clone();
-        for (i, row) in a.iter_mut().enumerate() {
-            let factor = if i == k { 1.0 - 1.0 / pivot[k] } else { row[k] / pivot[k] };
-            row.iter_mut().zip(&pivot).for_each(|(value, p)| *value -= factor * p);
-        }
-    }
+    DMatrix::from_fn(rows.len(), rows[0].len(), |i, k| rows[i][k]).singular_values().min()
 }
 
 /// Distance of two segments, by ternary search along both (it is convex).
