@@ -309,7 +309,7 @@ check: setup site lint-scripts lint-crates
 	@$(LINT) fmt --all --check
 	$(if $(WITH_CLIPPY),$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets,\
 	    @echo "pkmkins: this Rust has no cargo clippy: skipped")
-	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --no-deps --quiet
+	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
 	$(MAKE) --no-print-directory header
 	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
 

@@ -17,11 +17,11 @@ use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Instrument, Measured, Reading};
+use crate::read::columns::COORDINATES;
 use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 
-const POSE: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 const PLACE: [&str; 3] = ["tip_x", "tip_y", "tip_z"];
 const ANGLES: [&str; 3] = ["tip_a", "tip_b", "tip_c"];
 
@@ -45,8 +45,11 @@ pub(crate) fn readings(
     let header = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
     let place = |name: &&str| header.iter().position(|word| word.eq_ignore_ascii_case(name));
     let places = |names: &[&'static str]| names.iter().map(place).collect::<Option<Vec<usize>>>();
-    let Some(pose) = places(&POSE) else {
-        return Err(bad(1, format!("expected columns {} and what was measured", POSE.join(","))));
+    let Some(pose) = places(&COORDINATES) else {
+        return Err(bad(
+            1,
+            format!("expected columns {} and what was measured", COORDINATES.join(",")),
+        ));
     };
     let (tip, angles, distance) = (places(&PLACE), places(&ANGLES), places(&["distance"]));
     if tip.is_none() == distance.is_none() {

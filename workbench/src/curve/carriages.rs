@@ -7,7 +7,7 @@ use crate::curve::file::{CarriageKeys, PathFile};
 use crate::curve::taylor::Taylor;
 use crate::files;
 use crate::limits;
-use crate::read::columns::joint_names;
+use crate::read::columns::{coordinates, joint_names};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
 use kinematics::{Fault, Joints, MAX_JOINTS, Vector3};
@@ -167,7 +167,8 @@ pub fn csv(config: &MachineConfig, places: &[Place]) -> String {
     let count = config.joints.len();
     let mut header = vec!["t".to_string()];
     header.extend(joint_names(count));
-    header.extend(["x", "y", "z", "a", "b", "c", "residual"].map(String::from));
+    header.extend(coordinates());
+    header.push("residual".to_string());
     let row = |place: &Place| {
         let numbers = [place.t].into_iter().chain(place.joints.into_iter().take(count));
         numbers.chain(place.pose).chain([place.residual]).map(|x| x + 0.0).collect::<Vec<_>>()

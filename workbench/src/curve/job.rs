@@ -12,7 +12,7 @@ use crate::files;
 use crate::program::interpreter::{Move, MoveKind};
 use crate::program::path::{Along, along};
 use crate::program::preflight::preflight;
-use crate::read::columns::joint_names;
+use crate::read::columns::{coordinates, joint_names};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Joints, Pose, Vector3};
 
@@ -205,8 +205,8 @@ fn places(
 /// The places of all operations as CSV, machine units and degrees.
 pub fn csv(config: &MachineConfig, job: &Job) -> String {
     let count = config.joints.len();
-    let mut header: Vec<String> =
-        ["operation", "kind", "length", "x", "y", "z", "a", "b", "c"].map(String::from).into();
+    let mut header = ["operation", "kind", "length"].map(String::from).to_vec();
+    header.extend(coordinates());
     header.extend(joint_names(count));
     header.extend((0..count).map(|i| format!("change_{i}")));
     let rows = job.done.iter().enumerate().flat_map(|(n, done)| {

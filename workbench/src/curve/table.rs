@@ -6,7 +6,7 @@ use crate::curve::gcode::in_machine;
 use crate::curve::motion::Node;
 use crate::curve::route_error::RouteError;
 use crate::files;
-use crate::read::columns::joint_names;
+use crate::read::columns::{coordinates, joint_names};
 use crate::read::machine::MachineConfig;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 
@@ -79,10 +79,9 @@ fn check_speeds(config: &MachineConfig, t: f64, rates: &Joints) -> Result<(), Ro
 /// The rows as CSV: place, tangent, joints and rates, then the split of the path.
 pub fn csv(config: &MachineConfig, rows: &[Row]) -> String {
     let count = config.joints.len();
-    let mut header: Vec<String> =
-        ["t", "s", "x", "y", "z", "a", "b", "c", "tangent_x", "tangent_y", "tangent_z"]
-            .map(String::from)
-            .into();
+    let mut header = ["t", "s"].map(String::from).to_vec();
+    header.extend(coordinates());
+    header.extend(["tangent_x", "tangent_y", "tangent_z"].map(String::from));
     header.extend(joint_names(count));
     header.extend((0..count).map(|i| format!("rate_{i}")));
     header.extend(["centre_x", "centre_y", "centre_z"].map(String::from));

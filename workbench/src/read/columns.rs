@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Names of columns in tables of poses and joints.
 
-use kinematics::Letter;
+/// Those of the coordinates of a pose.
+pub const COORDINATES: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
-/// Those of the coordinates of a pose: x y z a b c.
+/// The same, as the beginning of a longer list.
 pub fn coordinates() -> Vec<String> {
-    Letter::ALL.iter().map(|letter| letter.name().to_ascii_lowercase().to_string()).collect()
+    COORDINATES.map(String::from).to_vec()
 }
 
 /// Those of joint values.

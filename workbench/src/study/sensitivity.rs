@@ -13,6 +13,7 @@
 
 use crate::files;
 use crate::proof::axis_box::AxisBox;
+use crate::read::columns::{COORDINATES, coordinates};
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
@@ -382,12 +383,11 @@ pub fn along(
 /// Points of a motion as CSV.
 pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
     let count = config.joints.len();
-    let letters = ["x", "y", "z", "a", "b", "c"];
-    let named = |what: &str| letters.map(|letter| format!("{what}_{letter}")).to_vec();
+    let named = |what: &str| COORDINATES.map(|letter| format!("{what}_{letter}")).to_vec();
     let joints = |what: &str| (0..count).map(|i| format!("{what}_{i}")).collect::<Vec<_>>();
     let names = [
         vec!["time".to_string()],
-        letters.map(String::from).to_vec(),
+        coordinates(),
         joints("joint"),
         joints("rate"),
         named("sigma"),
