@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The HAL files of a simulated machine, for LinuxCNC in virtual time:
+# The HAL files of a simulated machine, for LinuxCNC in virtual time, behind `ini.tcl`:
 #
 #     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
 #
@@ -16,23 +16,9 @@ namespace eval wiring {
     variable modules {}
 }
 
-# As LinuxCNC's haltcl does it, whose own package would attach to the HAL of this computer: every section
-# is a global array, every key a list of its values.
+# As haltcl does it: every section is a global array, every key a list of its values.
 proc wiring::parse {ini} {
-    set file [open $ini]
-    while {[gets $file line] >= 0} {
-        # Without regular expressions, which take five times as long.
-        set line [string trim $line]
-        if {[string match {\[*\]} $line]} {
-            set section [string range $line 1 end-1]
-            continue
-        }
-        set at [string first = $line]
-        set key [string trimright [string range $line 0 $at-1]]
-        if {$key eq "" || [string first # $key] >= 0} { continue }
-        lappend ::${section}($key) [string trimleft [string range $line $at+1 end]]
-    }
-    close $file
+    foreach {section key value} [ini_values $ini] { lappend ::${section}($key) $value }
 }
 
 proc wiring::ask {args} {

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SCRIPT: &str = include_str!("hal_files.tcl");
+const SCRIPT: &str = concat!(include_str!("../read/ini.tcl"), include_str!("hal_files.tcl"));
 
 const TCL: &str = "/usr/bin/tclsh";
 

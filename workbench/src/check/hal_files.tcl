@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the HAL files of a machine do, as far as it can be known without the hardware:
+# What the HAL files of a machine do, as far as it can be known without the hardware, behind `ini.tcl`:
 #
 #     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
 #
@@ -24,18 +24,13 @@ namespace eval drives {
     variable longest 5
 }
 
-# As LinuxCNC's haltcl does it: every section is a global array, every key a list of its values.
+# As haltcl does it: every section is a global array, every key a list of its values.
 proc drives::parse {ini} {
     variable box
-    set file [open $ini]
-    while {[gets $file line] >= 0} {
-        set line [string trim $line]
-        if {[regexp {^\[(.*)\]$} $line -> section]} { continue }
-        if {![regexp {^([^#;]+?)\s*=\s*(.*)$} $line -> key value]} { continue }
+    foreach {section key value} [ini_values $ini] {
         $box eval [list lappend ::${section}($key) $value]
         lappend ::ini($section,$key) $value
     }
-    close $file
 }
 
 proc drives::say {args} { puts [join [lmap word $args { string map {"\t" " " "\n" " "} $word }] \t] }

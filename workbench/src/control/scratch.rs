@@ -10,7 +10,8 @@ use std::io;
 use std::path::{self, Path, PathBuf};
 
 const DRIVER: &str = include_str!("../../virtual/driver.py");
-const WIRING: &str = include_str!("../../virtual/wiring.tcl");
+const WIRING: &str =
+    concat!(include_str!("../read/ini.tcl"), include_str!("../../virtual/wiring.tcl"));
 
 /// Buffers in which milltask, the tool changer and the driver meet: their names, sizes, numbers, and what
 /// LinuxCNC's own file says of them beside.
