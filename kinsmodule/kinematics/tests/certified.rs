@@ -113,8 +113,13 @@ impl Row {
 }
 
 /// Judges `count` poses of every machine and recipe, and prints a row of each. Not one may
-/// be wrong, and those of the shipped machines' workspaces are all found.
-fn survey(title: &str, seed: u64, count: usize, judge: impl Fn(&Call, &mut Pcg64) -> Outcome) {
+/// be wrong, and those of the shipped machines' workspaces are all found. What comes of every recipe.
+fn survey(
+    title: &str,
+    seed: u64,
+    count: usize,
+    judge: impl Fn(&Call, &mut Pcg64) -> Outcome,
+) -> Vec<Outcome> {
     println!("\n{title}\n");
     println!(
         "| machine | poses | right | refused, a path exists | refused, none exists | wrong \
@@ -136,11 +141,15 @@ fn survey(title: &str, seed: u64, count: usize, judge: impl Fn(&Call, &mut Pcg64
         assert!(!reachable || row.all().right == count, "{}: {:?}", case.name, row.all());
         add(case.name, row);
     }
+    let mut of_recipes = vec![];
     for recipe in RECIPES {
-        add(recipe.name, of_recipe(recipe, count, &mut rng(seed), &mut judge));
+        let row = of_recipe(recipe, count, &mut rng(seed), &mut judge);
+        of_recipes.push(row.all());
+        add(recipe.name, row);
     }
     sum.print("all");
     assert!(sum.behind.calls() > 0, "{title}: singular poses must lie between");
+    of_recipes
 }
 
 #[test]
@@ -156,11 +165,21 @@ fn one_servo_step_away_every_result_is_the_pose_that_the_joints_came_from() {
     });
 }
 
+/// Of each recipe calls of a hundred from home that may be refused although a path exists: what was found in the short
+/// and the long tier, and at most half more. A change of how far seeds are followed is not to cost any kind of machine
+/// what another one gains.
+const MOST_MISSED: [f64; RECIPES.len()] =
+    [4.0, 8.0, 1.0, 6.0, 9.0, 3.0, 6.0, 0.5, 1.0, 1.5, 1.5, 2.0, 14.0, 22.0, 11.0, 7.0];
+
 #[test]
 fn from_home_every_result_is_the_pose_that_the_reference_tracker_reaches() {
-    survey("From home", 32, cases(400), |call, _| {
+    let found = survey("From home", 32, cases(400), |call, _| {
         judged_with_path(call.case, call.tracker, &call.joints, &call.case.home)
     });
+    for ((recipe, outcome), most) in RECIPES.iter().zip(found).zip(MOST_MISSED) {
+        let missed = 100.0 * outcome.missed as f64 / outcome.calls() as f64;
+        assert!(missed <= most, "{}: {missed} of a hundred are missed", recipe.name);
+    }
 }
 
 /// What the search for every solution says about the calls of a row.

@@ -134,10 +134,10 @@ impl Step {
 
     /// How much of a step that is too long should do, in a chain of steps.
     pub(super) fn share_to_try(&self) -> f64 {
-        if !(self.length > 0.0) {
+        if !(self.reach > 0.0) {
             return LEAST_SHARE;
         }
-        (self.next_length() / self.length).clamp(LEAST_SHARE, MOST_SHARE)
+        (self.next_length() / self.reach).clamp(LEAST_SHARE, MOST_SHARE)
     }
 }
 
@@ -639,6 +639,8 @@ mod tests {
         near(plain.next_length(), 1.9);
         near(plain.unconverged(), CAYLEY * (0.6 - sqrt(0.2)) / 0.2);
         near(plain.share_to_try(), 0.9);
+        // Of 8 that the ball reaches for, 3.8 are aimed at, however little of it is the step itself.
+        near(Step { reach: 8.0, ..step(2.0, 0.1, f64::INFINITY) }.share_to_try(), 3.8 / 8.0);
         // L is 0.1 and grows by 0.05 per length: at 0.352 = 0.1 x + 0.05 x².
         let sharp = step(2.0, 0.2, 0.1);
         let next = sharp.next_length();

@@ -45,9 +45,12 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
 impl<const N: usize, F: Fn(f64) -> [f64; N]> Path<'_, N, F> {
     /// How many times as far beyond the middle a sub-step should go to have the h that is aimed at.
     fn times(&self, first: &Step) -> f64 {
+        // What the ball reaches for along moving anchors counts in full: that it grows with the square of the sub-step
+        // was tried, and refuses more.
+        let length = first.length + (first.reach - first.length.max(self.leftover));
         // From where the last sub-step has led the step begins with the way back.
-        let back = if self.middle > 0.0 { 0.0 } else { self.back.min(0.9 * first.length) };
-        (first.next_length() - back) / (first.length - back)
+        let back = if self.middle > 0.0 { 0.0 } else { self.back.min(0.9 * length) };
+        (first.next_length() - back) / (length - back)
     }
 }
 
@@ -256,7 +259,7 @@ mod tests {
     #[test]
     fn a_sub_step_goes_on_from_the_middle_of_its_ball_or_after_the_way_back() {
         let (target, at) = (Target::of([0.0; 4]), Measured::ZERO);
-        let times = |middle: f64, back: f64, length: f64| {
+        let times = |middle: f64, back: f64, length: f64, bowed: f64| {
             let along = |_| [0.0; 4];
             let path = Path {
                 along: &along,
@@ -272,7 +275,7 @@ mod tests {
             path.times(&Step {
                 step: [0.0; 6],
                 length,
-                reach: length,
+                reach: length.max(back) + bowed,
                 turned: 0.0,
                 lipschitz: 0.1,
                 hessian: f64::INFINITY,
@@ -280,12 +283,14 @@ mod tests {
         };
         // Some roundings of numbers below 10.
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-14, "{found}");
-        near(times(0.0, 0.0, 2.0), 1.9);
+        near(times(0.0, 0.0, 2.0, 0.0), 1.9);
+        // With what anchors that bow take twice as long.
+        near(times(0.0, 0.0, 2.0, 2.0), 0.95);
         // Of 2, 1 leads back to the path; 2.8 are left of 3.8.
-        near(times(0.0, 1.0, 2.0), 2.8);
+        near(times(0.0, 1.0, 2.0, 0.0), 2.8);
         // Ahead, the way back leads the other way.
-        near(times(0.25, 1.0, 2.0), 1.9);
+        near(times(0.25, 1.0, 2.0, 0.0), 1.9);
         // A step that is shorter than the way back tells little: nine tenths of it count.
-        near(times(0.0, 3.0, 2.0), 10.0);
+        near(times(0.0, 3.0, 2.0, 0.0), 10.0);
     }
 }
