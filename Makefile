@@ -238,6 +238,7 @@ test-long: install
 	tests/virtual/guarded.py --programs 10000
 	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 	tests/live/soak.py --minutes 10
+	$(MAKE) --no-print-directory fuzz MINUTES=1
 	PKMKINS_CASES=10 $(MAKE) --no-print-directory test-wheel
 
 # Says how long each took. As root, with debootstrap.

@@ -6,6 +6,7 @@
 #
 # New inputs go to target/fuzz/corpus, and what a target does not survive to target/fuzz/artifacts.
 set -eu
+seconds=$((60 * ${1:?how many minutes}))
 
 cd "$(dirname "$0")/.."
 root=$(pwd)
@@ -22,10 +23,9 @@ run() {
 }
 
 # The sanitizer's flag is not stable, its runtime comes with the stable toolchain.
-seconds=$((60 * ${1:?how many minutes}))
 flags=-Zsanitizer=address
 export RUSTC_BOOTSTRAP=1 ASAN_OPTIONS=detect_leaks=0
-# Here there is time for the checks of the libraries, and for lines in what is told of a fault.
+# With the checks of all libraries, and lines in what is told of a fault.
 export CARGO_PROFILE_HOST_DEBUG_ASSERTIONS=true CARGO_PROFILE_HOST_OVERFLOW_CHECKS=true \
     CARGO_PROFILE_HOST_DEBUG=line-tables-only
 # The module has no unwinder.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The targets without libFuzzer: what is kept, and inputs made of it at random. Nothing guides them, but nothing has
-//! to be built for it either.
+//! The targets without libFuzzer: what is kept, and inputs made of it at random. Nothing guides them, and nothing more
+//! has to be built for them. Crashes and endless loops are told by `make fuzz` with their input.
 
 use crate::common::cases;
 use rand::{Rng, SeedableRng};
@@ -44,7 +44,7 @@ fn changed(rng: &mut Pcg64, kept: &[Vec<u8>]) -> Vec<u8> {
     input
 }
 
-/// Runs a target; what it does not survive is told byte by byte.
+/// Runs a target; an input at which it panics is told byte by byte.
 fn survives(target: &str, run: fn(&[u8]), count: usize) {
     let kept = kept(target);
     let mut rng = Pcg64::seed_from_u64(1);

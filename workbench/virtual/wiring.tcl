@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The HAL files of a simulated machine, for LinuxCNC in virtual time, behind `ini.tcl`:
+# The HAL files of a simulated machine, for LinuxCNC in virtual time:
 #
 #     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
+#
+# pkm writes `ini.tcl` and this into one file.
 #
 # Runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one
 # step a line on standard output and reads the answer from standard input: "ok" and what was asked for,

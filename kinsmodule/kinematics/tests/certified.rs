@@ -113,7 +113,7 @@ impl Row {
 }
 
 /// Judges `count` poses of every machine and recipe, and prints a row of each. Not one may
-/// be wrong, and those of the shipped machines' workspaces are all found. What comes of every recipe.
+/// be wrong, and those of the shipped machines' workspaces are all found. Returns what became of each recipe's calls.
 fn survey(
     title: &str,
     seed: u64,
@@ -165,17 +165,21 @@ fn one_servo_step_away_every_result_is_the_pose_that_the_joints_came_from() {
     });
 }
 
-/// Of each recipe calls of a hundred from home that may be refused although a path exists: what was found in the short
-/// and the long tier, and at most half more. A change of how far seeds are followed is not to cost any kind of machine
-/// what another one gains.
+/// How many of a hundred calls from home may be refused although a path exists, for each recipe: the larger share of the
+/// short and the long tier, and some more. What one kind of machine gains, no other is to pay for.
 const MOST_MISSED: [f64; RECIPES.len()] =
     [4.0, 8.0, 1.0, 6.0, 9.0, 3.0, 6.0, 0.5, 1.0, 1.5, 1.5, 2.0, 14.0, 22.0, 11.0, 7.0];
 
 #[test]
 fn from_home_every_result_is_the_pose_that_the_reference_tracker_reaches() {
-    let found = survey("From home", 32, cases(400), |call, _| {
+    let count = cases(400);
+    let found = survey("From home", 32, count, |call, _| {
         judged_with_path(call.case, call.tracker, &call.joints, &call.case.home)
     });
+    if count < 400 {
+        // Of so few calls a share says nothing.
+        return;
+    }
     for ((recipe, outcome), most) in RECIPES.iter().zip(found).zip(MOST_MISSED) {
         let missed = 100.0 * outcome.missed as f64 / outcome.calls() as f64;
         assert!(missed <= most, "{}: {missed} of a hundred are missed", recipe.name);

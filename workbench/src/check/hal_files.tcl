@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the HAL files of a machine do, as far as it can be known without the hardware, behind `ini.tcl`:
+# What the HAL files of a machine do, as far as it can be known without the hardware:
 #
 #     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
 #
-# An ENTRY is "file VALUE" or "command VALUE", VALUE that of a key HALFILE or HALCMD. Every file is carried
+# pkm writes `ini.tcl` and this into one file. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a key HALFILE or HALCMD. Every file is carried
 # out in an interpreter that can touch nothing: no file is written, no process started. What it does comes
 # as a line on standard output each, its words separated by tabs: the place (file, line), what (net, unlinkp,
 # setp, addf, loadrt, loadusr), its words; "own" where pkmkins.tcl would be read, "ends" with what a file has

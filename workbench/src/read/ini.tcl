@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # An INI file as LinuxCNC's haltcl reads it, whose own package would attach to the HAL of this computer: the
-# section, key and value of every line that has a value, one after another.
+# section, key and value of every line KEY = VALUE, one after another.
 proc ini_values {ini} {
     set found {}
     set file [open $ini]
@@ -14,6 +14,7 @@ proc ini_values {ini} {
         set at [string first = $line]
         set key [string trimright [string range $line 0 $at-1]]
         if {$key eq "" || [string first # $key] >= 0} { continue }
+        if {![info exists section]} { error "\"$line\" stands before the first section, where haltcl cannot read it" }
         lappend found $section $key [string trimleft [string range $line $at+1 end]]
     }
     close $file

@@ -120,7 +120,7 @@ impl Step {
         CAYLEY * self.reach * (h + self.turned) / (1.0 - h + sqrt(1.0 - 2.0 * h))
     }
 
-    /// About how long the next of a chain of steps should be; 0 where nothing can be said.
+    /// About how far the next ball of a chain should reach; 0 where nothing can be said.
     pub(super) fn next_length(&self) -> f64 {
         if !(self.h() < f64::INFINITY) {
             return 0.0;
@@ -132,7 +132,7 @@ impl Step {
         self.reach * 2.0 * h / (steady + sqrt(steady * steady + 4.0 * growing * h))
     }
 
-    /// How much of a step that is too long should do, in a chain of steps.
+    /// How much of a step that is too long should do, in a chain of steps, by how far its ball reaches.
     pub(super) fn share_to_try(&self) -> f64 {
         if !(self.reach > 0.0) {
             return LEAST_SHARE;

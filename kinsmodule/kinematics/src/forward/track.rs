@@ -45,8 +45,8 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
 impl<const N: usize, F: Fn(f64) -> [f64; N]> Path<'_, N, F> {
     /// How many times as far beyond the middle a sub-step should go to have the h that is aimed at.
     fn times(&self, first: &Step) -> f64 {
-        // What the ball reaches for along moving anchors counts in full: that it grows with the square of the sub-step
-        // was tried, and refuses more.
+        // What the ball reaches for because anchors move counts like the step itself. Its growth by the square of the
+        // sub-step was tried in the plan: more calls are refused.
         let length = first.length + (first.reach - first.length.max(self.leftover));
         // From where the last sub-step has led the step begins with the way back.
         let back = if self.middle > 0.0 { 0.0 } else { self.back.min(0.9 * length) };
@@ -284,7 +284,7 @@ mod tests {
         // Some roundings of numbers below 10.
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-14, "{found}");
         near(times(0.0, 0.0, 2.0, 0.0), 1.9);
-        // With what anchors that bow take twice as long.
+        // Anchors that bow make the reach twice as long.
         near(times(0.0, 0.0, 2.0, 2.0), 0.95);
         // Of 2, 1 leads back to the path; 2.8 are left of 3.8.
         near(times(0.0, 1.0, 2.0, 0.0), 2.8);
