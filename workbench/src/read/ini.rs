@@ -288,6 +288,9 @@ impl Ini {
     fn take_line(&mut self, line: Line, whole: &str, continued: bool) -> Result<(), IniError> {
         let text = whole.trim();
         self.refuse_long(&line)?;
+        if self.headings.is_empty() {
+            self.refuse_before_sections(&line)?;
+        }
         if text.is_empty() || line.is_comment() {
             return Ok(());
         }
@@ -314,6 +317,19 @@ impl Ini {
             self.unassigned.push((section.to_string(), word.to_string(), self.entries.len()));
         }
         Ok(())
+    }
+
+    /// What carries LinuxCNC's HAL files out takes every line with a `=` and no `#` before it for a key of the section
+    /// above, a comment behind `;` too, and ends where there is none.
+    fn refuse_before_sections(&self, line: &Line) -> Result<(), IniError> {
+        match line.text.split_once('=') {
+            Some((key, _)) if !key.trim().is_empty() && !key.contains('#') => {
+                let expected = "expected a section heading first: LinuxCNC's haltcl takes this for a key and ends its \
+                                start; begin a comment with #";
+                Err(self.error("", "", None, expected).at(line, line.text.trim()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// LinuxCNC's programs take a byte order mark for a part of the first line.
@@ -851,6 +867,8 @@ mod tests {
             "[A]\n# note \\\nK = 1\n",
             &format!("[A]\nK = {}\n", "1".repeat(300)),
             &format!("[A]\n# {} K = 2\n", "x".repeat(300)),
+            "; of 2026, version = 1\n[A]\nK = 1\n",
+            "K = 1\n[A]\n",
         ] {
             assert!(Ini::parse(Path::new("m.ini"), text).is_err(), "{text}");
         }
