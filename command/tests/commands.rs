@@ -620,7 +620,7 @@ exit 1
     assert_data_eq!(
         bench.answer("pose linear-delta.ini --joints 0 0 9000", ""),
         str![[r#"
-pkm: the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between (value 0.0262572); jog the joints back towards their last good values [code -33]
+pkm: the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between (value 0.0260425); jog the joints back towards their last good values [code -33]
 exit 1
 
 "#]]
