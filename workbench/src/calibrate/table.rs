@@ -17,7 +17,7 @@ use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Instrument, Measured, Reading};
-use crate::read::columns::COORDINATES;
+use crate::read::columns::coordinates;
 use crate::read::machine::MachineConfig;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
@@ -43,13 +43,12 @@ pub(crate) fn readings(
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
-    let place = |name: &&str| header.iter().position(|word| word.eq_ignore_ascii_case(name));
-    let places = |names: &[&'static str]| names.iter().map(place).collect::<Option<Vec<usize>>>();
-    let Some(pose) = places(&COORDINATES) else {
-        return Err(bad(
-            1,
-            format!("expected columns {} and what was measured", COORDINATES.join(",")),
-        ));
+    let place = |name: &str| header.iter().position(|word| word.eq_ignore_ascii_case(name));
+    let places = |names: &[&str]| names.iter().map(|name| place(name)).collect::<Option<Vec<_>>>();
+    let names = coordinates();
+    let names: Vec<_> = names.iter().map(String::as_str).collect();
+    let Some(pose) = places(&names) else {
+        return Err(bad(1, format!("expected columns {} and what was measured", names.join(","))));
     };
     let (tip, angles, distance) = (places(&PLACE), places(&ANGLES), places(&["distance"]));
     if tip.is_none() == distance.is_none() {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Names of columns in tables of poses and joints.
 
-/// Those of the coordinates of a pose.
-pub const COORDINATES: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+use kinematics::Letter;
 
-/// The same, as the beginning of a longer list.
+/// Those of the coordinates of a pose: x y z a b c.
 pub fn coordinates() -> Vec<String> {
-    COORDINATES.map(String::from).to_vec()
+    Letter::ALL.iter().map(|letter| letter.name().to_ascii_lowercase().to_string()).collect()
 }
 
 /// Those of joint values.

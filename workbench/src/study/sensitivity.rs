@@ -13,7 +13,7 @@
 
 use crate::files;
 use crate::proof::axis_box::AxisBox;
-use crate::read::columns::{COORDINATES, coordinates};
+use crate::read::columns::coordinates;
 use crate::read::machine::MachineConfig;
 use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
@@ -383,7 +383,7 @@ pub fn along(
 /// Points of a motion as CSV.
 pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
     let count = config.joints.len();
-    let named = |what: &str| COORDINATES.map(|letter| format!("{what}_{letter}")).to_vec();
+    let named = |what: &str| coordinates().iter().map(|c| format!("{what}_{c}")).collect();
     let joints = |what: &str| (0..count).map(|i| format!("{what}_{i}")).collect::<Vec<_>>();
     let names = [
         vec!["time".to_string()],
