@@ -3,13 +3,12 @@
 #
 #     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
 #
-# pkm writes `ini.tcl` and this into one file.
-#
-# Runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one
-# step a line on standard output and reads the answer from standard input: "ok" and what was asked for,
-# or "error" and why. The words of a step are separated by tabs: the names of files may have blanks. MODULES is
-# the folder of LinuxCNC's modules, BESIDE that of the library for virtual time: what stands there comes first, so
-# that what is built can be tried before it is installed.
+# pkm writes `ini.tcl` and this into one file. It runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which
+# are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one step a line on standard output
+# and reads the answer from standard input: "ok" and what was asked for, or "error" and why. The words of a step are
+# separated by tabs: the names of files may have blanks. MODULES is the folder of LinuxCNC's modules, BESIDE that of
+# the library for virtual time: what stands there comes first, so that what is built can be tried before it is
+# installed.
 
 namespace eval wiring {
     # Signal of each pin that is on one.

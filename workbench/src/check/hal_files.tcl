@@ -3,11 +3,12 @@
 #
 #     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
 #
-# pkm writes `ini.tcl` and this into one file. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a key HALFILE or HALCMD. Every file is carried
-# out in an interpreter that can touch nothing: no file is written, no process started. What it does comes
-# as a line on standard output each, its words separated by tabs: the place (file, line), what (net, unlinkp,
-# setp, addf, loadrt, loadusr), its words; "own" where pkmkins.tcl would be read, "ends" with what a file has
-# printed before it ends LinuxCNC's start, and "failed" with a reason.
+# pkm writes `ini.tcl` and this into one file. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a
+# key HALFILE or HALCMD. Every file is carried out in an interpreter that can touch nothing: no file is
+# written, no process started. What it does comes as a line on standard output each, its words separated by
+# tabs: the place (file, line), what (net, unlinkp, setp, addf, loadrt, loadusr), its words; "own" where
+# pkmkins.tcl would be read, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
+# with a reason.
 
 namespace eval drives {
     variable box

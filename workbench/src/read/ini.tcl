@@ -14,7 +14,6 @@ proc ini_values {ini} {
         set at [string first = $line]
         set key [string trimright [string range $line 0 $at-1]]
         if {$key eq "" || [string first # $key] >= 0} { continue }
-        if {![info exists section]} { error "\"$line\" stands before the first section, where haltcl cannot read it" }
         lappend found $section $key [string trimleft [string range $line $at+1 end]]
     }
     close $file
