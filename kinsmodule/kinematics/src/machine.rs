@@ -255,8 +255,9 @@ impl Machine {
     ) -> Result<(), Fault> {
         if solver.method == Method::Certified
             && let Some(joints) = joints.first_chunk()
-            && let Some(Meeting { point, residual }) =
-                self.meeting(joints, &seed.position, tool, solver)
+            && let Some(Meeting { point, residual }) = self
+                .meeting(joints, &seed.position, tool, solver)
+                .or_else(|| self.far_meeting(joints, &seed.position, tool, solver))
         {
             *solution = Solution::of_spheres(point, residual);
             return Ok(());
@@ -278,6 +279,20 @@ impl Machine {
         solver.check().ok()?;
         let accepted = solver.criterion(self.size());
         spheres.meeting(joints, Which::Near(seed), tool, accepted)
+    }
+
+    /// As [`Machine::meeting`], from a seed anywhere.
+    #[inline(never)]
+    fn far_meeting(
+        &self,
+        joints: &[f64; 3],
+        seed: &Vector3<f64>,
+        tool: &Vector3<f64>,
+        solver: &Solver,
+    ) -> Option<Meeting> {
+        let spheres = self.spheres()?;
+        solver.check().ok()?;
+        spheres.far_meeting(joints, seed, tool, solver.criterion(self.size()))
     }
 
     #[inline(always)]

@@ -135,7 +135,8 @@ fn the_closed_form_finds_the_pose_of_the_general_method_and_leaves_refusals_to_i
             compare(&case, &tracker, &joints, &seed, &mut seen);
         }
         println!("{}: {seen:?}", case.name);
-        assert!(seen.closed * 8 > seen.calls, "{}: {seen:?}", case.name);
+        // From far seeds too: half of the calls have one. The rest ends next to a singular pose, or nowhere.
+        assert!(seen.closed * 5 > seen.calls * 2, "{}: {seen:?}", case.name);
         assert!(seen.refused > 0 && seen.worst <= ROUND_TRIP, "{}: {seen:?}", case.name);
     }
 }

@@ -50,8 +50,8 @@ pub enum Certificate {
     None,
     /// L(d) d < 1 of the last ball: legs determine the pose within it.
     Ball(f64),
-    /// Three spheres meet there, and the seed is so near that the joints lead from it to this one of
-    /// their two points, see the module `spheres`.
+    /// Three spheres meet there, and the joints lead from the seed to this one of their two points, see
+    /// the module `spheres`.
     Spheres,
 }
 

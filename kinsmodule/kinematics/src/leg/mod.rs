@@ -146,6 +146,7 @@ pub(crate) enum Leg {
 }
 
 /// Moving base anchor (as displacement from the base anchor) and target length.
+#[derive(Clone, Copy)]
 pub(crate) struct Drive {
     pub displacement: Vector3<f64>,
     pub length: f64,

@@ -30,7 +30,10 @@
 //! joints from the seed's to those of t, at most 4 w/3 long as M p, is that of points within 2 w.
 //! Nothing in that ball is singular or at a dead point.
 //!
-//! What this does not accept is left to the general method, which also says what is wrong.
+//! Of other seeds the way itself is looked at (`way`). What neither accepts is left to the general method,
+//! which also says what is wrong.
+
+mod way;
 
 use crate::geometry::FARTHEST;
 use crate::lanes::{
@@ -329,6 +332,19 @@ impl Spheres {
         self.is_within_reach(tool).then_some(met)
     }
 
+    /// As [`Spheres::meeting`], from a seed anywhere.
+    pub fn far_meeting(
+        &self,
+        joints: &[f64; 3],
+        seed: &Vector3<f64>,
+        tool: &Vector3<f64>,
+        accepted: f64,
+    ) -> Option<Meeting> {
+        let (from, side) = self.seen(seed)?;
+        let met = self.meeting(joints, Which::Side(side), tool, accepted)?;
+        self.leads(side, &from, joints).then_some(met)
+    }
+
     /// Where the joints put the lower ends, and the lengths of the legs.
     #[inline(always)]
     fn drive(&self, [zero, one, two]: &[f64; 3]) -> Option<Driven> {
@@ -423,11 +439,17 @@ impl Spheres {
 
     /// Sign of the side of the plane of the centres on which a control point is.
     pub fn side(&self, point: &Vector3<f64>) -> Option<f64> {
+        self.seen(point).map(|(_, side)| side)
+    }
+
+    /// Joint values of a control point, and the sign of its side of the plane of the centres.
+    fn seen(&self, point: &Vector3<f64>) -> Option<([f64; 3], f64)> {
         let ways = [0, 2].map(|lane| difference(&wide(point), &self.origin.pair(lane)));
-        let Driven { centre: [centre, from], .. } = self.drive(&self.joints_of(&ways)?)?;
+        let joints = self.joints_of(&ways)?;
+        let Driven { centre: [centre, from], .. } = self.drive(&joints)?;
         let ab = difference(&centre, &from);
         let normal = cross(&ab, &ab.map(swapped));
         let [side, _] = dot(&normal, &difference(&wide(point), &from)).to_array();
-        Some(side)
+        Some((joints, 1.0_f64.copysign(side)))
     }
 }
