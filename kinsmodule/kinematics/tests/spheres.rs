@@ -36,6 +36,8 @@ struct Figures {
     closed: usize,
     /// Of these, refused by the general method.
     more: usize,
+    /// Of these, those in which the tracker gives up.
+    untold: usize,
     refused: usize,
     worst: f64,
 }
@@ -105,7 +107,8 @@ fn compare(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose, seen: &
             seen.more += 1;
             let seed_joints = case.machine.inverse(seed, &NO_TOOL);
             let back = seed_joints.ok().and_then(|q| tracker.follow_closely(&closed.pose, &q));
-            let leads_back = back.is_some_and(|back| case.apart(&back, seed) <= WRONG);
+            seen.untold += usize::from(back.is_none());
+            let leads_back = back.is_none_or(|back| case.apart(&back, seed) <= WRONG);
             assert!(leads_back, "{name}: {closed:?} from {seed:?} with {joints:?}");
         }
     }
@@ -138,6 +141,9 @@ fn the_closed_form_finds_the_pose_of_the_general_method_and_leaves_refusals_to_i
         // From far seeds too: half of the calls have one. The rest ends next to a singular pose, or nowhere.
         assert!(seen.closed * 5 > seen.calls * 2, "{}: {seen:?}", case.name);
         assert!(seen.refused > 0 && seen.worst <= ROUND_TRIP, "{}: {seen:?}", case.name);
+        // From a seed 1.3 above the plane, with legs of 800, the tracker gives up where 40 digits show a way (once in
+        // a million calls of the triaglide). A way through a dead point would be met far more often.
+        assert!(seen.untold <= seen.calls / 500_000, "{}: {seen:?}", case.name);
     }
 }
 
