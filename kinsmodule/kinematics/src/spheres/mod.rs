@@ -97,7 +97,7 @@ pub(crate) struct Spheres {
     sizes: Option<Sizes>,
     /// Shortest length at which a leg has a direction.
     least_length: f64,
-    /// Longest part of a tool vector.
+    /// Longest part of a tool vector, and of a far way's begin and end.
     farthest: f64,
 }
 
@@ -342,7 +342,9 @@ impl Spheres {
     ) -> Option<Meeting> {
         let (from, side) = self.seen(seed)?;
         let met = self.meeting(joints, Which::Side(side), tool, accepted)?;
-        self.leads(side, &from, joints).then_some(met)
+        // Farther away the digits of a joint no longer hold its leg.
+        let held = self.is_within_reach(seed) && self.is_within_reach(&met.point);
+        (held && self.leads(side, &from, joints)).then_some(met)
     }
 
     /// Where the joints put the lower ends, and the lengths of the legs.
