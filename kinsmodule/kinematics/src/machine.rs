@@ -255,9 +255,11 @@ impl Machine {
     ) -> Result<(), Fault> {
         if solver.method == Method::Certified
             && let Some(joints) = joints.first_chunk()
-            && let Some(Meeting { point, residual }) = self
-                .meeting(joints, &seed.position, tool, solver)
-                .or_else(|| self.far_meeting(joints, &seed.position, tool, solver))
+            && let Some(Meeting { point, residual }) =
+                self.meeting(joints, &seed.position, tool, solver).or_else(|| {
+                    let (spheres, accepted) = self.spheres_accepting(solver)?;
+                    spheres.far_meeting(joints, &seed.position, tool, accepted)
+                })
         {
             *solution = Solution::of_spheres(point, residual);
             return Ok(());
@@ -275,24 +277,16 @@ impl Machine {
         tool: &Vector3<f64>,
         solver: &Solver,
     ) -> Option<Meeting> {
-        let spheres = self.spheres()?;
-        solver.check().ok()?;
-        let accepted = solver.criterion(self.size());
+        let (spheres, accepted) = self.spheres_accepting(solver)?;
         spheres.meeting(joints, Which::Near(seed), tool, accepted)
     }
 
-    /// As [`Machine::meeting`], from a seed anywhere.
-    #[inline(never)]
-    fn far_meeting(
-        &self,
-        joints: &[f64; 3],
-        seed: &Vector3<f64>,
-        tool: &Vector3<f64>,
-        solver: &Solver,
-    ) -> Option<Meeting> {
+    /// The spheres, and the largest residual of a leg that sound settings accept.
+    #[inline(always)]
+    fn spheres_accepting(&self, solver: &Solver) -> Option<(&Spheres, f64)> {
         let spheres = self.spheres()?;
         solver.check().ok()?;
-        spheres.far_meeting(joints, seed, tool, solver.criterion(self.size()))
+        Some((spheres, solver.criterion(self.size())))
     }
 
     #[inline(always)]

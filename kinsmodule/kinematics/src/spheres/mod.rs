@@ -333,6 +333,8 @@ impl Spheres {
     }
 
     /// As [`Spheres::meeting`], from a seed anywhere.
+    // A frame of its own, which is gone where the general method is asked.
+    #[inline(never)]
     pub fn far_meeting(
         &self,
         joints: &[f64; 3],
