@@ -112,7 +112,7 @@ impl Spheres {
         for _ in 0..MOST_TRIED {
             let Some(middle) = at(done + 0.5 * step) else { return false };
             let joints = from_fn(|i| (to[i] - from[i]) * step);
-            if self.piece([first, middle, last], &joints).is_clear(side) {
+            if Piece::new(&self.legs, [first, middle, last], &joints).is_clear(side) {
                 done += step;
                 if done >= 1.0 {
                     return true;
@@ -131,22 +131,6 @@ impl Spheres {
         false
     }
 
-    /// The piece of these moments, on which the joints go so far.
-    #[inline(always)]
-    fn piece(&self, moments: Three<Moment>, joints: &[f64; 3]) -> Piece<'_> {
-        let second: [_; 3] = from_fn(|i| self.legs[i].second_derivatives(joints[i]));
-        let [first, _, last] = &moments;
-        let speed = from_fn(|i| {
-            (last[i].displacement - first[i].displacement).norm() + second[i].anchor * 0.5
-        });
-        let off = Off { square: 0.0, normal: 0.0 };
-        let mut piece = Piece { legs: &self.legs, moments, second, speed, off };
-        if piece.second.iter().any(|second| second.anchor > 0.0) {
-            piece.off = piece.off();
-        }
-        piece
-    }
-
     #[inline(always)]
     fn moment(&self, joints: &[f64; 3]) -> Option<Moment> {
         let at = |leg: usize, lane: usize| {
@@ -158,7 +142,23 @@ impl Spheres {
     }
 }
 
-impl Piece<'_> {
+impl<'a> Piece<'a> {
+    /// The piece of these moments, on which the joints go so far.
+    #[inline(always)]
+    fn new(legs: &'a [Leg; 3], moments: Three<Moment>, joints: &[f64; 3]) -> Self {
+        let second: [_; 3] = from_fn(|i| legs[i].second_derivatives(joints[i]));
+        let [first, _, last] = &moments;
+        let speed = from_fn(|i| {
+            (last[i].displacement - first[i].displacement).norm() + second[i].anchor * 0.5
+        });
+        let mut piece =
+            Self { legs, moments, second, speed, off: Off { square: 0.0, normal: 0.0 } };
+        if piece.second.iter().any(|second| second.anchor > 0.0) {
+            piece.off = piece.off();
+        }
+        piece
+    }
+
     /// Whether the point on that side stays apart from the other one, and no leg comes to its dead point.
     fn is_clear(&self, side: f64) -> bool {
         let [_, middle, _] = &self.moments;
@@ -192,10 +192,7 @@ impl Piece<'_> {
     }
 
     fn normal(&self, side: f64) -> Normal {
-        let control = control(self.moments.each_ref().map(|m| {
-            let [zero, one, two] = m.each_ref().map(|drive| drive.displacement);
-            (one - zero).cross(&(two - zero))
-        }));
+        let control = control(self.moments.each_ref().map(normal));
         let off = self.off.normal;
         let [_, middle, _] = &control;
         let upward = middle / middle.norm();
@@ -303,6 +300,12 @@ fn squares([zero, one, two]: &Moment) -> [f64; 6] {
     [a, b, apart, d0, d1, d2]
 }
 
+/// N.
+fn normal(moment: &Moment) -> Vector3<f64> {
+    let [zero, one, two] = moment.each_ref().map(|drive| drive.displacement);
+    (one - zero).cross(&(two - zero))
+}
+
 /// Least square of the height that belongs to squares of which those between centres are off by `off` at
 /// most; minus infinity where these are no triangle.
 fn square_of_height(squares: &[f64; 6], off: f64) -> f64 {
@@ -329,4 +332,65 @@ fn least<const N: usize>(values: [f64; N]) -> f64 {
             f64::NEG_INFINITY
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leg::{CrankGeometry, LegKind};
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn vector(rng: &mut Pcg64, most: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| (rng.random::<f64>() - 0.5) * 2.0 * most)
+    }
+
+    fn crank(rng: &mut Pcg64) -> Leg {
+        let [axis, arm] = [vector(rng, 1.0), vector(rng, 1.0)].map(Into::into);
+        let crank = CrankGeometry { axis, arm, rod: 2.0, side: 1 };
+        LegKind::Crank(crank).checked().expect("a crank")
+    }
+
+    /// What is `x` of the way through the control points.
+    fn curve<T>([first, middle, last]: Three<T>, x: f64) -> T
+    where
+        T: Add<Output = T> + Mul<f64, Output = T>,
+    {
+        first * (1.0 - x).powi(2) + middle * (2.0 * x * (1.0 - x)) + last * x.powi(2)
+    }
+
+    #[test]
+    fn squares_and_normals_of_turning_arms_are_off_their_curves_by_at_most_what_is_said() {
+        let mut rng = Pcg64::seed_from_u64(31);
+        let mut nearest = [0.0_f64; 2];
+        for _ in 0..2000 {
+            let legs: [Leg; 3] = from_fn(|_| crank(&mut rng));
+            let hips: [_; 3] = from_fn(|_| vector(&mut rng, 2.0));
+            let [from, by]: [[f64; 3]; 2] =
+                [90.0, 60.0].map(|most| from_fn(|_| (rng.random::<f64>() - 0.5) * 2.0 * most));
+            let at = |x: f64| -> Moment {
+                from_fn(|i| {
+                    let mut drive = driven(&legs[i], from[i] + by[i] * x).expect("a drive");
+                    drive.displacement += hips[i];
+                    drive
+                })
+            };
+            let piece = Piece::new(&legs, [at(0.0), at(0.5), at(1.0)], &by);
+            let of_squares = piece.moments.each_ref().map(squares);
+            let of_normal = control(piece.moments.each_ref().map(normal));
+            for x in [0.2, 0.25, 0.75, 0.8] {
+                let moment = at(x);
+                let found = squares(&moment);
+                for i in 0..3 {
+                    let expected = curve(control(of_squares.map(|s| s[i])), x);
+                    let share = (found[i] - expected).abs() / piece.off.square;
+                    nearest[0] = nearest[0].max(share);
+                }
+                let off = (normal(&moment) - curve(of_normal, x)).norm();
+                nearest[1] = nearest[1].max(off / piece.off.normal);
+            }
+        }
+        // Above 1 the bound is none; far below it would be of no use.
+        assert!(nearest.iter().all(|share| *share > 0.2 && *share <= 1.0), "{nearest:?}");
+    }
 }
