@@ -17,7 +17,8 @@ use crate::layout::{Joints, Layout, MAX_LEGS};
 use crate::limits::Limits;
 use crate::machine::Machine;
 use crate::pose::Pose;
-use libm::{sincos, sqrt};
+use crate::trig::sincos_of_one;
+use libm::sqrt;
 use nalgebra::Vector3;
 
 /// Places looked at ahead of the present one, and those before the last one.
@@ -172,7 +173,7 @@ impl Motion {
 
     /// The rate after its linear part has turned by an angle.
     fn turned(&self, angle: f64) -> [f64; 6] {
-        let (sine, cosine) = sincos(angle);
+        let [sine, cosine] = sincos_of_one(angle);
         let speed = self.linear().norm();
         let mut rate = self.rate;
         for (k, value) in rate.iter_mut().enumerate().take(3) {
@@ -182,7 +183,7 @@ impl Motion {
     }
 
     fn normal_after(&self, angle: f64, direction: &Vector3<f64>) -> Vector3<f64> {
-        let (sine, cosine) = sincos(angle);
+        let [sine, cosine] = sincos_of_one(angle);
         self.normal * cosine - direction * sine
     }
 
@@ -196,7 +197,7 @@ impl Motion {
         let mut pose: [f64; 6] = core::array::from_fn(|k| self.pose[k] + self.rate[k] * time);
         let angle = self.turn * time;
         if angle > 0.0 {
-            let (sine, cosine) = sincos(angle);
+            let [sine, cosine] = sincos_of_one(angle);
             let radius = self.linear().norm() / self.turn;
             for (k, value) in pose.iter_mut().enumerate().take(3) {
                 let ahead = self.rate[k] / self.turn * sine;
@@ -593,7 +594,7 @@ mod tests {
     /// Straight along X, then on a circle that turns to Y; A goes on all the while.
     fn way(length: f64) -> Pose {
         let angle = length.max(0.0) / RADIUS;
-        let (sine, cosine) = sincos(angle);
+        let [sine, cosine] = sincos_of_one(angle);
         let x = length.min(0.0) + RADIUS * sine;
         Pose::from_degrees([x, RADIUS * (1.0 - cosine), 0.0, 0.1 * length, 0.0, 0.0])
     }

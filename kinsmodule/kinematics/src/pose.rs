@@ -4,9 +4,9 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
-use crate::trig::{arc, arcs, short_sincos, short_sincos_of_one};
+use crate::trig::{arc, arcs, short_sincos, short_sincos_of_one, sincos, sincos_of_one};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
-use libm::{atan2, sincos, sqrt};
+use libm::{atan2, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
@@ -120,9 +120,9 @@ impl Pose {
 
     #[inline(never)]
     fn steep_trigonometry(self) -> Trigonometry {
-        let (sa, ca) = sincos(self.angles.x);
-        let (sb, cb) = sincos(self.angles.y);
-        let (sc, cc) = sincos(self.angles.z);
+        let (sines, cosines) = sincos(f64x2::new([self.angles.x, self.angles.y]));
+        let ([sa, sb], [ca, cb]) = (sines.to_array(), cosines.to_array());
+        let [sc, cc] = sincos_of_one(self.angles.z);
         Trigonometry { sa, ca, sb, cb, sc, cc }
     }
 }
@@ -452,7 +452,7 @@ mod tests {
                 pose.angles[axis] = angle;
                 pose.rotation()
             };
-            // Two roundings of values below 1; below, some roundings of libm's sines.
+            // Two roundings of values below 1; below, some roundings of sines.
             assert!((at(below) - at(above)).amax() <= 2.0 * f64::EPSILON);
             assert!(
                 (at(2.0) - nalgebra::Rotation3::new(Vector3::ith(axis, 2.0)).matrix()).amax()

@@ -2,7 +2,7 @@
 //! Sines, cosines and arcs of angles that mostly are small, two at once: shorter than libm's.
 
 use crate::lanes::both;
-use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use core::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 use libm::atan2;
 use wide::f64x2;
 
@@ -57,6 +57,12 @@ fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     let first = steep.select(both(FRAC_PI_2) - to_less, to_less);
     let behind = cosine.simd_lt(both(0.0));
     behind.select(both(PI) - first, first).copysign(sine)
+}
+
+/// atan2 of any direction.
+#[inline(always)]
+pub(crate) fn arc_all_around(sine: f64, cosine: f64) -> f64 {
+    arcs_all_around(both(sine), both(cosine)).to_array()[0]
 }
 
 /// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
@@ -142,6 +148,71 @@ pub(crate) fn short_sincos_of_one(x: f64) -> f64x2 {
     f64x2::new([x, 1.0]) + (tail - f64x2::new([0.0, 0.5]) * z)
 }
 
+/// Angles up to which [`sincos`] takes quarter turns off by itself, in radians: products of up to 2²⁰ of them and
+/// [`QUARTER`] are exact, and the machines' largest angle is 11,111 of them.
+const FAR: f64 = 2e4;
+
+/// π/2 in three parts, the first two of 33 bits each (FreeBSD's e_rem_pio2.c, which libm has as well).
+const QUARTER: [f64; 3] =
+    [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
+
+/// Added to a number, this leaves its nearest whole number in the last bits.
+const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
+
+/// Sines and cosines of any two angles, within [`FAR`] to about two units in the last place: a third of the work of two
+/// calls of libm.
+#[inline(always)]
+pub(crate) fn sincos(x: f64x2) -> (f64x2, f64x2) {
+    if !x.abs().simd_le(both(FAR)).all() {
+        return far_sincos(x);
+    }
+    let (rest, quarters) = within_an_octant(x);
+    let (sines, cosines) = short_sincos(rest);
+    let (s, c, n) = (sines.to_array(), cosines.to_array(), quarters.to_array());
+    let ([s0, c0], [s1, c1]) = (turned([s[0], c[0]], n[0]), turned([s[1], c[1]], n[1]));
+    (f64x2::new([s0, s1]), f64x2::new([c0, c1]))
+}
+
+/// Sine and cosine of any angle.
+#[inline(always)]
+pub(crate) fn sincos_of_one(x: f64) -> [f64; 2] {
+    // The same bits as below: nothing waits for quarter turns that are none.
+    if x.abs() <= FRAC_PI_4 {
+        return short_sincos_of_one(x).to_array();
+    }
+    if !(x.abs() <= FAR) {
+        return libm::sincos(x).into();
+    }
+    let (rest, quarters) = within_an_octant(both(x));
+    turned(short_sincos_of_one(rest.to_array()[0]).to_array(), quarters.to_array()[0])
+}
+
+#[cold]
+#[inline(never)]
+fn far_sincos(x: f64x2) -> (f64x2, f64x2) {
+    let [(s0, c0), (s1, c1)] = x.to_array().map(libm::sincos);
+    (f64x2::new([s0, s1]), f64x2::new([c0, c1]))
+}
+
+/// Angles less whole quarter turns, and the number of these in the last bits.
+#[inline(always)]
+fn within_an_octant(x: f64x2) -> (f64x2, f64x2) {
+    let quarters = x * both(FRAC_2_PI) + both(WHOLE);
+    let n = quarters - both(WHOLE);
+    let [a, b, c] = QUARTER.map(both);
+    (((x - n * a) - n * b) - n * c, quarters)
+}
+
+/// Sine and cosine after so many quarter turns more.
+#[inline(always)]
+fn turned([sine, cosine]: [f64; 2], quarters: f64) -> [f64; 2] {
+    let n = quarters.to_bits();
+    let [s, c] = if n & 1 == 0 { [sine, cosine] } else { [cosine, sine] };
+    // Bit 1 of n, and of n + 1, is the sign.
+    let signed = |value: f64, n: u64| f64::from_bits(value.to_bits() ^ (n & 2) << 62);
+    [signed(s, n), signed(c, n + 1)]
+}
+
 /// Sum of t_k z^k, in pairs of terms: whoever asks for it waits.
 #[inline(always)]
 fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
@@ -152,7 +223,6 @@ fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use libm::sincos;
 
     #[test]
     fn arcs_are_those_of_libm_to_two_roundings_within_and_beyond_the_series() {
@@ -207,12 +277,44 @@ mod tests {
                 .into_iter()
                 .zip(sines.to_array().into_iter().zip(cosines.to_array()))
             {
-                let (exact_sine, exact_cosine) = sincos(angle);
+                let (exact_sine, exact_cosine) = libm::sincos(angle);
                 let unit = |value: f64| value.abs() * f64::EPSILON;
                 assert!((sine - exact_sine).abs() <= unit(exact_sine), "{angle}");
                 assert!((cosine - exact_cosine).abs() <= unit(exact_cosine), "{angle}");
                 assert_eq!(short_sincos_of_one(angle).to_array(), [sine, cosine]);
             }
+        }
+    }
+
+    #[test]
+    fn sines_and_cosines_of_any_angle_are_those_of_libm() {
+        let near = |angle: f64| {
+            let (sines, cosines) = sincos(f64x2::new([angle, -0.3 * angle]));
+            for (lane, angle) in [angle, -0.3 * angle].into_iter().enumerate() {
+                let found = [sines.to_array()[lane], cosines.to_array()[lane]];
+                let (sine, cosine) = libm::sincos(angle);
+                for (found, exact) in found.into_iter().zip([sine, cosine]) {
+                    // Two roundings of the angle within its octant, and those of the polynomial.
+                    assert!((found - exact).abs() <= 2.0 * f64::EPSILON * exact.abs(), "{angle}");
+                }
+                assert_eq!(sincos_of_one(angle), found, "{angle}");
+            }
+        };
+        for k in -20_000..=20_000 {
+            let k = f64::from(k);
+            // Of every size, whole quarter turns and eighths, and the two numbers next to them.
+            let eighths = [k * FRAC_PI_4, (k * FRAC_PI_4).next_up(), (k * FRAC_PI_4).next_down()];
+            for angle in [k * 1e-3, k * 0.9, k * k * k * 1e-9].into_iter().chain(eighths) {
+                near(angle);
+            }
+        }
+        // Beyond what quarter turns are taken from, one lane and both.
+        for angle in [1.9e4, 6e4, 1e9, -1e300] {
+            near(angle);
+        }
+        for angle in [f64::NAN, f64::INFINITY] {
+            let (sines, _) = sincos(f64x2::new([1.0, angle]));
+            assert!(sines.to_array()[1].is_nan() && sincos_of_one(angle)[1].is_nan());
         }
     }
 }

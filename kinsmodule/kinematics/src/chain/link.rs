@@ -2,7 +2,7 @@
 //! One axis of a chain: where a point goes that it carries, and how fast.
 
 use super::{Carries, RADIANS, World, is_rotary};
-use libm::sincos;
+use crate::trig::sincos_of_one;
 use nalgebra::{Matrix3, Vector3};
 
 /// An axis of the chain.
@@ -40,7 +40,7 @@ impl Link {
         if !self.is_rotary() {
             return Matrix3::identity();
         }
-        let (sine, cosine) = sincos(self.value(world) * RADIANS);
+        let [sine, cosine] = sincos_of_one(self.value(world) * RADIANS);
         let a = &self.axis;
         let across = a.cross_matrix();
         Matrix3::identity() + across * sine + across * across * (1.0 - cosine)

@@ -36,7 +36,6 @@ use crate::geometry::FARTHEST;
 use crate::layout::Layout;
 use crate::leg::direction;
 use crate::pose::{MAX_ANGLE_DEG, Pose};
-use libm::sincos;
 use link::Moving;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -325,14 +324,10 @@ impl Chain {
                 *to = *value;
             }
         }
-        let pose = Pose::from_degrees(degrees);
-        let (sb, cb) = sincos(pose.angles.y);
-        let (sc, cc) = sincos(pose.angles.z);
-        Angles {
-            degrees,
-            rotation: pose.rotation(),
-            turns: [Vector3::new(cc * cb, sc * cb, -sb), Vector3::new(-sc, cc, 0.0), unit(2)],
-        }
+        let trigonometry = Pose::from_degrees(degrees).trigonometry();
+        let rates = trigonometry.rate_map();
+        let turns = core::array::from_fn(|i| rates.column(i).into_owned());
+        Angles { degrees, rotation: trigonometry.rotation(), turns }
     }
 
     /// Writes the first coordinates of a pose, those of extra axes left out.

@@ -18,7 +18,8 @@
 
 use super::{Drive, LEAST_DRIVE, Refusal, SecondDerivatives, direction, rod_length, side_sign};
 use crate::fault::Cause;
-use libm::{atan2, hypot, sincos, sqrt};
+use crate::trig::{arc_all_around, sincos_of_one};
+use libm::sqrt;
 use nalgebra::Vector3;
 
 const RADIANS: f64 = core::f64::consts::PI / 180.0;
@@ -78,7 +79,7 @@ impl Crank {
     #[inline]
     pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
         let [s, c] = self.arm_towards(w)?;
-        Ok(atan2(s, c) / RADIANS)
+        Ok(arc_all_around(s, c) / RADIANS)
     }
 
     /// A vector in the direction of the arm, over the directions of 90 and of 0 degrees.
@@ -113,11 +114,12 @@ impl Crank {
     /// end runs on, `from_axis` away from the axis; negative where it is too long.
     fn missing(&self, apart: &Vector3<f64>, from_axis: f64) -> f64 {
         let above = self.axis.dot(apart);
-        let nearest = hypot(from_axis - self.arm, above);
+        let from = |across: f64| sqrt(across * across + above * above);
+        let nearest = from(from_axis - self.arm);
         if nearest > self.rod {
             return nearest - self.rod;
         }
-        hypot(from_axis + self.arm, above) - self.rod
+        from(from_axis + self.arm) - self.rod
     }
 
     #[inline]
@@ -125,7 +127,7 @@ impl Crank {
         if !(q.abs() <= MAX_ANGLE_DEG) {
             return Err(Cause::JointAngleTooLarge);
         }
-        let (s, c) = sincos(q * RADIANS);
+        let [s, c] = sincos_of_one(q * RADIANS);
         let displacement = self.axis * self.along + self.across[0] * c + self.across[1] * s;
         let towards = (self.across[0] * s - self.across[1] * c) * self.towards;
         Ok(Drive { displacement, length: self.rod, towards })
@@ -133,7 +135,7 @@ impl Crank {
 
     #[inline]
     pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
-        let (s, c) = sincos(q * RADIANS);
+        let [s, c] = sincos_of_one(q * RADIANS);
         u.dot(&((self.across[1] * c - self.across[0] * s) * RADIANS))
     }
 
