@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One certified ball: its first step, and the way to the pose that it determines.
 
-use super::residual::{Measured, Stance, along, newton_step, norm};
+use super::residual::{Measured, Stance, Way, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
 use crate::certificate::{
     CERTAIN_AT_ALL, CERTIFIED, Motion, chord_deviation, lipschitz_constant, lipschitz_of_hessian,
@@ -10,7 +10,7 @@ use crate::certificate::{
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
 use crate::mechanism::Mechanism;
-use crate::placed::{Displacement, Place};
+use crate::placed::Place;
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
 use libm::sqrt;
@@ -245,9 +245,9 @@ impl<const N: usize> Mechanism<N> {
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
         let mut walk = Walk::begun(self.bent_step(about, &first.step), first.length);
-        let mut by = self.measure_from(about, &walk.x, target, &mut end.at)?;
-        if self.converge(target, about, &mut walk, effort, &mut by, &mut end.at)? {
-            end.place = self.moved_by(&about.place, &walk.x, &by);
+        let mut way = self.measure_from(about, &walk.x, target, &mut end.at)?;
+        if self.converge(target, about, &mut walk, effort, &mut way, &mut end.at)? {
+            end.place = self.moved_by(&about.place, &walk.x, &way);
         } else {
             // By value: registers, see `lanes`.
             walk = self.converge_anew(target, &about.place, walk, effort, end)?;
@@ -264,7 +264,7 @@ impl<const N: usize> Mechanism<N> {
         about: &Stance<N>,
         walk: &mut Walk,
         effort: &mut Effort,
-        by: &mut Displacement,
+        way: &mut Way,
         at: &mut Measured<N>,
     ) -> Result<bool, Fault> {
         loop {
@@ -284,10 +284,10 @@ impl<const N: usize> Mechanism<N> {
                 if self.must_renew(walk, effort.tolerance) {
                     return Ok(false);
                 }
-                self.refined_step(about, &walk.x, at)
+                self.refined_step(about, (&walk.x, way), at)
             };
             walk.go(&step);
-            *by = self.measure_from(about, &walk.x, target, at)?;
+            *way = self.measure_from(about, &walk.x, target, at)?;
         }
     }
 
@@ -305,10 +305,10 @@ impl<const N: usize> Mechanism<N> {
         loop {
             self.settle(target, &mut about)?;
             walk.renew();
-            let mut by = Displacement::none();
+            let mut way = Way::none();
             let converged =
-                self.converge(target, &about, &mut walk, effort, &mut by, &mut end.at)?;
-            about.place = self.moved_by(&about.place, &walk.x, &by);
+                self.converge(target, &about, &mut walk, effort, &mut way, &mut end.at)?;
+            about.place = self.moved_by(&about.place, &walk.x, &way);
             if converged {
                 end.place = about.place;
                 return Ok(walk);

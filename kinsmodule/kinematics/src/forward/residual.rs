@@ -8,7 +8,7 @@ use crate::layout::Joints;
 use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Torsion;
 use crate::placed::{Displacement, Place, Placed};
-use crate::pose::{Pose, cayley_change, cayley_rate};
+use crate::pose::{Pose, Trigonometry, cayley_change, cayley_rate};
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
 use libm::sqrt;
@@ -40,6 +40,20 @@ impl<const N: usize> Stance<N> {
     #[inline(always)]
     pub(super) fn new(place: Place) -> Self {
         Self { place, at: Measured::ZERO, inverse: PseudoInverse::ZERO }
+    }
+}
+
+/// How the platform comes to a point of the chart.
+pub(super) struct Way {
+    by: Displacement,
+    /// Of the angles there, in a chart of angles.
+    trig: Trigonometry,
+}
+
+impl Way {
+    /// The platform stays.
+    pub(super) fn none() -> Self {
+        Self { by: Displacement::none(), trig: Trigonometry::LEVEL }
     }
 }
 
@@ -89,17 +103,18 @@ impl<const N: usize> Mechanism<N> {
 
     /// What the point `x` = (v, r ω) of the chart about a place is away from it.
     #[inline(always)]
-    pub(super) fn displacement(&self, place: &Place, x: &[f64; 6]) -> Displacement {
+    pub(super) fn way(&self, place: &Place, x: &[f64; 6]) -> Way {
+        let mut trig = Trigonometry::LEVEL;
         let change = match self.chart {
             Chart::Group => cayley_change(&self.turn(x)),
             Chart::Angles => {
-                let rotation = self.turned(place, x).rotation();
-                rotation * place.rotation.transpose() - Matrix3::identity()
+                trig = self.turned(place, x).trigonometry();
+                trig.rotation() * place.rotation.transpose() - Matrix3::identity()
             }
             Chart::Level => Matrix3::zeros(),
         };
         let [shift, _] = parts(x);
-        Displacement { shift, change }
+        Way { by: Displacement { shift, change }, trig }
     }
 
     /// Turn of a point of the chart, in radians.
@@ -117,34 +132,40 @@ impl<const N: usize> Mechanism<N> {
     /// The place at a point of the chart about another one.
     #[inline(always)]
     pub(super) fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
-        self.moved_by(place, x, &self.displacement(place, x))
+        match self.chart {
+            Chart::Angles => self.moved_by_angles(place, x, &self.turned(place, x).trigonometry()),
+            Chart::Group | Chart::Level => self.moved_by(place, x, &self.way(place, x)),
+        }
     }
 
-    /// The same where the displacement is known.
+    /// The same where the way there is known.
     #[inline(always)]
-    pub(super) fn moved_by(&self, place: &Place, x: &[f64; 6], by: &Displacement) -> Place {
-        let Displacement { shift, change } = by;
-        let centre = place.centre + shift;
+    pub(super) fn moved_by(&self, place: &Place, x: &[f64; 6], way: &Way) -> Place {
         match self.chart {
-            Chart::Angles => {
-                let pose = self.turned(place, x);
-                Place { centre, rotation: pose.rotation(), angles: pose.angles }
-            }
+            Chart::Angles => self.moved_by_angles(place, x, &way.trig),
             Chart::Group | Chart::Level => {
+                let Displacement { shift, change } = &way.by;
                 let rotation = place.rotation + product(change, &place.rotation);
-                Place { centre, rotation, angles: place.angles }
+                Place { centre: place.centre + shift, rotation, angles: place.angles }
             }
         }
     }
 
-    /// Angular velocity of a platform at the point `x` of the chart about a place that goes
-    /// on by `step` in unit time.
     #[inline(always)]
-    fn angular(&self, place: &Place, x: &[f64; 6], step: &[f64; 6]) -> Vector3<f64> {
+    fn moved_by_angles(&self, place: &Place, x: &[f64; 6], trig: &Trigonometry) -> Place {
+        let Pose { position, angles } = self.turned(place, x);
+        let [shift, _] = parts(x);
+        Place { centre: position + shift, rotation: trig.rotation(), angles }
+    }
+
+    /// Angular velocity of a platform at the point `x` of the chart about a place, `way` there, that
+    /// goes on by `step` in unit time.
+    #[inline(always)]
+    fn angular(&self, x: &[f64; 6], way: &Way, step: &[f64; 6]) -> Vector3<f64> {
         let rate = self.turn(step);
         match self.chart {
             Chart::Group => cayley_rate(&self.turn(x), &rate),
-            Chart::Angles => self.turned(place, x).trigonometry().rate_map() * rate,
+            Chart::Angles => way.trig.rate_map() * rate,
             Chart::Level => Vector3::zeros(),
         }
     }
@@ -154,7 +175,11 @@ impl<const N: usize> Mechanism<N> {
     fn angular_at_middle(&self, place: &Place, step: &[f64; 6]) -> Vector3<f64> {
         match self.chart {
             Chart::Group => self.turn(step),
-            Chart::Angles | Chart::Level => self.angular(place, &[0.0; 6], step),
+            Chart::Angles => {
+                let pose = Pose { position: place.centre, angles: place.angles };
+                pose.trigonometry().rate_map() * self.turn(step)
+            }
+            Chart::Level => Vector3::zeros(),
         }
     }
 
@@ -181,22 +206,22 @@ impl<const N: usize> Mechanism<N> {
         x: &[f64; 6],
         target: &Target<N>,
         at: &mut Measured<N>,
-    ) -> Result<Displacement, Fault> {
-        let by = self.displacement(&about.place, x);
-        about.at.placed.moved(&by, &mut at.placed);
+    ) -> Result<Way, Fault> {
+        let way = self.way(&about.place, x);
+        about.at.placed.moved(&way.by, &mut at.placed);
         if let Some(rings) = self.rings() {
-            rings.turn(&self.moved_by(&about.place, x, &by).rotation, &mut at.placed);
+            rings.turn(&self.moved_by(&about.place, x, &way).rotation, &mut at.placed);
         }
         if let Some(nut) = &self.nut {
             nut.torsion_from(
                 &about.at.torsion,
                 &at.placed.directions(),
-                &by.change,
+                &way.by.change,
                 &mut at.torsion,
             );
         }
         self.compare(target, at)?;
-        Ok(by)
+        Ok(way)
     }
 
     /// A Newton step from the middle of the chart, bent as the legs' lengths are
@@ -219,7 +244,7 @@ impl<const N: usize> Mechanism<N> {
         second
     }
 
-    /// Newton's step from a point `x` of the chart by the factorisation at its middle.
+    /// Newton's step from a point `x` of the chart, `way` there, by the factorisation at its middle.
     ///
     /// With the rows J there and J' here, M = J⁻¹: s = −M F, and once more with what that
     /// leaves, s − M (F + J' s). That is ‖1 − M J'‖² of the error, as little as two steps by
@@ -229,12 +254,12 @@ impl<const N: usize> Mechanism<N> {
     pub(super) fn refined_step(
         &self,
         about: &Stance<N>,
-        x: &[f64; 6],
+        (x, way): (&[f64; 6], &Way),
         at: &Measured<N>,
     ) -> [f64; 6] {
         let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
-        let mut left = at.placed.length_rates(&v, &self.angular(&about.place, x, &step));
+        let mut left = at.placed.length_rates(&v, &self.angular(x, way, &step));
         // J s = −F: without a nut nothing has to be known of J.
         let was = match self.nut {
             Some(_) => about
@@ -445,7 +470,8 @@ pub(super) mod tests {
             let mut at = Measured::ZERO;
             machine.measure_from(about, &first, target, &mut at).unwrap();
             let chord = along(&first, 1.0, &newton_step(&about.inverse, &at.residual));
-            let refined = along(&first, 1.0, &machine.refined_step(about, &first, &at));
+            let way = machine.way(&about.place, &first);
+            let refined = along(&first, 1.0, &machine.refined_step(about, (&first, &way), &at));
             // What rounding is no longer seen in.
             if off(&chord) > 1e-9 {
                 let shares = [
