@@ -260,8 +260,7 @@ pub(crate) fn leg_chord_deviation<const N: usize>(
     let (travel, shortest) = (motion.travel[i], placed.length[i] - motion.travel[i]);
     let mut square = travel * travel;
     if let Some(rings) = machine.rings() {
-        let ring = rings.widened(placed, i, 0.0, travel);
-        square *= ring.map_or(f64::INFINITY, |ring| ring.ratio.max(1.0));
+        square *= rings.ratio(placed, i, travel).map_or(f64::INFINITY, |ratio| ratio.max(1.0));
     }
     (square / shortest.max(0.0) + motion.second[i]) / 8.0
 }

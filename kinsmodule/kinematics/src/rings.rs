@@ -5,7 +5,7 @@
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times, wide};
 use crate::placed::{Place, Placed};
-use libm::hypot;
+use libm::{hypot, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
@@ -97,9 +97,22 @@ impl<const N: usize> Rings<'_, N> {
             return Some(Widened { ratio: 0.0, speed: 0.0 });
         }
         let base = placed.arms.get(i) - placed.span.get(i);
-        let speed = hypot(1.0, (base.norm() + reach + travel) * self.per_radius);
-        let rho = placed.rho[i] - speed * reach - travel;
-        (rho > 0.0).then(|| Widened { ratio: self.radius[i] / rho, speed })
+        let turning = (base.norm() + reach + travel) * self.per_radius;
+        let speed = sqrt(1.0 + turning * turning);
+        let ratio = self.ratio(placed, i, speed * reach + travel)?;
+        Some(Widened { ratio, speed })
+    }
+
+    /// r/ϱ of leg `i` where its base anchor may be nearer to the axis by `nearer`; `None` where the axis
+    /// may come to it.
+    #[inline]
+    pub fn ratio(&self, placed: &Placed<N>, i: usize, nearer: f64) -> Option<f64> {
+        let i = i.min(N - 1);
+        if !(self.radius[i] > 0.0) {
+            return Some(0.0);
+        }
+        let rho = placed.rho[i] - nearer;
+        (rho > 0.0).then(|| self.radius[i] / rho)
     }
 
     /// Refuses poses whose base anchors stand within the cylinders over their rings.
