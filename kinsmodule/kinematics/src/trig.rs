@@ -180,6 +180,11 @@ pub(crate) fn sincos_of_one(x: f64) -> [f64; 2] {
     if x.abs() <= FRAC_PI_4 {
         return short_sincos_of_one(x).to_array();
     }
+    steep_sincos_of_one(x)
+}
+
+#[inline(never)]
+fn steep_sincos_of_one(x: f64) -> [f64; 2] {
     if !(x.abs() <= FAR) {
         return libm::sincos(x).into();
     }
