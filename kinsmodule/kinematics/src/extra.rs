@@ -17,11 +17,13 @@ pub const MAX_EXTRA: usize = POSE_LETTERS.len() - 1;
 pub struct ExtraAxes {
     places: [u8; MAX_EXTRA],
     count: usize,
+    /// A bit for each place.
+    set: u16,
 }
 
 impl ExtraAxes {
     /// None.
-    pub const NONE: Self = Self { places: [0; MAX_EXTRA], count: 0 };
+    pub const NONE: Self = Self { places: [0; MAX_EXTRA], count: 0, set: 0 };
 
     /// From text such as `CW`, upper or lower case, for a machine with this layout.
     ///
@@ -36,11 +38,12 @@ impl ExtraAxes {
             if taken {
                 return Err(LoadError::AxisTaken);
             }
-            if axes.places().any(|known| known == place) {
+            if axes.has(place) {
                 return Err(LoadError::AxesWrong);
             }
             *axes.places.get_mut(axes.count).ok_or(LoadError::AxesWrong)? = place as u8;
             axes.count += 1;
+            axes.set |= 1 << place;
         }
         Ok(axes)
     }
@@ -53,6 +56,11 @@ impl ExtraAxes {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.count == 0
+    }
+
+    /// Whether one has this place among [`POSE_LETTERS`].
+    pub fn has(&self, place: usize) -> bool {
+        self.set.checked_shr(place as u32).is_some_and(|bits| bits & 1 == 1)
     }
 
     /// Their places among [`POSE_LETTERS`], in joint order.

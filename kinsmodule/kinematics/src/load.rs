@@ -107,7 +107,7 @@ impl Load {
     pub fn with_axes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
         let extra = ExtraAxes::parse(text.unwrap_or(b""), &self.layout)?;
         let mut of_second = self.second.iter().flat_map(|second| second.letters.places());
-        if of_second.any(|taken| extra.places().any(|place| place == taken)) {
+        if of_second.any(|taken| extra.has(taken)) {
             return Err(LoadError::AxisTaken);
         }
         Ok(Self { extra, is_plain: self.is_plain && extra.is_empty(), ..self })

@@ -313,7 +313,7 @@ impl Chain {
 
     /// Whether the letter at a place of [`POSE_LETTERS`] is an extra axis.
     pub fn is_extra(&self, place: usize) -> bool {
-        self.axes.places().any(|extra| extra == place)
+        self.axes.has(place)
     }
 
     /// The tool tip's part of LinuxCNC's pose: coordinates of extra axes are none of it.
