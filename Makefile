@@ -344,15 +344,18 @@ prove: setup module
 	$(HOST_RUN) --bin prove
 
 # Under valgrind; `counts-write` makes what is found now the bounds, with a margin, and writes the tables of
-# docs/real-time.md.
+# docs/real-time.md, that of `prove` as well.
 counts: setup module
 	$(HOST_RUN) --bin counts
 
 counts-write: setup module
 	@mkdir -p build
+	$(HOST_RUN) --bin prove > build/prove.md
+	sed -i '/^|/!d' build/prove.md
 	$(HOST_RUN) --bin counts write > build/counts.md
-	sed -i -e '/^<!-- make counts-write writes/,/^<!-- until here/{//!d}' \
-	    -e '/^<!-- make counts-write writes/r build/counts.md' docs/real-time.md
+	for table in prove counts; do \
+	    sed -i -e "/^<!-- of make $$table/,/^<!-- until here/{//!d}" \
+	        -e "/^<!-- of make $$table/r build/$$table.md" docs/real-time.md; done
 
 # Writes the tables of docs/benchmarks.md: what follows its comment line.
 BENCH := docs/benchmarks.md
