@@ -200,8 +200,8 @@ impl Machine {
         Ok(())
     }
 
-    /// Joint values of a pose (machine units, degrees) of three legs that move X, Y and Z, to the bits of
-    /// the general method and in less time; `None` where that has to tell.
+    /// Joint values of a pose (machine units, degrees) of three legs that move X, Y and Z, in less time
+    /// than by the general method; `None` where that has to tell.
     #[inline(always)]
     pub fn joints_of_three(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
         let [x, y, z, a, b, c] = *degrees;

@@ -76,10 +76,6 @@ enum Kinds {
 pub(crate) struct Spheres {
     kinds: Kinds,
     legs: [Leg; 3],
-    /// As in the mechanism.
-    base: Lanes3<4>,
-    arms: Lanes3<4>,
-    reference: Vector3<f64>,
     offset: [f64; 4],
     /// Base anchors less platform anchors.
     origin: Lanes3<4>,
@@ -187,11 +183,11 @@ impl Spheres {
         let mut spheres = Self {
             kinds,
             legs,
-            base: Lanes3::from_fn(|lane| machine.base.get(leg_of(lane))),
-            arms: Lanes3::from_fn(|lane| machine.arms.get(leg_of(lane))),
-            reference: machine.reference,
             offset: core::array::from_fn(|lane| machine.offset[leg_of(lane)]),
-            origin: Lanes3::ZERO,
+            origin: Lanes3::from_fn(|lane| {
+                let leg = leg_of(lane);
+                machine.base.get(leg) - (machine.arms.get(leg) + machine.reference)
+            }),
             guide: Lanes3::ZERO,
             towards: Lanes3::ZERO,
             side: [0.0; 4],
@@ -210,8 +206,6 @@ impl Spheres {
     fn take_rods(&mut self) {
         let mut rod = [0.0; 4];
         for lane in 0..4 {
-            let level = self.arms.get(lane) + self.reference;
-            self.origin.set(lane, self.base.get(lane) - level);
             match &self.legs[leg_of(lane)] {
                 Leg::Strut => {}
                 Leg::Crank(crank) => rod[lane] = crank.rod(),
@@ -228,8 +222,8 @@ impl Spheres {
         self.sizes = Sizes::of(&rod, &self.bend, self.least_length);
     }
 
-    /// Joint values of a control point, and of angles in any unit, to the bits of the general method;
-    /// `None` where that has to tell.
+    /// Joint values of a control point, and of angles in any unit; `None` where the general method has
+    /// to tell. That takes the tool away and adds it again: it differs by these roundings.
     #[inline(always)]
     pub fn joints(
         &self,
@@ -241,11 +235,16 @@ impl Spheres {
         if !(turned == 0.0 && self.is_within_reach(tool)) {
             return None;
         }
+        self.joints_of(&self.ways(point))
+    }
+
+    /// Ways from base anchors to platform anchors.
+    #[inline(always)]
+    fn ways(&self, point: &Vector3<f64>) -> [[f64x2; 3]; 2] {
         // Wide from the start: pairs, see `lanes`.
-        let (place, tool, reference) = (wide(point), wide(tool), wide(&self.reference));
-        let centre = sum(&difference(&place, &tool), &sum(&tool, &reference));
-        let way = |lane| difference(&sum(&self.arms.pair(lane), &centre), &self.base.pair(lane));
-        self.joints_of(&[way(0), way(2)])
+        let place = wide(point);
+        let way = |lane| difference(&place, &self.origin.pair(lane));
+        [way(0), way(2)]
     }
 
     /// Joint values of the ways from base anchors to platform anchors.
@@ -448,8 +447,7 @@ impl Spheres {
 
     /// Joint values of a control point, and the sign of its side of the plane of the centres.
     fn seen(&self, point: &Vector3<f64>) -> Option<([f64; 3], f64)> {
-        let ways = [0, 2].map(|lane| difference(&wide(point), &self.origin.pair(lane)));
-        let joints = self.joints_of(&ways)?;
+        let joints = self.joints_of(&self.ways(point))?;
         let Driven { centre: [centre, from], .. } = self.drive(&joints)?;
         let ab = difference(&centre, &from);
         let normal = cross(&ab, &ab.map(swapped));

@@ -9,7 +9,8 @@ pub mod reference;
 pub mod solutions;
 pub mod tolerances;
 
-use kinematics::{Geometry, Joints, Letter, Machine, PerLeg, Pose, Vector3};
+use self::tolerances::ROUNDED_JOINT;
+use kinematics::{At, Geometry, Joints, Letter, Machine, PerLeg, Pose, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -54,6 +55,17 @@ impl Case {
     pub fn joints(&self, pose: &Pose) -> Joints {
         let joints = self.machine.inverse(pose, &NO_TOOL);
         joints.unwrap_or_else(|e| panic!("{}: {pose:?}: {e}", self.name))
+    }
+
+    /// Compares joints with those at a pose: where three spheres meet these take the tool away and add it
+    /// again, and inverse does not.
+    pub fn assert_joints_at(&self, at: &At, joints: &Joints) {
+        let ratios = at.speed_ratios().expect("no dead point");
+        let most = ROUNDED_JOINT * self.machine.size();
+        for ((own, other), ratio) in joints.iter().zip(at.joints()).zip(ratios) {
+            let apart = (own - other).abs();
+            assert!(apart <= most * ratio.max(1.0), "{}: {apart:e}, {joints:?}", self.name);
+        }
     }
 
     /// A pose one servo step away in every coordinate that moves: up to 0.5 m/s and 60°/s.
