@@ -22,6 +22,7 @@
 
 use crate::fault::{Cause, Fault};
 use crate::forward::Solver;
+use crate::lanes::inner;
 use crate::layout::{Joints, MAX_LEGS};
 use crate::machine::Machine;
 use crate::pose::Pose;
@@ -203,14 +204,10 @@ impl Machine {
     /// −M (inverse(X) − q).
     fn box_step(&self, asked: &WorkspaceBox, search: &Search) -> Result<[f64; 6], Fault> {
         let joints = self.inverse(&Pose::from_degrees(search.at), &Vector3::zeros())?;
-        let mut step = [0.0; 6];
-        for (step, row) in step.iter_mut().zip(&asked.matrix) {
-            let legs = joints.iter().zip(&search.joints).take(self.layout().legs());
-            for ((joint, wanted), m) in legs.zip(row) {
-                *step -= m * (joint - wanted);
-            }
-        }
-        Ok(step)
+        let mut off = [0.0; MAX_LEGS];
+        let legs = joints.iter().zip(&search.joints).take(self.layout().legs());
+        off.iter_mut().zip(legs).for_each(|(off, (joint, wanted))| *off = joint - wanted);
+        Ok(asked.matrix.each_ref().map(|row| -inner(row, &off)))
     }
 
     /// The exact pose where the steps have led to, if it is in the box.
