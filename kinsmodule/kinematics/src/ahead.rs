@@ -17,7 +17,7 @@ use crate::layout::{Joints, Layout, MAX_LEGS};
 use crate::limits::Limits;
 use crate::machine::Machine;
 use crate::pose::Pose;
-use crate::trig::sincos_of_one;
+use crate::trig::{RADIANS, sincos_of_one};
 use libm::sqrt;
 use nalgebra::Vector3;
 
@@ -31,8 +31,6 @@ const IN_TURN: u32 = 1;
 /// Change of direction within a cycle, as a share of the motion, up to which what was seen ahead
 /// before is still ahead: radians, where nothing but the direction changes.
 const SAME_DIRECTION: f64 = 0.02;
-
-const RADIANS: f64 = core::f64::consts::PI / 180.0;
 
 /// Multiple of the least smallest singular value from which the machine slows.
 const SLOW_FROM: f64 = 2.0;

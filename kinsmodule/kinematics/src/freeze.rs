@@ -7,7 +7,6 @@ use crate::fault::{Cause, Fault};
 use crate::geometry::{FARTHEST, Geometry};
 use crate::lanes::Lanes3;
 use crate::layout::{MAX_LEGS, PerLeg};
-use crate::leg::crank::MAX_ANGLE_DEG;
 use crate::leg::{Leg, LegKind, StrutGeometry};
 use crate::letters::Letter;
 use crate::mechanism::{Chart, Mechanism};
@@ -15,6 +14,7 @@ use crate::nut::Nut;
 use crate::placed::{Place, Placed};
 use crate::pose::Pose;
 use crate::pseudo_inverse::PseudoInverse;
+use crate::trig::MAX_ANGLE_DEG;
 use libm::sqrt;
 use nalgebra::Vector3;
 

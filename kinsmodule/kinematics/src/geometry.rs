@@ -13,6 +13,11 @@ use nalgebra::Vector3;
 /// 1e6 · 2⁻⁵³ = 1e-10 of the size.
 pub(crate) const FARTHEST: f64 = 1e6;
 
+/// Lengths of struts up to here need no check of what is made of them: their fourth powers are still
+/// within f64's range, and leads and offsets are bounded where a machine is frozen. Where products of
+/// more of them leave it, comparisons refuse.
+pub(crate) const HUGE: f64 = 1e70;
+
 /// One leg as given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegGeometry {

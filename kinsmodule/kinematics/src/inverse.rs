@@ -2,6 +2,7 @@
 //! Inverse kinematics: pose to joints.
 
 use crate::fault::{Cause, Fault};
+use crate::geometry::HUGE;
 use crate::lanes::{Lanes3, are_finite, between, both, dot, pair, put};
 use crate::layout::{Joints, MAX_JOINTS, MAX_LEGS, PerLeg};
 use crate::leg::Leg;
@@ -10,10 +11,6 @@ use crate::nut::{Nut, Torsion, Turns};
 use crate::placed::{Place, Placed};
 use crate::pose::{FLAT, Pose, Trigonometry};
 use nalgebra::Vector3;
-
-/// Lengths up to here need no check of what is made of them: their fourth powers are still within
-/// f64's range, and leads and offsets are bounded where a machine is frozen.
-const HUGE: f64 = 1e70;
 
 /// A pose as the legs see it.
 pub(crate) struct Placement {

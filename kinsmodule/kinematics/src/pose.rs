@@ -4,17 +4,13 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
-use crate::trig::{arc, arcs, short_sincos, short_sincos_of_one, sincos, sincos_of_one};
+use crate::trig::{
+    MAX_ANGLE_DEG, RADIANS, arc, arcs, short_sincos, short_sincos_of_one, sincos, sincos_of_one,
+};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use libm::{atan2, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
-
-const RADIANS: f64 = core::f64::consts::PI / 180.0;
-
-/// Largest angle accepted, in degrees: beyond it argument reduction becomes slow
-/// and an angle has lost its meaning.
-pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 
 /// Angles up to which sines and cosines are short polynomials, in radians.
 pub(crate) const FLAT: f64 = FRAC_PI_4;

@@ -6,6 +6,13 @@ use core::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 use libm::atan2;
 use wide::f64x2;
 
+/// Radians in a degree.
+pub(crate) const RADIANS: f64 = PI / 180.0;
+
+/// Largest angle accepted, in degrees: beyond it argument reduction becomes slow and an angle has lost
+/// its meaning.
+pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
+
 /// Below this share of the cosine a sine's arc is a short series: the first term left out,
 /// t¹³/13, is less than half a unit in the last place.
 const SHORT: f64 = 0.03;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One axis of a chain: where a point goes that it carries, and how fast.
 
-use super::{Carries, RADIANS, World, is_rotary};
-use crate::trig::sincos_of_one;
+use super::{Carries, World, is_rotary};
+use crate::trig::{RADIANS, sincos_of_one};
 use nalgebra::{Matrix3, Vector3};
 
 /// An axis of the chain.

@@ -35,7 +35,8 @@ use crate::fault::{Cause, Fault, MachinePart};
 use crate::geometry::FARTHEST;
 use crate::layout::Layout;
 use crate::leg::direction;
-use crate::pose::{MAX_ANGLE_DEG, Pose};
+use crate::pose::Pose;
+use crate::trig::{MAX_ANGLE_DEG, RADIANS};
 use link::Moving;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -50,8 +51,6 @@ pub const MAX_LINKS: usize = 6;
 
 /// Place of the first of them among [`POSE_LETTERS`].
 const FIRST: usize = 3;
-
-const RADIANS: f64 = core::f64::consts::PI / 180.0;
 
 /// Whether the letter at a place of [`POSE_LETTERS`] is an angle.
 const fn is_rotary(place: usize) -> bool {

@@ -18,17 +18,12 @@
 
 use super::{Drive, LEAST_DRIVE, Refusal, SecondDerivatives, direction, rod_length, side_sign};
 use crate::fault::Cause;
-use crate::trig::{arc_all_around, sincos_of_one};
+use crate::trig::{MAX_ANGLE_DEG, RADIANS, arc_all_around, sincos_of_one};
 use libm::sqrt;
 use nalgebra::Vector3;
 
-const RADIANS: f64 = core::f64::consts::PI / 180.0;
-
 /// Arms nearer to their axis than this share of their length do not turn their end.
 const LEAST_ARM: f64 = 1e-6;
-
-/// Largest joint value, in degrees: beyond it argument reduction becomes slow.
-pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 
 /// What belongs to a crank beside its two anchors; the base anchor is its hip, a point
 /// of the axis.

@@ -35,7 +35,7 @@
 
 mod way;
 
-use crate::geometry::FARTHEST;
+use crate::geometry::{FARTHEST, HUGE};
 use crate::lanes::{
     Lanes3, between, both, cross, difference, dot, pair, scaled, sum, swapped, wide,
 };
@@ -49,9 +49,6 @@ const FLAT: f64 = 0.05;
 
 /// How many times the bound of the way is to fit into m² |D|.
 const SHORT: f64 = 12.0;
-
-/// Lengths up to here can be computed with.
-const HUGE: f64 = 1e70;
 
 /// Arms that point farther than this from their zero, in degrees, are near to where inverse kinematics
 /// jump by a turn: farther away than a way that counts as short can turn an arm, 1/12 rad.
