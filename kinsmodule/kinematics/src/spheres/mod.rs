@@ -17,7 +17,8 @@
 //! plane, if the way to it is so short that the joints cannot have led elsewhere. Joints are measured
 //! as ways pᵢ of the legs' lower ends here, which is linear in them. At a margin m (module `leg`; 1 for
 //! a strut) |∂p/∂t| ≤ 1/m and |∂²p/∂t²| ≤ k/m³, and m² falls by 2 k per unit of length at most, with
-//! k = 1/d for struts and sliders, 1/d + 1/arm for cranks. M the inverse of ∂p/∂t at t, whose columns
+//! k = 1/d for struts and sliders, 1/d + 1/arm for cranks. (That of a strut stays, and d falls to d − ρ:
+//! 1/(d − ρ) is within what a margin that falls makes of it, as (1 − 2 ρ/d)^(3/2) ≤ 1 − ρ/d.) M the inverse of ∂p/∂t at t, whose columns
 //! are mᵢ (uⱼ × uₖ)/D, the bound of ‖M ∂p/∂t − 1‖ at a distance ρ from t is
 //!
 //! ```text
@@ -51,7 +52,8 @@ const FLAT: f64 = 0.05;
 const SHORT: f64 = 12.0;
 
 /// Arms that point farther than this from their zero, in degrees, are near to where inverse kinematics
-/// jump by a turn: farther away than a way that counts as short can turn an arm, 1/12 rad.
+/// jump by a turn: farther away than a way that counts as short can turn an arm, less than 1/10 rad. Of other ways
+/// begin and end are within it, and so is what is between.
 const MOST_TURNED: f64 = 170.0;
 
 /// The leg of a lane: two of them side by side, and twice the one that these are seen from.

@@ -28,27 +28,40 @@
 //! ```
 //!
 //! α = (|a|² + dᵢ² − dⱼ²)/2 and β are quadratic too, and the product of three such functions is within
-//! its seven coefficients in Bernstein's basis of degree six.
+//! its seven coefficients in Bernstein's basis of degree six. Of arms u turns as well, away from the middle
+//! by half of the piece's angle at most, and takes as much from a margin. With V = α b − β a and the curves'
+//! values N' and V', what the coefficients do not show is
+//!
+//! ```text
+//! N · (u × V) − N' · (u × V') = (N − N') · (u × V) + N' · (u × (V − V')),   |α| ≤ |a| dᵢ
+//! ```
 
-use super::{FLAT, Spheres, driven};
+use super::{Spheres, driven};
 use crate::leg::{Drive, LEAST_DRIVE, Leg, SecondDerivatives};
 use core::array::from_fn;
 use core::ops::{Add, Mul, Sub};
 use libm::sqrt;
 use nalgebra::Vector3;
 
-/// Shortest piece of the way that is tried.
-const SHORTEST: f64 = 1.0 / 4.0;
+/// How often the way is halved.
+const HALVINGS: usize = 2;
 
-/// Most pieces that are tried: four that short, and two that were longer.
-const MOST_TRIED: usize = 6;
+/// Shortest piece of the way that is tried.
+const SHORTEST: f64 = 1.0 / (1 << HALVINGS) as f64;
+
+/// Most pieces that are tried: all of the way in the shortest, and one of each that is longer.
+const MOST_TRIED: usize = (1 << HALVINGS) + HALVINGS;
 
 /// 1/(72 √3), rounded up: largest |x (x − ½)(x − 1)|/6 on a piece.
 const CUBIC: f64 = 0.008_02;
 
 /// Least square of the height, as a share of that of the longest leg. What is computed of it is off by
-/// some roundings times 1/`FLAT`².
+/// some roundings times 1/[`NARROW`]², and more where legs reach far beyond the distances of their
+/// centres: by 1e-9 at a million times.
 const LOW: f64 = 1e-6;
+
+/// Least sine of the angle between the ways from one centre to the two others.
+const NARROW: f64 = 0.05;
 
 /// Coefficients of the binomials of degree 2 and 6.
 const TWO: [f64; 3] = [1.0, 2.0, 1.0];
@@ -65,7 +78,7 @@ struct Piece<'a> {
     legs: &'a [Leg; 3],
     moments: Three<Moment>,
     second: [SecondDerivatives; 3],
-    /// Bounds of the centres' speeds.
+    /// Bounds of the centres' speeds: half of the largest second derivative above the mean.
     speed: [f64; 3],
     off: Off,
 }
@@ -168,7 +181,8 @@ impl<'a> Piece<'a> {
             return false;
         }
         let normal = self.normal(side);
-        (0..3).all(|i| self.legs[i] == Leg::Strut || self.drives(i, sqrt(height), &normal))
+        normal.least > 0.0
+            && (0..3).all(|i| self.legs[i] == Leg::Strut || self.drives(i, sqrt(height), &normal))
     }
 
     /// Least square of the height, below 0 where there is none.
@@ -212,7 +226,7 @@ impl<'a> Piece<'a> {
         let up = if rise > 0.0 { height * normal.least } else { length * normal.most };
         let level = seen.level(&normal.control) - self.off_level(leg, length, normal.most);
         let needed = LEAST_DRIVE + self.second[leg].turn * 0.5;
-        normal.least > 0.0 && level + up * rise > needed * length * normal.most * normal.most
+        level + up * rise > needed * length * normal.most * normal.most
     }
 
     #[inline(always)]
@@ -232,7 +246,7 @@ impl<'a> Piece<'a> {
         Way { control: control(ways), along: control(along) }
     }
 
-    /// How far [`Seen::level`] may be off.
+    /// How far [`Seen::level`] may be off, with the most that the normal and its curve are long.
     #[inline(always)]
     fn off_level(&self, leg: usize, length: f64, normal: f64) -> f64 {
         if !(self.off.normal > 0.0) {
@@ -246,7 +260,7 @@ impl<'a> Piece<'a> {
         let off_along = self.off.square * 0.5;
         let (alpha, beta) = (a * length + off_along, b * length + off_along);
         let off = off_along * (a + b) + alpha * off_b + beta * off_a;
-        self.off.normal * (alpha * b + beta * a) + (normal + self.off.normal) * off
+        self.off.normal * (alpha * b + beta * a) + normal * off
     }
 
     /// Bounds of the distance between the centres of two legs, and of the first three derivatives of the
@@ -313,7 +327,7 @@ fn square_of_height(squares: &[f64; 6], off: f64) -> f64 {
     let [a, b, apart] = [a, b, apart].map(|square| square - 2.0 * off);
     let other = (a + b - apart) * 0.5;
     let area = a * b - other * other;
-    if !(a > 0.0 && area > FLAT * FLAT * a * b) {
+    if !(a > 0.0 && area > NARROW * NARROW * a * b) {
         return f64::NEG_INFINITY;
     }
     let (alpha, beta) = ((a + d0 - d1) * 0.5, (b + d0 - d2) * 0.5);
@@ -359,27 +373,51 @@ mod tests {
         first * (1.0 - x).powi(2) + middle * (2.0 * x * (1.0 - x)) + last * x.powi(2)
     }
 
+    /// Arms that turn, and what the joints make of them at a share of the way.
+    struct Arms {
+        legs: [Leg; 3],
+        hips: [Vector3<f64>; 3],
+        from: [f64; 3],
+        by: [f64; 3],
+    }
+
+    impl Arms {
+        fn random(rng: &mut Pcg64) -> Self {
+            let legs = from_fn(|_| crank(rng));
+            let hips = from_fn(|_| vector(rng, 2.0));
+            let [from, by] =
+                [90.0, 60.0].map(|most| from_fn(|_| (rng.random::<f64>() - 0.5) * 2.0 * most));
+            Self { legs, hips, from, by }
+        }
+
+        fn at(&self, x: f64) -> Moment {
+            from_fn(|i| {
+                let q = self.from[i] + self.by[i] * x;
+                let mut drive = driven(&self.legs[i], q).expect("a drive");
+                drive.displacement += self.hips[i];
+                drive
+            })
+        }
+
+        fn piece(&self) -> Piece<'_> {
+            Piece::new(&self.legs, [0.0, 0.5, 1.0].map(|x| self.at(x)), &self.by)
+        }
+    }
+
+    /// Places between those through which the curves go.
+    const BETWEEN: [f64; 4] = [0.2, 0.25, 0.75, 0.8];
+
     #[test]
     fn squares_and_normals_of_turning_arms_are_off_their_curves_by_at_most_what_is_said() {
         let mut rng = Pcg64::seed_from_u64(31);
         let mut nearest = [0.0_f64; 2];
         for _ in 0..2000 {
-            let legs: [Leg; 3] = from_fn(|_| crank(&mut rng));
-            let hips: [_; 3] = from_fn(|_| vector(&mut rng, 2.0));
-            let [from, by]: [[f64; 3]; 2] =
-                [90.0, 60.0].map(|most| from_fn(|_| (rng.random::<f64>() - 0.5) * 2.0 * most));
-            let at = |x: f64| -> Moment {
-                from_fn(|i| {
-                    let mut drive = driven(&legs[i], from[i] + by[i] * x).expect("a drive");
-                    drive.displacement += hips[i];
-                    drive
-                })
-            };
-            let piece = Piece::new(&legs, [at(0.0), at(0.5), at(1.0)], &by);
+            let arms = Arms::random(&mut rng);
+            let piece = arms.piece();
             let of_squares = piece.moments.each_ref().map(squares);
             let of_normal = control(piece.moments.each_ref().map(normal));
-            for x in [0.2, 0.25, 0.75, 0.8] {
-                let moment = at(x);
+            for x in BETWEEN {
+                let moment = arms.at(x);
                 let found = squares(&moment);
                 for i in 0..3 {
                     let expected = curve(control(of_squares.map(|s| s[i])), x);
@@ -392,5 +430,37 @@ mod tests {
         }
         // Above 1 the bound is none; far below it would be of no use.
         assert!(nearest.iter().all(|share| *share > 0.2 && *share <= 1.0), "{nearest:?}");
+    }
+
+    #[test]
+    fn what_drives_a_leg_is_off_its_curve_by_at_most_what_is_said() {
+        let mut rng = Pcg64::seed_from_u64(37);
+        let mut nearest = 0.0_f64;
+        for _ in 0..2000 {
+            let arms = Arms::random(&mut rng);
+            let piece = arms.piece();
+            let (most, curves) = (piece.normal(1.0).most, piece.moments.each_ref().map(normal));
+            for (leg, x) in [0, 1, 2].into_iter().zip(BETWEEN) {
+                let there = arms.at(x);
+                let u = piece.seen_from(leg).u;
+                let [one, other] = [1, 2].map(|next| (leg + next) % 3);
+                let [a, b] = [one, other].map(|i| there[i].displacement - there[leg].displacement);
+                let length = there[leg].length;
+                if a.norm().max(b.norm()) > 2.0 * length {
+                    // Such spheres do not meet.
+                    continue;
+                }
+                let along = |way: &Vector3<f64>| way.norm_squared() * 0.5;
+                let exact = normal(&there).dot(&u.cross(&(along(&a) * b - along(&b) * a)));
+                let [of_a, of_b] = [one, other].map(|i| piece.way(leg, i));
+                let by_curve = curve(of_a.along, x) * curve(of_b.control, x)
+                    - curve(of_b.along, x) * curve(of_a.control, x);
+                let expected = curve(control(curves), x).dot(&u.cross(&by_curve));
+                let share = (exact - expected).abs() / piece.off_level(leg, length, most);
+                nearest = nearest.max(share);
+            }
+        }
+        // As above; four errors seldom add up.
+        assert!(nearest > 0.1 && nearest <= 1.0, "{nearest}");
     }
 }
