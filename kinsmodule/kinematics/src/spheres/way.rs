@@ -351,7 +351,7 @@ fn least<const N: usize>(values: [f64; N]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::leg::{CrankGeometry, LegKind};
+    use crate::leg::{CrankGeometry, LegKind, SliderGeometry};
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -365,6 +365,32 @@ mod tests {
         LegKind::Crank(crank).checked().expect("a crank")
     }
 
+    fn slider(rng: &mut Pcg64) -> Leg {
+        let guide = vector(rng, 1.0).into();
+        let slider = SliderGeometry { guide, rod: 2.0, side: -1 };
+        LegKind::Slider(slider).checked().expect("a slider")
+    }
+
+    const STRUT: Leg = Leg::Strut;
+
+    /// Whether the spheres meet on that side of the plane, and no leg is at its dead point.
+    fn is_sound(moment: &Moment, side: f64) -> bool {
+        let [zero, one, two] = moment;
+        let (a, b) = (one.displacement - zero.displacement, two.displacement - zero.displacement);
+        let normal = a.cross(&b);
+        let square = |drive: &Drive| drive.length * drive.length;
+        let alpha = (a.norm_squared() + square(zero) - square(one)) * 0.5;
+        let beta = (b.norm_squared() + square(zero) - square(two)) * 0.5;
+        let foot = (alpha * b - beta * a).cross(&normal) / normal.norm_squared();
+        let height = square(zero) - foot.norm_squared();
+        let point = zero.displacement + foot + normal.normalize() * (side * sqrt(height));
+        let drives = |drive: &Drive| {
+            let margin = (point - drive.displacement).dot(&drive.towards);
+            margin >= LEAST_DRIVE || drive.towards == Vector3::zeros()
+        };
+        height > 0.0 && moment.iter().all(drives)
+    }
+
     /// What is `x` of the way through the control points.
     fn curve<T>([first, middle, last]: Three<T>, x: f64) -> T
     where
@@ -373,21 +399,42 @@ mod tests {
         first * (1.0 - x).powi(2) + middle * (2.0 * x * (1.0 - x)) + last * x.powi(2)
     }
 
-    /// Arms that turn, and what the joints make of them at a share of the way.
-    struct Arms {
+    /// Legs that move, and what the joints make of them at a share of the way.
+    struct Moving {
         legs: [Leg; 3],
         hips: [Vector3<f64>; 3],
         from: [f64; 3],
         by: [f64; 3],
     }
 
-    impl Arms {
-        fn random(rng: &mut Pcg64) -> Self {
+    impl Moving {
+        fn arms(rng: &mut Pcg64) -> Self {
             let legs = from_fn(|_| crank(rng));
             let hips = from_fn(|_| vector(rng, 2.0));
             let [from, by] =
                 [90.0, 60.0].map(|most| from_fn(|_| (rng.random::<f64>() - 0.5) * 2.0 * most));
             Self { legs, hips, from, by }
+        }
+
+        /// Legs of any kind, on the whole as long as they are apart.
+        fn any(rng: &mut Pcg64) -> Self {
+            let mut moving = Self::arms(rng);
+            for i in 0..3 {
+                match rng.random_range(0..3) {
+                    0 => {}
+                    1 => {
+                        moving.legs[i] = slider(rng);
+                        moving.from[i] /= 90.0;
+                        moving.by[i] /= 60.0;
+                    }
+                    _ => {
+                        moving.legs[i] = STRUT;
+                        moving.from[i] = 2.0 + moving.from[i] / 180.0;
+                        moving.by[i] /= 60.0;
+                    }
+                }
+            }
+            moving
         }
 
         fn at(&self, x: f64) -> Moment {
@@ -412,7 +459,7 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(31);
         let mut nearest = [0.0_f64; 2];
         for _ in 0..2000 {
-            let arms = Arms::random(&mut rng);
+            let arms = Moving::arms(&mut rng);
             let piece = arms.piece();
             let of_squares = piece.moments.each_ref().map(squares);
             let of_normal = control(piece.moments.each_ref().map(normal));
@@ -437,7 +484,7 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(37);
         let mut nearest = 0.0_f64;
         for _ in 0..2000 {
-            let arms = Arms::random(&mut rng);
+            let arms = Moving::arms(&mut rng);
             let piece = arms.piece();
             let (most, curves) = (piece.normal(1.0).most, piece.moments.each_ref().map(normal));
             for (leg, x) in [0, 1, 2].into_iter().zip(BETWEEN) {
@@ -462,5 +509,23 @@ mod tests {
         }
         // As above; four errors seldom add up.
         assert!(nearest > 0.1 && nearest <= 1.0, "{nearest}");
+    }
+
+    #[test]
+    fn a_piece_that_is_clear_is_sound_everywhere_and_most_that_are_sound_are_clear() {
+        let mut rng = Pcg64::seed_from_u64(41);
+        let [mut clear, mut sound] = [0; 2];
+        for _ in 0..20_000 {
+            let moving = Moving::any(&mut rng);
+            let piece = moving.piece();
+            for side in [1.0, -1.0] {
+                let is_sound = (0..=40).all(|k| is_sound(&moving.at(f64::from(k) / 40.0), side));
+                let is_clear = piece.is_clear(side);
+                assert!(is_sound || !is_clear, "{:?} {:?}", moving.from, moving.by);
+                sound += usize::from(is_sound);
+                clear += usize::from(is_clear);
+            }
+        }
+        assert!(clear * 2 > sound && sound > 1000, "{clear} of {sound}");
     }
 }
