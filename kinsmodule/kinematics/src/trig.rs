@@ -53,7 +53,7 @@ pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
 /// Sums, products and quotients alone, so that every processor gives the same bits: the function that
 /// `wide` has for this multiplies and adds in one rounding where the processor can.
 #[inline(always)]
-fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
+pub(crate) fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (rise, run) = (sine.abs(), cosine.abs());
     let steep = rise.simd_gt(run);
     let (less, more) = (steep.select(run, rise), steep.select(rise, run));

@@ -78,7 +78,7 @@ impl Crank {
     }
 
     /// A vector in the direction of the arm, over the directions of 90 and of 0 degrees.
-    #[inline]
+    #[inline(always)]
     pub fn arm_towards(&self, w: &Vector3<f64>) -> Result<[f64; 2], Refusal> {
         let a = w.dot(&self.across[0]);
         let b = w.dot(&self.across[1]);

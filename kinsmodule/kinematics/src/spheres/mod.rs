@@ -40,8 +40,10 @@ use crate::geometry::{FARTHEST, HUGE};
 use crate::lanes::{
     Lanes3, between, both, cross, difference, dot, pair, scaled, sum, swapped, wide,
 };
+use crate::leg::crank::Crank;
 use crate::leg::{Drive, LEAST_DRIVE, Leg};
 use crate::mechanism::Mechanism;
+use crate::trig::{RADIANS, arcs_all_around};
 use nalgebra::Vector3;
 use wide::f64x2;
 
@@ -59,6 +61,24 @@ const MOST_TURNED: f64 = 170.0;
 /// The leg of a lane: two of them side by side, and twice the one that these are seen from.
 const fn leg_of(lane: usize) -> usize {
     if lane < 2 { lane + 1 } else { 0 }
+}
+
+/// The vectors of the legs, in their order.
+#[inline(always)]
+fn of_legs([pair, alone]: &[[f64x2; 3]; 2]) -> [Vector3<f64>; 3] {
+    let [[x1, x2], [y1, y2], [z1, z2]] = pair.map(f64x2::to_array);
+    let [x0, y0, z0] = alone.map(|part| part.to_array()[0]);
+    [Vector3::new(x0, y0, z0), Vector3::new(x1, y1, z1), Vector3::new(x2, y2, z2)]
+}
+
+/// Angles of three arms in degrees, which point over the directions of 90 and of 0 degrees: the arcs in pairs,
+/// and none before every arm is known to reach.
+#[inline(always)]
+fn angles([[s0, c0], [s1, c1], [s2, c2]]: [[f64; 2]; 3]) -> [f64; 3] {
+    let pair = arcs_all_around(f64x2::new([s1, s2]), f64x2::new([c1, c2]));
+    let alone = arcs_all_around(both(s0), both(c0));
+    let ([one, two], [zero, _]) = (pair.to_array(), alone.to_array());
+    [zero, one, two].map(|arc| arc / RADIANS)
 }
 
 /// Of which kinds the legs are.
@@ -250,7 +270,7 @@ impl Spheres {
     #[inline(always)]
     fn joints_of(&self, ways: &[[f64x2; 3]; 2]) -> Option<[f64; 3]> {
         if self.kinds == Kinds::Mixed {
-            return self.mixed_joints(ways);
+            return self.mixed_joints(&of_legs(ways));
         }
         let (pair, known) = self.joints_of_two(0, &ways[0]);
         let (alone, is_known) = self.joints_of_two(2, &ways[1]);
@@ -281,22 +301,24 @@ impl Spheres {
 
     /// The same leg by leg.
     #[inline(always)]
-    fn mixed_joints(&self, [pair, alone]: &[[f64x2; 3]; 2]) -> Option<[f64; 3]> {
-        let [[x1, x2], [y1, y2], [z1, z2]] = pair.map(f64x2::to_array);
-        let [x0, y0, z0] = alone.map(|part| part.to_array()[0]);
-        let [zero, one, two] = &self.legs;
-        Some([
-            self.joint(zero, Vector3::new(x0, y0, z0))? - self.offset[2],
-            self.joint(one, Vector3::new(x1, y1, z1))? - self.offset[0],
-            self.joint(two, Vector3::new(x2, y2, z2))? - self.offset[1],
-        ])
+    fn mixed_joints(&self, [way0, way1, way2]: &[Vector3<f64>; 3]) -> Option<[f64; 3]> {
+        let [zero, one, two] = match &self.legs {
+            [Leg::Crank(zero), Leg::Crank(one), Leg::Crank(two)] => {
+                let arm = |crank: &Crank, way| crank.arm_towards(way).ok();
+                angles([arm(zero, way0)?, arm(one, way1)?, arm(two, way2)?])
+            }
+            [zero, one, two] => {
+                [self.joint(zero, way0)?, self.joint(one, way1)?, self.joint(two, way2)?]
+            }
+        };
+        Some([zero - self.offset[2], one - self.offset[0], two - self.offset[1]])
     }
 
     #[inline(always)]
-    fn joint(&self, leg: &Leg, way: Vector3<f64>) -> Option<f64> {
+    fn joint(&self, leg: &Leg, way: &Vector3<f64>) -> Option<f64> {
         match leg {
             Leg::Strut => Some(way.norm()).filter(|l| *l > self.least_length && *l < HUGE),
-            leg => leg.joint(&way, 0.0).ok(),
+            leg => leg.joint(way, 0.0).ok(),
         }
     }
 
