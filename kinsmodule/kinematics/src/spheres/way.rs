@@ -56,8 +56,8 @@ const MOST_TRIED: usize = (1 << HALVINGS) + HALVINGS;
 const CUBIC: f64 = 0.008_02;
 
 /// Least square of the height, as a share of that of the longest leg. What is computed of it is off by
-/// some roundings times 1/[`NARROW`]², and more where legs reach far beyond the distances of their
-/// centres: by 1e-9 at a million times.
+/// some roundings times 1/[`NARROW`]², and by as many times more as legs are longer than their centres
+/// are apart.
 const LOW: f64 = 1e-6;
 
 /// Least sine of the angle between the ways from one centre to the two others.

@@ -20,7 +20,7 @@ pub const SUB_STEPS_FROM_HOME: u32 = 60;
 pub const GOLDEN_JOINT: f64 = 1e-9;
 
 /// Joints that are computed in two ways, for a unit of the machine's size and of speed of the joint: some
-/// four roundings each way of what is as long as the machine; 2.9 are seen over 10⁶ poses.
+/// four roundings each way of what is as long as the machine; 2.9 are seen over 600,000 poses.
 pub const ROUNDED_JOINT: f64 = 8.0 * f64::EPSILON;
 
 /// Jacobian against central differences with step 1e-4 (mm, degrees): rounding is
