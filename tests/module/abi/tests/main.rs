@@ -23,6 +23,7 @@ mod peers;
 mod pins;
 mod released;
 mod rods;
+mod sequences;
 mod singular;
 mod start;
 mod switching;

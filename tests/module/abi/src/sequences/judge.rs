@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What each answer of forward has to be.
+
+use super::system::{State, System};
+use crate::module::{Joints, Pose};
+use std::collections::BTreeMap;
+
+/// Poses that Newton's method finds from the true one: share of the size, as README's WRONG_REL, and what
+/// joints in 1e-13 of the size become near singular poses that count as no excuse (a thousandfold).
+const SAME: f64 = 1e-8;
+
+/// A pose within this share of the distance of the nearest singular pose has no second one beside it.
+const ALONE: f64 = 0.2;
+
+/// Multiples of noise and lag within which a singular pose is near: the module sees only measured joints
+/// and the pose commanded a cycle before, each of them off by so much.
+const NEAR: f64 = 4.0;
+
+/// Share of the size within which a singular pose is near without noise: forward refuses where its ball
+/// is below 1e-6 of the size, which bounds of all legs together make up to thirty times as far.
+const LEAST: f64 = 1e-4;
+
+/// Margin of a leg below which it may end.
+const MARGIN: f64 = 1.0;
+
+/// Steps of the reference's own path, a tenth of the singular pose's distance each, beyond which the
+/// module's 96 sub-steps may not do.
+const STEPS: f64 = 25.0;
+
+/// What a call came to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// The machine's pose, or a refusal that had to be.
+    Right,
+    /// What nobody could know better, with the reason.
+    Excused(&'static str),
+    /// What must not be.
+    Wrong(String),
+}
+
+/// Names of what is wrong, for counting.
+pub const WRONG_POSE: &str = "another pose";
+/// See [`WRONG_POSE`].
+pub const REFUSED: &str = "refused without need";
+
+/// How far the machine may be from what the module can know.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reach {
+    /// Between the true and the commanded pose, with a step: a length.
+    pub gap: f64,
+    /// Between the joints of the call and the true ones: a length.
+    pub noise: f64,
+}
+
+/// Where singular poses are, near the last state it was asked for.
+struct Watch {
+    at: [[f64; 6]; 2],
+    distance: f64,
+    curvature: f64,
+    margin: f64,
+}
+
+/// The judge of one machine.
+pub struct Judge {
+    /// The machine.
+    pub system: System,
+    watch: Option<Watch>,
+    /// Last good pose that the module can have; none before the first after homing.
+    pub good: Option<State>,
+    /// The commanded motion has passed a singular pose since the last right answer.
+    pub crossed: bool,
+    /// A refusal for that reason holds.
+    pub held: bool,
+    /// Verdicts by reason.
+    pub counts: BTreeMap<&'static str, usize>,
+}
+
+impl Judge {
+    /// Knows no pose yet.
+    pub fn new(system: System) -> Self {
+        let counts = BTreeMap::new();
+        Self { system, watch: None, good: None, crossed: false, held: false, counts }
+    }
+
+    /// Distance of the nearest singular pose, its curvature, and the margin of the legs.
+    pub fn watched(&mut self, state: &State) -> (f64, f64, f64) {
+        if let Some(w) = &self.watch {
+            let moved = self.system.distance(&w.at, &state.poses);
+            if moved <= 0.1 * w.distance && w.margin > 2.0 * MARGIN {
+                return (w.distance - moved, w.curvature, w.margin);
+            }
+        }
+        let look = self.system.look(state);
+        let curvature = look.curvature.max(0.2 / self.system.size());
+        let watch =
+            Watch { at: state.poses, distance: look.distance, curvature, margin: look.margin };
+        self.watch = Some(watch);
+        (look.distance, curvature, look.margin)
+    }
+
+    fn is_near_singular(&mut self, state: &State, reach: Reach) -> Option<&'static str> {
+        let (distance, curvature, margin) = self.watched(state);
+        let size = self.system.size();
+        let within = reach.gap + (2.0 * reach.noise / curvature).sqrt();
+        if !(distance > NEAR * within + LEAST * size) {
+            return Some("near a singular pose");
+        }
+        (!(margin > MARGIN)).then_some("near the end of a leg")
+    }
+
+    /// Judges a pose that was returned with code 0 for the joints of a call. `truth` is the machine, but
+    /// for noise.
+    pub fn accepted(
+        &mut self,
+        truth: &State,
+        joints: &Joints,
+        world: &Pose,
+        reach: Reach,
+    ) -> Verdict {
+        let poses = self.system.poses(world);
+        let found = State { poses, joints: *joints };
+        let apart = self.system.distance(&poses, &truth.poses);
+        if !world.iter().all(|v| v.is_finite()) || !apart.is_finite() {
+            return Verdict::Wrong(format!("{WRONG_POSE}: {world:?} is not finite"));
+        }
+        if !self.system.fits(&found) {
+            return Verdict::Wrong(format!("{WRONG_POSE}: {poses:?} does not fit {joints:?}"));
+        }
+        let (distance, curvature, _) = self.watched(truth);
+        let verdict = if apart <= ALONE * distance {
+            Verdict::Right
+        } else {
+            let size = self.system.size();
+            let (expected, _) = self.system.follow(truth, joints);
+            let is_same =
+                |expected: &State| self.system.distance(&expected.poses, &poses) <= SAME * size;
+            // The two poses beside a singular one, which noise and lag cannot distinguish.
+            let within = reach.gap + (2.0 * reach.noise / curvature).sqrt() + LEAST * size;
+            if expected.as_ref().is_some_and(is_same) {
+                Verdict::Right
+            } else if self.is_near_singular(truth, reach).is_some()
+                && apart <= 2.0 * distance + 2.0 * NEAR * within
+            {
+                Verdict::Excused("the other pose beside a singular one")
+            } else {
+                let share = apart / size;
+                Verdict::Wrong(format!(
+                    "{WRONG_POSE}: {poses:?}, {share:.1e} of the size from {:?}; a singular pose is {:.1e} away, reach {reach:?}",
+                    truth.poses,
+                    distance / size
+                ))
+            }
+        };
+        if verdict == Verdict::Right {
+            (self.crossed, self.held) = (false, false);
+        }
+        if !matches!(verdict, Verdict::Wrong(_)) {
+            self.good = Some(found);
+        }
+        verdict
+    }
+
+    /// Judges a refusal of joints that are the machine's but for noise. In world mode
+    /// `commanded` says so.
+    pub fn refused(
+        &mut self,
+        code: i32,
+        truth: &State,
+        joints: &Joints,
+        reach: Reach,
+        commanded: bool,
+    ) -> Verdict {
+        let near = self.is_near_singular(truth, reach);
+        // Also what is refused as the pose of another branch was found, and is where the next call begins.
+        let is_passed = matches!(code, -41 | -42);
+        let from = self.good.unwrap_or_else(|| self.system.at_reference());
+        let (led, path) = self.system.follow(&from, joints);
+        let size = self.system.size();
+        let is_true = led.as_ref().is_some_and(|led| {
+            let (distance, _, _) = self.watched(truth);
+            let apart = self.system.distance(&led.poses, &truth.poses);
+            apart <= ALONE * distance || {
+                let (expected, _) = self.system.follow(truth, joints);
+                expected.is_some_and(|e| self.system.distance(&e.poses, &led.poses) <= SAME * size)
+            }
+        });
+        let curvature = self.watch.as_ref().map_or(1.0, |w| w.curvature);
+        let within = LEAST + (2.0 * reach.noise / curvature).sqrt() / size;
+        let verdict = if let Some(near) = near {
+            Verdict::Excused(near)
+        } else if self.crossed && led.is_some() && !is_true {
+            self.held |= is_passed;
+            if is_passed { Verdict::Right } else { Verdict::Excused("beyond a singular pose") }
+        } else if self.held && !commanded {
+            Verdict::Right
+        } else if led.is_none() || !is_true {
+            Verdict::Excused("no straight line of joints from the last pose")
+        } else if !(path.distance > NEAR * within) || !(path.margin > MARGIN) || path.steps > STEPS
+        {
+            Verdict::Excused("a singular pose beside the line of joints")
+        } else {
+            Verdict::Wrong(format!(
+                "{REFUSED}: code {code} for {joints:?} at {:?}; from {from:?} {path:?}, reach {reach:?}",
+                truth.poses
+            ))
+        };
+        if near.is_some() {
+            self.held |= is_passed;
+        }
+        if is_passed && let Some(led) = led {
+            self.good = Some(led);
+        }
+        verdict
+    }
+
+    /// Joints that are not the machine's: a pose has to be theirs, by the path from the last good one.
+    pub fn accepted_elsewhere(&mut self, joints: &Joints, world: &Pose) -> Verdict {
+        let from = self.good.unwrap_or_else(|| self.system.at_reference());
+        let found = State { poses: self.system.poses(world), joints: *joints };
+        let (led, path) = self.system.follow(&from, joints);
+        let size = self.system.size();
+        match led {
+            _ if !self.system.fits(&found) => {
+                Verdict::Wrong(format!("{WRONG_POSE}: {world:?} does not fit {joints:?}"))
+            }
+            Some(led) if self.system.distance(&led.poses, &found.poses) <= 100.0 * SAME * size => {
+                self.good = Some(found);
+                Verdict::Right
+            }
+            _ => Verdict::Wrong(format!(
+                "{WRONG_POSE}: {world:?} for {joints:?}, which the line from {from:?} leads to {led:?} {path:?}"
+            )),
+        }
+    }
+
+    /// The module has seen these joints in other kinematics.
+    pub fn seen(&mut self, truth: &State, joints: &Joints) {
+        let Some(good) = self.good else { return };
+        let (distance, _, margin) = self.watched(truth);
+        if !self.crossed
+            && margin > MARGIN
+            && self.system.distance(&good.poses, &truth.poses) <= ALONE * distance
+            && let Some(now) = self.system.near(truth, joints, ALONE * distance)
+        {
+            self.good = Some(now);
+            return;
+        }
+        if let (Some(led), _) = self.system.follow(&good, joints) {
+            self.good = Some(led);
+        }
+    }
+
+    /// Counts a verdict.
+    pub fn count(&mut self, what: &'static str) {
+        *self.counts.entry(what).or_default() += 1;
+    }
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Sequences of calls: whatever LinuxCNC does, forward answers with the machine's pose, and refuses
+//! only what no one could know.
+
+use abi_tests::random::{Random, cases};
+use abi_tests::sequences::run::Run;
+use abi_tests::sequences::setups::{Setup, drop_ins, random_machine, shipped};
+use std::collections::BTreeMap;
+
+/// Cycles of a sequence.
+const CYCLES: usize = 2_000;
+
+/// Failures that are printed whole.
+const SHOWN: usize = 4;
+
+#[derive(Default)]
+struct Total {
+    sequences: usize,
+    cycles: usize,
+    failures: Vec<String>,
+    counts: BTreeMap<String, usize>,
+}
+
+impl Total {
+    fn add(&mut self, setup: &Setup, seed: u64) {
+        let outcome = Run::of(setup, seed, CYCLES);
+        self.sequences += 1;
+        self.cycles += outcome.cycles;
+        self.failures.extend(outcome.failure);
+        for (what, count) in outcome.counts {
+            *self.counts.entry(what).or_default() += count;
+        }
+    }
+
+    fn end(self, what: &str) {
+        println!(
+            "{what}: {} sequences, {} cycles, {} failed",
+            self.sequences,
+            self.cycles,
+            self.failures.len()
+        );
+        for (what, count) in &self.counts {
+            println!("    {count:8} {what}");
+        }
+        let wrong = self.failures.iter().filter(|f| f.contains("another pose")).count();
+        let refused = self.failures.iter().filter(|f| f.contains("refused without need")).count();
+        for failure in self.failures.iter().take(SHOWN) {
+            println!("{failure}\n");
+        }
+        assert!(
+            self.failures.is_empty(),
+            "{what}: {} of {} sequences failed: {wrong} gave another pose, {refused} refused without need",
+            self.failures.len(),
+            self.sequences
+        );
+    }
+}
+
+/// Runs sequences of machines in turn.
+fn run_all(what: &str, setups: &[Setup], cycles: usize, seed: u64) {
+    let mut total = Total::default();
+    let count = cases(cycles / CYCLES);
+    for n in 0..count {
+        total.add(&setups[n % setups.len()], seed + n as u64);
+    }
+    total.end(what);
+}
+
+#[test]
+fn shipped_machines_answer_with_the_machines_pose_in_every_sequence() {
+    run_all("shipped", &shipped(), 400_000, 510_000_000);
+}
+
+#[test]
+fn drop_ins_answer_with_the_machines_pose_in_every_sequence() {
+    run_all("drop-ins", &drop_ins(), 300_000, 511_000_000);
+}
+
+#[test]
+fn random_machines_answer_with_the_machines_pose_in_every_sequence() {
+    let mut total = Total::default();
+    for n in 0..cases(300_000 / CYCLES) {
+        let seed = 512_000_000 + n as u64;
+        let setup = random_machine(&mut Random::new(seed), n % 3 == 2);
+        total.add(&setup, seed);
+    }
+    total.end("random");
+}
