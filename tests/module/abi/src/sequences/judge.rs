@@ -27,6 +27,17 @@ const MARGIN: f64 = 1.0;
 /// module's 96 sub-steps may not do.
 const STEPS: f64 = 25.0;
 
+/// Numbers of a message, without the zeros at their end.
+pub fn brief(values: &[f64]) -> String {
+    let end = values.iter().rposition(|v| *v != 0.0).map_or(0, |last| last + 1);
+    let values: Vec<_> = values[..end].iter().map(|v| format!("{v:.6}")).collect();
+    format!("[{}]", values.join(" "))
+}
+
+fn both(poses: &[[f64; 6]; 2]) -> String {
+    brief(poses.as_flattened())
+}
+
 /// What a call came to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
@@ -124,7 +135,11 @@ impl Judge {
             return Verdict::Wrong(format!("{WRONG_POSE}: {world:?} is not finite"));
         }
         if !self.system.fits(&found) {
-            return Verdict::Wrong(format!("{WRONG_POSE}: {poses:?} does not fit {joints:?}"));
+            return Verdict::Wrong(format!(
+                "{WRONG_POSE}: {} does not fit {}",
+                both(&poses),
+                brief(joints)
+            ));
         }
         let (distance, curvature, _) = self.watched(truth);
         let verdict = if apart <= ALONE * distance {
@@ -200,8 +215,10 @@ impl Judge {
             Verdict::Excused("a singular pose beside the line of joints")
         } else {
             Verdict::Wrong(format!(
-                "{REFUSED}: code {code} for {joints:?} at {:?}; from {from:?} {path:?}, reach {reach:?}",
-                truth.poses
+                "{REFUSED}: code {code} for {} at {}; from {} {path:?}, reach {reach:?}",
+                brief(joints),
+                both(&truth.poses),
+                both(&from.poses)
             ))
         };
         if near.is_some() {
@@ -220,15 +237,21 @@ impl Judge {
         let (led, path) = self.system.follow(&from, joints);
         let size = self.system.size();
         match led {
-            _ if !self.system.fits(&found) => {
-                Verdict::Wrong(format!("{WRONG_POSE}: {world:?} does not fit {joints:?}"))
-            }
+            _ if !self.system.fits(&found) => Verdict::Wrong(format!(
+                "{WRONG_POSE}: {} does not fit {}",
+                brief(world),
+                brief(joints)
+            )),
             Some(led) if self.system.distance(&led.poses, &found.poses) <= 100.0 * SAME * size => {
                 self.good = Some(found);
                 Verdict::Right
             }
             _ => Verdict::Wrong(format!(
-                "{WRONG_POSE}: {world:?} for {joints:?}, which the line from {from:?} leads to {led:?} {path:?}"
+                "{WRONG_POSE}: {} for {}, which the line from {} leads to {:?} {path:?}",
+                brief(world),
+                brief(joints),
+                both(&from.poses),
+                led.map(|led| both(&led.poses))
             )),
         }
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's motion controller (2.9, control.c), the machine behind it, and what happens to both.
 
-use super::judge::{Judge, Reach, Verdict};
+use super::judge::{Judge, REFUSED, Reach, Verdict, brief};
 use super::setups::Setup;
 use super::system::State;
 use crate::module::{Joints, Module, Pose};
@@ -9,7 +9,7 @@ use crate::random::Random;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Speeds as shares of the size a cycle: 0.5 m/s and 1 kHz on a machine of 1.25 m, and less.
-const SPEEDS: [f64; 3] = [4e-4, 1e-4, 1e-3];
+const SPEEDS: [f64; 4] = [4e-4, 4e-4, 1e-4, 1e-3];
 
 /// Cycles in which a move gets to its speed.
 const RAMP: f64 = 25.0;
@@ -58,8 +58,8 @@ pub struct Outcome {
     pub cycles: usize,
     /// Events, verdicts and refusals.
     pub counts: BTreeMap<String, usize>,
-    /// What was wrong first.
-    pub failure: Option<String>,
+    /// The first refusal without need, and the first of everything else that was wrong.
+    pub failures: Vec<String>,
 }
 
 /// Which of LinuxCNC's poses a call is for.
@@ -78,6 +78,10 @@ pub struct Run<'a> {
     cycle: usize,
     history: VecDeque<String>,
     counts: BTreeMap<String, usize>,
+    seed: u64,
+    /// The first refusal without need.
+    refusal: Option<String>,
+    /// The first of everything else.
     failure: Option<String>,
     // LinuxCNC: the two poses in a place of their own, which does not move.
     poses: Box<[Pose; 2]>,
@@ -109,8 +113,8 @@ pub struct Run<'a> {
     sagging: Option<Joints>,
     injection: Option<Injection>,
     missed: usize,
-    /// An operator has looked at the machine and says that the module's pose is its own.
-    confirmed: bool,
+    /// Cycles without a commanded pose.
+    uncommanded_for: usize,
     /// The end of homing asks for world mode, in the cycle after.
     enters_teleop: bool,
     /// Cycles since a commanded pose is known, for what may follow from a lag.
@@ -122,6 +126,7 @@ impl<'a> Run<'a> {
     pub fn of(setup: &'a Setup, seed: u64, cycles: usize) -> Outcome {
         let mut run = Self::new(setup, seed);
         run.start();
+        // After another pose LinuxCNC's is not the machine's any more.
         while run.cycle < cycles && run.failure.is_none() {
             run.step();
         }
@@ -129,16 +134,8 @@ impl<'a> Run<'a> {
         for (what, count) in run.judge.counts {
             *counts.entry(what.into()).or_default() += count;
         }
-        let failure = run.failure.map(|failure| {
-            let history: Vec<_> = run.history.into_iter().collect();
-            format!(
-                "{} with seed {seed}, cycle {}: {failure}\n    after: {}",
-                setup.name,
-                run.cycle,
-                history.join("; ")
-            )
-        });
-        Outcome { cycles: run.cycle, counts, failure }
+        let failures = run.refusal.into_iter().chain(run.failure).collect();
+        Outcome { cycles: run.cycle, counts, failures }
     }
 
     fn new(setup: &'a Setup, seed: u64) -> Self {
@@ -156,6 +153,8 @@ impl<'a> Run<'a> {
             cycle: 0,
             history: VecDeque::new(),
             counts: BTreeMap::new(),
+            seed,
+            refusal: None,
             failure: None,
             poses: Box::new([[0.0; 9]; 2]),
             feedback_ok: false,
@@ -185,7 +184,7 @@ impl<'a> Run<'a> {
             sagging: None,
             injection: None,
             missed: 0,
-            confirmed: false,
+            uncommanded_for: 0,
             enters_teleop: false,
             commanded_for: 0,
         }
@@ -208,7 +207,21 @@ impl<'a> Run<'a> {
     }
 
     fn fail(&mut self, what: String) {
-        self.failure.get_or_insert(what);
+        let is_refusal = what.contains(REFUSED);
+        let history: Vec<_> = self.history.iter().cloned().collect();
+        let text = format!(
+            "{} with seed {}, cycle {}: {what}
+    after: {}",
+            self.setup.name,
+            self.seed,
+            self.cycle,
+            history.join("; ")
+        );
+        let first = if is_refusal { &mut self.refusal } else { &mut self.failure };
+        first.get_or_insert(text);
+        if is_refusal {
+            self.judge.count("REFUSED WITHOUT NEED");
+        }
     }
 
     /// Before homing LinuxCNC calls forward with joints and poses of 0.
@@ -381,7 +394,7 @@ impl<'a> Run<'a> {
 
     fn note_refusal(&mut self, code: i32, caller: Caller) {
         let what = format!("{caller:?} refused {code}");
-        if !self.history.back().is_some_and(|last| last.ends_with(&what)) {
+        if !self.history.iter().rev().take(2).any(|last| last.ends_with(&what)) {
             self.note(what);
         }
     }
@@ -421,9 +434,6 @@ impl<'a> Run<'a> {
         if caller == Caller::Command {
             reach.gap += 0.0;
         }
-        if self.confirmed && code >= 0 {
-            return self.judged_confirmed(given, world);
-        }
         if code < 0 {
             let commanded = self.commanded_for > self.lag + 4 && self.enabled;
             return self.judge.refused(code, truth, given, reach, commanded);
@@ -431,23 +441,17 @@ impl<'a> Run<'a> {
         self.judge.accepted(truth, given, world, reach)
     }
 
-    /// The operator has confirmed the module's pose: it is the machine's from now on.
-    fn judged_confirmed(&mut self, given: &Joints, world: &Pose) -> Verdict {
-        self.confirmed = false;
+    /// The operator has looked at the machine and says that the module's pose is its own, the one on which
+    /// its last good pose leads.
+    fn confirm(&mut self) {
+        let Some(good) = self.judge.good else { return };
         let system = &self.setup.system;
-        let found = State { poses: system.poses(world), joints: *given };
-        if !system.fits(&found) {
-            return Verdict::Wrong(format!("another pose: {world:?} does not fit {given:?}"));
-        }
-        let led = [self.actual, self.command].map(|s| system.follow(&found, &s.joints).0);
-        let [Some(actual), Some(command)] = led else {
-            return Verdict::Excused("confirmed beside a singular pose");
-        };
+        let led = [self.actual, self.command].map(|s| system.follow(&good, &s.joints).0);
+        let [Some(actual), Some(command)] = led else { return };
         (self.actual, self.command) = (actual, command);
         self.queue.clear();
-        self.judge.good = Some(found);
         (self.judge.crossed, self.judge.held) = (false, false);
-        Verdict::Right
+        self.judge.count("confirmed by fault-reset");
     }
 
     fn judged_identity(
@@ -721,6 +725,15 @@ impl<'a> Run<'a> {
             }
             self.commanded_for += 1;
         }
+        let (distance, _, _) = self.judge.watched(&{ self.command });
+        let jump = self.setup.system.distance(&self.command.poses, &next.poses);
+        if jump > 0.5 * distance + 20.0 * self.speed * self.size() {
+            let command = self.command.poses;
+            self.fail(format!(
+                "another pose: LinuxCNC's goes from {command:?} to {:?}",
+                next.poses
+            ));
+        }
         self.advance(next, true);
     }
 
@@ -800,6 +813,8 @@ impl<'a> Run<'a> {
             self.module.monitor();
             self.module.clear_messages();
         }
+        let in_world = self.enabled && self.motion != Motion::Free;
+        self.uncommanded_for = if in_world { 0 } else { self.uncommanded_for + 1 };
         if let Some((pin, value)) = restore {
             self.module.set(pin, value);
         }
@@ -817,9 +832,14 @@ impl<'a> Run<'a> {
     }
 
     fn reset_faults(&mut self) {
-        if self.reset > 0 {
-            self.reset -= 1;
-            self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
+        if self.reset == 0 {
+            return;
+        }
+        self.reset -= 1;
+        self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
+        let quiet = self.uncommanded_for > 3 && self.is_at_rest() && !self.identity && self.homed;
+        if self.reset == 1 && quiet && (self.judge.held || self.judge.crossed) {
+            self.confirm();
         }
     }
 
@@ -835,11 +855,13 @@ impl<'a> Run<'a> {
         if self.enabled && self.homed && self.is_at_rest() && self.chance(0.1) {
             self.move_on();
         }
-        if self.homed && self.chance(0.003) {
+        // Beyond a singular pose more happens.
+        let often = if self.judge.held || self.judge.crossed { 4.0 } else { 1.0 };
+        if self.homed && self.chance(0.003 * often) {
             self.stop();
             self.wanted = [Motion::Free, Motion::Teleop, Motion::Coord][pick(&mut self.random, 3)];
         }
-        if self.homed && self.chance(0.0015) {
+        if self.homed && self.chance(0.0015 * often) {
             if self.enabling {
                 self.enabling = false;
                 self.event("off", String::new());
@@ -855,7 +877,7 @@ impl<'a> Run<'a> {
             self.enabling = true;
             self.event("on", String::new());
         }
-        if self.homed && self.setup.system.has_identity() && self.chance(0.002) {
+        if self.homed && self.setup.system.has_identity() && self.chance(0.002 * often) {
             if self.is_at_rest() {
                 self.kind_asked = 1 - self.kind_asked;
                 let kind = self.kind_asked;
@@ -884,10 +906,6 @@ impl<'a> Run<'a> {
         self.reset = 2;
         let in_world = self.enabled && self.motion != Motion::Free;
         self.event("fault-reset", if in_world { "in world mode".into() } else { String::new() });
-        if !in_world && self.is_at_rest() && (self.judge.held || self.judge.crossed) {
-            // The edge is seen in this cycle's monitor; the calls of the cycle come before it.
-            self.confirmed = true;
-        }
     }
 
     fn ask_homing(&mut self) {
@@ -903,7 +921,6 @@ impl<'a> Run<'a> {
         }
         let cycles = 3 + pick(&mut self.random, 20);
         self.event("homing", format!("{cycles} cycles"));
-        self.confirmed = false;
         self.unhome(cycles);
     }
 
@@ -959,10 +976,10 @@ impl<'a> Run<'a> {
 
     fn move_on(&mut self) {
         if self.motion == Motion::Free {
-            self.jog = self.random_speeds(1.0);
-            self.jog_for = 1 + pick(&mut self.random, 400);
+            self.jog = self.random_speeds(2.0);
+            self.jog_for = 1 + pick(&mut self.random, 600);
             let jog = self.jog;
-            self.event("jog", format!("{jog:?}"));
+            self.event("jog", brief(&jog));
             return;
         }
         let system = &self.setup.system;
@@ -971,7 +988,14 @@ impl<'a> Run<'a> {
         let mut target = start;
         let is_lost = self.feedback_refused && self.chance(0.7);
         let far = !is_lost && self.chance(0.3);
-        if is_lost && !self.identity {
+        let through = if !is_lost && self.motion == Motion::Coord && self.chance(0.5) {
+            self.through_singular(&start)
+        } else {
+            None
+        };
+        if let Some(beyond) = through {
+            target = beyond;
+        } else if is_lost && !self.identity {
             // Back to where it was.
             target = self.setup.control.home();
         } else if self.identity {
@@ -1004,10 +1028,43 @@ impl<'a> Run<'a> {
         if !(length > 0.0) {
             return;
         }
-        let most = self.speed * size / length * self.random.between(0.1, 1.0);
+        let slowly = if through.is_some() { 0.5 } else { 0.1 };
+        let most = self.speed * size / length * self.random.between(slowly, 1.0);
         self.plan = Plan { start, way, at: 0.0, speed: 0.0, most, end: 1.0 };
         self.plan.speed = most / RAMP;
-        self.event(if far { "far move" } else { "move" }, format!("{start:?} by {way:?}"));
+        let kind = if through.is_some() { "move through a singular pose" } else { "move" };
+        self.event(kind, format!("{} by {}", brief(&start), brief(&way)));
+    }
+
+    /// A target beyond a singular pose on a line from here, if a random line leads to one.
+    fn through_singular(&mut self, start: &Pose) -> Option<Pose> {
+        let system = self.setup.system.clone();
+        if self.identity || system.is_redundant() {
+            return None;
+        }
+        let (places, size) = (system.moved_places(), system.size());
+        let before = system.signs(&system.state(start)?.0);
+        let one = if self.chance(0.5) {
+            Some(places[pick(&mut self.random, places.len())])
+        } else {
+            None
+        };
+        let mut way = [0.0; 9];
+        for k in places.into_iter().filter(|k| one.is_none_or(|one| one == *k)) {
+            let share = self.random.within(1.0);
+            let share = if one.is_some() { share.signum() } else { share };
+            way[k] = share * if (3..6).contains(&k) { 150.0 } else { size };
+        }
+        let at = |share: f64| -> Pose { std::array::from_fn(|k| start[k] + share * way[k]) };
+        for n in 1..60 {
+            let share = 0.01 * f64::from(n);
+            let (state, _) = system.state(&at(share))?;
+            if system.signs(&state) != before {
+                let beyond = share + self.random.between(0.0, 0.1);
+                return system.state(&at(beyond)).map(|_| at(beyond));
+            }
+        }
+        None
     }
 }
 
