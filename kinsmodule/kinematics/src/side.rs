@@ -88,7 +88,6 @@ impl<const N: usize> Mechanism<N> {
         let columns = self.charted_rows(placed, torsion, place);
         let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
         let reach = match PseudoInverse::new(&columns, &self.active) {
-            _ if self.layout.is_redundant() => f64::INFINITY,
             Some(inverse) => self.largest_ball(|rho| {
                 let fixed = lipschitz_constant(self, placed, torsion, &inverse, rho, None).ok()?;
                 Some(fixed + self.of_joints(placed, joints, &inverse, rho)?)

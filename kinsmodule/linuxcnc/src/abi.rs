@@ -210,6 +210,13 @@ pub unsafe extern "C" fn kinematicsForward(
         set_nan(world, Some(module.layout()));
         return Cause::NullPointer.code();
     }
+    if module.was_homed_before(world) {
+        module.forget_poses();
+        // SAFETY: the reference is the only one.
+        if let Some(Pair { second, .. }) = unsafe { pair(module) } {
+            second.forget_poses();
+        }
+    }
     // SAFETY: the array holds as many values as the machine has joints.
     let joints = unsafe { core::slice::from_raw_parts(joint, module.layout().joints()) };
     let result = if module.is_plain() {
@@ -222,6 +229,7 @@ pub unsafe extern "C" fn kinematicsForward(
         let extra = unsafe { extra_joints(joint, module) };
         forward_of(module, joints, extra, world)
     };
+    module.note_handed(world, result.is_ok());
     match result {
         Ok(()) => {}
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
@@ -262,9 +270,16 @@ unsafe fn forward_of_both(joint: *const f64, world: &mut World, module: &mut Mod
     let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
     let result = pair.forward(joints, &mut all, address);
     match result {
-        Ok(()) => *world = all,
-        Err(Fault { cause: Cause::NotHomed, .. }) => {}
-        Err(_) => set_nan_of_both(world, pair.first),
+        Ok(()) => {
+            *world = all;
+            pair.first.note_handed(world, true);
+        }
+        Err(fault) => {
+            pair.first.note_handed(world, false);
+            if fault.cause != Cause::NotHomed {
+                set_nan_of_both(world, pair.first);
+            }
+        }
     }
     code(result)
 }

@@ -1,9 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether the commanded motion has passed a singular pose.
+//! Whether the pose that forward finds is connected with the commanded one.
 //!
-//! Forward follows the joints and stays on its side of the singular poses; a commanded motion that
-//! passes one leaves forward behind, on the mirror image of the commanded pose. Both fit the joints,
-//! so that only the commanded poses show it.
+//! Forward follows the joints and stays on its side of the singular poses. A commanded motion that passes
+//! one leaves forward behind, on the mirror image of the commanded pose: both fit the joints, and only the
+//! commanded poses show it. After cycles without feedback, the straight line of the joints may lead to
+//! another pose as well. So both poses are compared in every cycle.
+//!
+//! On a ball on which the joints determine the pose ([`Side`]) two poses are connected. In most cycles both
+//! stand on the ball of an earlier comparison, and nothing is computed. Where they do not, the joints are
+//! followed from one to the other.
+//!
+//! A doubt lasts: which of the two poses is the machine's cannot be seen in the joints. It ends where the
+//! commanded motion comes back to the pose found, and where [`Crossing::end_doubt`] is called.
 
 use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 
@@ -24,67 +32,94 @@ pub struct Comparison<'a> {
     pub commanded: &'a Pose,
 }
 
+/// What a comparison shows.
+enum Verdict {
+    Connected,
+    /// The poses are different ones.
+    Apart(Cause),
+    /// The joints do not follow, or a singular pose is nearer than lag and noise of the joints.
+    Undecided,
+}
+
 /// What is known of the commanded motion.
 pub struct Crossing {
-    /// Side of a commanded pose that was forward's; none where the motion has passed a singular pose.
+    /// A ball on which the joints determine the pose.
     side: Option<Side>,
-    /// Whether the commanded motion has passed a singular pose and not come back.
-    passed: bool,
+    /// Why the pose found may not be the machine's.
+    doubt: Option<Cause>,
 }
 
 impl Crossing {
     pub const fn new() -> Self {
-        Self { side: None, passed: false }
+        Self { side: None, doubt: None }
     }
 
-    pub fn has_passed(&self) -> bool {
-        self.passed
+    /// Returns why the pose found may not be the machine's.
+    pub fn doubt(&self) -> Option<Cause> {
+        self.doubt
     }
 
-    /// Whether a commanded pose has passed no singular pose, as one compared before is so near. Most
-    /// are.
+    /// Takes the pose found for the machine's: the operator says so, or the machine was homed.
+    pub fn end_doubt(&mut self) {
+        self.doubt = None;
+    }
+
+    /// Returns whether both poses certainly are connected, as an earlier comparison shows.
     #[inline]
-    pub fn is_known_before(&self, commanded: &Pose, tool: &Vector3<f64>) -> bool {
-        self.side.as_ref().is_some_and(|side| side.reaches(commanded, tool))
+    pub fn is_settled(&self, commanded: &Pose, found: &Pose, tool: &Vector3<f64>) -> bool {
+        self.doubt.is_none()
+            && self
+                .side
+                .as_ref()
+                .is_some_and(|side| side.reaches(commanded, tool) && side.reaches(found, tool))
     }
 
-    /// Compares a commanded pose.
+    /// Compares the poses of a cycle.
     pub fn update(&mut self, comparison: &Comparison<'_>) {
         let Comparison { machine, tool, found, commanded, .. } = *comparison;
-        self.side = None;
-        let (Ok(there), Ok(here)) = (machine.side(commanded, tool), machine.side(found, tool))
-        else {
+        let Ok(there) = machine.side(commanded, tool) else { return };
+        if there.reaches(found, tool) {
+            (self.side, self.doubt) = (Some(there), None);
             return;
-        };
-        if there.opposes(&here) {
-            self.passed |= comparison.joints_follow();
-        } else if !self.passed || comparison.is_connected() {
-            self.passed = false;
-            self.side = Some(there);
+        }
+        match comparison.verdict(&there) {
+            Verdict::Connected => self.doubt = None,
+            // A motion that has passed a singular pose may pass another one.
+            Verdict::Apart(cause) => self.doubt = self.doubt.or(Some(cause)),
+            Verdict::Undecided => {}
         }
     }
 }
 
 impl Comparison<'_> {
-    /// Whether the joints are those of the commanded pose, as far as drives follow.
-    fn joints_follow(&self) -> bool {
-        let Ok(joints) = self.machine.inverse(self.commanded, self.tool) else { return false };
-        self.machine.travel(&joints, self.joints) <= FOLLOWING * self.machine.size()
-    }
-
-    /// Whether the joints lead from the pose found to the commanded one. The sign of det J does not
-    /// decide that: it is the same again after a motion through two singular poses.
-    fn is_connected(&self) -> bool {
+    /// Follows the joints from the pose found to the commanded one, on whose side `there` is.
+    fn verdict(&self, there: &Side) -> Verdict {
         let Self { machine, tool, solver, found, commanded, .. } = self;
-        let Ok(joints) = machine.inverse(commanded, tool) else { return false };
-        let led = machine.forward(&joints, found, tool, solver);
-        let same = SAME_POSE * machine.size();
-        led.is_ok_and(|led| led.pose.distance(commanded, machine.radius()) <= same)
+        let Ok(joints) = machine.inverse(commanded, tool) else { return Verdict::Undecided };
+        if !(machine.travel(&joints, self.joints) <= FOLLOWING * machine.size()) {
+            return Verdict::Undecided;
+        }
+        if machine.side(found, tool).is_ok_and(|here| there.opposes(&here)) {
+            return Verdict::Apart(Cause::SingularPassed);
+        }
+        // The sign of det J does not decide alone: it is the same again beyond two singular poses.
+        let apart = match machine.forward(&joints, found, tool, solver) {
+            Ok(led) => led.pose.distance(commanded, machine.radius()),
+            Err(_) if self.distance() <= FOLLOWING * machine.size() => return Verdict::Undecided,
+            Err(_) => f64::INFINITY,
+        };
+        match apart <= SAME_POSE * machine.size() {
+            true => Verdict::Connected,
+            false => Verdict::Apart(Cause::NotAsCommanded),
+        }
     }
 
-    /// The refusal, with the distance of the two poses.
-    pub fn refusal(&self) -> Fault {
-        let apart = self.found.distance(self.commanded, self.machine.radius());
-        Fault::with_value(Cause::SingularPassed, apart)
+    fn distance(&self) -> f64 {
+        self.found.distance(self.commanded, self.machine.radius())
+    }
+
+    /// Returns the refusal, with the distance of the two poses.
+    pub fn refusal(&self, cause: Cause) -> Fault {
+        Fault::with_value(cause, self.distance())
     }
 }

@@ -12,21 +12,13 @@ pub struct Start {
     boxes: [WorkspaceBox; MAX_BOXES],
     count: usize,
     search: Option<Search>,
-    /// Whether joint values alone determine the pose, by boxes or by the kind of machine.
-    needs_no_seed: bool,
     /// Runs of the monitor since the last forward call.
     idle: u32,
 }
 
 impl Start {
     pub const fn new() -> Self {
-        Self {
-            boxes: [WorkspaceBox::EMPTY; MAX_BOXES],
-            count: 0,
-            search: None,
-            needs_no_seed: false,
-            idle: 0,
-        }
+        Self { boxes: [WorkspaceBox::EMPTY; MAX_BOXES], count: 0, search: None, idle: 0 }
     }
 
     /// Whether the boxes of the pins can be taken for a geometry with this hash.
@@ -36,27 +28,15 @@ impl Start {
 
     /// Takes the boxes of the pins, or leaves the last ones.
     ///
-    /// They are read twice, so that no second set of them needs room on the stack. `needs_no_seed` says
-    /// whether the machine knows its pose without them.
-    pub fn freeze(
-        &mut self,
-        pins: &Pins,
-        load: &Load,
-        (hash, needs_no_seed): (u32, bool),
-    ) -> Result<(), Fault> {
+    /// They are read twice, so that no second set of them needs room on the stack.
+    pub fn freeze(&mut self, pins: &Pins, load: &Load, hash: u32) -> Result<(), Fault> {
         self.check(pins, load, hash)?;
         (self.count, self.search, self.idle) = (0, None, 0);
         for (k, place) in self.boxes.iter_mut().enumerate().take(load.boxes()) {
             *place = checked(pins, load, k, hash)?;
         }
         self.count = load.boxes();
-        self.needs_no_seed = needs_no_seed || self.count > 0;
         Ok(())
-    }
-
-    /// Whether a start needs no seed.
-    pub fn needs_no_seed(&self) -> bool {
-        self.needs_no_seed
     }
 
     /// Whether there are boxes to search.
@@ -95,15 +75,15 @@ impl Start {
         self.idle = self.idle.saturating_add(1);
     }
 
-    /// Forward is called: whether LinuxCNC had ceased to call it. It does so while a joint
+    /// Returns, as forward is called, whether LinuxCNC had ceased to call it. It does so while a joint
     /// is not homed; the joints may then have been anywhere.
     pub fn resumes(&mut self) -> bool {
-        let resumes = self.idle > 1 && self.needs_no_seed;
-        self.idle = 0;
-        if resumes {
-            self.search = None;
-        }
-        resumes
+        core::mem::take(&mut self.idle) > 1
+    }
+
+    /// Ends a search, as its joints are no longer the present ones.
+    pub fn stop_searching(&mut self) {
+        self.search = None;
     }
 }
 

@@ -157,8 +157,7 @@ impl Module {
         let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
         *pose = Pose::from_degrees(chain.to_machine(world, &tool)?);
         machine.inverse_into(pose, &chain.machine_tool(&tool), joints)?;
-        self.correction.add(joints);
-        Ok(())
+        self.add_to(joints)
     }
 
     /// As [`Module::forward`], of a machine with extra axes or a work on its platform: over the seed in

@@ -3,7 +3,7 @@
 
 use super::freezing::Frozen;
 use super::{Module, is_zero, nanoseconds_if};
-use crate::crossing::{Comparison, Crossing};
+use crate::crossing::Comparison;
 use crate::hal::nanoseconds;
 use kinematics::{Cause, Fault, Joints, MAX_JOINTS, Pose, Solution, Vector3};
 
@@ -42,23 +42,23 @@ impl Module {
         self.prepared(|| false).ok()?;
         let Frozen { machine, given } = self.frozen.as_ref()?;
         let tool = self.tool.of_machine();
-        let is_usual = self.seeds.is_current(address)
-            && !self.correction.is_on()
+        let is_usual = !self.correction.is_on()
             && self.tool.has(&self.requested_tool(given.spindle_offset))
             && (self.is_monitored || self.until_watched > 0);
         if !is_usual {
             return None;
         }
-        let is_before_singular = match self.calls.commanded_before() {
-            Some(commanded) => self.crossing.is_known_before(commanded, &tool),
-            None => !self.crossing.has_passed(),
-        };
-        let seed = Vector3::new(pose[0], pose[1], pose[2]);
+        let seed = self.seeds.of(address)?.position;
         let met = machine.meeting(joints.first_chunk()?, &seed, &tool, &self.pins.solver())?;
-        if !is_before_singular {
+        let found = Pose { position: met.point, angles: Vector3::zeros() };
+        let is_settled = match self.calls.commanded_before() {
+            Some(commanded) => self.crossing.is_settled(commanded, &found, &tool),
+            None => self.crossing.doubt().is_none(),
+        };
+        if !is_settled {
             return None;
         }
-        self.seeds.remember(address, Pose { position: met.point, angles: Vector3::zeros() });
+        self.seeds.remember(address, found);
         (self.pose_is_unknown, self.refused, self.lost) = (false, false, None);
         self.until_watched = self.until_watched.saturating_sub(1);
         self.pins.fwd_kins_fail.set(false);
@@ -76,21 +76,31 @@ impl Module {
     ) -> Result<(), Fault> {
         let joints = &joints_of(joints);
         self.forget_before_homing();
-        let seed = &Pose::from_degrees(*pose);
-        let prepared = self.prepared(|| !(is_zero(joints) && is_blank(&seed.to_degrees())));
-        // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then.
-        let unhomed = self.seeds.last().is_none() && is_zero(joints);
+        let prepared = self.prepared(|| !(is_zero(joints) && is_blank(pose)));
+        let was_known = self.seeds.last().is_some();
+        // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then. With the machine
+        // on they are homed, and LinuxCNC has to see the refusal.
+        let unhomed = !was_known && is_zero(joints) && !self.pins.machine_on();
         let mut solution = Solution::NONE;
-        let mut result = prepared.and_then(|()| self.solve(joints, seed, address, &mut solution));
+        let mut result = prepared.and_then(|()| self.solve(joints, pose, address, &mut solution));
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
         if result.is_ok() {
-            // A pose that is refused below is the pose of the joints nevertheless.
-            self.seeds.remember(address, solution.pose);
             self.pose_is_unknown = false;
-            result = self.refuse_beyond_singular(joints, &solution.pose);
+            result = self.refuse_doubtful(joints, &solution.pose);
+            // Beyond a singular pose the mirror image is followed, to see the motion come back.
+            let is_mirrored = result.is_err_and(|fault| fault.cause == Cause::SingularPassed);
+            if result.is_ok() || (is_mirrored && was_known) {
+                self.seeds.remember(address, solution.pose);
+                self.note_contradiction(joints, &solution.pose, address);
+            } else {
+                self.seeds.refuse(address);
+            }
+        } else {
+            self.seeds.refuse(address);
         }
+        self.note_time_of_refusal(result.is_err());
         self.refused = result.is_err();
         self.lost = result.err().filter(|fault| fault.cause == Cause::JointNotFinite);
         self.pins.fwd_kins_fail.set(self.refused);
@@ -116,50 +126,29 @@ impl Module {
     fn solve(
         &mut self,
         joints: &Joints,
-        seed: &Pose,
+        given: &[f64; 6],
         address: usize,
         solution: &mut Solution,
     ) -> Result<(), Fault> {
         let joints = &self.correction.taken_from(joints);
         self.retool_for_forward()?;
         let tool = self.tool.of_machine();
-        let found;
-        let seed = match self.searched((joints, address), &tool) {
-            Some(searched) => {
-                found = searched?;
-                &found
-            }
-            None => match self.seed_for(seed, address) {
-                Some(seed) => seed,
-                None => {
-                    found = self.reference_or(*seed)?;
-                    &found
-                }
-            },
-        };
+        let seed = self.start_for((joints, address), given, &tool)?;
         let machine = &self.frozen()?.machine;
         if machine.is_literal() {
-            let seed = *seed;
             return self.solve_first(joints, &seed, &tool, solution);
         }
-        machine.forward_into(joints, seed, &tool, &self.pins.solver(), solution)
+        machine.forward_into(joints, &seed, &tool, &self.pins.solver(), solution)
     }
 
-    /// Refuses the pose found while the commanded motion is beyond a singular pose.
-    ///
-    /// It goes on refusing where there is no commanded pose, until the machine is off.
-    fn refuse_beyond_singular(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
+    /// Refuses the pose found where it is not connected with the commanded one, and goes on refusing it
+    /// where none is commanded.
+    #[inline(always)]
+    fn refuse_doubtful(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
         let Some(commanded) = self.calls.commanded_before() else {
-            if !self.crossing.has_passed() {
-                return Ok(());
-            }
-            if self.is_off() {
-                self.crossing = Crossing::new();
-                return Ok(());
-            }
-            return Err(Cause::SingularPassed.into());
+            return self.crossing.doubt().map_or(Ok(()), |cause| Err(cause.into()));
         };
-        if self.crossing.is_known_before(commanded, &self.tool.of_machine()) {
+        if self.crossing.is_settled(commanded, found, &self.tool.of_machine()) {
             return Ok(());
         }
         self.compare_with_commanded(joints, found, &{ *commanded })
@@ -178,7 +167,7 @@ impl Module {
         let (tool, solver) = (&self.tool.of_machine(), &self.pins.solver());
         let comparison = Comparison { machine, tool, solver, joints, found, commanded };
         self.crossing.update(&comparison);
-        if self.crossing.has_passed() { Err(comparison.refusal()) } else { Ok(()) }
+        self.crossing.doubt().map_or(Ok(()), |cause| Err(comparison.refusal(cause)))
     }
 
     fn show_start(&self) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! When a geometry is frozen: at `.apply`, or at the first call of a drop-in.
 
-use super::{Module, seeds::Seeds};
+use super::Module;
+use super::contradiction::Contradiction;
+use super::seeds::{Handed, Seeds};
 use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::pins::Given;
@@ -110,10 +112,7 @@ impl Module {
             self.check_chain(machine.size())?;
             match taken {
                 Taken::Not => self.start.check(self.pins, &self.load, hash)?,
-                Taken::InForce => {
-                    let needs_no_seed = machine.needs_no_seed() && given.geometry.home.is_some();
-                    self.start.freeze(self.pins, &self.load, (hash, needs_no_seed))?;
-                }
+                Taken::InForce => self.start.freeze(self.pins, &self.load, hash)?,
             }
             Ok(machine)
         });
@@ -135,7 +134,8 @@ impl Module {
         self.crossing = Crossing::new();
         self.frozen = Some(Frozen { machine, given });
         self.pins.show_tool(&self.tool.offset());
-        self.seeds = Seeds::new();
+        (self.seeds, self.handed) = (Seeds::new(), Handed::new());
+        self.contradiction = Contradiction::NONE;
         self.until_watched = 0;
         self.pins.max_iterations.set(0);
         Ok(())

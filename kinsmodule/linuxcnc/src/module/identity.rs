@@ -3,7 +3,6 @@
 
 use super::Module;
 use super::forward::joints_of;
-use crate::crossing::Crossing;
 use kinematics::{Cause, Fault, Jacobian, Joints, Letter, Load, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
@@ -73,12 +72,11 @@ impl Module {
         let Asked { kind, pose } = asked;
         match kind {
             _ if kind == self.kind => {}
-            Kind::Identity => {
-                self.identity_joints = None;
-                self.crossing = Crossing::new();
-            }
+            Kind::Identity => self.identity_joints = None,
             Kind::Machine => {
-                self.seeds.switch_back(pose);
+                if let Some(pose) = pose {
+                    self.seeds.track(pose);
+                }
                 self.pose_is_unknown = true;
             }
         }
@@ -125,7 +123,23 @@ impl Module {
         *pose = self.recorded(result)?;
         self.identity_joints = Some(*joints);
         self.pins.show_pose(*pose);
+        self.track_machine(joints);
         Ok(())
+    }
+
+    /// Follows the joints with the machine's pose, so that it is known after the switch back.
+    ///
+    /// Joints that close no platform leave it where it was.
+    #[inline(never)]
+    fn track_machine(&mut self, joints: &Joints) {
+        let Some(start) = self.seeds.last().or(self.reference()) else { return };
+        let joints = self.correction.taken_from(joints);
+        let (tool, solver) = (self.tool.of_machine(), self.pins.solver());
+        let found =
+            self.frozen().and_then(|own| own.machine.forward(&joints, &start, &tool, &solver));
+        if let Ok(found) = found {
+            self.seeds.track(found.pose);
+        }
     }
 
     /// The same with the joints of extra axes, which pass through.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The state between calls, and what LinuxCNC asks of the machine's kinematics.
 
+mod contradiction;
 mod correction;
 mod extra;
 mod forward;
@@ -20,12 +21,13 @@ use crate::hal::nanoseconds;
 use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
+use contradiction::Contradiction;
 use correction::Correction;
 use extra::Carrying;
 use freezing::Frozen;
 use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
 use report::Reports;
-use seeds::Seeds;
+use seeds::{Handed, Seeds};
 use tool_offset::SentTool;
 
 /// State between calls, of one mechanism.
@@ -62,8 +64,10 @@ pub struct Module {
     tool: Tool,
     sent_tool: SentTool,
     correction: Correction,
+    contradiction: Contradiction,
     calls: Calls,
     seeds: Seeds,
+    handed: Handed,
     /// The start without a seed.
     start: Start,
     crossing: Crossing,
@@ -98,8 +102,10 @@ impl Module {
             tool: Tool::new(),
             sent_tool: SentTool::new(),
             correction: Correction::NONE,
+            contradiction: Contradiction::NONE,
             calls: Calls::default(),
             seeds: Seeds::new(),
+            handed: Handed::new(),
             start: Start::new(),
             crossing: Crossing::new(),
             guard: Guard::new(),
@@ -182,16 +188,21 @@ impl Module {
         let request = self.requested_tool(frozen.given.spindle_offset);
         if self.tool.has(&request) {
             frozen.machine.inverse_inlined(degrees, pose, &tool, joints)?;
-            self.correction.add(joints);
-            return Ok(());
+            return self.add_to(joints);
         }
         let tool = self.tool_instead_of(frozen, request)?;
         let found = frozen.machine.inverse(&{ *pose }, &tool)?;
         for (joint, value) in joints.iter_mut().zip(found) {
             *joint = value;
         }
+        self.add_to(joints)
+    }
+
+    /// Adds to joint values of the kinematics what LinuxCNC's have beside them.
+    #[inline(always)]
+    fn add_to(&self, joints: &mut [f64]) -> Result<(), Fault> {
         self.correction.add(joints);
-        Ok(())
+        if self.contradiction.is_on() { self.contradicted_joints(joints) } else { Ok(()) }
     }
 
     /// Pose of the joints for the tool frame: no state changes, no fault is recorded.

@@ -21,6 +21,7 @@ impl Module {
         self.watch_tool_pins();
         self.advance_tool(commanded, seconds);
         self.advance_correction(seconds);
+        self.settle_contradiction(commanded.is_some(), seconds);
         self.turn = if self.turn < SHOWN_IN - 1 { self.turn + 1 } else { 0 };
         if self.turn == 0 {
             self.watch_geometry();
@@ -67,7 +68,7 @@ impl Module {
 
     /// Whether no motion may begin or go on.
     pub fn inhibits_feed(&self) -> bool {
-        self.tool.is_busy() || self.guard.inhibits_feed()
+        self.tool.is_busy() || self.is_settling() || self.guard.inhibits_feed()
     }
 
     /// Whether jogs have to end.

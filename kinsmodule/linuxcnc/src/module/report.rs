@@ -2,7 +2,6 @@
 //! What is reported to the operator: each fault once, until no fault has come for a while.
 
 use super::Module;
-use crate::crossing::Crossing;
 use crate::hal::print_error;
 use kinematics::{Cause, Fault, MachinePart, text};
 
@@ -91,7 +90,7 @@ impl Module {
         let reset = self.pins.fault_reset();
         if reset && !self.reset_was {
             self.pins.clear_fault();
-            self.crossing = Crossing::new();
+            self.crossing.end_doubt();
             self.reports.allow_repeats();
         }
         self.reset_was = reset;

@@ -1,13 +1,44 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pose from which forward starts.
+//! The pose from which forward starts: one rule, for machines with a monitor and for drop-ins.
+//!
+//! LinuxCNC passes a seed with every call. After a refusal that is `[TRAJ]HOME`, after a switch of the
+//! kinematics it holds joint values, and a motion from `[TRAJ]HOME` is not the motion that the machine has
+//! made. So the module keeps the pose itself. A pose is accepted only if it is connected with the last good
+//! pose, or with the reference pose where none is known, or if a search in proved boxes has found it.
+//!
+//! | event | effect |
+//! | --- | --- |
+//! | success | The pose found becomes the last good pose, of its kind of call and of all calls. |
+//! | refusal | Nothing is forgotten. The next call starts from the newest good pose of any kind of call. |
+//! | LinuxCNC passes another seed | Ignored while a pose is known. |
+//! | kinematics switch | Nothing is forgotten: the identity kinematics track the machine's pose. |
+//! | machine off, sagging | Nothing is forgotten: LinuxCNC goes on calling forward, which follows the joints. |
+//! | missed cycles | Nothing is forgotten: forward follows the straight line of the joints. |
+//! | tool change | The poses move with the tool, as the joints stay. |
+//! | homing | The poses are forgotten: the joints have been moved and set unseen. |
+//! | freezing a geometry | Everything is forgotten. |
+//!
+//! Where no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
+//! else from the reference pose, and in a drop-in without one from LinuxCNC's seed, which is `[TRAJ]HOME`
+//! then. A doubt about the pose ([`crate::crossing`]) outlives all of these events but three: the commanded
+//! motion comes back, `.fault-reset` rises, or the machine is homed to its reference pose.
 
 use super::{Module, is_zero};
+use crate::hal::nanoseconds;
 use crate::tool::shift;
-use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3};
+use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
 
 /// Kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by where they keep
 /// their pose.
 const CALLERS: usize = 2;
+
+/// Share of the machine's size within which the joints stand at the reference pose: above following errors
+/// and the resolution of switches, far below the distance of two poses that share their joints.
+const AT_REFERENCE: f64 = 1e-3;
+
+/// Nanoseconds without a call of forward after which joints may have been homed, where no monitor counts
+/// cycles: LinuxCNC pauses 100 ms before a joint's final move, and no servo thread stands still for so long.
+const HOMING_PAUSE: i64 = 50_000_000;
 
 /// Last good pose of one kind of forward call.
 #[derive(Clone, Copy)]
@@ -15,50 +46,49 @@ struct Caller {
     /// Address of the pose that LinuxCNC keeps for this kind of call.
     address: usize,
     pose: Pose,
-    /// LinuxCNC's seed is no pose, as the kinematics were switched, or is the pose of another tool.
-    seed_is_stale: bool,
 }
 
 /// Poses that forward has found.
 pub(super) struct Seeds {
+    /// Of those whose last call succeeded.
     callers: [Option<Caller>; CALLERS],
-    /// Last good pose of any kind of call.
+    /// Newest good pose of any kind of call.
     last: Option<Pose>,
-    /// The kinematics were switched back to the machine: a caller not yet known holds
-    /// joint values as its seed.
-    switched_back: bool,
 }
 
 impl Seeds {
     pub(super) const fn new() -> Self {
-        Self { callers: [None; CALLERS], last: None, switched_back: false }
+        Self { callers: [None; CALLERS], last: None }
     }
 
-    /// Last good pose of any kind of call.
+    /// Returns the newest good pose of any kind of call.
     pub(super) fn last(&self) -> Option<Pose> {
         self.last
     }
 
-    /// Whether what LinuxCNC hands over at this address is the pose that forward has found for it last.
+    /// Returns the pose that forward found for this caller in its last call, if that succeeded.
     #[inline(always)]
-    pub(super) fn is_current(&self, address: usize) -> bool {
-        self.callers.iter().flatten().any(|c| c.address == address && !c.seed_is_stale)
+    pub(super) fn of(&self, address: usize) -> Option<&Pose> {
+        self.callers.iter().flatten().find(|c| c.address == address).map(|c| &c.pose)
     }
 
-    fn is_known(&self, address: usize) -> bool {
-        self.callers.iter().flatten().any(|c| c.address == address)
+    /// Returns the pose that the next call of this caller starts from, if one is known.
+    #[inline(always)]
+    fn start(&self, address: usize) -> Option<&Pose> {
+        self.of(address).or(self.last.as_ref())
     }
 
     /// Drops the poses: the joints may be anywhere.
     pub(super) fn forget(&mut self) {
-        (self.callers, self.last) = ([None; CALLERS], None);
+        *self = Self::new();
     }
 
-    /// Where it is called: a pose that is passed in memory is written in threes and read in pairs.
+    /// Records a good pose.
+    // Where it is called: a pose that is passed in memory is written in threes and read in pairs.
     #[inline(always)]
     pub(super) fn remember(&mut self, address: usize, pose: Pose) {
         self.last = Some(pose);
-        let entry = Caller { address, pose, seed_is_stale: false };
+        let entry = Caller { address, pose };
         let known = self.callers.iter_mut().flatten().find(|c| c.address == address);
         if let Some(caller) = known {
             *caller = entry;
@@ -69,85 +99,162 @@ impl Seeds {
         self.callers[0] = Some(entry);
     }
 
-    /// The kinematics are switched back to the machine, whose joints were moved to `pose` meanwhile,
-    /// or not at all.
-    pub(super) fn switch_back(&mut self, pose: Option<Pose>) {
-        self.switched_back = true;
-        self.last = pose.or(self.last);
-        for caller in self.callers.iter_mut().flatten() {
-            caller.pose = pose.unwrap_or(caller.pose);
-            caller.seed_is_stale = true;
+    /// Records that a call was refused: the caller goes on from the newest good pose of all.
+    pub(super) fn refuse(&mut self, address: usize) {
+        for caller in &mut self.callers {
+            if caller.is_some_and(|c| c.address == address) {
+                *caller = None;
+            }
         }
     }
 
-    /// The tool offset changes. The joints stay, so that the poses move.
+    /// Records the machine's pose while the identity kinematics are in force.
+    pub(super) fn track(&mut self, pose: Pose) {
+        *self = Self { callers: [None; CALLERS], last: Some(pose) };
+    }
+
+    /// Moves the poses with the tool: the joints stay.
     pub(super) fn change_tool(&mut self, change: &Vector3<f64>) {
-        if let Some(pose) = &mut self.last {
+        let callers = self.callers.iter_mut().flatten().map(|c| &mut c.pose);
+        for pose in self.last.iter_mut().chain(callers) {
             pose.position -= shift(pose, change);
-        }
-        for Caller { pose, seed_is_stale, .. } in self.callers.iter_mut().flatten() {
-            pose.position -= shift(pose, change);
-            *seed_is_stale = true;
         }
     }
 }
 
+/// What the module wrote for LinuxCNC's feedback call, which LinuxCNC passes back as the seed of the next one.
+///
+/// LinuxCNC replaces it with `[TRAJ]HOME` after a refusal, and after joints were homed. A seed that differs
+/// although the last call succeeded shows that joints were homed.
+pub(super) struct Handed {
+    /// Address of the feedback pose: the first that LinuxCNC ever passes.
+    address: Option<usize>,
+    /// What was written there, if the last call succeeded.
+    written: Option<World>,
+    /// The clock at the last refused call of a drop-in, nanoseconds.
+    refused_at: Option<i64>,
+}
+
+impl Handed {
+    pub(super) const fn new() -> Self {
+        Self { address: None, written: None, refused_at: None }
+    }
+
+    /// Returns whether a call is the one for the joints' feedback.
+    pub(super) fn is_feedback(&self, address: usize) -> bool {
+        self.address.is_none_or(|own| own == address)
+    }
+}
+
 impl Module {
-    /// Drops what was known of the pose when joints had to be homed in between.
+    /// Compares the seed of a forward call with what the module wrote; returns whether joints were homed in
+    /// between.
+    #[inline(always)]
+    pub fn was_homed_before(&mut self, world: &World) -> bool {
+        let address = &raw const *world as usize;
+        *self.handed.address.get_or_insert(address) == address
+            && self.handed.written.as_ref().is_some_and(|written| written != world)
+    }
+
+    /// Keeps what a forward call has written.
+    #[inline(always)]
+    pub fn note_handed(&mut self, world: &World, is_good: bool) {
+        let address = &raw const *world as usize;
+        if *self.handed.address.get_or_insert(address) == address {
+            self.handed.written = is_good.then_some(*world);
+        }
+    }
+
+    /// Drops the poses, as joints were homed.
+    #[cold]
+    pub fn forget_poses(&mut self) {
+        self.seeds.forget();
+        self.start.stop_searching();
+    }
+
+    /// Drops the poses where LinuxCNC had ceased to call forward, as it does while a joint is not homed.
+    #[inline(always)]
     pub(super) fn forget_before_homing(&mut self) {
         if self.start.resumes() {
-            self.seeds.forget();
+            self.forget_poses();
         }
     }
 
-    /// The pose to start from where none is known, if the joints alone determine it: by boxes, or on the
-    /// side of the reference pose. By that side, or the last pose's, also for a caller not yet known, who
-    /// hands over [TRAJ]HOME.
-    pub(super) fn searched(
+    /// Drops the poses of a drop-in that was refused before a pause, and now stands at LinuxCNC's `[TRAJ]HOME`.
+    ///
+    /// A homing after a refusal shows in nothing else where no monitor counts the cycles.
+    #[cold]
+    fn forget_before_pause(&mut self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) {
+        let Some(refused_at) = self.handed.refused_at else { return };
+        let pause = nanoseconds().wrapping_sub(refused_at);
+        if pause > HOMING_PAUSE && self.is_at(seed, joints, tool) {
+            self.forget_poses();
+        }
+    }
+
+    /// Keeps the time of a refused call of a drop-in.
+    pub(super) fn note_time_of_refusal(&mut self, is_refused: bool) {
+        if is_refused || self.handed.refused_at.is_some() {
+            let is_timed = is_refused && !self.is_monitored;
+            self.handed.refused_at = is_timed.then(nanoseconds);
+        }
+    }
+
+    /// Returns the pose that forward starts from. `given` is LinuxCNC's seed in degrees.
+    #[inline(always)]
+    pub(super) fn start_for(
         &mut self,
         (joints, address): (&Joints, usize),
+        given: &[f64; 6],
         tool: &Vector3<f64>,
-    ) -> Option<Result<Pose, Fault>> {
-        if is_zero(joints) || !self.start.needs_no_seed() {
-            return None;
+    ) -> Result<Pose, Fault> {
+        if self.handed.refused_at.is_some() {
+            self.forget_before_pause(joints, &Pose::from_degrees(*given), tool);
         }
-        let (machine, solver) = (&self.frozen.as_ref()?.machine, self.pins.solver());
-        let last = self.seeds.last();
-        if self.start.has_boxes() {
-            let search = || self.start.seed(machine, joints, tool, &solver);
-            return last.is_none().then(search);
-        }
-        if last.is_some() && self.seeds.is_known(address) {
-            return None;
-        }
-        machine.pose_beside(joints, &last.or(self.reference())?, &solver).map(Ok)
-    }
-
-    /// The pose to start from: LinuxCNC's seed where it is a pose of this machine and tool; `None` where
-    /// neither it nor an earlier one is. By reference: pieces of a copy would not line up.
-    pub(super) fn seed_for<'a>(&'a self, seed: &'a Pose, address: usize) -> Option<&'a Pose> {
-        let caller = self.seeds.callers.iter().flatten().find(|c| c.address == address);
-        let stale = caller.map_or(self.seeds.switched_back, |c| c.seed_is_stale);
-        let known = caller.map(|c| &c.pose).or(self.seeds.last.as_ref());
-        // Then a caller not yet known hands over [TRAJ]HOME, not a pose that it was given.
-        let is_new = caller.is_none() && self.start.has_boxes();
-        // After a switch a seed may hold joint values.
-        let is_none = stale || !seed.is_finite();
-        match known {
-            Some(pose) if is_new || is_none => Some(pose),
-            None if is_none => None,
-            _ => Some(seed),
+        match self.seeds.start(address) {
+            Some(pose) => Ok(*pose),
+            None => self.first_start(joints, given, tool),
         }
     }
 
-    /// The pose to start from where none is known: the reference pose, else what LinuxCNC says.
+    /// Returns the pose to start from where none is known.
     #[cold]
-    pub(super) fn reference_or(&self, seed: Pose) -> Result<Pose, Fault> {
-        let seed = Some(seed).filter(Pose::is_finite);
-        self.reference().or(seed).ok_or(Cause::SeedMissing.into())
+    #[inline(never)]
+    fn first_start(
+        &mut self,
+        joints: &Joints,
+        given: &[f64; 6],
+        tool: &Vector3<f64>,
+    ) -> Result<Pose, Fault> {
+        let given = Some(Pose::from_degrees(*given)).filter(Pose::is_finite);
+        let is_set = !is_zero(joints);
+        if is_set && self.start.has_boxes() {
+            let Some(frozen) = &self.frozen else { return Err(Cause::NoGeometry.into()) };
+            let found = self.start.seed(&frozen.machine, joints, tool, &self.pins.solver())?;
+            self.crossing.end_doubt();
+            return Ok(found);
+        }
+        let reference = self.reference();
+        let start = reference.or(given).ok_or(Cause::SeedMissing)?;
+        if self.is_at(&start, joints, tool) {
+            self.crossing.end_doubt();
+        }
+        let machine = &self.frozen()?.machine;
+        // A drop-in has no reference pose: HOME of its joints is what LinuxCNC's seed belongs to.
+        let beside = reference.filter(|_| is_set);
+        let found = beside.and_then(|side| machine.pose_beside(joints, &side, &self.pins.solver()));
+        Ok(found.unwrap_or(start))
     }
 
-    /// Forward while no pose has fixed the folds of nut corrections, as in a drop-in, which has no
+    /// Returns whether the joints stand at a pose.
+    fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
+        let Some(frozen) = &self.frozen else { return false };
+        let machine = &frozen.machine;
+        let expected = machine.inverse(pose, tool);
+        expected.is_ok_and(|own| machine.travel(&own, joints) <= AT_REFERENCE * machine.size())
+    }
+
+    /// Runs forward while no pose has fixed the folds of nut corrections, as in a drop-in, which has no
     /// reference pose.
     ///
     /// The first pose known takes its place. That is the seed, `[TRAJ]HOME`, which is the same after

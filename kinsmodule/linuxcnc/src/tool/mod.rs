@@ -47,7 +47,7 @@ impl JointLimits {
     pub const ABSENT: Self = Self { least: -1e99, most: 1e99, velocity: 1e99, acceleration: 1e99 };
 
     /// Whether velocity and acceleration have limits.
-    fn are_known(&self) -> bool {
+    pub fn are_known(&self) -> bool {
         let Self { velocity, acceleration, .. } = Self::ABSENT;
         self.velocity > 0.0
             && self.velocity < velocity

@@ -2,6 +2,7 @@
 //! One kinematics module, loaded as `rtapi_app` loads it.
 
 use crate::stub::{self, Message, Pin, World, function};
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::{CStr, CString, c_char, c_int, c_ulong, c_void};
 use std::path::{Path, PathBuf};
@@ -70,6 +71,12 @@ pub struct Module {
     entry: Entry,
     object: NonNull<c_void>,
     pins: HashMap<String, Pin>,
+    /// LinuxCNC's feedback pose of [`Module::forward`], at an address of its own.
+    feedback: Box<RefCell<Pose>>,
+    /// Whether the next seed of [`Module::forward`] is where forward starts.
+    follows_seeds: Cell<bool>,
+    /// Whether it holds the pose found last.
+    is_followed: Cell<bool>,
     world: World,
     // The parameters' text, which the module may look at until it is closed.
     _parameters: Vec<CString>,
@@ -119,7 +126,17 @@ impl Module {
         let entry = Entry::find(object).map_err(say)?;
         start(object, &world)?;
         let pins = world.pins().into_iter().map(|pin| (pin.name.clone(), pin)).collect();
-        Ok(Module { prefix, entry, object, pins, world, _parameters: parameters })
+        Ok(Module {
+            prefix,
+            entry,
+            object,
+            pins,
+            feedback: Box::new(RefCell::new([0.0; 9])),
+            follows_seeds: Cell::new(false),
+            is_followed: Cell::new(false),
+            world,
+            _parameters: parameters,
+        })
     }
 
     /// Its name, with which its pins begin.
@@ -152,6 +169,7 @@ impl Module {
     /// # Panics
     /// If there is none of this name.
     pub fn set(&self, name: &str, value: f64) {
+        self.follows_seeds.set(false);
         self.pin(name).unwrap_or_else(|| panic!("no pin {name}")).set(value);
     }
 
@@ -291,14 +309,77 @@ impl Module {
     }
 
     /// The pose of these joints, from a seed.
+    ///
+    /// The module starts from the pose that it knows, whatever seed it is given. Here it has none: the
+    /// reference pose is taken away after it has fixed the folds of nut corrections, and a seed that differs
+    /// from the pose before means that the joints were homed there.
     /// # Errors
     /// The module's code; as in LinuxCNC only a negative one is a failure.
     pub fn forward(&self, joints: &Joints, seed: &Pose) -> Result<Pose, i32> {
-        let mut pose = *seed;
-        match self.forward_into(joints, &mut pose) {
-            code if code < 0 => Err(code),
-            _ => Ok(pose),
+        if self.prefix == "pkmkins" && !self.follows_seeds.get() {
+            self.take_reference_away();
+            self.follows_seeds.set(true);
         }
+        let mut world = self.feedback.borrow_mut();
+        *world = *seed;
+        self.is_followed.set(true);
+        match self.forward_into(joints, &mut world) {
+            code if code < 0 => {
+                self.is_followed.set(false);
+                // LinuxCNC's next seed says nothing, and the next call starts from the last good pose.
+                self.follows_seeds.set(false);
+                Err(code)
+            }
+            _ => Ok(*world),
+        }
+    }
+
+    /// Returns the pose of these joints in the course of a motion, as LinuxCNC's servo thread asks for it: the
+    /// seed is the pose found last, and after a refusal `home`.
+    /// # Errors
+    /// As [`Module::forward`].
+    pub fn follow(&self, joints: &Joints, home: &Pose) -> Result<Pose, i32> {
+        self.follows_seeds.set(false);
+        let mut world = self.feedback.borrow_mut();
+        if !self.is_followed.get() {
+            *world = *home;
+        }
+        let code = self.forward_into(joints, &mut world);
+        self.is_followed.set(code >= 0);
+        if code < 0 { Err(code) } else { Ok(*world) }
+    }
+
+    /// Applies the geometry without its reference pose, with the folds of nut corrections of that pose.
+    fn take_reference_away(&self) {
+        let is_home =
+            |name: &str| name.rsplit_once('.').is_some_and(|(stem, _)| stem.ends_with("home"));
+        let homes: Vec<&Pin> = self.pins.values().filter(|pin| is_home(&pin.name)).collect();
+        let kept: Vec<f64> = homes.iter().map(|pin| pin.get()).collect();
+        // A drop-in has none.
+        if kept.iter().all(|value| value.is_nan()) {
+            return;
+        }
+        let (apply, on) = (self.get("apply"), self.get("machine-on"));
+        self.pin("machine-on").into_iter().for_each(|pin| pin.set(0.0));
+        let mut home = [0.0; 9];
+        for (letter, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(&mut home) {
+            *value = self.get(&format!("home.{letter}"));
+        }
+        let at_home = self.inverse(&home);
+        homes.iter().for_each(|pin| pin.set(f64::NAN));
+        for edge in [0.0, 1.0] {
+            self.set("apply", edge);
+            let _ = self.inverse(&home);
+        }
+        if let Ok(joints) = at_home {
+            let mut world = self.feedback.borrow_mut();
+            *world = home;
+            self.forward_into(&joints, &mut world);
+        }
+        self.set("apply", apply);
+        let _ = self.inverse(&home);
+        homes.iter().zip(kept).for_each(|(pin, value)| pin.set(value));
+        self.set("machine-on", on);
     }
 
     /// `kinematicsJacobian`. Every element is NaN before the call.

@@ -213,7 +213,7 @@ fn changed(module: &Module, world: &Pose, to: Vector) -> Vec<Joints> {
     let mut all = vec![];
     let cycle = |all: &mut Vec<Joints>| {
         if let Some(joints) = all.last() {
-            let found = module.forward(joints, world);
+            let found = module.follow(joints, world);
             found.expect("the joints of inverse");
         }
         let asked = module.inverse(world);
@@ -283,7 +283,7 @@ fn an_axis_that_turns_during_a_tool_change_switches_the_machine_off() {
     let cycle = |world: &Pose| {
         let joints = module.inverse(world);
         module.monitor();
-        joints.and_then(|joints| module.forward(&joints, world))
+        joints.and_then(|joints| module.follow(&joints, world))
     };
     for _ in 0..10 {
         cycle(&world).expect("at rest");

@@ -72,7 +72,7 @@ fn joints_of_zero_after_freezing_are_no_reason_for_alarm_either() {
 fn no_fault_floods_the_operator() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    module.forward(&joints, &SEED).expect("its own joints");
+    module.follow(&joints, &SEED).expect("its own joints");
     module.clear_messages();
     module.set("fault-reset", 1.0);
     for cycle in 0..900 {
@@ -118,7 +118,7 @@ fn a_machine_whose_joints_are_zero_at_home_is_found_there() {
         module.set(&format!("offset.{leg}"), home[leg]);
     }
     module.apply();
-    let found = module.forward(&[0.0; 16], &PAPER_004_HOME).expect("home, at joints of zero");
+    let found = module.follow(&[0.0; 16], &PAPER_004_HOME).expect("home, at joints of zero");
     assert_same_pose(&found, &PAPER_004_HOME);
 }
 
@@ -126,7 +126,7 @@ fn a_machine_whose_joints_are_zero_at_home_is_found_there() {
 fn joints_of_zero_after_a_pose_was_known_are_a_failure() {
     let module = paper_004().module();
     let joints = module.inverse(&PAPER_004_HOME).expect("home");
-    module.forward(&joints, &PAPER_004_HOME).expect("home");
+    module.follow(&joints, &PAPER_004_HOME).expect("home");
     let mut world = PAPER_004_HOME;
     assert_eq!(module.forward_into(&[0.0; 16], &mut world), Cause::JointNotPositive.code());
     assert!(world[..6].iter().all(|v| v.is_nan()), "{world:?}");
@@ -177,7 +177,7 @@ fn inverse_writes_six_joints_and_nothing_behind_them() {
 fn forward_leaves_u_v_w_alone_when_it_succeeds() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    let pose = module.forward(&joints, &SEED).expect("its own joints");
+    let pose = module.follow(&joints, &SEED).expect("its own joints");
     assert_eq!(pose[6..], SEED[6..]);
 }
 
@@ -227,7 +227,7 @@ fn joints_of_other_machines_do_not_matter() {
     let module = paper_004().module();
     let mut joints = module.inverse(&SEED).expect("a pose of the workspace");
     joints[6..].fill(f64::NAN);
-    let pose = module.forward(&joints, &SEED).expect("its own six joints");
+    let pose = module.follow(&joints, &SEED).expect("its own six joints");
     assert_same_pose(&pose, &SEED);
 }
 
@@ -265,7 +265,7 @@ fn huge_and_tiny_numbers_are_refused_or_solved_but_never_poison() {
             let mut seed = SEED;
             seed[component] = value;
             let good = module.inverse(&SEED).expect("a pose of the workspace");
-            if let Ok(found) = module.forward(&good, &seed) {
+            if let Ok(found) = module.follow(&good, &seed) {
                 assert!(found.iter().all(|v| v.is_finite()), "seed {seed:?}: {found:?}");
             }
         }
@@ -276,7 +276,7 @@ fn huge_and_tiny_numbers_are_refused_or_solved_but_never_poison() {
 fn forward_goes_on_from_the_last_good_pose_when_the_seed_is_nan() {
     let module = paper_004().module();
     let good = module.inverse(&SEED).expect("a pose of the workspace");
-    module.forward(&good, &SEED).expect("its own joints");
+    module.follow(&good, &SEED).expect("its own joints");
     let mut world = SEED;
     assert!(module.forward_into(&[f64::NAN; 16], &mut world) < 0);
     // LinuxCNC passes what it got: the next call's seed is the NaN of the failure.
@@ -325,7 +325,7 @@ fn a_nan_seed_with_no_earlier_pose_is_refused_or_answered_rightly() {
 fn infinite_seeds_are_no_seeds() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    module.forward(&joints, &SEED).expect("its own joints");
+    module.follow(&joints, &SEED).expect("its own joints");
     for component in 0..6 {
         let mut seed = SEED;
         seed[component] = f64::INFINITY;
@@ -352,7 +352,7 @@ fn limit_iterations_outside_its_range_is_refused() {
     }
     for limit in [1.0, 2.0, most] {
         module.set("limit-iterations", limit);
-        let result = module.forward(&joints, &SEED);
+        let result = module.follow(&joints, &SEED);
         assert!(result.is_ok() || result == Err(Cause::TooManyIterations.code()), "{result:?}");
     }
 }
@@ -363,11 +363,11 @@ fn solver_knobs_are_live_and_checked() {
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
     for criterion in [f64::NAN, f64::INFINITY, -1.0] {
         module.set("convergence-criterion", criterion);
-        let result = module.forward(&joints, &SEED);
+        let result = module.follow(&joints, &SEED);
         assert_eq!(result, Err(Cause::CriterionInvalid.code()), "{criterion}");
     }
     module.set("convergence-criterion", 1e-9);
-    assert!(module.forward(&joints, &SEED).is_ok());
+    assert!(module.follow(&joints, &SEED).is_ok());
 }
 
 #[test]
@@ -378,7 +378,7 @@ fn max_error_is_accepted_and_makes_no_large_machine_fail() {
     let joints = module.inverse(&pose).expect("a pose of the workspace");
     for value in [0.0, -1.0, f64::NAN, 1e-9, 500.0] {
         module.set("max-error", value);
-        assert_same_pose(&module.forward(&joints, &PAPER_004_HOME).expect("solves"), &pose);
+        assert_same_pose(&module.follow(&joints, &PAPER_004_HOME).expect("solves"), &pose);
     }
 }
 
@@ -389,8 +389,8 @@ fn kinematics_calls_use_neither_hal_nor_rtapi_and_print_nothing() {
     let before = module.hal_calls();
     for pose in [SEED, NO_POSE] {
         let _ = module.inverse(&pose);
-        let _ = module.forward(&joints, &pose);
-        let _ = module.forward(&[-1.0; 16], &pose);
+        let _ = module.follow(&joints, &pose);
+        let _ = module.follow(&[-1.0; 16], &pose);
         let _ = module.jacobian(&joints, &pose);
     }
     assert_eq!(module.hal_calls(), before);
@@ -400,7 +400,7 @@ fn kinematics_calls_use_neither_hal_nor_rtapi_and_print_nothing() {
 fn inverse_leaves_every_pin_but_the_fault_record_alone() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    module.forward(&joints, &SEED).expect("its own joints");
+    module.follow(&joints, &SEED).expect("its own joints");
     let before = pins_but_faults(&module);
     let mut other = SEED;
     other[0] = -50.0;
@@ -453,7 +453,7 @@ fn a_failure_repeated_every_cycle_does_not_flood_the_log() {
 fn forward_writes_the_pins_people_look_at() {
     let module = paper_004().module();
     let joints: Joints = module.inverse(&SEED).expect("a pose of the workspace");
-    let pose = module.forward(&joints, &SEED).expect("its own joints");
+    let pose = module.follow(&joints, &SEED).expect("its own joints");
     module.monitor_until_all_is_shown();
     for (axis, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(pose) {
         assert_eq!(module.get(axis), value);
@@ -468,7 +468,7 @@ fn forward_writes_the_pins_people_look_at() {
     assert!(module.forward_into(&[-1.0; 16], &mut world) < 0);
     module.monitor();
     assert!(module.is_on("fwd-kins-fail"));
-    module.forward(&joints, &NO_POSE).expect("from the last good pose");
+    module.follow(&joints, &NO_POSE).expect("from the last good pose");
     module.monitor();
     assert!(!module.is_on("fwd-kins-fail"));
 }
@@ -478,7 +478,7 @@ fn forward_writes_the_pins_people_look_at() {
 fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
-    module.forward(&joints, &SEED).expect("its own joints");
+    module.follow(&joints, &SEED).expect("its own joints");
     let mut bad = joints;
     bad[2] = 390.0;
     let mut world = SEED;

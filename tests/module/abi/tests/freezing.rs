@@ -53,7 +53,7 @@ fn the_first_inverse_call_freezes_a_drop_in_hal_file() {
 fn the_first_forward_call_freezes_a_drop_in_hal_file() {
     let reference = paper_004().module().inverse(&TILTED).expect("a pose of the workspace");
     let module = dropped_in(&paper_004());
-    let pose = module.forward(&reference, &PAPER_004_HOME).expect("joints of the workspace");
+    let pose = module.follow(&reference, &PAPER_004_HOME).expect("joints of the workspace");
     assert!((pose[0] - TILTED[0]).abs() < SAME_COMPONENT, "{pose:?}");
 }
 
@@ -72,9 +72,9 @@ fn the_first_pose_known_is_the_reference_of_a_drop_in_and_inverse_alone_never_de
         assert!((0..6).all(|n| (literal[n] - reference[n]).abs() > SAME_JOINT_MM));
         let mut elsewhere = home;
         elsewhere[0] += 1e6;
-        assert!(module.forward(&elsewhere, &seed).is_err());
+        assert!(module.follow(&elsewhere, &seed).is_err());
         assert_eq!(module.inverse(&TURNED), Ok(literal), "no pose is known yet");
-        module.forward(&home, &seed).expect("home");
+        module.follow(&home, &seed).expect("home");
         let folded = module.inverse(&TURNED).expect("a pose");
         assert!((0..6).all(|n| (folded[n] - reference[n]).abs() < SAME_JOINT_MM), "{folded:?}");
         module.forward(&reference, &TURNED).expect("its own joints");
@@ -402,7 +402,7 @@ fn a_bad_drop_in_geometry_is_told_once_and_not_in_every_cycle() {
     module.set("base.3.y", f64::NAN);
     for _ in 0..1000 {
         assert!(module.inverse(&TILTED).is_err());
-        assert!(module.forward(&[900.0; 16], &PAPER_004_HOME).is_err());
+        assert!(module.follow(&[900.0; 16], &PAPER_004_HOME).is_err());
     }
     assert_eq!(module.messages().len(), 1, "{:?}", module.messages());
 }
@@ -422,12 +422,12 @@ fn a_drop_in_geometry_may_be_mended_before_it_is_frozen() {
 fn without_the_monitor_changed_pins_are_shown_by_forward() {
     let module = dropped_in(&paper_004());
     let at = joints(&module);
-    module.forward(&at, &TILTED).expect("its own joints");
+    module.follow(&at, &TILTED).expect("its own joints");
     assert!(!module.is_on("geometry-changed"));
     let is_shown_in_time = |changed: bool| {
         let mut calls = 0..16;
         calls.any(|_| {
-            module.forward(&at, &TILTED).expect("its own joints");
+            module.follow(&at, &TILTED).expect("its own joints");
             module.is_on("geometry-changed") == changed
         })
     };

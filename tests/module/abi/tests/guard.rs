@@ -15,7 +15,7 @@ const PERIOD: f64 = 1e-3;
 /// Takes the machine to a pose the way LinuxCNC does in a cycle: feedback, then command.
 fn cycle(module: &Module, feedback: &Pose, command: &Pose) {
     let joints = module.inverse(feedback).expect("a pose of the workspace");
-    module.forward(&joints, feedback).expect("its own joints");
+    module.follow(&joints, feedback).expect("its own joints");
     module.inverse(command).expect("a pose of the workspace");
     module.monitor();
 }
@@ -509,7 +509,7 @@ fn calls_for_the_end_points_of_queued_moves_change_nothing() {
                 if queued {
                     module.inverse(&far).expect("reachable");
                 }
-                module.forward(&joints, &here).expect("its own joints");
+                module.follow(&joints, &here).expect("its own joints");
                 module.inverse(&here).expect("on the path");
                 if queued {
                     module.inverse(&far).expect("reachable");

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Coordinates that a machine does not move, and table axes that move others.
 
-use abi_tests::geometry::{cross, dot, norm, unit};
+use abi_tests::geometry::{cross, distance, dot, norm, unit};
 use abi_tests::module::{Module, Pose};
 use abi_tests::parallel::{Kind, LETTERS, Parallel};
 use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, pyramid, pyramid_pose, subjects};
-use abi_tests::tolerances::{INVERSE_REL, SAME_COMPONENT, SAME_JOINT_MM};
+use abi_tests::tolerances::{INVERSE_REL, ROUND_TRIP_REL, SAME_COMPONENT, SAME_JOINT_MM};
 use kinematics::Cause;
 
 const HELD: [Cause; 6] =
@@ -95,14 +95,14 @@ fn forward_writes_0_to_held_coordinates_whatever_the_seed_has_there() {
             for coordinate in held(&subject.machine) {
                 seed[coordinate] = value;
             }
-            let from = module.forward(&joints, &seed);
-            let from = from.unwrap_or_else(|e| panic!("{}: code {e} from {seed:?}", subject.name));
+            let code = module.forward_into(&joints, &mut seed);
+            assert_eq!(code, 0, "{}: from {value}", subject.name);
+            let from = seed;
             for coordinate in held(&subject.machine) {
                 assert_eq!(from[coordinate].to_bits(), 0, "{}: {from:?}", subject.name);
             }
-            if value.is_finite() {
-                assert_eq!(from, found, "{}: {value}", subject.name);
-            }
+            let apart = distance(&from, &found, subject.machine.radius());
+            assert!(apart <= ROUND_TRIP_REL * subject.machine.size(), "{}: {value}", subject.name);
         }
     }
 }
@@ -272,7 +272,7 @@ fn tool_offsets_act_on_a_table_machine_as_on_any() {
         module.set("machine-on", 1.0);
         let at = |pose: &Pose, module: &Module| {
             let joints = module.inverse(pose).expect("a pose of the workspace");
-            module.forward(&joints, pose).expect("its own joints");
+            module.follow(&joints, pose).expect("its own joints");
             let _ = module.inverse(pose);
             module.monitor();
             joints

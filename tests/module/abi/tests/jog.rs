@@ -87,7 +87,7 @@ impl<'a> Jog<'a> {
         let module = self.module;
         let feedback = self.pose;
         let joints = self.joints();
-        module.forward(&joints, &feedback).expect("its own joints");
+        module.follow(&joints, &feedback).expect("its own joints");
         module.inverse(&self.pose).expect("within reach");
         module.monitor();
     }
@@ -264,7 +264,7 @@ fn feedback_that_is_no_number_ends_a_jog_and_holds_a_program_until_it_is_aborted
     let mut bad = good;
     bad[3] = f64::NAN;
     let cycle = |joints: &Joints, x: f64| {
-        let refused = module.forward(joints, &HOME).is_err();
+        let refused = module.follow(joints, &HOME).is_err();
         module.inverse(&[x, 0.0, 250.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).expect("within reach");
         module.monitor();
         refused

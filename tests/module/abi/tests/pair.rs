@@ -17,7 +17,7 @@ fn mirrored() -> Two {
 fn both_homed(two: &Two, module: &Module) -> (Pose, Joints) {
     let pose = two.homes();
     let joints = module.inverse(&pose).expect("the reference poses");
-    assert_eq!(module.forward(&joints, &pose).map(|_| ()), Ok(()));
+    assert_eq!(module.follow(&joints, &pose).map(|_| ()), Ok(()));
     (pose, joints)
 }
 
@@ -103,7 +103,7 @@ fn nothing_is_given_in_part() {
     let why = module.get("fault");
     assert_eq!(module.inverse(&world), Err(Cause::PoseNotFinite.code()));
     assert_eq!(module.get("fault"), why);
-    let back = module.forward(&joints, &world).expect("the joints of the last good pose");
+    let back = module.follow(&joints, &world).expect("the joints of the last good pose");
     assert!(Two::gap(&two.second.machine, &two.second_of(&back), &two.second.home()) < 1e-9);
     assert!(!module.is_on("fwd-kins-fail"));
 }
@@ -117,7 +117,7 @@ fn what_is_no_number_is_refused_with_its_joint() {
         for i in 0..8 {
             let mut bad = joints;
             bad[i] = value;
-            assert_eq!(module.forward(&bad, &good), Err(Cause::JointNotFinite.code()), "{i}");
+            assert_eq!(module.follow(&bad, &good), Err(Cause::JointNotFinite.code()), "{i}");
             assert_eq!(module.get("fault-leg"), i as f64);
         }
         for k in [0, 1, 2, 4, 5, 6, 7, 8] {
@@ -126,7 +126,7 @@ fn what_is_no_number_is_refused_with_its_joint() {
             assert_eq!(module.inverse(&bad), Err(Cause::PoseNotFinite.code()), "{k}");
         }
     }
-    assert!(module.forward(&joints, &good).is_ok() && module.inverse(&good) == Ok(joints));
+    assert!(module.follow(&joints, &good).is_ok() && module.inverse(&good) == Ok(joints));
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_fault_of_the_second_names_its_leg_or_the_mechanism() {
     assert!(said(&module).contains("second mechanism: the pose"), "of the whole");
     let mut bad = joints;
     bad[6] = f64::NAN;
-    assert!(module.forward(&bad, &good).is_err());
+    assert!(module.follow(&bad, &good).is_err());
     let text = said(&module);
     assert!(text.contains("joint 6: ") && !text.contains("second"), "{text}");
 }
@@ -200,15 +200,15 @@ fn the_identity_kinematics_are_those_of_both() {
     let pose = [1.0, 2.0, 3.0, 0.0, 4.0, 8.0, 5.0, 6.0, 7.0];
     let found = module.inverse(&pose).expect("every letter has a joint");
     assert_eq!(found[..8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
-    assert_eq!(module.forward(&found, &pose), Ok(pose));
+    assert_eq!(module.follow(&found, &pose), Ok(pose));
     // Joints at which the second one does not close: neither goes back.
     let mut torn = joints;
     torn[4] -= 900.0;
-    module.forward(&torn, &pose).expect("letters of joints");
+    module.follow(&torn, &pose).expect("letters of joints");
     assert!(module.switch(0) < 0 && module.is_on("kinstype.is-1"));
-    module.forward(&joints, &pose).expect("letters of joints");
+    module.follow(&joints, &pose).expect("letters of joints");
     assert_eq!(module.switch(0), 0);
-    assert!(module.forward(&joints, &good).is_ok() && module.is_on("kinstype.is-0"));
+    assert!(module.follow(&joints, &good).is_ok() && module.is_on("kinstype.is-0"));
     // More legs than coordinates have no identity kinematics.
     let module = pairs().swap_remove(1).module();
     assert_eq!(module.switch(1), Cause::IdentityImpossible.code());
@@ -258,18 +258,18 @@ fn extra_axes_stand_behind_both_and_take_what_is_left() {
     let mut expected = plain.inverse(&two.homes()).expect("the reference poses");
     expected[8] = 33.0;
     assert_eq!(joints, expected);
-    assert_eq!(module.forward(&joints, &pose).map(|pose| pose[3]), Ok(33.0));
+    assert_eq!(module.follow(&joints, &pose).map(|pose| pose[3]), Ok(33.0));
     let mut bad = joints;
     bad[8] = f64::NAN;
-    assert_eq!(module.forward(&bad, &pose), Err(Cause::JointNotFinite.code()));
+    assert_eq!(module.follow(&bad, &pose), Err(Cause::JointNotFinite.code()));
     assert_eq!(module.get("fault-leg"), 8.0);
-    assert!(module.forward(&joints, &pose).is_ok());
+    assert!(module.follow(&joints, &pose).is_ok());
 }
 
 /// World mode at a pose, machine on.
 fn cycle(module: &Module, pose: &Pose) {
     let joints = module.inverse(pose).expect("a pose of the workspaces");
-    module.forward(&joints, pose).expect("its own joints");
+    module.follow(&joints, pose).expect("its own joints");
     module.inverse(pose).expect("the same");
     module.monitor();
 }

@@ -113,8 +113,8 @@ impl Peer {
         }
         let theirs = self.theirs.forward(joints, &world).expect("theirs solves");
         for (cycle, allowed) in [ROUND_TRIP_REL, INVERSE_REL].into_iter().enumerate() {
-            let code = self.ours.forward_into(joints, &mut world);
-            assert_eq!(code, 0, "{pose:?} of {:?}", self.machine);
+            let found = self.ours.forward(joints, &world);
+            world = found.unwrap_or_else(|e| panic!("code {e} at {pose:?} of {:?}", self.machine));
             let off = distance(&world, &self.beside(&theirs, &world), self.machine.radius()) / size;
             let machine = &self.machine;
             assert!(

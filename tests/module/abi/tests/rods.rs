@@ -282,7 +282,7 @@ fn assert_refused(
         assert!(named.iter().any(|name| said.contains(name)), "{what}: '{said}'");
     }
     assert_eq!(module.inverse(&home), Ok(joints), "{what}");
-    assert!(module.forward(&joints, &home).is_ok(), "{what}");
+    assert!(module.follow(&joints, &home).is_ok(), "{what}");
     assert_eq!(module.get("geometry-hash"), hash, "{what}");
 }
 

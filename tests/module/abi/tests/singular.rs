@@ -4,12 +4,13 @@
 
 use abi_tests::geometry::distance;
 use abi_tests::machines::{random_hexapod, random_pose};
-use abi_tests::module::Pose;
+use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::parallel::Parallel;
 use abi_tests::random::{Random, cases};
 use abi_tests::sequence::{Line, PASSED, Sequences};
 use abi_tests::subjects::{Subject, hexapods, subjects};
 use kinematics::Cause;
+use std::cell::RefCell;
 
 /// How far forward's pose may be from the commanded one where the joints are exactly its own, relative
 /// to the machine's size: next to a singular pose roundings of 1e-16 make their square root of a pose.
@@ -89,49 +90,123 @@ fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
     }
 }
 
-/// After the crossing: refused in joint mode as well, until the way back, or with the machine off.
-#[test]
-fn a_motion_beyond_a_singular_pose_stays_refused_until_it_has_come_back() {
-    let machine = Parallel::from(abi_tests::machines::lab_hexapod());
-    let (module, home) = (machine.module(), machine.home.expect("home"));
-    module.set("machine-on", 1.0);
-    let line = Line { start: home, step: pose_of_c(0.5) };
-    let crossing = line.crossing(&machine.module(), &machine, 400).expect("a quarter turn or so");
-    let mut joints = module.inverse(&home).expect("home");
-    let mut world = home;
-    let mut cycle = |at: &Pose| {
-        let code = module.forward_into(&joints, &mut world);
-        let asked = module.inverse_into(at, &mut joints);
-        module.monitor();
-        assert_eq!(asked, 0, "inverse answers on both sides");
-        code
-    };
-    for n in 0..crossing + 10 {
-        cycle(&line.at(n));
-    }
-    assert_eq!(cycle(&line.at(crossing + 10)), Cause::SingularPassed.code());
-    let message = module.messages().pop().expect("the operator is told").text;
-    assert!(message.contains(Cause::SingularPassed.text()), "{message}");
-    // The same way back: good as soon as the commanded pose is on forward's side again.
-    for n in (crossing - 10..crossing + 10).rev() {
-        cycle(&line.at(n));
-    }
-    assert_eq!(cycle(&line.at(crossing - 10)), 0);
-    for n in crossing - 10..crossing + 10 {
-        cycle(&line.at(n));
-    }
-    // Joint mode: two forwards a cycle and no inverse.
-    let joints = module.inverse(&line.at(crossing + 10)).expect("inverse answers on both sides");
-    let mut worlds = [[f64::NAN; 9]; 2];
-    for _ in 0..3 {
-        for world in &mut worlds {
-            assert_eq!(module.forward_into(&joints, world), Cause::SingularPassed.code());
+/// The laboratory hexapod beyond a singular pose, with code -41, and the way to bring it there again.
+struct Beyond {
+    module: Module,
+    home: Pose,
+    line: Line,
+    crossing: usize,
+    feedback: RefCell<Pose>,
+    joints: RefCell<Joints>,
+}
+
+impl Beyond {
+    fn singular() -> Self {
+        let machine = Parallel::from(abi_tests::machines::lab_hexapod());
+        let (module, home) = (machine.module(), machine.home.expect("home"));
+        module.set("machine-on", 1.0);
+        let line = Line { start: home, step: pose_of_c(0.5) };
+        let crossing =
+            line.crossing(&machine.module(), &machine, 400).expect("a quarter turn or so");
+        let joints = module.inverse(&home).expect("home");
+        let (feedback, joints) = (RefCell::new(home), RefCell::new(joints));
+        let beyond = Self { module, home, line, crossing, feedback, joints };
+        for n in 0..crossing + 10 {
+            beyond.cycle(&beyond.line.at(n));
         }
-        module.monitor();
+        assert_eq!(beyond.code(), Cause::SingularPassed.code());
+        beyond
     }
-    module.set("machine-on", 0.0);
-    module.monitor();
-    assert_eq!(module.forward_into(&joints, &mut worlds[0]), 0);
+
+    /// A cycle of world mode.
+    fn cycle(&self, at: &Pose) -> i32 {
+        let code = self.feedback();
+        assert_eq!(self.module.inverse_into(at, &mut self.joints.borrow_mut()), 0);
+        self.module.monitor();
+        code
+    }
+
+    /// A cycle in which nothing is commanded.
+    fn code(&self) -> i32 {
+        let code = self.feedback();
+        self.module.monitor();
+        code
+    }
+
+    fn feedback(&self) -> i32 {
+        let mut world = self.feedback.borrow_mut();
+        let code = self.module.forward_into(&self.joints.borrow(), &mut world);
+        // As LinuxCNC after a refusal.
+        if code < 0 {
+            *world = self.home;
+        }
+        code
+    }
+}
+
+#[test]
+fn beyond_a_singular_pose_the_operator_reads_how_to_go_on() {
+    let beyond = Beyond::singular();
+    let message = beyond.module.messages().pop().expect("the operator sees it").text;
+    assert!(message.contains(Cause::SingularPassed.text()), "{message}");
+    assert!(message.contains(Cause::SingularPassed.remedy()), "{message}");
+}
+
+#[test]
+fn the_way_back_ends_the_doubt() {
+    let beyond = Beyond::singular();
+    for n in (beyond.crossing - 10..beyond.crossing + 10).rev() {
+        beyond.cycle(&beyond.line.at(n));
+    }
+    assert_eq!(beyond.cycle(&beyond.line.at(beyond.crossing - 10)), 0);
+}
+
+#[test]
+fn joint_mode_the_switch_of_kinematics_and_the_machine_off_do_not_end_the_doubt() {
+    let beyond = Beyond::singular();
+    let passed = Cause::SingularPassed.code();
+    // Joint mode: two forwards a cycle and no inverse.
+    let mut command = beyond.home;
+    for _ in 0..3 {
+        assert_eq!(beyond.feedback(), passed);
+        assert_eq!(beyond.module.forward_into(&beyond.joints.borrow(), &mut command), passed);
+        command = beyond.home;
+        beyond.module.monitor();
+    }
+    assert_eq!(beyond.module.switch(1), 0);
+    assert_eq!(beyond.code(), 0, "letters of joints");
+    assert_eq!(beyond.module.switch(0), 0);
+    assert_eq!(beyond.code(), passed);
+    for on in [0.0, 1.0] {
+        beyond.module.set("machine-on", on);
+        assert_eq!(beyond.code(), passed, "{on}");
+    }
+}
+
+#[test]
+fn homing_at_the_reference_pose_ends_the_doubt_and_homing_elsewhere_does_not() {
+    for (at, expected) in [(0, 0), (30, Cause::SingularPassed.code())] {
+        let beyond = Beyond::singular();
+        *beyond.joints.borrow_mut() = beyond.module.inverse(&beyond.line.at(at)).expect("reached");
+        // Not homed: LinuxCNC does not call forward.
+        (0..100).for_each(|_| beyond.module.monitor());
+        *beyond.feedback.borrow_mut() = beyond.home;
+        assert_eq!([beyond.code(), beyond.code()], [expected; 2], "{at}");
+    }
+}
+
+#[test]
+fn fault_reset_ends_the_doubt_where_nothing_is_commanded() {
+    let beyond = Beyond::singular();
+    let passed = Cause::SingularPassed.code();
+    beyond.module.set("fault-reset", 1.0);
+    let at = beyond.line.at(beyond.crossing + 10);
+    assert_eq!([beyond.cycle(&at), beyond.cycle(&at), beyond.cycle(&at)], [passed; 3]);
+    beyond.module.set("fault-reset", 0.0);
+    (0..3).for_each(|_| assert_eq!(beyond.code(), passed));
+    beyond.module.set("fault-reset", 1.0);
+    beyond.code();
+    assert_eq!([beyond.code(), beyond.code()], [0; 2]);
 }
 
 /// A turn about Z, degrees a cycle.

@@ -46,7 +46,7 @@ fn types_that_do_not_exist_are_refused_and_change_nothing() {
     assert_eq!(said.len(), 1, "one message, however often it was asked for: {said:?}");
     assert_eq!(said[0].level, 1, "an error, so that the operator sees it");
     assert_eq!(module.switch(0), 0);
-    module.forward(&joints.expect("a pose of the workspace"), &POSE).expect("its own joints");
+    module.follow(&joints.expect("a pose of the workspace"), &POSE).expect("its own joints");
     assert_eq!(module.inverse(&POSE), joints);
 }
 
@@ -82,11 +82,11 @@ fn with_identityfirst_type_0_is_the_identity_and_type_1_the_machine() {
     assert_eq!(types(&module), [true, false, false]);
     let joints = module.inverse(&POSE).expect("identity knows no limit");
     assert_eq!(joints[..6], POSE[..6]);
-    module.forward(&expected, &POSE).expect("joints are letters");
+    module.follow(&expected, &POSE).expect("joints are letters");
     assert_eq!(module.switch(1), 0, "{:?}", module.messages());
     assert_eq!(types(&module), [false, true, false]);
     assert_eq!(module.inverse(&POSE), Err(Cause::PoseUnknown.code()), "not before forward");
-    let found = module.forward(&expected, &[0.0; 9]).expect("from the pose given as home");
+    let found = module.follow(&expected, &[0.0; 9]).expect("from the pose given as home");
     assert!(distance(&found, &POSE, machine.radius()) <= WRONG_REL * machine.size(), "{found:?}");
     assert_eq!(module.inverse(&POSE), Ok(expected));
     assert_eq!(module.switch(0), 0);
@@ -108,7 +108,7 @@ fn found_after(module: &Module) {
     let joints = paper_004().module().inverse(&POSE).expect("a pose of the workspace");
     let mut seed = POSE;
     seed[0] += 0.1;
-    let found = module.forward(&joints, &seed).expect("a good seed");
+    let found = module.follow(&joints, &seed).expect("a good seed");
     assert!((found[2] - POSE[2]).abs() < SAME_COMPONENT, "{found:?}");
 }
 
@@ -153,7 +153,7 @@ fn identity_gives_each_joint_the_letter_at_its_place_in_coordinates() {
             assert_eq!(joints[joint], POSE[at], "{coordinates} joint {joint}");
             pose[at] = joints[joint];
         }
-        assert_eq!(module.forward(&joints, &[0.0; 9]), Ok(pose), "{coordinates}");
+        assert_eq!(module.follow(&joints, &[0.0; 9]), Ok(pose), "{coordinates}");
     }
 }
 
@@ -210,9 +210,9 @@ fn switching_to_the_type_that_is_on_already_keeps_the_seed() {
     let machine = paper_004();
     let module = machine.module();
     let joints = module.inverse(&POSE).expect("a pose of the workspace");
-    module.forward(&joints, &POSE).expect("its own joints");
+    module.follow(&joints, &POSE).expect("its own joints");
     assert_eq!(module.switch(0), 0);
-    let pose = module.forward(&joints, &POSE).expect("its own joints");
+    let pose = module.follow(&joints, &POSE).expect("its own joints");
     assert!(distance(&pose, &POSE, machine.radius()) <= WRONG_REL * machine.size());
 }
 
@@ -235,7 +235,7 @@ fn identity_is_refused_where_legs_exceed_coordinates_and_changes_nothing() {
         assert!(said[0].text.contains(Cause::IdentityImpossible.text()), "{said:?}");
         assert_eq!(module.inverse(&home), Ok(joints));
         assert_eq!(module.switch(0), 0);
-        assert!(module.forward(&joints, &home).is_ok());
+        assert!(module.follow(&joints, &home).is_ok());
     }
 }
 
@@ -434,9 +434,9 @@ fn after_a_switch_back_inverse_refuses_until_forward_has_found_a_pose() {
         assert_eq!(module.inverse(&POSE), refused);
         let mut bad = joints;
         bad[2] = TOO_SHORT;
-        assert!(module.forward(&bad, &POSE).is_err());
+        assert!(module.follow(&bad, &POSE).is_err());
         assert_eq!(module.inverse(&POSE), refused);
-        assert!(module.forward(&joints, &POSE).is_ok());
+        assert!(module.follow(&joints, &POSE).is_ok());
         assert_eq!(module.inverse(&POSE), Ok(joints));
     }
 }

@@ -43,7 +43,7 @@ impl<'a> Thread<'a> {
     /// One cycle: forward of the feedback, inverse, monitor.
     fn cycle(&mut self) -> Result<(), i32> {
         if let Some(joints) = self.joints.last() {
-            self.module.forward(joints, &self.pose).expect("the joints of inverse");
+            self.module.follow(joints, &self.pose).expect("the joints of inverse");
         }
         let asked = self.module.inverse(&self.pose);
         self.module.monitor_in_cycle_of(self.period);
@@ -132,7 +132,7 @@ fn change(
     let expected = joints_with(machine, tools[1], &pose).ok()?;
     let machine = Parallel { tool: tools[0], ..machine.clone() };
     let module = machine.module();
-    module.forward(&module.inverse(&pose).ok()?, &pose).ok()?;
+    module.follow(&module.inverse(&pose).ok()?, &pose).ok()?;
     // Speeds of a tenth to a whole machine a second, reached in 0.05 to 0.5 s; cranks count
     // degrees, of which a machine's size of travel is about sixty.
     let size = if machine.size() > 0.0 { machine.size() } else { 1.0 };
@@ -212,7 +212,7 @@ fn pose_and_tool_offset_on_the_pins_are_of_the_same_cycle() {
     module.set("machine-on", 1.0);
     let mut before = [0.0; 3];
     for tool in [LONG, [0.0; 3], LONG] {
-        module.forward(&measured, &level).expect("the joints of inverse");
+        module.follow(&measured, &level).expect("the joints of inverse");
         module.inverse(&level).expect("a pose of the workspace");
         request(&module, tool);
         module.monitor_in_cycle_of(1_000_000);
@@ -422,7 +422,7 @@ fn with_the_machine_off_a_change_under_way_is_made_at_once() {
     module.set("machine-on", 0.0);
     module.monitor();
     assert!(!module.is_on("tool-busy") && !module.is_on("feed-inhibit"));
-    let pose = module.forward(&joints, &TILTED).expect("the joints stay");
+    let pose = module.follow(&joints, &TILTED).expect("the joints stay");
     assert_eq!(in_effect(&module), LONG);
     module.set("machine-on", 1.0);
     let mut thread = Thread::at(&module, pose);
@@ -445,7 +445,7 @@ fn end_points_of_queued_moves_are_not_taken_for_the_commanded_pose() {
             end[0] += 0.1;
             let queued = |now: bool| now.then(|| module.inverse(&end).expect("within reach"));
             queued(!after);
-            module.forward(&joints, &TILTED).expect("the joints of inverse");
+            module.follow(&joints, &TILTED).expect("the joints of inverse");
             joints = module.inverse(&TILTED).expect("within reach");
             queued(after);
             module.monitor();
@@ -491,7 +491,7 @@ fn whatever_is_asked_for_forward_follows_the_joints() {
         let from = thread.joints.len();
         // The monitor has gone a step since: inverse of the same cycle tells the pose to find.
         let now = module.inverse(&TILTED).expect("within reach");
-        let pose = module.forward(&now, &TILTED).expect("the joints of inverse");
+        let pose = module.follow(&now, &TILTED).expect("the joints of inverse");
         let off = pose.iter().zip(TILTED).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < SAME_COMPONENT, "cycle {from}: {pose:?} from {joints:?}");
     }

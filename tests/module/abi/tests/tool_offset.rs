@@ -13,13 +13,12 @@ const TOOLS: [&str; 3] = ["tool-offset", "tool-offset-x", "tool-offset-y"];
 
 fn on(module: &Module) {
     module.set("machine-on", 1.0);
-    module.monitor();
 }
 
 /// Takes the machine to a pose the way LinuxCNC does.
 fn at(module: &Module, pose: &Pose) {
     let joints = module.inverse(pose).expect("a pose of the workspace");
-    module.forward(&joints, pose).expect("its own joints");
+    module.follow(&joints, pose).expect("its own joints");
     let _ = module.inverse(pose);
     module.monitor();
 }
@@ -82,7 +81,7 @@ fn in_a_drop_in_hal_file_a_change_at_a_tilt_is_refused_too() {
         let module = Module::pkmkins(&[]);
         paper_004().wire(&module);
         let joints = module.inverse(&TILTED).expect("a pose of the workspace");
-        module.forward(&joints, &TILTED).expect("its own joints");
+        module.follow(&joints, &TILTED).expect("its own joints");
         module.set(pin, 80.0);
         assert_eq!(module.inverse(&TILTED), Err(Cause::ToolChangedTilted.code()), "{pin}");
         module.set(pin, 0.0);
@@ -123,7 +122,7 @@ fn the_offset_is_a_vector_in_the_platform() {
 fn forward_uses_the_offset_that_inverse_uses() {
     let module = Hexapod { tool_offset: 80.0, spindle_offset: -30.0, ..paper_004() }.module();
     let joints = module.inverse(&TILTED).expect("tilted");
-    let pose = module.forward(&joints, &PAPER_004_HOME).expect("its own joints");
+    let pose = module.follow(&joints, &PAPER_004_HOME).expect("its own joints");
     for (one, other) in pose.iter().zip(TILTED) {
         assert!((one - other).abs() < SAME_COMPONENT, "{pose:?}");
     }
@@ -160,7 +159,7 @@ fn a_tool_offset_beyond_any_machine_is_refused_by_inverse() {
             let joints = module.inverse(&LEVEL).expect("level");
             module.set(pin, value);
             assert_eq!(module.inverse(&LEVEL), Err(Cause::ToolTooLong.code()), "{pin}");
-            assert!(module.forward(&joints, &LEVEL).is_ok(), "{pin}");
+            assert!(module.follow(&joints, &LEVEL).is_ok(), "{pin}");
             module.set(pin, 0.0);
             assert_eq!(module.inverse(&LEVEL), Ok(joints), "{pin} set back");
         }

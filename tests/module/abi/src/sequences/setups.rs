@@ -42,6 +42,11 @@ impl Setup {
     pub fn module(&self) -> Module {
         let module = self.control.loaded();
         self.control.wire(&module);
+        // In a second as far as the machine is large, from standstill in a tenth of it.
+        for n in (0..).take_while(|n| module.has(&format!("max-velocity.{n}"))) {
+            module.set(&format!("max-velocity.{n}"), self.system.size());
+            module.set(&format!("max-acceleration.{n}"), 10.0 * self.system.size());
+        }
         if self.drops_in {
             for axis in ["x", "y", "z", "a", "b", "c"] {
                 module.set(&format!("home.{axis}"), f64::NAN);
