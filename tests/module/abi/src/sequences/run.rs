@@ -21,6 +21,9 @@ const RAMP: f64 = 25.0;
 /// machine jams there.
 const JAMS: f64 = 2e-3;
 
+/// Refusals in a row that are judged each.
+const ALIKE: usize = 16;
+
 /// Noise of encoders as shares of the size.
 const NOISE: [f64; 6] = [0.0, 0.0, 1e-6, 1e-6, 1e-5, 1e-4];
 
@@ -59,6 +62,8 @@ struct Plan {
 pub struct Outcome {
     /// Cycles run.
     pub cycles: usize,
+    /// Cycles in which something was excused.
+    pub excused: usize,
     /// Events, verdicts and refusals.
     pub counts: BTreeMap<String, usize>,
     /// The first refusal without need, and the first of everything else that was wrong.
@@ -120,6 +125,11 @@ pub struct Run<'a> {
     jog: Joints,
     jog_for: usize,
     sagging: Option<Joints>,
+    /// Cycles in which something was excused, and the last of them.
+    excused: usize,
+    excused_in: usize,
+    /// Refusals without an answer between them.
+    in_a_row: usize,
     injection: Option<Injection>,
     /// Cycle of the last one.
     disturbed: usize,
@@ -146,7 +156,7 @@ impl<'a> Run<'a> {
             *counts.entry(what.into()).or_default() += count;
         }
         let failures = run.refusal.into_iter().chain(run.failure).collect();
-        Outcome { cycles: run.cycle, counts, failures }
+        Outcome { cycles: run.cycle, excused: run.excused, counts, failures }
     }
 
     fn new(setup: &'a Setup, seed: u64) -> Self {
@@ -196,6 +206,9 @@ impl<'a> Run<'a> {
             jog: [0.0; 16],
             jog_for: 0,
             sagging: None,
+            excused: 0,
+            excused_in: 0,
+            in_a_row: 0,
             injection: None,
             disturbed: 0,
             missed: 0,
@@ -408,7 +421,11 @@ impl<'a> Run<'a> {
         }
         match &verdict {
             Verdict::Right => {}
-            Verdict::Excused(why) => self.judge.count(why),
+            Verdict::Excused(why) => {
+                self.judge.count(why);
+                self.excused += usize::from(self.excused_in != self.cycle);
+                self.excused_in = self.cycle;
+            }
             Verdict::Wrong(what) => self.fail(format!("{caller:?}: {what}")),
         }
         if caller == Caller::Command {
@@ -455,9 +472,15 @@ impl<'a> Run<'a> {
                 _ => self.judge.accepted_elsewhere(given, world),
             };
         }
-        let mut reach = self.reach();
-        if caller == Caller::Command {
-            reach.gap += 0.0;
+        let reach = self.reach();
+        if code < 0 && !matches!(code, -41 | -42) {
+            // A refusal that stays is the same refusal: most of them are not judged again.
+            self.in_a_row += 1;
+            if self.in_a_row > ALIKE && !self.in_a_row.is_multiple_of(ALIKE) {
+                return Verdict::Excused("refused as in the cycles before");
+            }
+        } else {
+            self.in_a_row = 0;
         }
         if code < 0 {
             let commanded = self.commanded_for > self.lag + 4 && self.enabled;
