@@ -30,7 +30,7 @@ fn compile(source: &Path, output: &Path, headers: &str) {
     // Without the flags of the Rust side: a sanitizer among them would bring a second runtime.
     let mut command = Command::new(cc::Build::new().get_compiler().path());
     command
-        .args(["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden"])
+        .args(["-std=gnu11", "-O3", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden"])
         .args(["-shared", "-fPIC", "-DRTAPI", "-isystem", headers])
         .arg(source)
         .arg("-o")

@@ -36,7 +36,7 @@ struct machine {
 
 // What a look at a place finds.
 struct fold {
-    // Smallest singular value, curvature along its direction, distance of the singular pose.
+    // Smallest singular value, its slope where it falls fastest, distance of the singular pose.
     double sigma, curvature, distance;
     // Least of the margins of the legs: 1 is comfortable, 0 is where a leg ends.
     double margin;
@@ -408,28 +408,34 @@ static void look(const struct machine *m, const ld p[6], const double *q, struct
     const ld length = length_of(n, v);
     for (int c = 0; c < n; c++) v[c] /= length;
     out->sigma = (double)sqrtl(value);
-    // Second difference of the residuals along v; of it what the legs cannot follow to first order.
-    const ld h = 1e-4L * m->size;
-    ld there[6], back[6], f1[LEGS], f2[LEGS], unused[LEGS][MOST];
-    int same;
-    memcpy(there, p, sizeof there);
-    memcpy(back, p, sizeof back);
-    moved(m, there, v, h);
-    moved(m, back, v, -h);
-    rows_at(m, there, q, f1, unused, &same);
-    rows_at(m, back, q, f2, unused, &same);
-    // Along the left singular vector u = J v / sigma.
-    ld along = 0, size = 0;
+    // Gradient of the singular value, u' dJ v, with the left singular vector u = J v / sigma.
+    ld u[LEGS], size = 0, slope = 0;
     for (int i = 0; i < (int)m->legs; i++) {
-        ld u = 0;
-        for (int c = 0; c < n; c++) u += j[i][c] * v[c];
-        along += u * (f1[i] + f2[i] - 2 * f[i]) / (h * h);
-        size += u * u;
+        u[i] = 0;
+        for (int c = 0; c < n; c++) u[i] += j[i][c] * v[c];
+        size += u[i] * u[i];
     }
-    const ld k = fabsl(along) / sqrtl(size);
+    const ld h = 1e-5L * m->size;
+    for (int e = 0; e < n; e++) {
+        ld there[6], back[6], unit_e[MOST] = { 0 }, one[LEGS][MOST], other[LEGS][MOST], along = 0;
+        int same;
+        unit_e[e] = 1;
+        memcpy(there, p, sizeof there);
+        memcpy(back, p, sizeof back);
+        moved(m, there, unit_e, h);
+        moved(m, back, unit_e, -h);
+        rows_at(m, there, q, f, one, &same);
+        rows_at(m, back, q, f, other, &same);
+        for (int i = 0; i < (int)m->legs; i++)
+            for (int c = 0; c < n; c++) along += u[i] * (one[i][c] - other[i][c]) * v[c];
+        along /= 2 * h;
+        slope += along * along;
+    }
+    // At least as of a leg as long as the machine: elsewhere terms of higher order bend.
+    const ld k = fmaxl(sqrtl(slope / size), 0.2L / m->size);
     out->curvature = (double)k;
-    // Curvature counts at least as of a leg as long as the machine: elsewhere terms of higher order bend.
-    out->distance = (double)(sqrtl(value) / fmaxl(k, 0.2L / m->size));
+    // To first order; farther than this the slope says nothing.
+    out->distance = (double)fminl(sqrtl(value) / k, 0.3L * m->size);
 }
 
 // 0, or 1 where a leg does not reach.

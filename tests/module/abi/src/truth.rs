@@ -43,9 +43,9 @@ struct CMachine {
 pub struct Look {
     /// Smallest singular value of the rows of the legs, angles at the platform's radius.
     pub sigma: f64,
-    /// Curvature of the leg lengths along its direction.
+    /// Its slope where it falls fastest.
     pub curvature: f64,
-    /// Distance of the singular pose along that direction.
+    /// Distance of the singular pose, to first order.
     pub distance: f64,
     /// Least margin of a leg to where it ends (dead point, axis of a joint, ring): 1 is comfortable.
     pub margin: f64,

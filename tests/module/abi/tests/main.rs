@@ -10,6 +10,7 @@ mod exact_arrays;
 mod extra_axes;
 mod failure;
 mod freezing;
+mod garbage;
 mod genhexkins;
 mod golden;
 mod guard;

@@ -11,6 +11,11 @@ use std::collections::BTreeMap;
 /// Cycles of a sequence.
 const CYCLES: usize = 2_000;
 
+/// Share of the cycles in which a refusal or the other pose beside a singular one may be excused. Moves lead
+/// through singular poses on purpose and noise of 1e-4 of the size reaches poses within 4 % of it, where a
+/// machine then stands until it is moved on.
+const EXCUSED: f64 = 0.05;
+
 /// Failures that are printed whole.
 const SHOWN: usize = 4;
 
@@ -21,6 +26,7 @@ struct Total {
     failed: usize,
     failures: Vec<String>,
     counts: BTreeMap<String, usize>,
+    excused: usize,
 }
 
 impl Total {
@@ -30,6 +36,7 @@ impl Total {
         self.cycles += outcome.cycles;
         self.failed += usize::from(!outcome.failures.is_empty());
         self.failures.extend(outcome.failures);
+        self.excused += outcome.excused;
         for (what, count) in outcome.counts {
             *self.counts.entry(what).or_default() += count;
         }
@@ -59,6 +66,9 @@ impl Total {
             self.failed,
             self.sequences
         );
+        let share = self.excused as f64 / self.cycles as f64;
+        println!("{what}: {:.2} % excused", 100.0 * share);
+        assert!(share <= EXCUSED, "{what}: {} of {} cycles excused", self.excused, self.cycles);
     }
 }
 

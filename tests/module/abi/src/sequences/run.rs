@@ -15,12 +15,18 @@ const SETTLED_IN_A_CYCLE: f64 = 0.3 * 10.0 * 1e-6;
 /// Speeds as shares of the size a cycle: 0.5 m/s and 1 kHz on a machine of 1.25 m, and less.
 const SPEEDS: [f64; 4] = [4e-4, 4e-4, 1e-4, 1e-3];
 
+/// That of moves through singular poses.
+const THROUGH: f64 = 1.5e-3;
+
 /// Cycles in which a move gets to its speed.
 const RAMP: f64 = 25.0;
 
 /// Nearest that joints which are moved one by one come to a singular pose, as a share of the size: a rigid
 /// machine jams there.
 const JAMS: f64 = 2e-3;
+
+/// Refusals in a row that are judged each.
+const ALIKE: usize = 16;
 
 /// Noise of encoders as shares of the size.
 const NOISE: [f64; 6] = [0.0, 0.0, 1e-6, 1e-6, 1e-5, 1e-4];
@@ -60,6 +66,8 @@ struct Plan {
 pub struct Outcome {
     /// Cycles run.
     pub cycles: usize,
+    /// Cycles in which something was excused.
+    pub excused: usize,
     /// Events, verdicts and refusals.
     pub counts: BTreeMap<String, usize>,
     /// The first refusal without need, and the first of everything else that was wrong.
@@ -107,7 +115,13 @@ pub struct Run<'a> {
     noise: f64,
     lag: usize,
     speed: f64,
+    /// The speed of the last move.
+    fastest: f64,
+    /// The longest step of a cycle, of the last ones.
+    recent: f64,
     command: State,
+    /// Signs of the commanded pose's determinants, in world mode.
+    signs: Option<[i32; 2]>,
     queue: VecDeque<State>,
     actual: State,
     measured: Joints,
@@ -115,7 +129,14 @@ pub struct Run<'a> {
     jog: Joints,
     jog_for: usize,
     sagging: Option<Joints>,
+    /// Cycles in which something was excused, and the last of them.
+    excused: usize,
+    excused_in: usize,
+    /// Refusals without an answer between them.
+    in_a_row: usize,
     injection: Option<Injection>,
+    /// Cycle of the last one.
+    disturbed: usize,
     missed: usize,
     /// Cycles without a commanded pose.
     uncommanded_for: usize,
@@ -141,7 +162,7 @@ impl<'a> Run<'a> {
             *counts.entry(what.into()).or_default() += count;
         }
         let failures = run.refusal.into_iter().chain(run.failure).collect();
-        Outcome { cycles: run.cycle, counts, failures }
+        Outcome { cycles: run.cycle, excused: run.excused, counts, failures }
     }
 
     fn new(setup: &'a Setup, seed: u64) -> Self {
@@ -180,7 +201,10 @@ impl<'a> Run<'a> {
             noise,
             lag,
             speed,
+            fastest: speed,
+            recent: 0.0,
             command: at_home,
+            signs: None,
             queue: VecDeque::new(),
             actual: at_home,
             measured: at_home.joints,
@@ -188,7 +212,11 @@ impl<'a> Run<'a> {
             jog: [0.0; 16],
             jog_for: 0,
             sagging: None,
+            excused: 0,
+            excused_in: 0,
+            in_a_row: 0,
             injection: None,
+            disturbed: 0,
             missed: 0,
             uncommanded_for: 0,
             contradiction: [0.0; 16],
@@ -297,25 +325,31 @@ impl<'a> Run<'a> {
         let system = &self.setup.system;
         let size = system.size();
         let lagging = system.distance(&self.actual.poses, &self.command.poses);
-        // A second mechanism, and other letters, may be as fast.
-        let step = 4.0 * self.speed * size;
-        Reach { gap: lagging + step, noise: 3.0 * self.noise * size + 1e-13 * size }
+        Reach { gap: lagging + 2.0 * self.recent, noise: 3.0 * self.noise * size + 1e-13 * size }
     }
 
     /// Takes a commanded state, which the machine follows a little later.
     fn advance(&mut self, next: State, in_world: bool) {
         if in_world {
-            let signs = [self.setup.system.signs(&self.command), self.setup.system.signs(&next)];
-            if signs[0] != signs[1] {
+            let before =
+                self.signs.take().unwrap_or_else(|| self.setup.system.signs(&self.command));
+            let now = self.setup.system.signs(&next);
+            self.signs = Some(now);
+            if before != now {
                 self.judge.crossed = true;
                 self.event("singular pose passed", String::new());
             }
+        } else {
+            self.signs = None;
         }
+        let went = self.setup.system.distance(&self.command.poses, &next.poses);
+        self.recent = self.recent.max(went);
         self.command = next;
     }
 
     /// The machine follows.
     fn follow(&mut self) {
+        self.recent *= 0.8;
         if self.enabled {
             self.queue.push_back(self.command);
             while self.queue.len() > self.lag + 1 {
@@ -364,7 +398,11 @@ impl<'a> Run<'a> {
             self.moved_joints(&actual, &speeds)
         };
         match next {
-            Some(next) => self.actual = next,
+            Some(next) => {
+                let went = self.setup.system.distance(&self.actual.poses, &next.poses);
+                self.recent = self.recent.max(went);
+                self.actual = next;
+            }
             None => self.sagging = Some(speeds.map(|speed| -speed)),
         }
         self.command = self.actual;
@@ -389,7 +427,11 @@ impl<'a> Run<'a> {
         }
         match &verdict {
             Verdict::Right => {}
-            Verdict::Excused(why) => self.judge.count(why),
+            Verdict::Excused(why) => {
+                self.judge.count(why);
+                self.excused += usize::from(self.excused_in != self.cycle);
+                self.excused_in = self.cycle;
+            }
             Verdict::Wrong(what) => self.fail(format!("{caller:?}: {what}")),
         }
         if caller == Caller::Command {
@@ -436,9 +478,15 @@ impl<'a> Run<'a> {
                 _ => self.judge.accepted_elsewhere(given, world),
             };
         }
-        let mut reach = self.reach();
-        if caller == Caller::Command {
-            reach.gap += 0.0;
+        let reach = self.reach();
+        if code < 0 && !matches!(code, -41 | -42) {
+            // A refusal that stays is the same refusal: most of them are not judged again.
+            self.in_a_row += 1;
+            if self.in_a_row > ALIKE && !self.in_a_row.is_multiple_of(ALIKE) {
+                return Verdict::Excused("refused as in the cycles before");
+            }
+        } else {
+            self.in_a_row = 0;
         }
         if code < 0 {
             let commanded = self.commanded_for > self.lag + 4 && self.enabled;
@@ -531,7 +579,7 @@ impl<'a> Run<'a> {
             return;
         }
         self.identity = self.kind_known == 1;
-        (self.plan, self.commanded_for) = (Plan::default(), 0);
+        (self.plan, self.commanded_for, self.signs) = (Plan::default(), 0, None);
         let (joints, truth) = (self.command.joints, self.command);
         if self.homed {
             self.forward(Caller::Command, &joints, &truth);
@@ -589,6 +637,7 @@ impl<'a> Run<'a> {
                 (self.motion, self.wanted) = (Motion::Free, Motion::Free);
             }
             self.queue.clear();
+            self.signs = None;
             self.plan = Plan { start: self.poses[1], ..Plan::default() };
             self.note(format!("on, {:?}", self.motion));
         }
@@ -620,7 +669,7 @@ impl<'a> Run<'a> {
                 self.motion = motion;
             }
         }
-        self.commanded_for = 0;
+        (self.commanded_for, self.signs) = (0, None);
         self.plan = Plan { start: self.poses[1], ..Plan::default() };
         self.event("mode", format!("{motion:?}"));
     }
@@ -755,7 +804,7 @@ impl<'a> Run<'a> {
         }
         let (distance, _, _) = self.judge.watched(&{ self.command });
         let jump = self.setup.system.distance(&self.command.poses, &next.poses);
-        if jump > 0.5 * distance + 20.0 * self.speed * self.size() {
+        if jump > 0.5 * distance + 20.0 * self.fastest * self.size() {
             let command = self.command.poses;
             self.fail(format!(
                 "another pose: LinuxCNC's goes from {command:?} to {:?}",
@@ -778,26 +827,23 @@ impl<'a> Run<'a> {
             let at = self.plan.pose();
             self.poses[1] = at;
             if calls {
-                self.inverse_of_identity(&at, &command);
+                self.inverse_of_identity(&at);
             }
             return;
         };
         if calls {
-            self.inverse_of_identity(world, &next);
+            self.inverse_of_identity(world);
         }
         self.advance(next, false);
     }
 
-    fn inverse_of_identity(&mut self, world: &Pose, next: &State) {
+    fn inverse_of_identity(&mut self, world: &Pose) {
         let mut joints = [0.0; 16];
         let code = self.module.inverse_into(world, &mut joints);
-        let count = self.setup.system.joints();
-        let same = (0..count).all(|j| (joints[j] - next.joints[j]).abs() <= 1e-9 * self.size());
+        let places = self.setup.system.identity_places();
+        let same = places.iter().zip(joints).all(|(place, joint)| world[*place] == joint);
         if code != 0 || !same {
-            let wanted = next.joints;
-            self.fail(format!(
-                "identity: inverse of {world:?} gives {code} {joints:?}, not {wanted:?}"
-            ));
+            self.fail(format!("identity: inverse of {world:?} gives {code} {joints:?}"));
         }
     }
 
@@ -884,7 +930,11 @@ impl<'a> Run<'a> {
             self.move_on();
         }
         // Beyond a singular pose more happens.
-        let often = if self.judge.held || self.judge.crossed { 4.0 } else { 1.0 };
+        let often = match () {
+            () if self.judge.held || self.judge.crossed => 4.0,
+            () if self.plan.speed > 0.0 && self.fastest == THROUGH => 0.3,
+            () => 1.0,
+        };
         if self.homed && self.chance(0.003 * often) {
             self.stop();
             self.wanted = [Motion::Free, Motion::Teleop, Motion::Coord][pick(&mut self.random, 3)];
@@ -896,12 +946,12 @@ impl<'a> Run<'a> {
                 let sags = self.chance(0.6);
                 let speeds = self.random_speeds(0.3);
                 self.sagging = sags.then_some(speeds);
-            } else if self.injection.is_none() {
+            } else if self.is_undisturbed() {
                 self.enabling = true;
                 self.event("on", String::new());
             }
         }
-        if !self.enabled && !self.enabling && self.injection.is_none() && self.chance(0.01) {
+        if !self.enabled && !self.enabling && self.is_undisturbed() && self.chance(0.01) {
             self.enabling = true;
             self.event("on", String::new());
         }
@@ -922,9 +972,14 @@ impl<'a> Run<'a> {
         if self.chance(0.002) || (self.judge.held && self.chance(0.003)) {
             self.ask_reset();
         }
-        if self.chance(0.0005) || (self.judge.held && self.chance(0.002)) {
+        if self.chance(0.001) || (self.judge.held && self.chance(0.003)) {
             self.ask_homing();
         }
+    }
+
+    /// Whether the last feedback was the machine's: LinuxCNC goes on from it when it is switched on.
+    fn is_undisturbed(&self) -> bool {
+        self.injection.is_none() && self.cycle > self.disturbed + 3
     }
 
     fn ask_reset(&mut self) {
@@ -989,6 +1044,7 @@ impl<'a> Run<'a> {
         };
         self.event(&name, format!("{injection:?}"));
         self.injection = Some(injection);
+        self.disturbed = self.cycle;
     }
 
     /// Cycles in which the controller does not run, where no singular pose is passed in them.
@@ -996,7 +1052,8 @@ impl<'a> Run<'a> {
         let cycles = 1 + pick(&mut self.random, 50);
         let command = self.command;
         let (distance, _, _) = self.judge.watched(&command);
-        if distance > 10.0 * cycles as f64 * self.speed * self.size() && self.injection.is_none() {
+        if distance > 10.0 * cycles as f64 * self.fastest * self.size() && self.injection.is_none()
+        {
             self.missed = cycles;
             self.event("missed cycles", format!("{cycles}"));
         }
@@ -1056,22 +1113,29 @@ impl<'a> Run<'a> {
         if !(length > 0.0) {
             return;
         }
-        let slowly = if through.is_some() { 0.5 } else { 0.1 };
-        let most = self.speed * size / length * self.random.between(slowly, 1.0);
+        // Lines through singular poses are long, and a sequence is short.
+        let speed = if through.is_some() { THROUGH } else { self.speed };
+        let most = speed * size / length * self.random.between(0.2, 1.0);
+        self.fastest = speed;
         self.plan = Plan { start, way, at: 0.0, speed: 0.0, most, end: 1.0 };
         self.plan.speed = most / RAMP;
         let kind = if through.is_some() { "move through a singular pose" } else { "move" };
         self.event(kind, format!("{} by {}", brief(&start), brief(&way)));
     }
 
-    /// A target beyond a singular pose on a line from here, if a random line leads to one.
+    /// A target beyond a singular pose on a line from here: the nearest on some random lines.
     fn through_singular(&mut self, start: &Pose) -> Option<Pose> {
-        let system = self.setup.system.clone();
-        if self.identity || system.is_redundant() {
+        if self.identity || self.setup.system.is_redundant() {
             return None;
         }
-        let (places, size) = (system.moved_places(), system.size());
-        let before = system.signs(&system.state(start)?.0);
+        let found = (0..6).filter_map(|_| self.beyond_singular(start)).collect::<Vec<_>>();
+        found.into_iter().min_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, target)| target)
+    }
+
+    /// Where a random line from here passes a singular pose, as a share of the size, and a target beyond.
+    fn beyond_singular(&mut self, start: &Pose) -> Option<(f64, Pose)> {
+        let (places, size) = (self.setup.system.moved_places(), self.size());
+        let before = self.setup.system.signs(&self.setup.system.state(start)?.0);
         let one = if self.chance(0.5) {
             Some(places[pick(&mut self.random, places.len())])
         } else {
@@ -1084,15 +1148,16 @@ impl<'a> Run<'a> {
             way[k] = share * if (3..6).contains(&k) { 150.0 } else { size };
         }
         let at = |share: f64| -> Pose { std::array::from_fn(|k| start[k] + share * way[k]) };
-        for n in 1..60 {
-            let share = 0.01 * f64::from(n);
-            let (state, _) = system.state(&at(share))?;
-            if system.signs(&state) != before {
-                let beyond = share + self.random.between(0.0, 0.1);
-                return system.state(&at(beyond)).map(|_| at(beyond));
+        let system = &self.setup.system;
+        let share = (1..40).map(|n| 0.02 * f64::from(n)).find_map(|share| {
+            let state = system.state(&at(share)).map(|(state, _)| state);
+            match state {
+                None => Some(None),
+                Some(state) => (system.signs(&state) != before).then_some(Some(share)),
             }
-        }
-        None
+        })??;
+        let beyond = at(share + self.random.between(0.0, 0.1));
+        self.setup.system.state(&beyond).map(|_| (share, beyond))
     }
 }
 
