@@ -175,7 +175,7 @@ enum pkmkins_cause {
   PKMKINS_SEARCHING = -100,
   // the joint values belong to no pose in the boxes of the workspace.
   PKMKINS_OUTSIDE_BOXES = -101,
-  // two poses are legal for these joint values (their distance is shown): the joints alone cannot tell which.
+  // two poses are legal for these joint values (their distance is shown).
   PKMKINS_TWO_POSES = -102,
   // a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0).
   PKMKINS_BOX_INVALID = -103,
