@@ -292,7 +292,7 @@ int kinematicsJacobian(const double *_joint,
 
 // Tool axes in world coordinates as columns; z from the tip to the holder.
 //
-// Returns 0, or −1 and leaves `rot` alone.
+// Returns 0, or −1 and leaves `rot` alone, also where any joint is NaN or infinite.
 //
 // # Safety
 // `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
@@ -304,7 +304,7 @@ int kinematicsToolFrame(const double *joint,
 // Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
 // that it is on. A table moves it only.
 //
-// Returns 0, or −1 and leaves `rot` alone.
+// Returns 0, or −1 and leaves `rot` alone. Joints are not read where none of them turns the work.
 //
 // # Safety
 // `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
