@@ -177,7 +177,7 @@ enum pkmkins_cause {
   PKMKINS_SEARCHING = -100,
   // the joint values belong to no pose in the boxes of the workspace.
   PKMKINS_OUTSIDE_BOXES = -101,
-  // two poses are legal for these joint values (their distance is shown): the joints alone cannot tell which.
+  // two poses are legal for these joint values (their distance is shown).
   PKMKINS_TWO_POSES = -102,
   // a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0).
   PKMKINS_BOX_INVALID = -103,
@@ -294,7 +294,7 @@ int kinematicsJacobian(const double *_joint,
 
 // Tool axes in world coordinates as columns; z from the tip to the holder.
 //
-// Returns 0, or −1 and leaves `rot` alone.
+// Returns 0, or −1 and leaves `rot` alone, also where any joint is NaN or infinite.
 //
 // # Safety
 // `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
@@ -306,7 +306,7 @@ int kinematicsToolFrame(const double *joint,
 // Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
 // that it is on. A table moves it only.
 //
-// Returns 0, or −1 and leaves `rot` alone.
+// Returns 0, or −1 and leaves `rot` alone. Joints are not read where none of them turns the work.
 //
 // # Safety
 // `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are

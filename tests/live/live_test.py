@@ -177,6 +177,19 @@ for folder, arguments in {
     add_test(f"power_cycle_keeps_the_pose_{slug(folder.name)}", partial(power_cycle, folder, *arguments))
 
 
+@test
+def operator_jogs_into_the_workspace_from_outside_all_boxes(out):
+    # Strut 0 is 200 mm longer than at HOME: the platform would be tilted beyond the box.
+    home = float(ini_edit.value((HEXAPOD / "hexapod.ini").read_text(), "JOINT_0", "HOME"))
+    edits = [{"section": "JOINT_0", "key": "SIM_START", "lines": [f"SIM_START = {home + 200}"]}]
+    result = scenario(HEXAPOD, "start_outside", out, edits=edits, joint=0, distance=-200, speed=200, code=-101,
+                      after="G1 F3000 X10")
+    reason = result["reason"]
+    steps = [reason.find(step) for step in ("joint mode while the machine is off", "switch it on", "jog", "world mode")]
+    assert -1 < steps[0] and steps == sorted(steps), f"the message does not give these steps in this order: {reason}"
+    return reason
+
+
 # -------------------------------------------------------------------- ways out
 
 @test

@@ -632,6 +632,37 @@ def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
     return {"moved": moved, "pose": machine.pose()}
 
 
+def start_outside(machine: Machine, out, joint, distance, speed, code, after):
+    """Homed where no box has a pose of the joints, the machine goes off, and in world mode it cannot stay on. In
+    joint mode, chosen while it is off, it stays on; once the joint is jogged into the workspace world mode works."""
+    machine.turn_on()
+    watch = JointWatch(machine)
+    machine.set_mode(linuxcnc.MODE_MANUAL)
+    machine.command.home(-1)
+    machine.wait(machine.is_homed, 60, "homing")
+    machine.wait(lambda: not machine.is_on(), 5, "machine off in world mode")
+    reason = reason_of(machine, code)
+    assert machine.is_world(), "LinuxCNC is not in world mode after homing"
+    machine.command.state(linuxcnc.STATE_ON)
+    machine.pause(1)
+    assert not machine.is_on(), "the machine stays on in world mode"
+    machine.joint_mode()
+    machine.turn_on()
+    machine.pause(1)
+    assert machine.is_on(), "the machine goes off in joint mode"
+    moved = watch.stop()
+    assert moved < AT_REST, f"a joint moved by {moved}"
+    assert machine.get("pkmkins.fault") == code and machine.get("pkmkins.fwd-kins-fail")
+    machine.jog_joint(joint, distance, speed)
+    machine.wait(lambda: not machine.get("pkmkins.fwd-kins-fail"), 2, "forward kinematics in the workspace")
+    machine.pause(0.2)  # near its end LinuxCNC still takes the jog for going on
+    machine.world_mode()
+    machine.pause(0.5)
+    assert machine.is_on() and machine.is_world(), "the machine is off, or not in world mode"
+    goes_on(machine, after)
+    return {"reason": reason, "pose": machine.pose()}
+
+
 def refused_geometry(machine: Machine, out):
     """New geometry on the pins while the machine is on: shown, refused, no joint moves."""
     machine.start()

@@ -367,9 +367,9 @@ causes! {
     Searching = -100, "the pose of the joint values is being searched for",
         "wait a few cycles";
     OutsideBoxes = -101, "the joint values belong to no pose in the boxes of the workspace",
-        "move the joints into the workspace in joint mode";
-    TwoPoses = -102, "two poses are legal for these joint values (their distance is shown): the joints alone cannot tell which",
-        "move the joints in joint mode to a place where only one is";
+        "choose joint mode while the machine is off (AXIS: $), switch it on, jog into the workspace, choose world mode";
+    TwoPoses = -102, "two poses are legal for these joint values (their distance is shown)",
+        "choose joint mode while the machine is off (AXIS: $), switch it on, jog to where only one pose is legal";
     BoxInvalid = -103, "a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0)",
         "let pkm boxes write the [BOX_K] sections again";
     BoxOfOther = -104, "a box of the workspace was proved for another geometry (its number is shown unless it is 0)",

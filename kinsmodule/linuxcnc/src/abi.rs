@@ -155,19 +155,23 @@ fn code<T>(result: Result<T, Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |_| 0)
 }
 
-/// Joint values of a call; `None` for a null pointer.
+/// Returns the joint values of legs and table; `None` for a null pointer, or where any joint of the
+/// machine is NaN or infinite, those of extra axes and of a second mechanism included.
 ///
 /// # Safety
-/// `joint` must be null or point to at least `count` values.
-unsafe fn joints(joint: *const f64, count: usize) -> Option<Joints> {
+/// `joint` must be null or point to as many values as the machine has joints.
+unsafe fn joints(joint: *const f64, module: &Module) -> Option<Joints> {
     if joint.is_null() {
         return None;
     }
-    let mut values = [0.0; MAX_JOINTS];
-    for (i, value) in values.iter_mut().enumerate().take(count) {
-        // SAFETY: i < count; LinuxCNC's array holds EMCMOT_MAX_JOINTS values.
-        *value = unsafe { joint.add(i).read() };
+    // SAFETY: the caller vouches for the values.
+    let all = unsafe { core::slice::from_raw_parts(joint, module.load().joints()) };
+    if !all.iter().all(|value| value.is_finite()) {
+        return None;
     }
+    let mut values = [0.0; MAX_JOINTS];
+    let own = values.iter_mut().take(module.layout().joints());
+    own.zip(all).for_each(|(value, given)| *value = *given);
     Some(values)
 }
 
@@ -417,7 +421,7 @@ pub unsafe extern "C" fn kinematicsJacobian(
 
 /// Tool axes in world coordinates as columns; z from the tip to the holder.
 ///
-/// Returns 0, or −1 and leaves `rot` alone.
+/// Returns 0, or −1 and leaves `rot` alone, also where any joint is NaN or infinite.
 ///
 /// # Safety
 /// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
@@ -434,7 +438,7 @@ pub unsafe extern "C" fn kinematicsToolFrame(
         return -1;
     };
     // SAFETY: as above.
-    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+    let Some(joints) = (unsafe { joints(joint, module) }) else {
         return -1;
     };
     let frame = match module.kind() {
@@ -460,7 +464,7 @@ fn columns(frame: &Matrix3<f64>) -> RotationColumns {
 /// Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
 /// that it is on. A table moves it only.
 ///
-/// Returns 0, or −1 and leaves `rot` alone.
+/// Returns 0, or −1 and leaves `rot` alone. Joints are not read where none of them turns the work.
 ///
 /// # Safety
 /// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
@@ -482,7 +486,7 @@ pub unsafe extern "C" fn kinematicsWorkFrame(
         return 0;
     };
     // SAFETY: as above.
-    let Some(joints) = (unsafe { joints(joint, module.layout().joints()) }) else {
+    let Some(joints) = (unsafe { joints(joint, module) }) else {
         return -1;
     };
     // SAFETY: the array holds as many values as the machine has joints.

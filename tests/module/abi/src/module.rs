@@ -416,13 +416,18 @@ impl Module {
         self.frame(self.entry.work_frame.expect("kinematicsWorkFrame is exported"), joints)
     }
 
+    /// Calls a frame function on a matrix of NaN, which a refusal leaves alone.
     fn frame(&self, call: FrameFn, joints: &Joints) -> Result<Columns, i32> {
         self.world.enter();
         let mut columns = [[f64::NAN; 3]; 3];
         // SAFETY: as in `inverse_into`.
         match unsafe { call(joints.as_ptr(), &mut columns, &0) } {
             0 => Ok(columns),
-            code => Err(code),
+            code => {
+                let is_untouched = columns.iter().flatten().all(|value| value.is_nan());
+                assert!(is_untouched, "a refused frame was written: {columns:?}");
+                Err(code)
+            }
         }
     }
 

@@ -2,9 +2,10 @@
 //! Bad input: always a code, nothing moved, nothing lost, nothing said in the
 //! servo thread's kinematics calls.
 
+use abi_tests::control::controls;
 use abi_tests::geometry::distance;
 use abi_tests::machines::{PAPER_004_HOME, paper_004};
-use abi_tests::module::{Joints, Module, Pose};
+use abi_tests::module::{Columns, Joints, Module, Pose};
 use abi_tests::tolerances::WRONG_REL;
 use kinematics::{Cause, MAX_ITERATIONS};
 
@@ -501,5 +502,36 @@ fn the_tool_of_identity_kinematics_stands_upright_whatever_the_joints_are() {
     let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for joints in [[0.0; 16], [30.0; 16], [-500.0; 16]] {
         assert_eq!(module.tool_frame(&joints), Ok(upright));
+    }
+}
+
+/// Whether the columns are orthonormal, to the rounding of a product of a few rotations.
+fn are_orthonormal(columns: &Columns) -> bool {
+    let dot = |a: usize, b: usize| (0..3).map(|k| columns[a][k] * columns[b][k]).sum::<f64>();
+    let pairs = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
+    pairs.into_iter().all(|(a, b)| (dot(a, b) - f64::from(u8::from(a == b))).abs() < 1e-12)
+}
+
+#[test]
+fn a_joint_that_is_no_number_never_gives_a_frame_of_nan() {
+    for control in controls() {
+        let (module, home, name) = (control.module(), control.home(), control.name());
+        let joints = module.inverse(&home).expect("the reference pose");
+        module.forward(&joints, &home).expect("its own joints");
+        let frames = |joints: &Joints| [module.tool_frame(joints), module.work_frame(joints)];
+        for frame in frames(&joints) {
+            assert!(frame.is_ok_and(|columns| are_orthonormal(&columns)), "{name}: {frame:?}");
+        }
+        for (joint, value) in
+            (0..control.joints()).flat_map(|joint| NOT_FINITE.map(|value| (joint, value)))
+        {
+            let mut bad = joints;
+            bad[joint] = value;
+            let [tool, work] = frames(&bad);
+            assert_eq!(tool, Err(-1), "{name}: joint {joint} is {value}");
+            // No joint turns the work of a machine alone: there it is the base.
+            let is_refused = work == Err(-1) || work.is_ok_and(|columns| are_orthonormal(&columns));
+            assert!(is_refused, "{name}: joint {joint} is {value}: {work:?}");
+        }
     }
 }

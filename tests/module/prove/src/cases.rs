@@ -2,6 +2,7 @@
 //! The calls that are counted: what a servo step asks for, and what was searched for to be
 //! hard. The search runs at full speed and counts solves; valgrind then counts instructions.
 
+use crate::monitored::{PASSING, pass_singular, passing_pose};
 use abi_tests::control::{Control, in_a_chain, on_one_guide};
 use abi_tests::machines::{one_servo_step_from, paper_004};
 use abi_tests::module::{Joints, Module, Pose};
@@ -29,6 +30,33 @@ pub enum Call {
     Freezing,
     /// `kinematicsForward` that searches a box with all steps it may make, to no end.
     Searching,
+    /// `kinematicsForward` in the cycles around a commanded motion through a singular pose, code -41
+    /// among them, and back.
+    Passing,
+    /// `pkmkins.monitor` in a guarded jog in world mode while corrections of all joints change.
+    Jog,
+}
+
+/// Every state that is counted, with its name in the tables: a new one is a line here, its cases in
+/// [`Search::cases`], and what goes before its call in [`crate::monitored`].
+const CALLS: [(Call, &str); 10] = [
+    (Call::Inverse, "inverse"),
+    (Call::Forward, "forward"),
+    (Call::Jacobian, "Jacobian"),
+    (Call::Monitor, "monitor"),
+    (Call::ToolChange, "monitor, tool change"),
+    (Call::Applying, "monitor that freezes"),
+    (Call::Freezing, "inverse that freezes"),
+    (Call::Searching, "forward that searches"),
+    (Call::Passing, "forward, code -41"),
+    (Call::Jog, "monitor, jog with corrections"),
+];
+
+impl Call {
+    /// Returns the name in the tables.
+    pub fn name(self) -> &'static str {
+        CALLS[self as usize].1
+    }
 }
 
 /// What a call is counted for.
@@ -56,7 +84,8 @@ pub struct Case {
     /// Joints of forward; how far the monitor's machine goes in a cycle, its new tool offset.
     pub joints: Joints,
     /// Most solves allowed to forward; per cent of hold that the monitor's machine has to
-    /// keep, or the number of the cycle since its tool offset was asked for.
+    /// keep, or the number of the cycle since its tool offset was asked for, or of one that passes a
+    /// singular pose.
     pub limit: u32,
     /// Solves that forward needs, allowed or not.
     pub solves: u32,
@@ -95,6 +124,13 @@ const WILD_CHANGES: usize = 20;
 /// than any has: these stop, and say why.
 const USUAL_HOLD: u32 = 5;
 const EVERY_HOLD: u32 = 300;
+
+/// Lines from home that are followed to pass a singular pose, their longest in steps, and the share of the
+/// machine's size, or degrees, of a step.
+const LINES: usize = 40;
+const LONGEST: u32 = 600;
+const STEP: f64 = 2e-3;
+const STEP_DEGREES: f64 = 0.5;
 
 /// Halvings between a pose that forward finds and one that it does not: the last two are
 /// next to each other, with a singular pose between.
@@ -180,6 +216,8 @@ impl<'a> Search<'a> {
             cases.extend(self.change(Aim::Typical, pose));
         }
         let mut random = Random::new(92);
+        cases.extend(self.jogs(&cases));
+        cases.extend(self.passing());
         for _ in 0..SEARCHES {
             let pose = self.control.sample(&mut random);
             let joints = self.module.inverse(&pose).expect("a pose of the workspace");
@@ -252,6 +290,49 @@ impl<'a> Search<'a> {
             *value = self.random.within(self.control.size() / 15.0);
         }
         (0..CHANGE).map(|limit| Case { limit, ..case.clone() }).collect()
+    }
+
+    /// The same motions as those of [`Call::Monitor`], as jogs.
+    fn jogs(&self, cases: &[Case]) -> Vec<Case> {
+        let motions = cases.iter().filter(|case| case.call == Call::Monitor);
+        motions.map(|case| Case { call: Call::Jog, ..case.clone() }).collect()
+    }
+
+    /// All cycles of a commanded motion through a singular pose and back, where one of some random lines from
+    /// home leads through one. The cycles in which forward is asked beyond it are the usual ones here.
+    fn passing(&self) -> Vec<Case> {
+        let mut random = Random::new(93);
+        let module = self.control.module();
+        for _ in 0..LINES {
+            let mut case = self.case(Call::Passing, Aim::Worst, self.control.home());
+            for i in (0..LETTERS).filter(|i| self.control.moves(*i)) {
+                let most = if is_length(i) { STEP * self.control.size() } else { STEP_DEGREES };
+                case.joints[i] = random.within(most);
+            }
+            let Some(crossing) = first_passed(self.control, &module, &case) else { continue };
+            // Anew from shortly before.
+            for (value, step) in case.pose.iter_mut().zip(&case.joints) {
+                *value += f64::from(crossing.saturating_sub(PASSING / 4)) * step;
+            }
+            let codes: Vec<i32> = (0..PASSING)
+                .map(|limit| {
+                    let case = Case { limit, ..case.clone() };
+                    let joints = pass_singular(&case, self.control, &module);
+                    module.forward_into(&joints, &mut passing_pose(&case, limit))
+                })
+                .collect();
+            if !codes.contains(&Cause::SingularPassed.code()) {
+                continue;
+            }
+            let aim = |k: usize| {
+                let is_beyond = codes[k] == Cause::SingularPassed.code();
+                if is_beyond { Aim::Typical } else { Aim::Worst }
+            };
+            return (0..PASSING)
+                .map(|limit| Case { limit, aim: aim(limit as usize), ..case.clone() })
+                .collect();
+        }
+        vec![]
     }
 
     /// Poses that nobody should ask for.
@@ -406,17 +487,6 @@ impl<'a> Search<'a> {
     }
 }
 
-const CALLS: [Call; 8] = [
-    Call::Inverse,
-    Call::Forward,
-    Call::Jacobian,
-    Call::Monitor,
-    Call::ToolChange,
-    Call::Applying,
-    Call::Freezing,
-    Call::Searching,
-];
-
 impl Case {
     /// For the program that is measured: what it needs, as one line.
     pub fn to_line(&self) -> String {
@@ -432,7 +502,7 @@ impl Case {
     pub fn from_line(line: &str) -> Option<Case> {
         let mut words = line.split_whitespace();
         let machine = words.next()?.parse().ok()?;
-        let call = *CALLS.get(words.next()?.parse::<usize>().ok()?)?;
+        let (call, _) = *CALLS.get(words.next()?.parse::<usize>().ok()?)?;
         let limit = words.next()?.parse().ok()?;
         let aim = if words.next()? == "monitored" { Aim::Typical } else { Aim::Worst };
         let bits = |word: &str| u64::from_str_radix(word, 16).ok().map(f64::from_bits);
@@ -441,4 +511,25 @@ impl Case {
         let (pose, joints) = (pose.try_into().ok()?, joints.try_into().ok()?);
         Some(Case { machine, call, aim, pose, joints, limit, solves: 0 })
     }
+}
+
+/// Follows a case's line from home; returns the first cycle in which forward is beyond a singular pose.
+fn first_passed(control: &Control, module: &Module, case: &Case) -> Option<u32> {
+    assert!(control.apply(module), "{:?}", module.messages());
+    let at =
+        |n: u32| -> Pose { std::array::from_fn(|k| case.pose[k] + f64::from(n) * case.joints[k]) };
+    let mut world = case.pose;
+    let mut joints = module.inverse(&world).ok()?;
+    for n in 0..LONGEST {
+        match module.forward_into(&joints, &mut world) {
+            0 => {}
+            code if code == Cause::SingularPassed.code() => return Some(n),
+            _ => return None,
+        }
+        if module.inverse_into(&at(n), &mut joints) != 0 {
+            return None;
+        }
+        module.monitor();
+    }
+    None
 }

@@ -41,6 +41,49 @@ pub fn move_on(case: &Case, control: &Control, module: &Module) {
     }
 }
 
+/// Sets what makes of a motion a jog in world mode, with a correction of every joint on its way: at 1e-6 of the
+/// size a second none arrives within the cycles that are counted.
+pub fn begin_jog(case: &Case, control: &Control, module: &Module) {
+    let size = control.size();
+    module.set("jogging", 1.0);
+    for letter in ["x", "y", "z", "a", "b", "c", "u", "v", "w"] {
+        let pin = format!("axis-max-velocity.{letter}");
+        if module.has(&pin) {
+            module.set(&pin, size);
+        }
+    }
+    for n in (0..).take_while(|n| module.has(&format!("joint-correction.{n}"))) {
+        module.set(&format!("correction-limit.{n}"), 1e-3 * size);
+        module.set(&format!("correction-rate.{n}"), 1e-6 * size);
+        // To and fro, from case to case.
+        module.set(&format!("joint-correction.{n}"), (1e-6 * size).copysign(case.joints[0]));
+    }
+}
+
+/// Cycles of a commanded motion through a singular pose: so many there, and as many back.
+pub const PASSING: u32 = 24;
+
+/// The pose that is commanded in a cycle of [`pass_singular`].
+pub fn passing_pose(case: &Case, cycle: u32) -> Pose {
+    let steps = f64::from(cycle.min(PASSING - cycle));
+    std::array::from_fn(|k| case.pose[k] + steps * case.joints[k])
+}
+
+/// What goes before forward in a cycle of a commanded motion through a singular pose, the first of which
+/// begins anew; returns the joints of the cycle.
+pub fn pass_singular(case: &Case, control: &Control, module: &Module) -> Joints {
+    let mut joints = [0.0; 16];
+    if case.limit == 0 {
+        assert!(control.apply(module), "{:?}", module.messages());
+        let _ = module.inverse_into(&case.pose, &mut joints);
+        return joints;
+    }
+    let before = passing_pose(case, case.limit - 1);
+    let _ = module.inverse_into(&before, &mut joints);
+    module.monitor();
+    joints
+}
+
 /// Ends a motion and what was told about it. The number of cycles is odd together with those of the
 /// motion, so that one case after the other counts each of the cycles in which the monitor shows all it has.
 fn stand_still(module: &Module) {

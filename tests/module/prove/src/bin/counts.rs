@@ -14,7 +14,7 @@ use abi_tests::module::Module;
 use kinematics::{Cause, MAX_ITERATIONS};
 use prove::callgrind::{begin, counted, run};
 use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
-use prove::monitored::{change_tool, make_busy, move_on};
+use prove::monitored::{begin_jog, change_tool, make_busy, move_on, pass_singular, passing_pose};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ struct Found {
     worst: u64,
     /// Of forward.
     solving: Option<Solving>,
-    /// Of the tool change: what its calls of forward cannot exceed.
+    /// Of a call that calls forward: what these calls cannot exceed.
     survey: Option<u64>,
     /// Calls of forward that take more than the bound for their number of solves.
     dearer: Vec<String>,
@@ -173,7 +173,7 @@ fn measure(list: &Path) -> Result<(), String> {
         modules.entry((case.machine, Purpose::of(case))).or_insert_with_key(|(_, purpose)| {
             match purpose {
                 Purpose::Alone => unmonitored(control),
-                Purpose::Monitor | Purpose::ToolChange | Purpose::Freezing => control.module(),
+                Purpose::Of(_) => control.module(),
                 Purpose::Search => searching(control),
             }
         });
@@ -190,21 +190,20 @@ fn measure(list: &Path) -> Result<(), String> {
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Purpose {
     Alone,
-    Monitor,
-    ToolChange,
-    Freezing,
     Search,
+    /// A call that leaves its own state behind.
+    Of(Call),
 }
 
 impl Purpose {
     fn of(case: &Case) -> Self {
         match case.call {
-            Call::ToolChange => Self::ToolChange,
-            Call::Monitor => Self::Monitor,
-            Call::Applying => Self::Freezing,
             Call::Searching => Self::Search,
-            _ if case.aim == Aim::Typical => Self::Monitor,
-            _ => Self::Alone,
+            Call::Inverse | Call::Forward | Call::Jacobian if case.aim == Aim::Typical => {
+                Self::Of(Call::Monitor)
+            }
+            Call::Inverse | Call::Forward | Call::Jacobian | Call::Freezing => Self::Alone,
+            call => Self::Of(call),
         }
     }
 }
@@ -235,6 +234,16 @@ fn make(case: &Case, control: &Control, module: &Module) {
         Call::Monitor => {
             move_on(case, control, module);
             counted(|| module.monitor());
+        }
+        Call::Jog => {
+            begin_jog(case, control, module);
+            move_on(case, control, module);
+            counted(|| module.monitor());
+        }
+        Call::Passing => {
+            let joints = pass_singular(case, control, module);
+            let mut world = passing_pose(case, case.limit);
+            counted(|| module.forward_into(&joints, &mut world));
         }
         Call::ToolChange => {
             change_tool(case, control, module);
@@ -298,17 +307,22 @@ fn bound_pairs(machines: &[Control], table: &mut Table) {
     }
 }
 
-/// The survey of a tool change calls forward: whatever of that is among the worst found, the most
-/// it could be comes on top.
+/// The survey of a tool change calls forward, and so does forward itself beyond a singular pose, once more
+/// with all its solves: whatever of that is among the worst found, the most it could be comes on top.
 fn bound_surveys(table: &mut Table) {
-    let most: Vec<(usize, u64)> = table
+    let most: Vec<(usize, [(Call, u64); 2])> = table
         .iter()
         .filter_map(|((machine, _), found)| Some((*machine, found.solving.as_ref()?)))
-        .map(|(machine, solving)| (machine, PLACES_PER_CYCLE * solving.of(SOLVES_PER_PLACE)))
+        .map(|(machine, solving)| {
+            let survey = PLACES_PER_CYCLE * solving.of(SOLVES_PER_PLACE);
+            (machine, [(Call::ToolChange, survey), (Call::Passing, 2 * solving.bound())])
+        })
         .collect();
-    for (machine, most) in most {
-        if let Some(found) = table.get_mut(&(machine, Call::ToolChange)) {
-            found.survey = Some(most);
+    for (machine, calls) in most {
+        for (call, most) in calls {
+            if let Some(found) = table.get_mut(&(machine, call)) {
+                found.survey = Some(most);
+            }
         }
     }
 }
@@ -356,19 +370,6 @@ fn solving(cases: &[&(Case, u64)]) -> Solving {
     Solving { most, each, rest: first + last }
 }
 
-fn name(call: Call) -> &'static str {
-    match call {
-        Call::Inverse => "inverse",
-        Call::Forward => "forward",
-        Call::Jacobian => "Jacobian",
-        Call::Monitor => "monitor",
-        Call::ToolChange => "monitor, tool change",
-        Call::Applying => "monitor that freezes",
-        Call::Freezing => "inverse that freezes",
-        Call::Searching => "forward that searches",
-    }
-}
-
 fn path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("counts.toml")
 }
@@ -379,7 +380,7 @@ fn write((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> 
         .iter()
         .map(|((machine, call), found)| Bound {
             machine: machines[*machine].name().into(),
-            call: name(*call).into(),
+            call: call.name().into(),
             typical: wide(found.typical),
             worst: wide(found.bound()),
         })
@@ -402,7 +403,7 @@ fn show(machines: &[Control], table: &Table) {
         println!(
             "| {} | {} | {typical} | {} | {solving} | {} |",
             machines[*machine].name(),
-            name(*call),
+            call.name(),
             found.worst,
             if found.bound() == found.worst { "–".into() } else { found.bound().to_string() },
         );
@@ -434,7 +435,7 @@ fn judge((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> 
 fn complaints(machines: &[&str], table: &Table, bounds: &[Bound]) -> Vec<String> {
     let mut complaints = Vec::new();
     for ((machine, call), found) in table {
-        let (machine, call) = (machines[*machine], name(*call));
+        let (machine, call) = (machines[*machine], call.name());
         complaints.extend(found.dearer.iter().map(|case| {
             format!("{call}, {machine}: a call of {case}: more than its solves explain")
         }));
