@@ -29,8 +29,8 @@ from typing import NamedTuple
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "live")]
-from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
-                          rerun_unprivileged)
+from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, has_ended, is_unprivileged,  # noqa: E402
+                          only_one, rerun_unprivileged)
 import drawn  # noqa: E402
 
 SCREEN = "1900x1000x24"
@@ -85,9 +85,10 @@ def started(ini, log, env):
                             cwd=ini.parent, start_new_session=True)
 
 
-def stop(process, display="bin/axis "):
-    """Ends the user interface, after which LinuxCNC ends by itself; then whatever is left of it."""
-    end = time.monotonic() + 2 * END_SECONDS
+def stop(process, display="bin/axis ", patience=END_SECONDS):
+    """Ends the user interface, by force after `patience`, after which LinuxCNC ends by itself; then whatever is left of
+    it."""
+    end = time.monotonic() + patience + END_SECONDS
     while time.monotonic() < end:
         # A signal that comes while AXIS answers to its window only ends that answer. Some end with an error, of
         # which LinuxCNC makes a window.
@@ -243,13 +244,14 @@ def survived(interface, out):
                                        cwd=ini.parent, start_new_session=True)
             try:
                 driver = [sys.executable, str(HERE / "drive.py"), str(out), "outlived", interface.window,
-                          str(process.pid)]
+                          str(process.pid), NO_PANEL if interface.loads_panel else ""]
                 done = subprocess.run(driver, env=env, capture_output=True, text=True, timeout=START_SECONDS + 120)
-                ended = "Shutting down and cleaning up" in (out / "linuxcnc.log").read_text(errors="replace")
+                ended = has_ended((out / "linuxcnc.log").read_text(errors="replace"))
             finally:
                 try:
                     process.stdin.close()
-                    stop(process, interface.process)
+                    # Those in Python take a signal for the user's interruption, and go on.
+                    stop(process, interface.process, patience=0)
                 finally:
                     clear_hal()
         log = (out / "linuxcnc.log").read_text(errors="replace")
