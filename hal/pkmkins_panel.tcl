@@ -26,12 +26,19 @@ namespace eval pkmkins_panel {
 
 proc pkmkins_panel::tell {text} { catch { puts stderr "pkmkins: panel: $text" } }
 
-proc pkmkins_panel::has_component {name} { return [expr {$name in [hal list comp $name]}] }
+proc pkmkins_panel::is_ready {component} {
+    return [regexp "\\s$component\\s+\\S+\\s+ready" [hal show comp $component]]
+}
 
 # Returns whether PyVCP is there; reports once that it is not.
 proc pkmkins_panel::is_there {} {
     variable is_reported
-    if {[has_component pyvcp]} { return 1 }
+    variable start_seconds
+    # In a window of its own it starts beside the user interface.
+    if {!$is_reported && [info exists ::APPLICATIONS(APP)] && [regexp {\mpyvcp\M} $::APPLICATIONS(APP)]} {
+        wait $start_seconds { is_ready pyvcp }
+    }
+    if {[is_ready pyvcp]} { return 1 }
     if {!$is_reported} {
         set is_reported 1
         tell "not shown: this user interface has not loaded \[DISPLAY\]PYVCP, as AXIS does;\
@@ -71,7 +78,7 @@ proc pkmkins_panel::show {nets} {
 # Starts the component that knows how far the machine can go along these letters.
 proc pkmkins_panel::start {ini letters} {
     safely {
-        if {![is_there] || [has_component pkmkins-panel]} { return }
+        if {![is_there] || [is_ready pkmkins-panel]} { return }
         set error [started [list pkmkins-panel $ini {*}$letters]]
         if {$error eq ""} { return }
         tell "pkmkins-panel does not start: no travel left is shown: $error"
@@ -88,7 +95,7 @@ proc pkmkins_panel::started {command} {
     set name [lindex $command 0]
     if {[catch { exec {*}$command & } process]} { return $process }
     set is_ready [wait $start_seconds {
-        expr {[regexp "\\s$name\\s+\\S+\\s+ready" [hal show comp $name]] || ![is_running $process]}
+        expr {[is_ready $name] || ![is_running $process]}
     }]
     if {![is_running $process]} { return "it has ended" }
     if {$is_ready} { return "" }

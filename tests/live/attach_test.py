@@ -61,7 +61,11 @@ def stand_in(name, folder):
         if pin.endswith("max_velocity"):
             made[pin] = SPEED
     made.ready()
-    signal.pause()
+    try:
+        signal.pause()
+    except KeyboardInterrupt:
+        # So HAL ends a component in Python.
+        pass
 
 
 def widgets():
@@ -200,6 +204,18 @@ def no_panel(folder):
         hal.told(NO_PANEL, file=old)
 
 
+def own_window(folder):
+    """A panel in a window of its own, which comes late."""
+    with Hal(folder, ("pyvcp",)) as hal:
+        pins = parts()["pyvcp"]
+        (folder / "pyvcp.pins").write_text("".join(" ".join(pin) + "\n" for pin in pins))
+        (folder / "machine.ini").write_text("[APPLICATIONS]\nAPP = pyvcp -c pyvcp hexapod-panel.xml\n")
+        with subprocess.Popen(["sh", "-c", f"sleep 2; exec {sys.executable} {__file__} --stand-in pyvcp {folder}"]):
+            hal.told(file=f"-i machine.ini {hal.file}")
+            hal.is_on("pyvcp.joint-5", "panel:joint-5")
+            hal.command("unload", "pyvcp")
+
+
 def no_task(folder):
     with Hal(folder, ("inihal", "pyvcp")) as hal:
         hal.told(f"{NOT_SLOWED}LinuxCNC's task has no pin", NO_PANEL)
@@ -264,7 +280,8 @@ def nobody_reads(folder):
 
 
 CASES = {
-    "everything": everything, "nothing": nothing, "no panel": no_panel, "no task": no_task, "no monitor": no_monitor,
+    "everything": everything, "nothing": nothing, "no panel": no_panel,
+    "a panel in a window of its own": own_window, "no task": no_task, "no monitor": no_monitor,
     "pins that are missing": pins_missing, "pins that are taken": pins_taken,
     "a component that is missing": component(None, "couldn't execute"),
     "a component that ends": component("ends", "it has ended"),
