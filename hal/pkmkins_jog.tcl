@@ -14,7 +14,7 @@
 # without an end.
 
 namespace eval pkmkins_jog {
-    # LinuxCNC's task starts beside this, in 2 s at most on a computer that has other work.
+    # LinuxCNC's task starts beside this, in some seconds on a computer that has other work.
     variable task_seconds 20
     # The monitor answers in the next servo cycle, of some ms.
     variable answer_seconds 1
@@ -45,18 +45,41 @@ proc pkmkins_jog::wait {seconds is_true} {
     return 1
 }
 
+# Returns the axes of LinuxCNC whose jogs the module slows.
+proc pkmkins_jog::axes {} {
+    set found {}
+    foreach axis {x y z a b c u v w} {
+        # LinuxCNC gives no speed to a letter that [TRAJ]COORDINATES has not.
+        set is_used [expr {![info exists ::env(TRAJ_COORDINATES)]
+            || [string match -nocase *$axis* $::env(TRAJ_COORDINATES)]}]
+        if {$is_used && [exists pkmkins.jog-velocity.$axis]} { lappend found $axis }
+    }
+    return $found
+}
+
+# Returns those whose speed LinuxCNC's task has not set yet: it makes all pins first, and sets them then.
+proc pkmkins_jog::unset_of {axes} {
+    set found {}
+    foreach axis $axes {
+        if {![exists ini.$axis.max_velocity] || !([hal getp ini.$axis.max_velocity] > 0)} { lappend found $axis }
+    }
+    return $found
+}
+
 # Connects the axes that can be; returns why the others are not, a reason for each.
 proc pkmkins_jog::attach {} {
     variable task_seconds
     variable answer_seconds
     if {![exists pkmkins.jog-scale]} { return [list "there is no pin pkmkins.jog-scale: load pkmkins"] }
-    if {![wait $task_seconds { exists ini.traj_max_velocity }]} {
-        return [list "LinuxCNC's task has no pin ini.traj_max_velocity after $task_seconds s"]
-    }
+    set axes [axes]
+    wait $task_seconds { expr {[set late [unset_of $axes]] eq ""} }
     set reasons {}
     set asked {}
-    foreach axis {x y z a b c u v w} {
-        if {![exists pkmkins.jog-velocity.$axis] || ![exists ini.$axis.max_velocity]} { continue }
+    foreach axis $axes {
+        if {$axis in $late} {
+            lappend reasons "LinuxCNC's task has not set ini.$axis.max_velocity after $task_seconds s"
+            continue
+        }
         set signal [signal_of ini.$axis.max_velocity]
         if {$signal eq "pkmkins:jog-velocity-$axis"} { continue }
         if {$signal ne ""} {

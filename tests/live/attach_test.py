@@ -25,9 +25,9 @@ from unprivileged import REPOSITORY, clear_hal, is_unprivileged, only_one, rerun
 
 HALLIB = "/usr/share/linuxcnc/hallib"
 PANEL = "hexapod-panel.tcl"
-# What the test changes in them: waits are shorter, and pkmkins-panel is a stand-in, as haltcl looks into /usr/bin first.
+# What the test changes in them: waits are shorter, and pkmkins-panel is a stand-in, for haltcl looks into /usr/bin first.
 CHANGES = {"pkmkins_jog.tcl": {"task_seconds 20": "task_seconds 2"},
-           "pkmkins_panel.tcl": {"start_seconds 10": "start_seconds 3",
+           "pkmkins_panel.tcl": {"start_seconds 10": "start_seconds 5",
                                  "exec {*}$command": "exec $::env(STAND_INS)/[lindex $command 0]"}}
 # All waits, and what haltcl takes on a computer that has other work.
 WORST_SECONDS = 15
@@ -210,15 +210,32 @@ def own_window(folder):
         pins = parts()["pyvcp"]
         (folder / "pyvcp.pins").write_text("".join(" ".join(pin) + "\n" for pin in pins))
         (folder / "machine.ini").write_text("[APPLICATIONS]\nAPP = pyvcp -c pyvcp hexapod-panel.xml\n")
-        with subprocess.Popen(["sh", "-c", f"sleep 2; exec {sys.executable} {__file__} --stand-in pyvcp {folder}"]):
-            hal.told(file=f"-i machine.ini {hal.file}")
-            hal.is_on("pyvcp.joint-5", "panel:joint-5")
-            hal.command("unload", "pyvcp")
+        late = f"sleep 1; exec {sys.executable} {__file__} --stand-in pyvcp {folder}"
+        with subprocess.Popen(["sh", "-c", late]) as process:
+            try:
+                hal.told(file=f"-i machine.ini {hal.file}")
+                hal.is_on("pyvcp.joint-5", "panel:joint-5")
+            finally:
+                process.terminate()
 
 
 def no_task(folder):
     with Hal(folder, ("inihal", "pyvcp")) as hal:
-        hal.told(f"{NOT_SLOWED}LinuxCNC's task has no pin", NO_PANEL)
+        hal.told(f"{NOT_SLOWED}LinuxCNC's task has not set ini.x.max_velocity", NO_PANEL)
+
+
+def late_task(folder):
+    """A task that has made its pins and not set them yet, when it is busy: a speed of 0 would stay in force."""
+    with Hal(folder, ("pyvcp",)) as hal:
+        for axis in AXES:
+            hal.command("setp", f"ini.{axis}.max_velocity", "0")
+        script = "; ".join(f"sleep 0.2; halcmd setp ini.{axis}.max_velocity 200" for axis in AXES)
+        with subprocess.Popen(["sh", "-c", script]):
+            hal.told(NO_PANEL)
+        for axis in AXES:
+            hal.is_on(f"ini.{axis}.max_velocity", f"pkmkins:jog-velocity-{axis}")
+            if float(hal.command("getp", f"pkmkins.axis-max-velocity.{axis}")) != SPEED:
+                raise Wrong(f"the speed of {axis} is lost")
 
 
 def no_monitor(folder):
@@ -230,7 +247,7 @@ def no_monitor(folder):
 def pins_missing(folder):
     without = ("pyvcp.joint-3", "pyvcp.kinematics.machine", "joint.4.pos-fb", "ini.c.max_velocity")
     with Hal(folder, without) as hal:
-        hal.told("panel: not shown: joint.3.pos-fb: ")
+        hal.told(f"{NOT_SLOWED}LinuxCNC's task has not set ini.c.max_velocity", "panel: not shown: joint.3.pos-fb: ")
         hal.is_on("pyvcp.joint-5", "panel:joint-5")
         hal.is_on("ini.b.max_velocity", "pkmkins:jog-velocity-b")
 
@@ -281,13 +298,13 @@ def nobody_reads(folder):
 
 CASES = {
     "everything": everything, "nothing": nothing, "no panel": no_panel,
-    "a panel in a window of its own": own_window, "no task": no_task, "no monitor": no_monitor,
+    "a panel in a window of its own": own_window, "no task": no_task, "a late task": late_task, "no monitor": no_monitor,
     "pins that are missing": pins_missing, "pins that are taken": pins_taken,
     "a component that is missing": component(None, "couldn't execute"),
     "a component that ends": component("ends", "it has ended"),
     "a component that ends with success": component("succeeds", "it has ended"),
     "a component that dies": component("dies", "it has ended"),
-    "a component that hangs": component("hangs", "it is not ready after 3 s"),
+    "a component that hangs": component("hangs", "it is not ready after 5 s"),
     "files that are missing": no_files, "a report that nobody reads": nobody_reads,
 }
 
