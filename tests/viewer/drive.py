@@ -199,7 +199,7 @@ PROGRAM = "G21 G90 M52 P1\nG91 F600\nG1 Z-5\nG1 Z5\nG90\nM2\n"
 def outlived(out, ini, window, process, word):
     """Homes the machine under any user interface, once that has loaded what says `word`, runs a program and stays on
     until everything is loaded."""
-    def ages():
+    def age():
         # Ticks since the computer's start, in the field behind the name in parentheses.
         return time.clock_gettime(time.CLOCK_BOOTTIME) - int(
             Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19]) / os.sysconf("SC_CLK_TCK")
@@ -226,7 +226,7 @@ def outlived(out, ini, window, process, word):
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
     machine.wait(machine.is_idle, 60, "end of the program")
-    machine.wait(lambda: ages() > LOADED_SECONDS, LOADED_SECONDS, "everything is loaded")
+    machine.wait(lambda: age() > LOADED_SECONDS, LOADED_SECONDS, "everything is loaded")
     assert machine.is_on() and machine.is_homed(), "the machine is off"
     for letter in machine.layout.letters:
         wired = halcmd("-s", "show", "pin", f"ini.{letter}.max_velocity")
@@ -234,7 +234,7 @@ def outlived(out, ini, window, process, word):
     if window:
         time.sleep(SETTLE_SECONDS)
         subprocess.run(["import", "-window", "root", str(out / "outlived.png")], check=True, timeout=60)
-    print(f"{ages():.0f}")
+    print(f"{age():.0f}")
     kept.exit()
 
 

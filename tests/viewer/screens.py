@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -86,8 +87,7 @@ def started(ini, log, env):
 
 
 def stop(process, display="bin/axis ", patience=END_SECONDS):
-    """Ends the user interface, by force after `patience`, after which LinuxCNC ends by itself; then whatever is left of
-    it."""
+    """Ends the user interface, by force after `patience` seconds, whereupon LinuxCNC ends; then what is left of it."""
     end = time.monotonic() + patience + END_SECONDS
     while time.monotonic() < end:
         # A signal that comes while AXIS answers to its window only ends that answer. Some end with an error, of
@@ -95,7 +95,8 @@ def stop(process, display="bin/axis ", patience=END_SECONDS):
         number = signal.SIGTERM if time.monotonic() < end - END_SECONDS else signal.SIGKILL
         group = ["pgrep", "-g", str(process.pid), "-f", f"{display}|show_errors"]
         for shown in subprocess.run(group, capture_output=True, text=True).stdout.split():
-            os.kill(int(shown), number)
+            with suppress(ProcessLookupError):
+                os.kill(int(shown), number)
         try:
             process.wait(SIGNAL_SECONDS)
             return
