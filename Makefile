@@ -8,8 +8,9 @@
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get
-# Beside them, a screen in memory with OpenGL, and pictures of it.
-SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick
+# Beside them, a screen in memory with OpenGL, pictures of it, and what QtDragon needs.
+SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick \
+    python3-pyqt5 python3-pyqt5.qsci python3-pyqt5.qtsvg python3-pyqt5.qtopengl pyqt5-dev-tools
 # The documentation as a site, and lints.
 SITE_PACKAGES := mandoc python3-venv shellcheck
 PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
@@ -105,7 +106,7 @@ help:
 	@echo "make truth      preflight beside LinuxCNC in virtual time: 270 programs, ends in a table"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
-	@echo "make screens    every configuration in AXIS, with panel and model; pictures in build/screens"
+	@echo "make screens    every configuration in AXIS, and other user interfaces; pictures in build/screens"
 	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
@@ -196,8 +197,8 @@ test-aside: setup
 test-page: setup-page page-check
 	tests/page/page_test.mjs target/host/pkm --out build/page
 
-# Struts, two mechanisms, an axis that carries the tool, and the cases beside the configurations.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes
+# Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,under
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens
@@ -226,6 +227,7 @@ ini-cases: install
 	tests/cases/ini/run.py
 	tests/live/pins_test.py
 	tests/live/card_test.py
+	tests/live/attach_test.py
 
 # The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
 # programs with the guard on.

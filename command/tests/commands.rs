@@ -472,9 +472,9 @@ warning: [JOINT_0]HOME_SEQUENCE is missing
  = help: Home All leaves this joint out, and without it there is no world mode: give it the number of the others
 
 error: [HAL]HALFILE = own.hal
-  --> linear-delta.ini:57:11
+  --> linear-delta.ini:56:11
    |
-57 | HALFILE = own.hal
+56 | HALFILE = own.hal
    |           ^^^^^^^ there is no such file, and LinuxCNC's start ends here: expected own.hal or /usr/share/linuxcnc/hallib/own.hal
 
 warning: [TRAJ]NO_FORCE_HOMING = 1
@@ -484,15 +484,15 @@ warning: [TRAJ]NO_FORCE_HOMING = 1
    |                   ^ programs may run before homing, from a pose that nobody knows; take the line out
 
 warning: [HAL]HALFILE = own.hal
-  --> linear-delta.ini:57:11
+  --> linear-delta.ini:56:11
    |
-57 | HALFILE = own.hal
+56 | HALFILE = own.hal
    |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
 
 warning: [HAL]HALFILE = own.hal
-  --> linear-delta.ini:57:11
+  --> linear-delta.ini:56:11
    |
-57 | HALFILE = own.hal
+56 | HALFILE = own.hal
    |           ^^^^^^^ from here on the drives are not judged: own.hal is neither beside the INI file nor in /usr/share/linuxcnc/hallib
 
 Proved: without a tool the machine can take every pose within its axis limits:

@@ -25,6 +25,7 @@ fn the_shipped_panels_are_what_the_command_writes_and_their_machines_show_them()
             format!("PYVCP = {machine}-panel.xml\n"),
             format!("POSTGUI_HALFILE = {machine}-panel.tcl\n"),
             format!("APP = pkmkins-vismach {machine}.ini\n"),
+            "APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl\n".into(),
         ] {
             assert!(text.contains(&line), "{machine}: {line}");
         }

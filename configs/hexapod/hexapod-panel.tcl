@@ -1,5 +1,8 @@
 # Made by pkm panel from hexapod.ini: what hexapod-panel.xml shows.
-source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl]
+if {[catch { source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] } error]} {
+    catch { puts stderr "pkmkins: panel: not connected: $error" }
+    return
+}
 pkmkins_panel::start hexapod.ini {x y z a b c}
 pkmkins_panel::switch
 pkmkins_panel::show {

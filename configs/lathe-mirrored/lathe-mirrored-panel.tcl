@@ -1,5 +1,8 @@
 # Made by pkm panel from lathe-mirrored.ini: what lathe-mirrored-panel.xml shows.
-source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl]
+if {[catch { source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] } error]} {
+    catch { puts stderr "pkmkins: panel: not connected: $error" }
+    return
+}
 pkmkins_panel::start lathe-mirrored.ini {x y z b c u v w}
 pkmkins_panel::switch
 pkmkins_panel::show {

@@ -1,5 +1,8 @@
 # Made by pkm panel from lathe-work-on-platform.ini: what lathe-work-on-platform-panel.xml shows.
-source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl]
+if {[catch { source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] } error]} {
+    catch { puts stderr "pkmkins: panel: not connected: $error" }
+    return
+}
 pkmkins_panel::start lathe-work-on-platform.ini {x y z b c}
 pkmkins_panel::switch
 pkmkins_panel::show {

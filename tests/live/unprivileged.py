@@ -141,3 +141,8 @@ def lost_its_start(log):
     than one start in a thousand, says its source; the test is that of its message.
     """
     return "due to shmget" in log and "Permission denied" in log
+
+
+def has_ended(log):
+    """Returns whether LinuxCNC has begun to end, by what a session said."""
+    return "Shutting down and cleaning up LinuxCNC" in log

@@ -3,6 +3,7 @@
 """Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
 
     drive.py FOLDER home|program|refused|bare        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER outlived WINDOW PROCESS WORD     of another user interface, with INI_FILE_NAME set
 
 `program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
 """
@@ -15,9 +16,12 @@ import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "live"))
+TESTS = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(TESTS / "live"), str(TESTS.parent / "viewer")]
 import hal  # noqa: E402
 import linuxcnc  # noqa: E402
+from pkmkins_pins import HAL_KEY  # noqa: E402
+from unprivileged import has_ended  # noqa: E402
 from drawn import Scene, View, farthest, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
@@ -187,8 +191,89 @@ def switch_kinematics(machine):
     assert not press(True) and not machine.stat.inpos, "switched in a move"
 
 
+# A user interface loads the panel's files 10 to 25 s after LinuxCNC's start, and LinuxCNC used to end then.
+LOADED_SECONDS = 30
+PROGRAM = "G21 G90 M52 P1\nG91 F600\nG1 Z-5\nG1 Z5\nG90\nM2\n"
+
+
+def outlived(out, ini, window, process, word):
+    """Homes the machine under any user interface, once that has loaded what says `word`, runs a program and stays on
+    until everything is loaded."""
+    def age():
+        # Ticks since the computer's start, in the field behind the name in parentheses.
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - int(
+            Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19]) / os.sysconf("SC_CLK_TCK")
+
+    def is_shown():
+        said = (out / "linuxcnc.log").read_text(errors="replace")
+        if has_ended(said):
+            sys.exit("LinuxCNC has ended")
+        return hal_is_there() and word in said and (not window or window.lower() in tree().lower())
+
+    wait(is_shown, "LinuxCNC and its user interface")
+    kept = hal.component("screens")
+    kept.ready()
+    wait(lambda: hal.component_exists("inihal"), "LinuxCNC's task")
+    from machine import Machine, halcmd
+    machine = Machine()
+    insist(machine, lambda: turn_on(machine), machine.is_on, "machine on")
+    insist(machine, lambda: home_joints(machine), machine.is_homed, "homing")
+    program = Path(ini).with_name("programs") / "short.ngc"
+    program.write_text(PROGRAM)
+    insist(machine, lambda: machine.command.mode(linuxcnc.MODE_AUTO),
+           lambda: machine.stat.task_mode == linuxcnc.MODE_AUTO, "automatic mode")
+    machine.command.program_open(str(program))
+    machine.command.auto(linuxcnc.AUTO_RUN, 0)
+    machine.wait(lambda: machine.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
+    machine.wait(machine.is_idle, 60, "end of the program")
+    machine.wait(lambda: age() > LOADED_SECONDS, LOADED_SECONDS, "everything is loaded")
+    assert machine.is_on() and machine.is_homed(), "the machine is off"
+    for letter in machine.layout.letters:
+        wired = halcmd("-s", "show", "pin", f"ini.{letter}.max_velocity")
+        assert f"pkmkins:jog-velocity-{letter}" in wired, f"jogs are not slowed: {wired}"
+    if window:
+        time.sleep(SETTLE_SECONDS)
+        subprocess.run(["import", "-window", "root", str(out / "outlived.png")], check=True, timeout=60)
+    print(f"{age():.0f}")
+    kept.exit()
+
+
+def insist(machine, act, is_so, what):
+    """Acts until that has lasted for a while: gmoccapy repeats the command before, or takes the mode back, when it sees
+    late what another has done."""
+    end = time.monotonic() + START_SECONDS
+    while time.monotonic() < end:
+        machine.poll()
+        act()
+        machine.pause(SETTLE_SECONDS)
+        if is_so():
+            return
+    sys.exit(f"{what}: not within {START_SECONDS} s; messages: {machine.messages}")
+
+
+def turn_on(machine):
+    is_stopped = machine.stat.task_state == linuxcnc.STATE_ESTOP
+    machine.command.state(linuxcnc.STATE_ESTOP_RESET if is_stopped else linuxcnc.STATE_ON)
+
+
+def home_joints(machine):
+    if not machine.is_on():
+        turn_on(machine)
+    elif machine.stat.task_mode != linuxcnc.MODE_MANUAL:
+        machine.command.mode(linuxcnc.MODE_MANUAL)
+    else:
+        machine.command.home(-1)
+
+
+def hal_is_there():
+    """Whether LinuxCNC has made the memory that a component is a part of: the first one would make it else."""
+    return any(words[:1] == [HAL_KEY] for words in map(str.split, open("/proc/sysvipc/shm")))
+
+
 def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
+    if sys.argv[2] == "outlived":
+        return outlived(out, ini, *sys.argv[3:])
     {"home": home, "program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
 
 

@@ -7,8 +7,9 @@
 Of every configuration: AXIS comes up, the machine is homed and its program runs. A picture is made at
 home and one in the program. In both every part of the machine has to be where the scene's formulas and
 the window's projection say, in its colour; and the parts have to have moved. More cases: a program that the
-filter holds back, a computer without the command `pkm`, and shapes from files, good and bad. `--out` keeps the pictures.
-Needs Xvfb, ImageMagick and Mesa's software GL.
+filter holds back, a computer without the command `pkm`, and shapes from files, good and bad; and every other user
+interface with the shipped INI file. `--out` keeps the pictures.
+Needs Xvfb, ImageMagick and Mesa's software GL, and PyQt5 for QtDragon.
 """
 
 import argparse
@@ -22,12 +23,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "live")]
-from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, is_unprivileged, only_one,  # noqa: E402
-                          rerun_unprivileged)
+from unprivileged import (LANES, REPOSITORY, claimed, clear_hal, has_ended, is_unprivileged,  # noqa: E402
+                          only_one, rerun_unprivileged)
 import drawn  # noqa: E402
 
 SCREEN = "1900x1000x24"
@@ -35,6 +39,7 @@ MODEL = "560x560+1330+10"
 # A computer that draws without a graphics card and runs two more machines.
 START_SECONDS = 120
 END_SECONDS = 20
+SIGNAL_SECONDS = 4
 PASSED = "passed"
 
 
@@ -81,15 +86,19 @@ def started(ini, log, env):
                             cwd=ini.parent, start_new_session=True)
 
 
-def stop(process):
-    """Ends AXIS, after which LinuxCNC ends by itself; then whatever is left of it."""
-    # A signal that comes while AXIS answers to its window only ends that answer.
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        group = ["pgrep", "-g", str(process.pid), "-f", "bin/axis "]
-        for axis in subprocess.run(group, capture_output=True, text=True).stdout.split():
-            os.kill(int(axis), number)
+def stop(process, display="bin/axis ", patience=END_SECONDS):
+    """Ends the user interface, by force after `patience` seconds, whereupon LinuxCNC ends; then what is left of it."""
+    end = time.monotonic() + patience + END_SECONDS
+    while time.monotonic() < end:
+        # A signal that comes while AXIS answers to its window only ends that answer. Some end with an error, of
+        # which LinuxCNC makes a window.
+        number = signal.SIGTERM if time.monotonic() < end - END_SECONDS else signal.SIGKILL
+        group = ["pgrep", "-g", str(process.pid), "-f", f"{display}|show_errors"]
+        for shown in subprocess.run(group, capture_output=True, text=True).stdout.split():
+            with suppress(ProcessLookupError):
+                os.kill(int(shown), number)
         try:
-            process.wait(END_SECONDS)
+            process.wait(SIGNAL_SECONDS)
             return
         except subprocess.TimeoutExpired:
             pass
@@ -151,7 +160,7 @@ def without_the_command(out):
         wiring.write_text(wiring.read_text().replace(" pkmkins.margin.5 ", " pkmkins.margin.6 "))
 
     log = driven("hexapod", out, "bare", edit, "/usr/bin:/bin")
-    for text in ("panel: there is no pin pkmkins.margin.6: not shown",
+    for text in ("panel: not shown: there is no pin pkmkins.margin.6",
                  "pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
         assert text in log, f"not told: {text}"
     return "homed, kinematics switched, without model and travel left"
@@ -194,8 +203,71 @@ def shapes_from_files(out):
     return drawn.has_shape(out, SEEN)
 
 
+class Interface(NamedTuple):
+    """A user interface of LinuxCNC beside AXIS."""
+    display: str  # value of [DISPLAY]DISPLAY
+    process: str  # in its command line, and in no other
+    window: str = ""  # part of the title of its window; none where it has no window
+    machine: str = "hexapod"
+    # Whether it loads [HAL]POSTGUI_HALFILE.
+    loads_panel: bool = False
+
+
+INTERFACES = {
+    "gmoccapy": Interface("gmoccapy", "bin/gmoccapy ", "gmoccapy", loads_panel=True),
+    "qtdragon": Interface("qtvcp qtdragon", "bin/qtvcp ", "QtDragon", "tripod", loads_panel=True),
+    "tklinuxcnc": Interface("tklinuxcnc", "tklinuxcnc.tcl ", "TkLinuxCNC"),
+    "linuxcncrsh": Interface("linuxcncrsh", "linuxcncrsh "),
+    "halui": Interface("halui", "^halui "),
+    # Waits for a key.
+    "dummy": Interface("dummy", "no process"),
+}
+NO_PANEL = "pkmkins: panel: not shown: this user interface has not loaded [DISPLAY]PYVCP"
+NO_MODEL = "pkmkins-vismach: "
+
+
+def survived(interface, out):
+    """Runs a shipped INI file in which DISPLAY alone is another: the machine is homed, runs a program and is still on
+    after the time in which LinuxCNC used to end."""
+    with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as temporary, Screen() as screen:
+        folder = Path(temporary)
+        copy = folder / "config"
+        shutil.copytree(REPOSITORY / "configs" / interface.machine, copy)
+        ini = copy / f"{interface.machine}.ini"
+        text, count = re.subn("(?m)^DISPLAY = axis$", f"DISPLAY = {interface.display}", ini.read_text())
+        assert count == 1, f"{ini.name} does not name AXIS once"
+        ini.write_text(text)
+        env = {**environment(folder, screen), "INI_FILE_NAME": str(ini)}
+        if not interface.window:
+            del env["DISPLAY"]
+        with open(out / "linuxcnc.log", "w") as log:
+            process = subprocess.Popen(["linuxcnc", str(ini)], stdin=subprocess.PIPE, stdout=log, stderr=log, env=env,
+                                       cwd=ini.parent, start_new_session=True)
+            try:
+                driver = [sys.executable, str(HERE / "drive.py"), str(out), "outlived", interface.window,
+                          str(process.pid), NO_PANEL if interface.loads_panel else ""]
+                done = subprocess.run(driver, env=env, capture_output=True, text=True, timeout=START_SECONDS + 120)
+                ended = has_ended((out / "linuxcnc.log").read_text(errors="replace"))
+            finally:
+                try:
+                    process.stdin.close()
+                    # Those in Python take a signal for the user's interruption, and go on.
+                    stop(process, interface.process, patience=0)
+                finally:
+                    clear_hal()
+        log = (out / "linuxcnc.log").read_text(errors="replace")
+        assert not ended, f"LinuxCNC has ended: {log[-1500:]}"
+        assert done.returncode == 0, done.stdout + done.stderr
+    # What attaches nowhere is reported once, and the rest attaches without a word.
+    told = [line for line in log.splitlines() if "pkmkins: " in line]
+    assert len(told) == interface.loads_panel and all(line.startswith(NO_PANEL) for line in told), told
+    assert log.count(NO_MODEL) == (not interface.window), "the model is silent, or reports its fault more than once"
+    return f"on after {done.stdout.strip()} s, jogs are guarded"
+
+
 # Beside the configurations.
-CASES = {"a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command,
+CASES = {**{f"under-{name}": partial(survived, interface) for name, interface in INTERFACES.items()},
+         "a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command,
          "shapes-from-files": shapes_from_files}
 
 

@@ -317,9 +317,13 @@ impl Sheet {
     }
 
     fn wiring(&self, config: &MachineConfig, name: &str) -> String {
+        // A user interface ends LinuxCNC where this file fails.
         let mut text = format!(
             "# Made by pkm panel from {name}.ini: what {name}-panel.xml shows.\n\
-             source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl]\n\
+             if {{[catch {{ source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] }} error]}} {{\n    \
+                 catch {{ puts stderr \"pkmkins: panel: not connected: $error\" }}\n    \
+                 return\n\
+             }}\n\
              pkmkins_panel::start {name}.ini {{{}}}\n",
             letters(config)
                 .map(|(letter, _)| letter.to_ascii_lowercase().to_string())

@@ -178,9 +178,10 @@ HALFILE = LIB:pkmkins_sim.tcl
 HALFILE = LIB:pkmkins.tcl
 POSTGUI_HALFILE = {name}-panel.tcl
 
-# A model of the machine in 3D beside the user interface.
+# Beside any user interface, a model of the machine in 3D, and what slows jogs before limits.
 [APPLICATIONS]
 APP = pkmkins-vismach {name}.ini
+APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
 ",
             0.2 * feed
         )
