@@ -12,6 +12,7 @@
 
 pub mod carrying;
 pub mod control;
+pub mod controller;
 pub mod geometry;
 pub mod guarded;
 pub mod limit;
