@@ -462,6 +462,17 @@ def machine_off_in_a_tool_change_moves_no_joint(out):
 
 
 @test
+def whatever_linuxcnc_does_in_a_tool_change_the_joints_keep_their_limits(out):
+    edits = [{"section": "HAL", "key": "HALUI", "lines": ["HALUI = halui"]},
+             {"section": "HALUI", "append": ["MDI_COMMAND = G43.1 Z65"]}]
+    result = scenario(HEXAPOD, "interrupted_tool_changes", out, limit=180, edits=edits,
+                      level="G1 F6000 A0 B0 C0", tilt="G1 F6000 X0 Y0 Z200 A15 B-15 C10")
+    found = {name: row["acceleration_share"] for name, row in result.items() if isinstance(row, dict)}
+    assert max(found.values()) <= 1.02, found
+    return ", ".join(f"{name} {share}" for name, share in found.items()) + " of the acceleration limit"
+
+
+@test
 def drive_that_cannot_follow_stops_the_machine(out):
     scenario(HEXAPOD, "weak_drive", out)
 
