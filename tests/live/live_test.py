@@ -431,7 +431,7 @@ def tilted_tool_changes(config, count, centre, letters, step, out):
 
 
 for folder, arguments in {
-    HEXAPOD: (50, (10, -15, 200), "ABC", 2.5),
+    HEXAPOD: (10, (10, -15, 200), "ABC", 3),
     REPOSITORY / "configs/lab-hexapod": (5, (5, -5, 600), "ABC", 2),
     PYRAMID: (5, (20, -10, 230), "AB", 4),
 }.items():

@@ -884,7 +884,7 @@ def interrupted(*actions):
         machine.set_mode(linuxcnc.MODE_MDI)
         machine.command.mdi("G43.1 Z65")
         machine.wait(lambda: machine.get("pkmkins.tool-offset-eff-z") != 0, 5, "the tool change to begin")
-        machine.pause(0.2)
+        machine.pause(0.05)
         for action in actions:
             action(machine)
             machine.pause(0.05)
@@ -907,7 +907,7 @@ def changed_in_manual_mode(machine):
     halcmd("unlinkp", "pkmkins.tool-offset")
     machine.set("pkmkins.tool-offset", 65)
     machine.wait(lambda: machine.get("pkmkins.tool-offset-eff-z") != 0, 5, "the tool change to begin")
-    machine.pause(0.2)
+    machine.pause(0.05)
     machine.set_mode(linuxcnc.MODE_MDI)
     machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 60, "end of the tool change")
     machine.command.mdi("G43.1 Z65")
