@@ -2,7 +2,7 @@
 //! What LinuxCNC can do in the middle of a tool change at a tilt: no joint exceeds its limits, the change is
 //! completed, and the pose stays the machine's.
 
-use abi_tests::control::{Control, in_a_chain};
+use abi_tests::control::{Control, in_a_chain, on_one_guide};
 use abi_tests::controller::{Controller, Mode};
 use abi_tests::machines::random_hexapod;
 use abi_tests::module::{Module, Pose};
@@ -202,7 +202,7 @@ fn whatever_linuxcnc_does_in_a_tool_change_the_joints_keep_their_limits() {
     let mut random = Random::new(51);
     let tilting = |s: &Subject| (3..6).any(|letter| s.machine.moves(letter));
     let mut controls: Vec<_> = subjects().into_iter().filter(tilting).map(Control::Alone).collect();
-    controls.push(in_a_chain());
+    controls.extend([in_a_chain(), on_one_guide()]);
     let (mut done, mut all) = (0, 0);
     for row in EVENTS {
         let mut largest = 0.0_f64;
