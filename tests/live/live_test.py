@@ -444,7 +444,7 @@ def tilted_tool_changes(config, count, centre, letters, step, out):
 
 
 for folder, arguments in {
-    HEXAPOD: (50, (10, -15, 200), "ABC", 2.5),
+    HEXAPOD: (10, (10, -15, 200), "ABC", 3),
     REPOSITORY / "configs/lab-hexapod": (5, (5, -5, 600), "ABC", 2),
     PYRAMID: (5, (20, -10, 230), "AB", 4),
 }.items():
@@ -472,6 +472,17 @@ def move_past_the_inhibited_feed_is_stopped(out):
 @test
 def machine_off_in_a_tool_change_moves_no_joint(out):
     scenario(HEXAPOD, "off_in_a_tool_change", out, tilt=TILT, tool="G43 H2")
+
+
+@test
+def whatever_linuxcnc_does_in_a_tool_change_the_joints_keep_their_limits(out):
+    edits = [{"section": "HAL", "key": "HALUI", "lines": ["HALUI = halui"]},
+             {"section": "HALUI", "append": ["MDI_COMMAND = G43.1 Z65"]}]
+    result = scenario(HEXAPOD, "interrupted_tool_changes", out, limit=180, edits=edits,
+                      level="G1 F6000 A0 B0 C0", tilt="G1 F6000 X0 Y0 Z200 A15 B-15 C10")
+    found = {name: row["acceleration_share"] for name, row in result.items() if isinstance(row, dict)}
+    assert max(found.values()) <= 1.02, found
+    return ", ".join(f"{name} {share}" for name, share in found.items()) + " of the acceleration limit"
 
 
 @test

@@ -15,7 +15,7 @@ import time
 import linuxcnc
 
 import guard
-from machine import AXES, Failure, Machine, Progress, halcmd
+from machine import AXES, Failure, Machine, Progress, halcmd, link
 from recorder import Recorder, program_columns
 from truth_run import truth  # noqa: F401
 from watched import stands, watched, watched_again  # noqa: F401
@@ -888,6 +888,120 @@ def off_in_a_tool_change(machine: Machine, out, tilt, tool):
     assert moved < AT_REST, f"a joint moved by {moved}"
     goes_on(machine, "G1 F3000 X0 Y0")
     return {"moved": moved}
+
+
+def axis_touch_off(machine):
+    """AXIS's tool touch-off (commands.touch_off_tool), at the position that shows 0: a tool 15 mm longer."""
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.command.mdi("G10 L10 P1 Z[[-15]*1.000000000000]")
+    machine.command.wait_complete()
+    machine.command.mdi("G43")
+    machine.command.wait_complete()
+    machine.set_mode(linuxcnc.MODE_MANUAL)
+    machine.command.teleop_enable(1)
+
+
+def halui_command(machine):
+    """A command of halui, which goes back to manual mode when it has sent it."""
+    machine.set_mode(linuxcnc.MODE_MANUAL)
+    machine.set("halui.mdi-command-00", 1)
+    machine.pause(0.1)
+    machine.set("halui.mdi-command-00", 0)
+
+
+def interrupted(*actions):
+    """G43 in MDI; when the joints move, what else LinuxCNC can do, then manual mode."""
+    def run(machine):
+        machine.set_mode(linuxcnc.MODE_MDI)
+        machine.command.mdi("G43.1 Z65")
+        machine.wait(lambda: machine.get("pkmkins.tool-offset-eff-z") != 0, 5, "the tool change to begin")
+        machine.pause(0.05)
+        for action in actions:
+            action(machine)
+            machine.pause(0.05)
+        if not machine.is_on():
+            machine.turn_on()
+        machine.command.mode(linuxcnc.MODE_MANUAL)
+        machine.command.teleop_enable(1)
+        machine.wait(machine.is_world, 5, "world mode")
+    return run
+
+
+def manual_mode(machine):
+    machine.command.mode(linuxcnc.MODE_MANUAL)
+
+
+def changed_in_manual_mode(machine):
+    """A tool offset from elsewhere in world mode, and MDI while the joints move."""
+    machine.set_mode(linuxcnc.MODE_MANUAL)
+    signal = link("pkmkins.tool-offset", "live:tool-offset")
+    halcmd("unlinkp", "pkmkins.tool-offset")
+    machine.set("pkmkins.tool-offset", 65)
+    machine.wait(lambda: machine.get("pkmkins.tool-offset-eff-z") != 0, 5, "the tool change to begin")
+    machine.pause(0.05)
+    machine.set_mode(linuxcnc.MODE_MDI)
+    machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 60, "end of the tool change")
+    machine.command.mdi("G43.1 Z65")
+    machine.command.wait_complete()
+    machine.pause(0.1)
+    halcmd("net", signal, "pkmkins.tool-offset")
+
+
+INTERRUPTED = {
+    "AXIS's touch-off": axis_touch_off,
+    "halui": halui_command,
+    "manual mode": interrupted(manual_mode),
+    "abort, manual mode": interrupted(lambda m: m.command.abort(), manual_mode),
+    "joint mode": interrupted(manual_mode, lambda m: m.command.teleop_enable(0)),
+    "AUTO": interrupted(lambda m: m.command.mode(linuxcnc.MODE_AUTO)),
+    "E-stop": interrupted(lambda m: m.command.state(linuxcnc.STATE_ESTOP)),
+    "unhomed": interrupted(manual_mode, lambda m: m.command.teleop_enable(0), lambda m: m.command.unhome(-1),
+                           lambda m: m.home()),
+    "another request": interrupted(lambda m: m.command.mdi("G43.1 Z20")),
+    "MDI from manual mode": changed_in_manual_mode,
+}
+
+
+def interrupted_tool_changes(machine: Machine, out, level, tilt):
+    """What LinuxCNC can do in the middle of a tool change at a tilt: no joint exceeds its acceleration, the
+    machine stays on, and the offset in effect ends as the one requested."""
+    joints = machine.layout.joints
+    columns = [("phase", "live.phase", "s32"), *((f"p{n}", f"joint.{n}.motor-pos-cmd", "float") for n in joints),
+               ("busy", "pkmkins.tool-busy", "bit")]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    machine.start()
+    machine.mdi("T1 M6")
+    recorder.start()
+    for number, run in enumerate(INTERRUPTED.values(), 1):
+        for block in (level, "G49", tilt):
+            machine.mdi(block)
+        machine.pause(0.2)
+        machine.component["phase"] = number
+        run(machine)
+        machine.pause(0.1)
+        machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 60, "end of the tool change")
+        machine.pause(0.1)
+        machine.component["phase"] = 0
+        assert machine.is_on(), f"{list(INTERRUPTED)[number - 1]}: off, {machine.messages}"
+        wanted, found = machine.get("motion.tooloffset.z"), machine.get("pkmkins.tool-offset-eff-z")
+        assert wanted == found != 0, f"{list(INTERRUPTED)[number - 1]}: {found} in effect, not {wanted}"
+        machine.set_mode(linuxcnc.MODE_MDI)
+    recorder.stop()
+    expect_quiet(machine)
+    return {name: peaks(machine, recorder, number) for number, name in enumerate(INTERRUPTED, 1)}
+
+
+def peaks(machine, recorder, number):
+    """Of a phase: the largest share of a joint's acceleration limit, and how long tool-busy was on."""
+    cycles = [cycle for cycle, phase in enumerate(recorder.column("phase")) if phase == number]
+    first, last = cycles[0], cycles[-1]
+    largest = 0.0
+    for n in machine.layout.joints:
+        at = recorder.column(f"p{n}")[first:last + 1]
+        limit = machine.get(f"pkmkins.max-acceleration.{n}") * (SERVO_PERIOD_NS * 1e-9) ** 2
+        largest = max([largest, *(abs(c - 2 * b + a) / limit for a, b, c in zip(at, at[1:], at[2:]))])
+    busy = sum(recorder.column("busy")[first:last + 1]) * SERVO_PERIOD_NS * 1e-9
+    return {"acceleration_share": round(largest, 3), "busy_s": round(busy, 3)}
 
 
 def watched_program(machine, out, start, path, lines, seconds, period_ns):

@@ -328,7 +328,7 @@ causes! {
     PoseUnknown = -77, "no pose of the joints has been found since the kinematics were switched",
         "switch to kinematics 1 and move the joints to where the legs close a platform";
     ToolChangeDisturbed = -76, "the machine moved while the tool offset was being changed at a tilt",
-        "net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
+        "switch on again, with the new offset; net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
     // What lies ahead of the motion, as the monitor sees it.
     JointLimitAhead = -90, "the joint comes to the end of its range (joint value shown)",
         "stop, and lead the program through another pose";

@@ -81,6 +81,7 @@ impl Module {
             }
         }
         self.kind = kind;
+        self.was_switched = true;
         self.pins.show_type(kind.number(&self.load));
     }
 

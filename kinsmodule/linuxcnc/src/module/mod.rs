@@ -56,6 +56,8 @@ pub struct Module {
     /// joints since: what LinuxCNC takes for the pose may be one from before the switch, far from
     /// where the joints are.
     pose_is_unknown: bool,
+    /// The kinematics were switched in this cycle: LinuxCNC goes on from the pose that forward finds next.
+    was_switched: bool,
     /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
     /// refusal over to inverse.
     refused: bool,
@@ -97,6 +99,7 @@ impl Module {
             kind: Kind::first(&load),
             identity_joints: None,
             pose_is_unknown: false,
+            was_switched: false,
             refused: false,
             lost: None,
             tool: Tool::new(),

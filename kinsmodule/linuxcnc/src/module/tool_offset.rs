@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Which tool offset the kinematics use.
 
-use super::Module;
 use super::freezing::Frozen;
+use super::{Kind, Module};
 use crate::hal::print_error;
 use crate::tool::{Cycle, NOTICEABLE, shift};
 use kinematics::{Cause, Fault, Pose, Vector3, text};
@@ -60,7 +60,8 @@ impl Module {
 
     /// The tool offset to compute with.
     ///
-    /// A request takes effect at once with the machine off and before any pose is known.
+    /// A request takes effect at once with the machine off, in the identity kinematics, in which no joint
+    /// depends on it, and before any pose is known.
     /// Otherwise the monitor brings it into effect. Without a monitor it takes effect where it
     /// moves no joint: while the platform is level.
     #[inline(always)]
@@ -82,7 +83,7 @@ impl Module {
     ) -> Result<Vector3<f64>, Fault> {
         let tool = self.tool.offset();
         frozen.machine.check_tool(&request)?;
-        if self.is_off() {
+        if self.is_off() || self.kind == Kind::Identity {
             return Ok(request);
         }
         let Some(pose) = self.seeds.last() else {
@@ -119,6 +120,7 @@ impl Module {
     #[inline(never)]
     pub(super) fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
         let of_this_cycle = self.tool.offset();
+        self.was_switched = false;
         if let Ok(tool) = self.tool_in_effect() {
             self.retool(tool);
         }
@@ -134,7 +136,7 @@ impl Module {
             return Ok(());
         };
         let request = self.requested_tool(given.spindle_offset);
-        if self.tool.is_at(&request) {
+        if self.tool.is_at(&request) || (commanded.is_none() && self.is_between_points()) {
             return Ok(());
         }
         let carrying = &mut self.carrying;
@@ -154,6 +156,13 @@ impl Module {
             shift,
             seconds,
         })
+    }
+
+    /// Returns whether a cycle without a commanded pose is one between two points of a slower trajectory
+    /// period, in world mode.
+    fn is_between_points(&self) -> bool {
+        let is_joint_mode = self.calls.is_for_commanded_joints();
+        self.kind == Kind::Machine && !self.is_off() && !is_joint_mode
     }
 
     /// Takes a tool offset. The joints stay, so that the poses move.
@@ -179,8 +188,11 @@ impl Module {
     #[inline(never)]
     fn retool_if_asked(&mut self, request: Vector3<f64>) -> Result<(), Fault> {
         let usable = self.frozen()?.machine.check_tool(&request).is_ok();
-        let of_command = self.calls.is_for_commanded_joints();
-        if self.is_monitored && of_command && usable {
+        // LinuxCNC goes on from the pose that it gets now: in joint mode, on entering teleop mode, and after
+        // a switch of the kinematics. The change then ends at once, and no joint moves.
+        let is_of_command = self.was_switched || self.calls.is_for_commanded_joints();
+        let sets_command = self.pose_is_unknown || (self.is_monitored && is_of_command);
+        if sets_command && usable {
             self.retool(request);
         } else if let Ok(tool) = self.tool_in_effect() {
             // A refused tool change must not stop the display: the old offset stays in effect.

@@ -5,17 +5,20 @@
 //! (R − I) Δo along a straight line, without turning it, while the control point stays; where an axis
 //! carries work or tool, by another linear function of Δo.
 //! A change waits until the machine stands still. Its path along this line is then surveyed, some
-//! places a cycle, and followed by a ramp.
+//! places a cycle, and followed at a constant speed.
+//!
+//! LinuxCNC commands no motion meanwhile and therefore counts as in position: it carries out a change of
+//! mode in any cycle, and no kinematics module can prevent or even see that. Outside of world mode it
+//! does not call inverse, so that no braking is possible then. The speed is therefore so low that every
+//! joint can stop within one cycle (see [`survey`]), and a change may end anywhere.
 
 mod path;
-mod ramp;
 mod survey;
 
 pub use path::shift;
 
 use kinematics::{Cause, Fault, MAX_JOINTS, Machine, Matrix3, Pose, Solver, Vector3};
 use path::Path;
-use ramp::Ramp;
 use survey::Survey;
 
 /// A tool change without a monitor, or without known limits, may shift the platform by no
@@ -104,7 +107,7 @@ enum Change {
     /// Until the motion under way has stopped.
     Waiting(Waiting),
     Surveying(Survey),
-    Moving(Ramp),
+    Moving(Moving),
     /// Until LinuxCNC's interpolators have come to the end, for so many cycles.
     Resting(u32),
     Refused {
@@ -181,7 +184,7 @@ impl Tool {
     /// The fault of a request that is refused from now on. What is in effect stays.
     pub fn advance(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let stepped = match &cycle.commanded {
-            // Joint mode: inverse is not called, so that nothing can be moved by it.
+            // Outside of world mode inverse is not called, so that nothing can be moved by it.
             None => Ok(Change::None),
             Some(pose) => self.stepped(cycle, pose),
         };
@@ -200,7 +203,7 @@ impl Tool {
                 self.started(cycle, pose)
             }
             Change::Surveying(survey) => survey.continued(cycle, pose),
-            Change::Moving(ramp) => self.moved(ramp, cycle, pose),
+            Change::Moving(moving) => self.moved(moving, cycle, pose),
             Change::Resting(0) => self.started(cycle, pose),
             Change::Resting(cycles) => Ok(Change::Resting(cycles - 1)),
         }
@@ -252,19 +255,18 @@ impl Tool {
         Ok(Change::Surveying(Survey::new(path)))
     }
 
-    fn moved(&mut self, ramp: Ramp, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
-        ramp.path.refuse_other_pose(cycle, pose)?;
-        let brake = cycle.request != ramp.path.to;
-        let ramp = ramp.continued(brake, cycle.seconds);
-        self.set(ramp.path.at(ramp.share));
-        if ramp.share >= 1.0 {
+    fn moved(&mut self, moving: Moving, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
+        moving.path.refuse_other_pose(cycle, pose)?;
+        if cycle.request != moving.path.to {
+            // It is slow enough to stop at once.
+            return self.started(cycle, pose);
+        }
+        let moving = moving.continued();
+        self.set(moving.path.at(moving.share));
+        if moving.share >= 1.0 {
             return Ok(Change::Resting(REST_CYCLES));
         }
-        if brake && ramp.speed <= 0.0 {
-            self.started(cycle, pose)
-        } else {
-            Ok(Change::Moving(ramp))
-        }
+        Ok(Change::Moving(moving))
     }
 }
 
@@ -291,5 +293,23 @@ impl Waiting {
         let moves = cycle.is_elsewhere(&self.pose, pose);
         let cycles = if moves { 0 } else { self.cycles + 1 };
         Ok(Self { pose: *pose, cycles, seconds })
+    }
+}
+
+/// Motion along a surveyed path at constant speed.
+#[derive(Clone, Copy)]
+struct Moving {
+    path: Path,
+    share: f64,
+    /// Share of the path in a cycle.
+    step: f64,
+}
+
+impl Moving {
+    /// Goes one cycle further.
+    fn continued(self) -> Self {
+        // Not more than what is left, nor what rounding would leave for another cycle.
+        let is_last = !(self.step * (1.0 + 1e-9) < 1.0 - self.share);
+        Self { share: if is_last { 1.0 } else { self.share + self.step }, ..self }
     }
 }

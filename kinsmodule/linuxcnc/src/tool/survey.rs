@@ -2,11 +2,10 @@
 //! The survey of a path before it is followed.
 //!
 //! Inverse and forward must find every place, within the limits of the joints. The largest rates
-//! and second derivatives of the joints bound the speed and the acceleration of the ramp.
+//! and second derivatives of the joints bound the speed of the motion.
 
 use super::path::Path;
-use super::ramp::Ramp;
-use super::{Change, Cycle};
+use super::{Change, Cycle, Moving};
 use kinematics::{Cause, Fault, Jacobian, Joints, MAX_JOINTS, Pose, Solver, Vector3};
 use libm::sqrt;
 
@@ -25,14 +24,23 @@ const SOLVES_PER_PLACE: u32 = 24;
 /// Share of the machine's size within which a pose found again is the same one.
 const SAME_POSE: f64 = 1e-9;
 
-/// Share of a joint's velocity limit that is used.
-const VELOCITY_SHARE: f64 = 0.9;
+/// Share of a joint's limits that the motion along the path may take: of the velocity limit, and of the
+/// speed that the acceleration limit reaches within one cycle.
+///
+/// LinuxCNC may change its mode in any cycle. Let V be the largest step of a joint from one point to the
+/// next. The joints follow a cubic B-spline of these points, which lags by two of them.
+/// - To joint mode: the joint stands from one cycle to the next, an acceleration of V / T².
+/// - From coordinated to teleop mode or back: the spline begins anew, filled with the next point. The joint
+///   jumps there within one cycle, by 2 V for the lag and by V for the point itself, then stands for a
+///   cycle: at most 3 V / T for the speed, and 3 V / T² for the acceleration.
+/// - To the identity kinematics: the spline returns to the joint's last value, by at most 5 V / 3 T².
+///
+/// So a third is the bound; a tenth less leaves room for the second derivative and for rounding. T is the
+/// servo period even where the trajectory period is longer: the jump happens within a servo cycle.
+const STEP_SHARE: f64 = 0.3;
 
-/// Shares of a joint's acceleration limit: for the acceleration along the path, and for the second
-/// derivative of the joint at constant speed.
-/// With the 9/8 of the last cycle (see [`Ramp::continued`]) 0.93 of the limit is used.
-const ACCELERATION_SHARE: f64 = 0.56;
-const SECOND_DERIVATIVE_SHARE: f64 = 0.3;
+/// Share of the acceleration limit for the second derivative of a joint at constant speed.
+const SECOND_DERIVATIVE_SHARE: f64 = 0.05;
 
 /// What the survey has found of a joint, per share of the path.
 #[derive(Clone, Copy, Default)]
@@ -85,12 +93,12 @@ impl Survey {
         Self { path, next: 0, rates: [JointRates::default(); MAX_JOINTS] }
     }
 
-    /// A cycle further: the survey, or the ramp where it has come to the end.
+    /// Goes a cycle further: surveys, or starts the motion at the end of the path.
     pub(super) fn continued(mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
         self.path.refuse_other_pose(cycle, pose)?;
         for _ in 0..PLACES_PER_CYCLE {
             if self.next > PARTS {
-                return Ok(Change::Moving(self.ramp(cycle)));
+                return Ok(Change::Moving(self.motion(cycle)));
             }
             self.visit(cycle)?;
             self.next += 1;
@@ -120,18 +128,17 @@ impl Survey {
         Ok(())
     }
 
-    /// The ramp along the surveyed path, which takes at least a cycle.
-    fn ramp(&self, cycle: &Cycle<'_>) -> Ramp {
-        let mut max_speed = 1.0 / cycle.seconds;
-        let mut acceleration = max_speed / cycle.seconds;
+    /// Starts the motion along the surveyed path, which takes at least a cycle.
+    fn motion(&self, cycle: &Cycle<'_>) -> Moving {
+        let mut step = 1.0_f64;
         for (joint, limits) in self.rates.iter().zip(&cycle.limits) {
             let (rate, second) = (joint.rate_bound(), joint.second_derivative_bound());
-            max_speed = max_speed
-                .min(VELOCITY_SHARE * limits.velocity / rate)
-                .min(sqrt(SECOND_DERIVATIVE_SHARE * limits.acceleration / second));
-            acceleration = acceleration.min(ACCELERATION_SHARE * limits.acceleration / rate);
+            let stoppable = limits.velocity.min(limits.acceleration * cycle.seconds);
+            step = step
+                .min(STEP_SHARE * stoppable / rate * cycle.seconds)
+                .min(sqrt(SECOND_DERIVATIVE_SHARE * limits.acceleration / second) * cycle.seconds);
         }
-        Ramp::new(self.path, max_speed, acceleration)
+        Moving { path: self.path, share: 0.0, step }
     }
 }
 

@@ -5,13 +5,14 @@
 //! [`module::Module`] is one loaded module with its pins; [`machines`] holds hexapods,
 //! [`parallel`] any machine, [`subjects`] one of each kind with its workspace; [`carrying`] adds axes that
 //! carry something, [`pair`] a second mechanism, and a [`control`] is any of these as LinuxCNC sees it;
-//! [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
+//! [`controller`] makes the calls of LinuxCNC's motion controller; [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
 //! usable as a reference; [`tracker`] what forward must find;
 //! [`limit`] what arithmetic alone would take; [`guarded`] sets every limit; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod carrying;
 pub mod control;
+pub mod controller;
 pub mod geometry;
 pub mod guarded;
 pub mod limit;

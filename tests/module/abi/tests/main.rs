@@ -30,5 +30,6 @@ mod start;
 mod switching;
 mod through;
 mod tool_change;
+mod tool_interrupted;
 mod tool_offset;
 mod workspace;
