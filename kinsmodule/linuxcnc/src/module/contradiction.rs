@@ -8,26 +8,22 @@
 //! of the joints, inverse refuses a difference that would be felt, and names the joint.
 
 use super::Module;
-use crate::tool::{JointLimits, NOTICEABLE};
+use crate::tool::{IMPERCEPTIBLE, JointLimits, NOTICEABLE};
 use kinematics::{Cause, Fault, Joints, MAX_JOINTS, Pose};
-
-/// Share of the speed that a joint reaches from standstill in a servo cycle.
-///
-/// LinuxCNC may stop the joints within a cycle whenever it changes its mode, and its interpolator makes up
-/// for up to three cycles at once then: a third leaves the acceleration within the limit, and a tenth of it
-/// is for a jog that begins meanwhile.
-const SPEED_SHARE: f64 = 0.3;
 
 /// What joint values differ by from those of the pose that they fit best.
 pub(super) struct Contradiction {
     left: Joints,
     is_on: bool,
+    /// Whether the joints are on their way to those of the commanded pose.
+    is_settling: bool,
     /// Why inverse is refused while it lasts.
     fault: Option<Fault>,
 }
 
 impl Contradiction {
-    pub(super) const NONE: Self = Self { left: [0.0; MAX_JOINTS], is_on: false, fault: None };
+    pub(super) const NONE: Self =
+        Self { left: [0.0; MAX_JOINTS], is_on: false, is_settling: false, fault: None };
 
     #[inline(always)]
     pub(super) fn is_on(&self) -> bool {
@@ -59,18 +55,17 @@ impl Module {
                 (worst, largest) = (i, f64::abs(*to));
             }
         }
-        let is_felt = machine.travel(joints, &own) > NOTICEABLE * machine.size();
-        let can_ramp = self.is_monitored
-            && self
-                .pins
-                .limits(&self.load)
-                .iter()
-                .take(self.layout().joints())
-                .all(JointLimits::are_known);
+        let way = machine.travel(joints, &own);
+        if way <= IMPERCEPTIBLE * machine.size() {
+            return None;
+        }
+        let limits = self.pins.limits(&self.load);
+        let mut of_joints = limits.iter().take(self.layout().joints());
+        let can_settle = self.is_monitored && of_joints.all(JointLimits::are_known);
+        let is_refused = !can_settle && way > NOTICEABLE * machine.size();
         let cause = Cause::JointsInconsistent;
-        let fault =
-            (is_felt && !can_ramp).then(|| Fault::of_joint(cause, self.layout(), worst, largest));
-        Some(Contradiction { left, is_on: can_ramp || fault.is_some(), fault })
+        let fault = is_refused.then(|| Fault::of_joint(cause, self.layout(), worst, largest));
+        Some(Contradiction { left, is_on: can_settle || is_refused, is_settling: false, fault })
     }
 
     /// Adds to the joints of a pose what those of joint mode differ by.
@@ -93,7 +88,9 @@ impl Module {
     /// Brings the joints nearer to those of the commanded pose, in a cycle of world mode.
     #[inline(always)]
     pub(super) fn settle_contradiction(&mut self, is_commanded: bool, seconds: f64) {
-        if self.contradiction.is_on && is_commanded && self.contradiction.fault.is_none() {
+        let Contradiction { is_on, fault, .. } = &self.contradiction;
+        self.contradiction.is_settling = *is_on && is_commanded && fault.is_none();
+        if self.contradiction.is_settling {
             self.contradiction_settled(seconds);
         }
     }
@@ -105,8 +102,7 @@ impl Module {
         let limits = self.pins.limits(&self.load);
         let mut cycles = 0.0;
         for (left, limits) in self.contradiction.left.iter().zip(&limits) {
-            let speed = (SPEED_SHARE * limits.acceleration * seconds).min(limits.velocity);
-            let own = left.abs() / (speed * seconds);
+            let own = left.abs() / (limits.stoppable_speed(seconds) * seconds);
             if !(own <= cycles) {
                 cycles = own;
             }
@@ -116,8 +112,9 @@ impl Module {
         self.contradiction.is_on = kept > 0.0;
     }
 
-    /// Whether the joints are on their way to those of the commanded pose, so that nothing else may move.
+    /// Returns whether the joints are on their way to those of the commanded pose, so that no other motion may
+    /// begin.
     pub(super) fn is_settling(&self) -> bool {
-        self.contradiction.is_on && self.contradiction.fault.is_none()
+        self.contradiction.is_settling
     }
 }

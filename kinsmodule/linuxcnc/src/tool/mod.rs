@@ -28,13 +28,28 @@ pub const NOTICEABLE: f64 = 1e-5;
 
 /// A shift of the platform by no more than this share of the machine's size is made in
 /// one cycle: on a machine of 1 m in cycles of 1 ms that is an acceleration of 1 mm/s².
-const IMPERCEPTIBLE: f64 = 1e-9;
+pub const IMPERCEPTIBLE: f64 = 1e-9;
 
 /// Cycles without motion before and after a change: LinuxCNC's interpolators lag by two.
 const REST_CYCLES: u32 = 5;
 
 /// Longest time in seconds that a motion under way may take to stop.
 const MAX_WAIT: f64 = 5.0;
+
+/// Share of a joint's limits for a motion that LinuxCNC knows nothing of: of the velocity limit, and of the
+/// speed that the acceleration limit reaches within one cycle.
+///
+/// LinuxCNC may change its mode in any cycle. Let V be the largest step of a joint from one point to the
+/// next. The joints follow a cubic B-spline of these points, which lags by two of them.
+/// - To joint mode: the joint stands from one cycle to the next, an acceleration of V / T².
+/// - From coordinated to teleop mode or back: the spline begins anew, filled with the next point. The joint
+///   jumps there within one cycle, by 2 V for the lag and by V for the point itself, then stands for a
+///   cycle: at most 3 V / T for the speed, and 3 V / T² for the acceleration.
+/// - To the identity kinematics: the spline returns to the joint's last value, by at most 5 V / 3 T².
+///
+/// So a third is the bound; a tenth less leaves room for the second derivative and for rounding. T is the
+/// servo period even where the trajectory period is longer: the jump happens within a servo cycle.
+const STEP_SHARE: f64 = 0.3;
 
 /// Limits of a joint, in joint units and seconds.
 #[derive(Clone, Copy)]
@@ -56,6 +71,11 @@ impl JointLimits {
             && self.velocity < velocity
             && self.acceleration > 0.0
             && self.acceleration < acceleration
+    }
+
+    /// Returns the speed of a joint that LinuxCNC may stop in any cycle, `seconds` long.
+    pub fn stoppable_speed(&self, seconds: f64) -> f64 {
+        STEP_SHARE * self.velocity.min(self.acceleration * seconds)
     }
 }
 

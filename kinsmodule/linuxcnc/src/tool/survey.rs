@@ -24,21 +24,6 @@ const SOLVES_PER_PLACE: u32 = 24;
 /// Share of the machine's size within which a pose found again is the same one.
 const SAME_POSE: f64 = 1e-9;
 
-/// Share of a joint's limits that the motion along the path may take: of the velocity limit, and of the
-/// speed that the acceleration limit reaches within one cycle.
-///
-/// LinuxCNC may change its mode in any cycle. Let V be the largest step of a joint from one point to the
-/// next. The joints follow a cubic B-spline of these points, which lags by two of them.
-/// - To joint mode: the joint stands from one cycle to the next, an acceleration of V / T².
-/// - From coordinated to teleop mode or back: the spline begins anew, filled with the next point. The joint
-///   jumps there within one cycle, by 2 V for the lag and by V for the point itself, then stands for a
-///   cycle: at most 3 V / T for the speed, and 3 V / T² for the acceleration.
-/// - To the identity kinematics: the spline returns to the joint's last value, by at most 5 V / 3 T².
-///
-/// So a third is the bound; a tenth less leaves room for the second derivative and for rounding. T is the
-/// servo period even where the trajectory period is longer: the jump happens within a servo cycle.
-const STEP_SHARE: f64 = 0.3;
-
 /// Share of the acceleration limit for the second derivative of a joint at constant speed.
 const SECOND_DERIVATIVE_SHARE: f64 = 0.05;
 
@@ -133,9 +118,8 @@ impl Survey {
         let mut step = 1.0_f64;
         for (joint, limits) in self.rates.iter().zip(&cycle.limits) {
             let (rate, second) = (joint.rate_bound(), joint.second_derivative_bound());
-            let stoppable = limits.velocity.min(limits.acceleration * cycle.seconds);
             step = step
-                .min(STEP_SHARE * stoppable / rate * cycle.seconds)
+                .min(limits.stoppable_speed(cycle.seconds) / rate * cycle.seconds)
                 .min(sqrt(SECOND_DERIVATIVE_SHARE * limits.acceleration / second) * cycle.seconds);
         }
         Moving { path: self.path, share: 0.0, step }

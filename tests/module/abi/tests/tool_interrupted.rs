@@ -181,15 +181,15 @@ fn interrupted(
 /// size that README names.
 const SAME_JOINT_SHARE: f64 = 100.0 * ROUND_TRIP_REL;
 
-/// A hexapod of random geometry, about its reference pose.
+/// A hexapod of random geometry, tilted at its reference pose: the joints' straight line from another one may
+/// lead by a singular pose.
 fn random_machine(random: &mut Random) -> (Control, Pose) {
-    let home = pose([0.0, 0.0, 1200.0, 0.0, 0.0, 0.0]);
     loop {
         let mut machine = random_hexapod(random, 1000.0);
-        machine.home = Some(home);
+        let mut tilted = pose([0.0, 0.0, 1200.0, 0.0, 0.0, 0.0]);
+        tilted[3..6].iter_mut().for_each(|angle| *angle += random.within(15.0));
+        machine.home = Some(tilted);
         if machine.apply(&Module::pkmkins(&[])) {
-            let mut tilted = home;
-            tilted[3..6].iter_mut().for_each(|angle| *angle += random.within(15.0));
             let machine = Parallel::from(machine);
             let subject = Subject { name: "random hexapod", machine, sample: |_| [0.0; 9] };
             return (Control::Alone(subject), tilted);
