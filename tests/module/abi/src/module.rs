@@ -318,20 +318,20 @@ impl Module {
     pub fn forward(&self, joints: &Joints, seed: &Pose) -> Result<Pose, i32> {
         if self.prefix == "pkmkins" && !self.follows_seeds.get() {
             self.take_reference_away();
-            self.follows_seeds.set(true);
         }
+        let code = self.forward_from(joints, seed);
+        // After a refusal LinuxCNC's next seed says nothing, and the next call starts from the last good pose.
+        self.follows_seeds.set(code >= 0);
+        self.is_followed.set(code >= 0);
+        if code < 0 { Err(code) } else { Ok(*self.feedback.borrow()) }
+    }
+
+    /// Calls `kinematicsForward` with a seed in LinuxCNC's feedback pose, which the module follows after
+    /// [`Module::take_reference_away`] and a call that succeeds.
+    pub fn forward_from(&self, joints: &Joints, seed: &Pose) -> i32 {
         let mut world = self.feedback.borrow_mut();
         *world = *seed;
-        self.is_followed.set(true);
-        match self.forward_into(joints, &mut world) {
-            code if code < 0 => {
-                self.is_followed.set(false);
-                // LinuxCNC's next seed says nothing, and the next call starts from the last good pose.
-                self.follows_seeds.set(false);
-                Err(code)
-            }
-            _ => Ok(*world),
-        }
+        self.forward_into(joints, &mut world)
     }
 
     /// Returns the pose of these joints in the course of a motion, as LinuxCNC's servo thread asks for it: the
@@ -350,7 +350,16 @@ impl Module {
     }
 
     /// Applies the geometry without its reference pose, with the folds of nut corrections of that pose.
-    fn take_reference_away(&self) {
+    pub fn take_reference_away(&self) {
+        let mut home = [0.0; 9];
+        for (letter, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(&mut home) {
+            *value = self.get(&format!("home.{letter}"));
+        }
+        self.take_reference_away_at(&home);
+    }
+
+    /// As [`Module::take_reference_away`], with all letters of the reference pose.
+    pub fn take_reference_away_at(&self, home: &Pose) {
         let is_home =
             |name: &str| name.rsplit_once('.').is_some_and(|(stem, _)| stem.ends_with("home"));
         let homes: Vec<&Pin> = self.pins.values().filter(|pin| is_home(&pin.name)).collect();
@@ -361,23 +370,18 @@ impl Module {
         }
         let (apply, on) = (self.get("apply"), self.get("machine-on"));
         self.pin("machine-on").into_iter().for_each(|pin| pin.set(0.0));
-        let mut home = [0.0; 9];
-        for (letter, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(&mut home) {
-            *value = self.get(&format!("home.{letter}"));
-        }
-        let at_home = self.inverse(&home);
+        let at_home = self.inverse(home);
         homes.iter().for_each(|pin| pin.set(f64::NAN));
         for edge in [0.0, 1.0] {
             self.set("apply", edge);
-            let _ = self.inverse(&home);
-        }
-        if let Ok(joints) = at_home {
-            let mut world = self.feedback.borrow_mut();
-            *world = home;
-            self.forward_into(&joints, &mut world);
+            let _ = self.inverse(home);
         }
         self.set("apply", apply);
-        let _ = self.inverse(&home);
+        let _ = self.inverse(home);
+        // Two calls without one of inverse between them: no pose is commanded.
+        for _ in 0..2 {
+            self.forward_from(&at_home.unwrap_or([f64::NAN; 16]), home);
+        }
         homes.iter().zip(kept).for_each(|(pin, value)| pin.set(value));
         self.set("machine-on", on);
     }

@@ -2,7 +2,7 @@
 //! The calls that are counted: what a servo step asks for, and what was searched for to be
 //! hard. The search runs at full speed and counts solves; valgrind then counts instructions.
 
-use crate::monitored::{PASSING, pass_singular, passing_pose};
+use crate::monitored::{PASSING, begin_forward, pass_singular, passing_pose};
 use abi_tests::control::{Control, in_a_chain, on_one_guide};
 use abi_tests::machines::{one_servo_step_from, paper_004};
 use abi_tests::module::{Joints, Module, Pose};
@@ -475,9 +475,12 @@ impl<'a> Search<'a> {
         let (mut low, mut high) = (0, MAX_ITERATIONS);
         while high - low > 1 {
             let middle = (low + high) / 2;
+            self.module.set("limit-iterations", f64::from(MAX_ITERATIONS));
+            begin_forward(case, self.control, &self.module);
             self.module.set("limit-iterations", f64::from(middle));
-            let code = self.module.forward(&case.joints, &case.pose);
-            match code == Err(Cause::TooManyIterations.code()) {
+            match self.module.forward_from(&case.joints, &case.pose)
+                == Cause::TooManyIterations.code()
+            {
                 true => low = middle,
                 false => high = middle,
             }
@@ -488,6 +491,11 @@ impl<'a> Search<'a> {
 }
 
 impl Case {
+    /// Returns whether its joints are those of a machine that is not homed.
+    pub fn is_before_homing(&self) -> bool {
+        self.joints.iter().all(|joint| *joint == 0.0)
+    }
+
     /// For the program that is measured: what it needs, as one line.
     pub fn to_line(&self) -> String {
         let mut line = format!("{} {} {} ", self.machine, self.call as usize, self.limit);

@@ -94,6 +94,13 @@ fn stand_still(module: &Module) {
     }
 }
 
+/// Lets the seed of the next call of forward be where it starts, with the pose at home known until then unless
+/// the joints are not homed.
+pub fn begin_forward(case: &Case, control: &Control, module: &Module) {
+    let home = if case.is_before_homing() { [f64::NAN; 9] } else { control.home() };
+    module.take_reference_away_at(&home);
+}
+
 /// The kinematics calls of a cycle; any may be refused.
 fn servo_cycle(module: &Module, pose: &Pose) {
     if let Ok(joints) = module.inverse(pose) {

@@ -14,7 +14,9 @@ use abi_tests::module::Module;
 use kinematics::{Cause, MAX_ITERATIONS};
 use prove::callgrind::{begin, counted, run};
 use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
-use prove::monitored::{begin_jog, change_tool, make_busy, move_on, pass_singular, passing_pose};
+use prove::monitored::{
+    begin_forward, begin_jog, change_tool, make_busy, move_on, pass_singular, passing_pose,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -216,17 +218,26 @@ fn make(case: &Case, control: &Control, module: &Module) {
             counted(|| module.inverse_into(&case.pose, &mut joints));
         }
         Call::Forward => {
-            module.set("limit-iterations", f64::from(case.limit));
-            let mut world = case.pose;
-            counted(|| module.forward_into(&case.joints, &mut world));
+            module.set("limit-iterations", f64::from(MAX_ITERATIONS));
+            if case.aim == Aim::Typical {
+                module.set("machine-on", 1.0);
+            }
+            begin_forward(case, control, module);
             // Without a monitor one call of 16 looks at all pins: every call that is counted. Extra joints that are
             // no number would be refused before that.
-            let mut broken = [0.0; 16];
-            let of_mechanisms = control.mechanisms().iter().map(|machine| machine.joints()).sum();
-            broken[..of_mechanisms].fill(f64::NAN);
-            for _ in 0..if Purpose::of(case) == Purpose::Alone { LOOKS - 1 } else { 0 } {
-                module.forward_into(&broken, &mut case.pose.clone());
+            if Purpose::of(case) == Purpose::Alone && !case.is_before_homing() {
+                let mut broken = [0.0; 16];
+                let of_mechanisms = control.mechanisms().iter().map(|m| m.joints()).sum();
+                broken[..of_mechanisms].fill(f64::NAN);
+                let home = control.home();
+                let at_home = module.inverse(&home).expect("home");
+                for _ in 0..LOOKS - 2 {
+                    module.forward_from(&broken, &home);
+                }
+                module.forward_from(&at_home, &home);
             }
+            module.set("limit-iterations", f64::from(case.limit));
+            counted(|| module.forward_from(&case.joints, &case.pose));
         }
         Call::Jacobian => {
             let _ = counted(|| module.jacobian(&case.joints, &case.pose));
