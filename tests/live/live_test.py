@@ -41,6 +41,7 @@ FOUR_ROD_LATHE = REPOSITORY / "configs/four-rod-lathe"
 SIX_ROD_LATHE = REPOSITORY / "configs/six-rod-lathe"
 PYRAMID = REPOSITORY / "configs/pyramid"
 SAMPLE = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
+PENTAPOD_SAMPLE = SAMPLE.parents[1] / "pentapod"
 TESTS = {}
 RECORDING = set()  # tests that leave a trace to be judged
 PASSED = "passed"  # a file that a test which passed has in its folder
@@ -333,6 +334,25 @@ def commanded_motion_through_a_singular_pose_is_told(out):
     return result["reason"]
 
 
+# A turn about Z at a pace that the struts keep, to where the commanded motion is beyond a singular pose.
+FAST_TURN = [{"section": section, "key": key, "lines": [f"{key} = {value}"]} for section, key, value in (
+    ("AXIS_C", "MIN_LIMIT", -200), ("AXIS_C", "MAX_LIMIT", 200), ("AXIS_C", "MAX_VELOCITY", 60),
+    ("TRAJ", "MAX_ANGULAR_VELOCITY", 60))]
+BEYOND_SINGULAR = "G1 F3600 C115"
+
+
+@test
+def kinematics_switch_beyond_a_singular_pose_hides_no_refusal(out):
+    return scenario(HEXAPOD, "singular_switched", out, edits=FAST_TURN, block=BEYOND_SINGULAR, code=-41,
+                    back="G1 F3600 C0")["reason"]
+
+
+@test
+def operator_homes_a_machine_beyond_a_singular_pose(out):
+    return scenario(HEXAPOD, "singular_homed", out, edits=FAST_TURN, block=BEYOND_SINGULAR, code=-41, speed=250,
+                    after="G1 F3000 X10")["reason"]
+
+
 @test
 def kinematics_switch_of_a_lathe_moves_no_joint(out):
     scenario(FOUR_ROD_LATHE, "net_switch", out, start="G1 F3000 X12 Y442 Z1020 B4")
@@ -395,6 +415,47 @@ def feedback_that_jumps_stops_the_machine(out):
 @test
 def feedback_that_is_no_number_holds_the_feed(out):
     return scenario(HEXAPOD, "feedback_without_a_number", out, joint=1, code=-20, after="G1 F3000 X0 Y10")["reason"]
+
+
+@test
+def feedback_that_is_no_number_once_costs_a_drop_in_for_pentakins_no_pose(out):
+    with pentapod_sample() as session:
+        check(session.run("feedback_loses_a_number", out, 60, joint=0, code=-20, after="G1 F3000 Z-90",
+                          block="G1 F6000 X12.906 Y-155.398 Z-113.614 A16.573 B-5.715"))
+
+
+# Base anchors of pentakins where no HAL file sets others, radius and heights of its rings, in mm.
+PENTAKINS = [((-418.03, 324.56, 895.56), -185.5), ((417.96, 324.56, 895.56), -159.5), ((-418.03, -325.44, 895.56), -67.5),
+             ((417.96, -325.44, 895.56), -41.5), ((-0.06, -492.96, 895.56), -14.0)]
+PENTAKINS_RADIUS = 80.32
+
+
+def pentakins_home(leg):
+    """Returns the length of a leg at a pose of zeros."""
+    (x, y, z), height = leg
+    return math.hypot(math.hypot(x, y) - PENTAKINS_RADIUS, height - z)
+
+
+def pentapod_sample():
+    """LinuxCNC's pentapod on this module, with the anchors that are the defaults of both modules. On these the
+    straight line of the joints from home ends at another pose than some motions do."""
+    return Session(PENTAPOD_SAMPLE, "pentapod.ini", edits=[
+        {"section": "HAL", "key": "HALFILE",
+         "lines": ["HALFILE = LIB:basic_sim.tcl -no_use_hal_manualtoolchange"]},
+        {"section": "KINS", "key": "KINEMATICS", "lines": ["KINEMATICS = pkmkins legs=ring:5 coordinates=XYZAB"]},
+        {"section": "TRAJ", "append": ["HOME = 0 0 0"]},
+        *({"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value!r}"]}
+          for n, value in enumerate(map(pentakins_home, PENTAKINS)) for key in ("HOME", "HOME_OFFSET")),
+    ])
+
+
+@test
+def joints_that_contradict_each_other_enter_world_mode_slowly(out):
+    off = 0.3  # mm that a home switch is off
+    edits = [{"section": "JOINT_2", "key": "HOME_OFFSET", "lines": [f"HOME_OFFSET = {off}"]}]
+    found = scenario(PYRAMID, "contradiction_settles", out, edits=edits, off=off, after="G1 F600 X10 Z280")
+    return (f"{found['acceleration_share']:.3f} of the acceleration limit, {found['step']:.2g} mm in a cycle, "
+            f"{found['moved']:.3f} mm to a residual of {found['residual']:.1g} mm")
 
 
 @test

@@ -405,9 +405,7 @@ def singular_passed(machine: Machine, out, letter, end, feed, code):
     """A move through a singular pose, unguarded: forward never shows the mirror image of the commanded
     pose, the reason is told, and the way back heals it."""
     machine.start()
-    for pin in ("conditioning-limit", "tilt-limit", "rod-clearance",
-                *(f"base-cone.{n}" for n in machine.layout.joints)):
-        machine.set(f"pkmkins.{pin}", 0)
+    guard_nothing(machine)
     start = machine.pose()
     machine.set_mode(linuxcnc.MODE_MDI)
     machine.command.mdi(f"G1 F{feed} {letter}{end}")
@@ -432,6 +430,94 @@ def singular_passed(machine: Machine, out, letter, end, feed, code):
     assert not machine.get("pkmkins.fwd-kins-fail"), "forward fails after the way back"
     assert_close(machine.pose(), start, AT_REST, "pose after the way back")
     return {"reason": reason, "apart": max(apart)}
+
+
+def guard_nothing(machine):
+    """Switches off the limits that would stop a move through a singular pose."""
+    for pin in ("conditioning-limit", "tilt-limit", "rod-clearance",
+                *(f"base-cone.{n}" for n in machine.layout.joints)):
+        machine.set(f"pkmkins.{pin}", 0)
+
+
+def go_beyond_singular(machine, block, code):
+    """Moves through a singular pose; returns the message."""
+    machine.mdi(block)
+    assert_doubtful(machine, code, "beyond the singular pose")
+    return reason_of(machine, code)
+
+
+def assert_doubtful(machine, code, when):
+    """Asserts that forward refuses the pose for 0.2 s, as far as a look every 10 ms shows."""
+    for _ in range(20):
+        machine.pause(0.01)
+        assert machine.get("pkmkins.fwd-kins-fail"), f"{when}: the mirror image is reported as the pose"
+    assert machine.get("pkmkins.fault") == code, f"{when}: fault is {machine.get('pkmkins.fault')}, not {code}"
+
+
+def singular_switched(machine: Machine, out, block, code, back):
+    """Beyond a singular pose the kinematics are switched to 1 and to 0 again, with the machine on: no joint moves,
+    the pose stays refused, and commanding the motion back ends it."""
+    net_kinematics_type()
+    machine.start()
+    guard_nothing(machine)
+    start = machine.pose()
+    reason = go_beyond_singular(machine, block, code)
+    watch = JointWatch(machine)
+    machine.mdi("M68 E3 Q1")
+    machine.pause(0.2)
+    machine.mdi("M68 E3 Q0")
+    machine.pause(0.2)
+    assert_doubtful(machine, code, "after kinematics 0, 1, 0")
+    moved = watch.stop()
+    assert moved < AT_REST, f"a joint moved by {moved}"
+    assert machine.is_on() and machine.get("kinstype.is-0"), "the machine is off, or in kinematics 1"
+    machine.mdi(back)
+    machine.pause(0.3)
+    assert_found(machine, start)
+    return {"reason": reason}
+
+
+def assert_found(machine, pose):
+    """Asserts that forward reports a pose, on its pins and in LinuxCNC's status."""
+    assert not machine.get("pkmkins.fwd-kins-fail"), f"forward fails: {machine.messages}"
+    assert_close([machine.get(f"pkmkins.{letter}") for letter in AXES], pose, AT_REST, "pose on the pins")
+    machine.poll()
+    assert_close(machine.stat.actual_position[:len(pose)], pose, AT_REST, "pose in LinuxCNC's status")
+
+
+def singular_homed(machine: Machine, out, block, code, speed, after):
+    """Beyond a singular pose machine off and on end no refusal. Jogging the joints to HOME, unhoming and homing do:
+    LinuxCNC homes joints with absolute encoders only once."""
+    machine.start()
+    guard_nothing(machine)
+    start = machine.pose()
+    reason = go_beyond_singular(machine, block, code)
+    machine.turn_off()
+    assert_doubtful(machine, code, "with the machine off")
+    machine.joint_mode()
+    machine.turn_on()
+    assert_doubtful(machine, code, "with the machine on again")
+    jog_home(machine, speed)
+    machine.pause(0.3)
+    machine.command.unhome(-1)
+    machine.wait(lambda: not any(machine.stat.homed), 5, "unhoming")
+    machine.home()
+    machine.wait(machine.is_world, 5, "world mode after homing")
+    machine.pause(0.3)
+    assert machine.is_on(), f"the machine is off: {machine.messages}"
+    assert_found(machine, start)
+    goes_on(machine, after)
+    return {"reason": reason}
+
+
+def jog_home(machine, speed):
+    """Jogs all joints to their HOME values at the same time."""
+    ends = list(zip(machine.layout.joints, machine.layout.joint_home))
+    for n, end in ends:
+        machine.command.jog(linuxcnc.JOG_INCREMENT, True, n, speed, end - machine.get(f"joint.{n}.pos-cmd"))
+        machine.command.wait_complete()
+    machine.wait(lambda: all(abs(machine.get(f"joint.{n}.pos-cmd") - end) < AT_REST for n, end in ends), 60,
+                 "joints at HOME")
 
 
 def sample_switch(machine: Machine, out, start):
@@ -781,6 +867,54 @@ def feedback_without_a_number(machine: Machine, out, joint, code, after):
     machine.wait(lambda: not machine.get("pkmkins.feed-inhibit"), 2, "feed")
     goes_on(machine, after)
     return {"reason": reason, "stood": stood}
+
+
+def feedback_loses_a_number(machine: Machine, out, block, joint, code, after):
+    """The encoder of one joint reports NaN for a moment while the machine stands away from home: the pose is the
+    machine's again without an operator."""
+    machine.start()
+    machine.mdi(block)
+    machine.pause(0.5)
+    pose = machine.pose()
+    pin = f"joint.{joint}.motor-pos-fb"
+    signal = link(pin, "live:feedback")
+    halcmd("unlinkp", pin)
+    machine.set(pin, "nan")
+    machine.wait(lambda: machine.get("pkmkins.fwd-kins-fail"), 2, "the refusal")
+    halcmd("net", signal, pin)
+    assert machine.get("pkmkins.fault") == code, f"fault is {machine.get('pkmkins.fault')}"
+    machine.pause(0.3)
+    assert_found(machine, pose)
+    assert machine.is_on(), "the machine is off"
+    goes_on(machine, after)
+    return {"pose": pose}
+
+
+def contradiction_settles(machine: Machine, out, off, after):
+    """One joint was homed a little off: entering world mode, and leaving and entering it again, keep every
+    motor's command within its acceleration, and the joints end without a contradiction."""
+    columns = [(f"j{n}", f"joint.{n}.motor-pos-cmd", "float") for n in machine.layout.joints]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    machine.turn_on()
+    recorder.start()
+    machine.home()
+    machine.wait(machine.is_world, 5, "world mode after homing")
+    machine.pause(1)
+    residual = machine.get("pkmkins.residual")
+    machine.joint_mode()
+    machine.world_mode()
+    machine.pause(0.3)
+    recorder.stop()
+    ways = [recorder.column(f"j{n}") for n in machine.layout.joints]
+    share = largest_acceleration_share(machine, recorder)
+    step = max(abs(b - a) for way in ways for a, b in zip(way, way[1:]))
+    moved = max(abs(way[-1] - way[0]) for way in ways)
+    found = {"acceleration_share": share, "step": step, "moved": moved, "residual": residual}
+    assert share <= 1.02, found
+    assert off / 10 < moved < off and residual < AT_REST, found
+    assert not machine.get("pkmkins.feed-inhibit"), "feed is still held"
+    goes_on(machine, after)
+    return found
 
 
 def new_geometry(machine: Machine, out):

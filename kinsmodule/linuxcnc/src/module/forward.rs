@@ -87,8 +87,9 @@ impl Module {
             return Err(Cause::NotHomed.into());
         }
         if result.is_ok() {
-            self.pose_is_unknown = false;
             result = self.refuse_doubtful(joints, &solution.pose);
+            // LinuxCNC takes over no pose that is refused.
+            self.pose_is_unknown &= result.is_err();
             // Beyond a singular pose the mirror image is followed, to see the motion come back.
             let is_mirrored = result.is_err_and(|fault| fault.cause == Cause::SingularPassed);
             if result.is_ok() || (is_mirrored && was_known) {

@@ -52,8 +52,14 @@ impl Module {
     }
 
     /// What a switch leads to. Nothing changes.
+    ///
+    /// In doubt about the pose there is none: after the switch back LinuxCNC's planner would go on from what
+    /// it had in the identity kinematics, because it refuses a pose of NaN.
     pub fn asked(&self, number: i32) -> Result<Asked, Fault> {
         let kind = self.kind_of(number)?;
+        if let Some(cause) = self.crossing.doubt() {
+            return Err(cause.into());
+        }
         let is_back = kind == Kind::Machine && kind != self.kind;
         let pose = if is_back { self.pose_after_identity()? } else { None };
         Ok(Asked { kind, pose })

@@ -11,7 +11,7 @@
 //! | success | The pose found becomes the last good pose, of its kind of call and of all calls. |
 //! | refusal | Nothing is forgotten. The next call starts from the newest good pose of any kind of call. |
 //! | LinuxCNC passes another seed | Ignored while a pose is known. |
-//! | kinematics switch | Nothing is forgotten: the identity kinematics track the machine's pose. |
+//! | kinematics switch | Nothing is forgotten: the identity kinematics track the machine's pose. Refused in doubt. |
 //! | machine off, sagging | Nothing is forgotten: LinuxCNC goes on calling forward, which follows the joints. |
 //! | missed cycles | Nothing is forgotten: forward follows the straight line of the joints. |
 //! | tool change | The poses move with the tool, as the joints stay. |

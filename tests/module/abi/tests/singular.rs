@@ -162,7 +162,7 @@ fn the_way_back_ends_the_doubt() {
 }
 
 #[test]
-fn joint_mode_the_switch_of_kinematics_and_the_machine_off_do_not_end_the_doubt() {
+fn joint_mode_and_the_machine_off_do_not_end_the_doubt_and_no_kinematics_are_switched() {
     let beyond = Beyond::singular();
     let passed = Cause::SingularPassed.code();
     // Joint mode: two forwards a cycle and no inverse.
@@ -173,10 +173,11 @@ fn joint_mode_the_switch_of_kinematics_and_the_machine_off_do_not_end_the_doubt(
         command = beyond.home;
         beyond.module.monitor();
     }
-    assert_eq!(beyond.module.switch(1), 0);
-    assert_eq!(beyond.code(), 0, "letters of joints");
-    assert_eq!(beyond.module.switch(0), 0);
-    assert_eq!(beyond.code(), passed);
+    // LinuxCNC's planner would keep the letters of the joints, because it refuses the NaN of the way back.
+    for kinematics in [1, 0] {
+        assert_eq!(beyond.module.switch(kinematics), passed, "{kinematics}");
+        assert_eq!(beyond.code(), passed);
+    }
     for on in [0.0, 1.0] {
         beyond.module.set("machine-on", on);
         assert_eq!(beyond.code(), passed, "{on}");
