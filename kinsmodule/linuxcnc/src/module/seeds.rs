@@ -254,7 +254,7 @@ impl Module {
     }
 
     /// Returns whether the joints stand at a pose.
-    fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
+    pub(super) fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
         let Some(frozen) = &self.frozen else { return false };
         let machine = &frozen.machine;
         let expected = machine.inverse(pose, tool);
