@@ -137,6 +137,7 @@ impl Module {
     fn track_machine(&mut self, joints: &Joints, given: &Pose) {
         let joints = self.correction.taken_from(joints);
         let (tool, solver) = (self.tool.of_machine(), self.pins.solver());
+        self.forget_before_pause(&joints, given, &tool);
         let start = match self.seeds.last() {
             Some(last) => last,
             None => {

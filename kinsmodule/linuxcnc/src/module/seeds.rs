@@ -191,7 +191,12 @@ impl Module {
     ///
     /// A homing after a refusal shows in nothing else where no monitor counts the cycles.
     #[cold]
-    fn forget_before_pause(&mut self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) {
+    pub(super) fn forget_before_pause(
+        &mut self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+    ) {
         let Some(refused_at) = self.handed.refused_at else { return };
         let pause = nanoseconds().wrapping_sub(refused_at);
         if pause > HOMING_PAUSE && self.is_at(seed, joints, tool) {

@@ -123,6 +123,10 @@ impl Poked {
         for _ in 0..4 {
             module.monitor();
         }
+        // Corrections and tool come back by their ramps.
+        for _ in 0..100 {
+            module.monitor_in_cycle_of(10_000_000);
+        }
         // Back from the identity, if it was there, with joints that close a platform.
         let joints = self.setup.system.at_reference().joints;
         module.forward_into(&joints, &mut self.setup.world_home());

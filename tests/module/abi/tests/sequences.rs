@@ -17,7 +17,7 @@ const CYCLES: usize = 2_000;
 const EXCUSED: f64 = 0.05;
 
 /// Failures that are printed whole.
-const SHOWN: usize = 12;
+const SHOWN: usize = 4;
 
 #[derive(Default)]
 struct Total {

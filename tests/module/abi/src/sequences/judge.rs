@@ -24,8 +24,9 @@ const LEAST: f64 = 1e-4;
 /// Margin of a leg below which it may end.
 const MARGIN: f64 = 1.0;
 
-/// Margin of a leg below which forward may name it as the reason of a refusal.
-const REFUSED_MARGIN: f64 = 2.0;
+/// Margin of a leg below which forward may name it as the reason of a refusal: the joint of a crank at a
+/// cosine of 0.2 turns by tens of degrees while noise and lag move the platform (2.4 seen).
+const REFUSED_MARGIN: f64 = 3.0;
 
 /// Share of the size in which a margin changes by 1 at most: a cosine by 0.08 at an arm of an eighth.
 const MARGIN_MOVES: f64 = 0.01;
@@ -100,6 +101,8 @@ pub struct Judge {
     pub good: Option<State>,
     /// Pose accepted in the last call of feedback, of joints that were not the machine's.
     pub elsewhere: Option<State>,
+    /// The identity kinematics were shown far joints, from which one call may not lead back.
+    pub strayed: bool,
     /// The commanded motion has passed a singular pose since the last right answer.
     pub crossed: bool,
     /// A refusal for that reason holds.
@@ -112,7 +115,16 @@ impl Judge {
     /// Knows no pose yet.
     pub fn new(system: System) -> Self {
         let counts = BTreeMap::new();
-        Self { system, watches: [None, None], good: None, elsewhere: None, crossed: false, held: false, counts }
+        Self {
+            system,
+            watches: [None, None],
+            good: None,
+            elsewhere: None,
+            strayed: false,
+            crossed: false,
+            held: false,
+            counts,
+        }
     }
 
     /// Distance of the nearest singular pose, its curvature, and the margin of the legs.
@@ -212,7 +224,7 @@ impl Judge {
             }
         };
         if verdict == Verdict::Right {
-            (self.crossed, self.held) = (false, false);
+            (self.crossed, self.held, self.strayed) = (false, false, false);
         }
         if !matches!(verdict, Verdict::Wrong(_)) {
             self.good = Some(found);
@@ -326,13 +338,19 @@ impl Judge {
             self.good = Some(now);
             return;
         }
-        if let (Some(led), _) = self.led(&good, joints) {
+        if let (Some(led), path) = self.led(&good, joints) {
             self.good = Some(led);
+            self.strayed |= path.length > LONG * self.system.size();
         }
     }
 
     /// Judges the first refusal after far joints: LinuxCNC's call for feedback starts from their pose once.
-    pub fn refused_after_far(&mut self, code: i32, far: &State, joints: &Joints) -> Option<Verdict> {
+    pub fn refused_after_far(
+        &mut self,
+        code: i32,
+        far: &State,
+        joints: &Joints,
+    ) -> Option<Verdict> {
         if !is_bound(code) {
             return None;
         }
@@ -344,8 +362,9 @@ impl Judge {
     /// The module has seen joints in other kinematics that are not the machine's.
     pub fn seen_elsewhere(&mut self, joints: &Joints) {
         let Some(good) = self.good.filter(|_| joints.iter().all(|q| q.is_finite())) else { return };
-        if let (Some(led), _) = self.led(&good, joints) {
+        if let (Some(led), path) = self.led(&good, joints) {
             self.good = Some(led);
+            self.strayed |= path.length > LONG * self.system.size();
         }
     }
 

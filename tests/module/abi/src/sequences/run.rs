@@ -142,8 +142,6 @@ pub struct Run<'a> {
     /// Cycle of the last one.
     disturbed: usize,
     missed: usize,
-    /// Cycles without a commanded pose.
-    uncommanded_for: usize,
     /// What the joints of world mode differ by from those of the pose.
     contradiction: Joints,
     /// The end of homing asks for world mode, in the cycle after.
@@ -222,7 +220,6 @@ impl<'a> Run<'a> {
             injection: None,
             disturbed: 0,
             missed: 0,
-            uncommanded_for: 0,
             contradiction: [0.0; 16],
             enters_teleop: false,
             commanded_for: 0,
@@ -290,7 +287,7 @@ impl<'a> Run<'a> {
         self.homed = true;
         pass_time(HOMING);
         let mut state = self.setup.system.at_reference();
-        self.judge.good = Some(state);
+        (self.judge.good, self.judge.strayed) = (Some(state), false);
         if !self.setup.system.is_redundant() && !self.judge.held && self.chance(0.3) {
             // A home switch that is a little off.
             let mut joints = state.joints;
@@ -582,6 +579,9 @@ impl<'a> Run<'a> {
                 let held = self.judge.held || self.judge.crossed;
                 let verdict = self.judge.refused(code, &truth, &joints, reach, false);
                 match verdict {
+                    Verdict::Wrong(_) if self.judge.strayed => {
+                        self.judge.count("a long way back from far joints in the identity");
+                    }
                     Verdict::Wrong(what) if !held => self.fail(format!("switch: {what}")),
                     _ => self.judge.count("switch refused with reason"),
                 }
@@ -901,8 +901,6 @@ impl<'a> Run<'a> {
             self.module.monitor();
             self.module.clear_messages();
         }
-        let in_world = self.enabled && self.motion != Motion::Free && !self.identity;
-        self.uncommanded_for = if in_world { 0 } else { self.uncommanded_for + 1 };
         if let Some((pin, value)) = restore {
             self.module.set(pin, value);
         }
@@ -925,7 +923,8 @@ impl<'a> Run<'a> {
         }
         self.reset -= 1;
         self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
-        let quiet = self.uncommanded_for > 3 && self.homed;
+        let is_commanded = self.enabled && self.motion != Motion::Free && !self.identity;
+        let quiet = !is_commanded && self.homed;
         if self.reset == 1 && quiet && (self.judge.held || self.judge.crossed) {
             self.confirm();
         }
