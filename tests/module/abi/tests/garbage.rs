@@ -123,16 +123,16 @@ impl Poked {
         for _ in 0..4 {
             module.monitor();
         }
-        // Corrections and tool come back by their ramps.
-        for _ in 0..100 {
-            module.monitor_in_cycle_of(10_000_000);
-        }
         // Back from the identity, if it was there, with joints that close a platform.
         let joints = self.setup.system.at_reference().joints;
         module.forward_into(&joints, &mut self.setup.world_home());
         module.monitor();
         let code = module.switch(0);
         assert_eq!(code, 0, "{}", self.setup.name);
+        // Corrections and tool come back by their ramps.
+        for _ in 0..100 {
+            module.monitor_in_cycle_of(10_000_000);
+        }
         assert!(module.is_on("geometry-ok"), "{}: {:?}", self.setup.name, module.messages());
         module.set("machine-on", 1.0);
         module.clear_messages();
@@ -162,7 +162,11 @@ impl Poked {
                 _ => judge.refused(code, &state, &state.joints, Reach::default(), false),
             };
             let name = &self.setup.name;
-            assert!(!matches!(verdict, Verdict::Wrong(_)), "{name}, step {step}: {verdict:?}");
+            let messages = self.module.messages();
+            assert!(
+                !matches!(verdict, Verdict::Wrong(_)),
+                "{name}, step {step}: {verdict:?}, {messages:?}"
+            );
             self.module.monitor();
         }
     }

@@ -91,6 +91,11 @@ fn is_bound(code: i32) -> bool {
     matches!(code, -34 | -35)
 }
 
+/// Whether a refusal names a leg at its end.
+fn names_leg(code: i32) -> bool {
+    matches!(code, -24 | -26 | -27 | -28)
+}
+
 /// The judge of one machine.
 pub struct Judge {
     /// The machine.
@@ -171,9 +176,8 @@ impl Judge {
 
     /// Whether forward refuses a leg near its end: balls and sub-steps end before it.
     fn is_near_end(&mut self, code: i32, state: &State) -> Option<&'static str> {
-        let names_leg = matches!(code, -24 | -26 | -27 | -28);
         let margin = self.system.look(state).margin;
-        (names_leg && !(margin > REFUSED_MARGIN)).then_some("near the end of a leg")
+        (names_leg(code) && !(margin > REFUSED_MARGIN)).then_some("near the end of a leg")
     }
 
     /// Judges a pose that was returned with code 0 for the joints of a call. `truth` is the machine, but
@@ -263,6 +267,7 @@ impl Judge {
         });
         let (_, curvature, _) = self.watched(truth);
         let within = LEAST + (2.0 * reach.noise / curvature).sqrt() / size;
+        let least_margin = if names_leg(code) { REFUSED_MARGIN - 1.0 } else { MARGIN };
         let verdict = if let Some(near) = near {
             Verdict::Excused(near)
         } else if self.crossed && led.is_some() && !is_true {
@@ -274,7 +279,9 @@ impl Judge {
             Verdict::Excused("no straight line of joints from the last pose")
         } else if is_bound(code) && path.length > LONG * size {
             Verdict::Excused("a long way back from far joints")
-        } else if !(path.distance > NEAR * within) || !(path.margin > MARGIN) || path.steps > STEPS
+        } else if !(path.distance > NEAR * within)
+            || !(path.margin > least_margin)
+            || path.steps > STEPS
         {
             Verdict::Excused("a singular pose beside the line of joints")
         } else {
