@@ -129,10 +129,13 @@ impl Poked {
         module.monitor();
         let code = module.switch(0);
         assert_eq!(code, 0, "{}", self.setup.name);
-        // Corrections and tool come back by their ramps.
+        // Corrections come back at their rate: one of 0, as it is without corrections, would keep them.
+        let rates = || self.inputs.iter().filter(|(pin, _)| pin.name.contains("correction-rate."));
+        rates().for_each(|(pin, _)| pin.set(1e9));
         for _ in 0..100 {
             module.monitor_in_cycle_of(10_000_000);
         }
+        rates().for_each(|(pin, value)| pin.set(*value));
         assert!(module.is_on("geometry-ok"), "{}: {:?}", self.setup.name, module.messages());
         module.set("machine-on", 1.0);
         module.clear_messages();
