@@ -5,7 +5,7 @@
 use abi_tests::module::{Joints, Pose};
 use abi_tests::random::{Random, cases};
 use abi_tests::sequences::judge::{Judge, Reach, Verdict};
-use abi_tests::sequences::setups::{Setup, shipped};
+use abi_tests::sequences::setups::{Setup, drop_ins, shipped};
 use abi_tests::stub::{Pin, PinDir};
 
 /// Calls between two recoveries.
@@ -177,7 +177,7 @@ impl Poked {
 
 #[test]
 fn after_garbage_everywhere_a_machine_recovers() {
-    let mut all: Vec<Poked> = shipped().into_iter().map(Poked::new).collect();
+    let mut all: Vec<Poked> = shipped().into_iter().chain(drop_ins()).map(Poked::new).collect();
     let rounds = cases(100_000 / CALLS);
     let machines = all.len();
     for round in 0..rounds {

@@ -581,6 +581,8 @@ impl<'a> Run<'a> {
                 match verdict {
                     Verdict::Wrong(_) if self.judge.strayed => {
                         self.judge.count("a long way back from far joints in the identity");
+                        self.excused += usize::from(self.excused_in != self.cycle);
+                        self.excused_in = self.cycle;
                     }
                     Verdict::Wrong(what) if !held => self.fail(format!("switch: {what}")),
                     _ => self.judge.count("switch refused with reason"),
