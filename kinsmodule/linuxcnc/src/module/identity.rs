@@ -126,22 +126,37 @@ impl Module {
         self.forget_before_homing();
         self.calls.note_forward();
         let result = self.identity_pose(joints);
+        let given = Pose::from_degrees(*pose);
         self.pins.fwd_kins_fail.set(result.is_err());
         *pose = self.recorded(result)?;
         self.identity_joints = Some(*joints);
         self.pins.show_pose(*pose);
-        self.track_machine(joints);
+        self.track_machine(joints, &given);
         Ok(())
     }
 
     /// Follows the joints with the machine's pose, so that it is known after the switch back.
     ///
-    /// Joints that close no platform leave it where it was.
+    /// Joints that close no platform leave it where it was. After homing, joints at the reference pose begin
+    /// anew, or in a drop-in at LinuxCNC's seed `given`, which is `[TRAJ]HOME` then.
     #[inline(never)]
-    fn track_machine(&mut self, joints: &Joints) {
-        let Some(start) = self.seeds.last().or(self.reference()) else { return };
+    fn track_machine(&mut self, joints: &Joints, given: &Pose) {
         let joints = self.correction.taken_from(joints);
         let (tool, solver) = (self.tool.of_machine(), self.pins.solver());
+        self.forget_before_pause(&joints, given, &tool);
+        let start = match self.seeds.last() {
+            Some(last) => last,
+            None => {
+                let first = self.reference().unwrap_or(*given);
+                let is_homed = self.is_at(&first, &joints, &tool);
+                if is_homed {
+                    self.crossing.end_doubt();
+                } else if self.reference().is_none() {
+                    return;
+                }
+                first
+            }
+        };
         let found =
             self.frozen().and_then(|own| own.machine.forward(&joints, &start, &tool, &solver));
         if let Ok(found) = found {

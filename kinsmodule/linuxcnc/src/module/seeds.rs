@@ -46,11 +46,13 @@ struct Caller {
     /// Address of the pose that LinuxCNC keeps for this kind of call.
     address: usize,
     pose: Pose,
+    /// Whether another kind of call has succeeded since.
+    is_behind: bool,
 }
 
 /// Poses that forward has found.
 pub(super) struct Seeds {
-    /// Of those whose last call succeeded.
+    /// Of those that succeeded in this cycle or the last one.
     callers: [Option<Caller>; CALLERS],
     /// Newest good pose of any kind of call.
     last: Option<Pose>,
@@ -88,15 +90,20 @@ impl Seeds {
     #[inline(always)]
     pub(super) fn remember(&mut self, address: usize, pose: Pose) {
         self.last = Some(pose);
-        let entry = Caller { address, pose };
-        let known = self.callers.iter_mut().flatten().find(|c| c.address == address);
-        if let Some(caller) = known {
-            *caller = entry;
-            return;
+        let mut free = 0;
+        for (i, kept) in self.callers.iter_mut().enumerate() {
+            match kept {
+                Some(caller) if caller.address != address && !caller.is_behind => {
+                    caller.is_behind = true;
+                }
+                // The caller's own; or of a kind not called in the last cycle: the machine has moved on since.
+                _ => (*kept, free) = (None, i),
+            }
         }
-        // The newest stands first; a third kind of call would push out the oldest.
-        self.callers.rotate_right(1);
-        self.callers[0] = Some(entry);
+        // Two kinds are called in turn; a third one would take the place of the first.
+        if let Some(caller) = self.callers.get_mut(free) {
+            *caller = Some(Caller { address, pose, is_behind: false });
+        }
     }
 
     /// Records that a call was refused: the caller goes on from the newest good pose of all.
@@ -184,7 +191,12 @@ impl Module {
     ///
     /// A homing after a refusal shows in nothing else where no monitor counts the cycles.
     #[cold]
-    fn forget_before_pause(&mut self, joints: &Joints, seed: &Pose, tool: &Vector3<f64>) {
+    pub(super) fn forget_before_pause(
+        &mut self,
+        joints: &Joints,
+        seed: &Pose,
+        tool: &Vector3<f64>,
+    ) {
         let Some(refused_at) = self.handed.refused_at else { return };
         let pause = nanoseconds().wrapping_sub(refused_at);
         if pause > HOMING_PAUSE && self.is_at(seed, joints, tool) {
@@ -247,7 +259,7 @@ impl Module {
     }
 
     /// Returns whether the joints stand at a pose.
-    fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
+    pub(super) fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
         let Some(frozen) = &self.frozen else { return false };
         let machine = &frozen.machine;
         let expected = machine.inverse(pose, tool);

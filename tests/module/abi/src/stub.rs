@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The stub HAL (`tests/module/stub_hal/stub_hal.c`) and the loading of shared libraries.
 
-use std::ffi::{CStr, CString, c_char, c_int, c_long, c_ulong, c_void};
+use std::ffi::{CStr, CString, c_char, c_int, c_long, c_longlong, c_ulong, c_void};
 use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::OnceLock;
@@ -84,6 +84,12 @@ pub struct Message {
     pub text: String,
 }
 
+/// Lets the clock of this thread's modules go on, which otherwise counts its own calls.
+pub fn pass_time(nanoseconds: i64) {
+    // SAFETY: takes a number and adds it.
+    unsafe { (stub().pass_time)(nanoseconds) }
+}
+
 /// Opens a shared library. `global` makes its symbols visible to later ones.
 /// # Errors
 /// The dynamic linker's own words.
@@ -135,6 +141,7 @@ struct Stub {
     exited: unsafe extern "C" fn(*const c_void) -> c_int,
     calls: unsafe extern "C" fn(*const c_void) -> c_ulong,
     funct_call: unsafe extern "C" fn(*mut c_void, *const c_char, c_long) -> c_int,
+    pass_time: unsafe extern "C" fn(c_longlong),
 }
 
 fn stub() -> &'static Stub {
@@ -163,6 +170,7 @@ fn stub() -> &'static Stub {
             ready,
             exited,
             calls,
+            pass_time,
             funct_call
         )
     })

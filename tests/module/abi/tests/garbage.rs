@@ -5,7 +5,7 @@
 use abi_tests::module::{Joints, Pose};
 use abi_tests::random::{Random, cases};
 use abi_tests::sequences::judge::{Judge, Reach, Verdict};
-use abi_tests::sequences::setups::{Setup, shipped};
+use abi_tests::sequences::setups::{Setup, drop_ins, shipped};
 use abi_tests::stub::{Pin, PinDir};
 
 /// Calls between two recoveries.
@@ -129,6 +129,13 @@ impl Poked {
         module.monitor();
         let code = module.switch(0);
         assert_eq!(code, 0, "{}", self.setup.name);
+        // Corrections come back at their rate: one of 0, as it is without corrections, would keep them.
+        let rates = || self.inputs.iter().filter(|(pin, _)| pin.name.contains("correction-rate."));
+        rates().for_each(|(pin, _)| pin.set(1e9));
+        for _ in 0..100 {
+            module.monitor_in_cycle_of(10_000_000);
+        }
+        rates().for_each(|(pin, value)| pin.set(*value));
         assert!(module.is_on("geometry-ok"), "{}: {:?}", self.setup.name, module.messages());
         module.set("machine-on", 1.0);
         module.clear_messages();
@@ -158,7 +165,11 @@ impl Poked {
                 _ => judge.refused(code, &state, &state.joints, Reach::default(), false),
             };
             let name = &self.setup.name;
-            assert!(!matches!(verdict, Verdict::Wrong(_)), "{name}, step {step}: {verdict:?}");
+            let messages = self.module.messages();
+            assert!(
+                !matches!(verdict, Verdict::Wrong(_)),
+                "{name}, step {step}: {verdict:?}, {messages:?}"
+            );
             self.module.monitor();
         }
     }
@@ -166,7 +177,7 @@ impl Poked {
 
 #[test]
 fn after_garbage_everywhere_a_machine_recovers() {
-    let mut all: Vec<Poked> = shipped().into_iter().map(Poked::new).collect();
+    let mut all: Vec<Poked> = shipped().into_iter().chain(drop_ins()).map(Poked::new).collect();
     let rounds = cases(100_000 / CALLS);
     let machines = all.len();
     for round in 0..rounds {

@@ -11,11 +11,6 @@ use std::collections::BTreeMap;
 /// Cycles of a sequence.
 const CYCLES: usize = 2_000;
 
-/// Share of the cycles in which a refusal or the other pose beside a singular one may be excused. Moves lead
-/// through singular poses on purpose and noise of 1e-4 of the size reaches poses within 4 % of it, where a
-/// machine then stands until it is moved on.
-const EXCUSED: f64 = 0.05;
-
 /// Failures that are printed whole.
 const SHOWN: usize = 4;
 
@@ -42,7 +37,12 @@ impl Total {
         }
     }
 
-    fn end(self, what: &str) {
+    /// Checks that nothing failed, and that a refusal or the other pose beside a singular one was excused in no
+    /// more than this share of the cycles, and one sequence: a machine that jams at a singular pose stands there
+    /// until it is moved on.
+    fn end(self, what: &str, most_excused: f64) {
+        let share = self.excused as f64 / self.cycles as f64;
+        println!("{what}: {:.2} % excused", 100.0 * share);
         println!(
             "{what}: {} sequences, {} cycles, {} failed",
             self.sequences,
@@ -66,19 +66,23 @@ impl Total {
             self.failed,
             self.sequences
         );
-        let share = self.excused as f64 / self.cycles as f64;
-        println!("{what}: {:.2} % excused", 100.0 * share);
-        assert!(share <= EXCUSED, "{what}: {} of {} cycles excused", self.excused, self.cycles);
+        let most = most_excused * self.cycles as f64 + CYCLES as f64;
+        assert!(
+            self.excused as f64 <= most,
+            "{what}: {} of {} cycles excused",
+            self.excused,
+            self.cycles
+        );
     }
 }
 
 /// Runs sequences of machines in turn.
-fn run_all(what: &str, setups: &[Setup], cycles: usize, seed: u64) {
+fn run_all(what: &str, setups: &[Setup], cycles: usize, seed: u64, most_excused: f64) {
     let mut total = Total::default();
     for n in chosen(cycles, seed) {
         total.add(&setups[n % setups.len()], seed + n as u64);
     }
-    total.end(what);
+    total.end(what, most_excused);
 }
 
 /// Sequences of a test, or the one whose seed PKMKINS_SEQUENCE names.
@@ -99,12 +103,12 @@ fn chosen(cycles: usize, seed: u64) -> Vec<usize> {
 
 #[test]
 fn shipped_machines_answer_with_the_machines_pose_in_every_sequence() {
-    run_all("shipped", &shipped(), 400_000, 510_000_000);
+    run_all("shipped", &shipped(), 400_000, 510_000_000, 0.010);
 }
 
 #[test]
 fn drop_ins_answer_with_the_machines_pose_in_every_sequence() {
-    run_all("drop-ins", &drop_ins(), 300_000, 511_000_000);
+    run_all("drop-ins", &drop_ins(), 300_000, 511_000_000, 0.012);
 }
 
 #[test]
@@ -115,5 +119,5 @@ fn random_machines_answer_with_the_machines_pose_in_every_sequence() {
         let setup = random_machine(&mut Random::new(seed), n % 3 == 2);
         total.add(&setup, seed);
     }
-    total.end("random");
+    total.end("random", 0.025);
 }

@@ -56,9 +56,10 @@ fn lines_of_random_machines_through_singular_poses_are_refused_beyond_them() {
 #[test]
 fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
     let all = subjects();
-    let cycles = cases(100_000) / all.len();
+    let cycles = cases(1_000_000) / all.len();
     for subject in all {
         let mut random = Random::new(63);
+        let mut noise = 1e-6;
         let (machine, module) = (&subject.machine, subject.machine.module());
         let (size, count) = (machine.size(), machine.joints());
         let lag = 5;
@@ -69,12 +70,15 @@ fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
         for cycle in 0..cycles {
             let mut joints = queue[cycle % lag];
             for joint in joints.iter_mut().take(count) {
-                *joint += random.within(1e-5 * size);
+                *joint += random.within(noise * size);
             }
             let code = module.forward_into(&joints, &mut world);
-            assert_ne!(code, Cause::SingularPassed.code(), "{} cycle {cycle}", subject.name);
+            let is_doubted =
+                [Cause::SingularPassed, Cause::NotAsCommanded].iter().any(|c| c.code() == code);
+            assert!(!is_doubted, "{} cycle {cycle}, noise {noise:.0e}: {code}", subject.name);
             if left == 0 {
                 end = (subject.sample)(&mut random);
+                noise = [1e-6, 1e-5, 1e-4][random.between(0.0, 3.0) as usize];
                 // 0.5 mm a cycle on a machine of 1250 mm.
                 let way = distance(&pose, &end, machine.radius());
                 left = (way / (0.5 / 1250.0 * size)).ceil().max(1.0) as usize;

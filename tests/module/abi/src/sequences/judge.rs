@@ -24,12 +24,20 @@ const LEAST: f64 = 1e-4;
 /// Margin of a leg below which it may end.
 const MARGIN: f64 = 1.0;
 
+/// Margin of a leg below which forward may name it as the reason of a refusal: the joint of a crank at a
+/// cosine of 0.2 turns by tens of degrees while noise and lag move the platform (2.4 seen).
+const REFUSED_MARGIN: f64 = 3.0;
+
 /// Share of the size in which a margin changes by 1 at most: a cosine by 0.08 at an arm of an eighth.
 const MARGIN_MOVES: f64 = 0.01;
 
 /// Steps of the reference's own path, a tenth of the singular pose's distance each, beyond which the
 /// module's 96 sub-steps may not do.
 const STEPS: f64 = 25.0;
+
+/// Share of the size beyond which a way back is long: sub-steps go a tenth of the way to a singular pose
+/// each, so that 96 of them, or 120 iterations, may not do. The longest that forward did not finish.
+const LONG: f64 = 0.05;
 
 /// Numbers of a message, without the zeros at their end.
 pub fn brief(values: &[f64]) -> String {
@@ -78,6 +86,16 @@ struct Watch {
     margin: f64,
 }
 
+/// Whether a refusal is the bound of a single call's work.
+fn is_bound(code: i32) -> bool {
+    matches!(code, -34 | -35)
+}
+
+/// Whether a refusal names a leg at its end.
+fn names_leg(code: i32) -> bool {
+    matches!(code, -24 | -26 | -27 | -28)
+}
+
 /// The judge of one machine.
 pub struct Judge {
     /// The machine.
@@ -86,6 +104,10 @@ pub struct Judge {
     watches: [Option<Watch>; 2],
     /// Last good pose that the module can have; none before the first after homing.
     pub good: Option<State>,
+    /// Pose accepted in the last call of feedback, of joints that were not the machine's.
+    pub elsewhere: Option<State>,
+    /// The identity kinematics were shown far joints, from which one call may not lead back.
+    pub strayed: bool,
     /// The commanded motion has passed a singular pose since the last right answer.
     pub crossed: bool,
     /// A refusal for that reason holds.
@@ -98,7 +120,16 @@ impl Judge {
     /// Knows no pose yet.
     pub fn new(system: System) -> Self {
         let counts = BTreeMap::new();
-        Self { system, watches: [None, None], good: None, crossed: false, held: false, counts }
+        Self {
+            system,
+            watches: [None, None],
+            good: None,
+            elsewhere: None,
+            strayed: false,
+            crossed: false,
+            held: false,
+            counts,
+        }
     }
 
     /// Distance of the nearest singular pose, its curvature, and the margin of the legs.
@@ -141,6 +172,12 @@ impl Judge {
             return Some("near a singular pose");
         }
         (!(margin > MARGIN)).then_some("near the end of a leg")
+    }
+
+    /// Whether forward refuses a leg near its end: balls and sub-steps end before it.
+    fn is_near_end(&mut self, code: i32, state: &State) -> Option<&'static str> {
+        let margin = self.system.look(state).margin;
+        (names_leg(code) && !(margin > REFUSED_MARGIN)).then_some("near the end of a leg")
     }
 
     /// Judges a pose that was returned with code 0 for the joints of a call. `truth` is the machine, but
@@ -191,7 +228,7 @@ impl Judge {
             }
         };
         if verdict == Verdict::Right {
-            (self.crossed, self.held) = (false, false);
+            (self.crossed, self.held, self.strayed) = (false, false, false);
         }
         if !matches!(verdict, Verdict::Wrong(_)) {
             self.good = Some(found);
@@ -209,7 +246,7 @@ impl Judge {
         reach: Reach,
         commanded: bool,
     ) -> Verdict {
-        let near = self.is_near_singular(truth, reach);
+        let near = self.is_near_singular(truth, reach).or_else(|| self.is_near_end(code, truth));
         // Also what is refused as the pose of another branch was found, and is where the next call begins.
         let is_passed = matches!(code, -41 | -42);
         if let Some(near) = near
@@ -230,6 +267,7 @@ impl Judge {
         });
         let (_, curvature, _) = self.watched(truth);
         let within = LEAST + (2.0 * reach.noise / curvature).sqrt() / size;
+        let least_margin = if names_leg(code) { REFUSED_MARGIN - 1.0 } else { MARGIN };
         let verdict = if let Some(near) = near {
             Verdict::Excused(near)
         } else if self.crossed && led.is_some() && !is_true {
@@ -239,14 +277,19 @@ impl Judge {
             Verdict::Right
         } else if led.is_none() || !is_true {
             Verdict::Excused("no straight line of joints from the last pose")
-        } else if !(path.distance > NEAR * within) || !(path.margin > MARGIN) || path.steps > STEPS
+        } else if is_bound(code) && path.length > LONG * size {
+            Verdict::Excused("a long way back from far joints")
+        } else if !(path.distance > NEAR * within)
+            || !(path.margin > least_margin)
+            || path.steps > STEPS
         {
             Verdict::Excused("a singular pose beside the line of joints")
         } else {
             Verdict::Wrong(format!(
-                "{REFUSED}: code {code} for {} at {}; from {} {path:?}, reach {reach:?}",
+                "{REFUSED}: code {code} for {} at {}, margin {:.3}; from {} {path:?}, reach {reach:?}",
                 brief(joints),
                 both(&truth.poses),
+                self.system.look(truth).margin,
                 both(&from.poses)
             ))
         };
@@ -272,12 +315,12 @@ impl Judge {
                 brief(joints)
             )),
             Some(led) if self.system.distance(&led.poses, &found.poses) <= 100.0 * SAME * size => {
-                self.good = Some(found);
+                (self.good, self.elsewhere) = (Some(found), Some(found));
                 Verdict::Right
             }
             // Long lines beside singular poses: where the module ends is its own affair, if it fits.
             _ if !(path.distance > FAR_DISTANCE) || path.steps > STEPS => {
-                self.good = Some(found);
+                (self.good, self.elsewhere) = (Some(found), Some(found));
                 Verdict::Excused("far joints beside a singular pose")
             }
             _ => Verdict::Wrong(format!(
@@ -302,8 +345,33 @@ impl Judge {
             self.good = Some(now);
             return;
         }
-        if let (Some(led), _) = self.led(&good, joints) {
+        if let (Some(led), path) = self.led(&good, joints) {
             self.good = Some(led);
+            self.strayed |= path.length > LONG * self.system.size();
+        }
+    }
+
+    /// Judges the first refusal after far joints: LinuxCNC's call for feedback starts from their pose once.
+    pub fn refused_after_far(
+        &mut self,
+        code: i32,
+        far: &State,
+        joints: &Joints,
+    ) -> Option<Verdict> {
+        if !is_bound(code) {
+            return None;
+        }
+        let (_, path) = self.led(far, joints);
+        let is_long = path.length > LONG * self.system.size();
+        is_long.then_some(Verdict::Excused("a long way back from far joints"))
+    }
+
+    /// The module has seen joints in other kinematics that are not the machine's.
+    pub fn seen_elsewhere(&mut self, joints: &Joints) {
+        let Some(good) = self.good.filter(|_| joints.iter().all(|q| q.is_finite())) else { return };
+        if let (Some(led), path) = self.led(&good, joints) {
+            self.good = Some(led);
+            self.strayed |= path.length > LONG * self.system.size();
         }
     }
 

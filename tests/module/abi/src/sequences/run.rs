@@ -6,6 +6,7 @@ use super::setups::Setup;
 use super::system::State;
 use crate::module::{Joints, Module, Pose};
 use crate::random::Random;
+use crate::stub::pass_time;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Shares of the size by which the module settles contradicting joints in a cycle: three tenths of what the
@@ -24,6 +25,9 @@ const RAMP: f64 = 25.0;
 /// Nearest that joints which are moved one by one come to a singular pose, as a share of the size: a rigid
 /// machine jams there.
 const JAMS: f64 = 2e-3;
+
+/// Nanoseconds for which LinuxCNC pauses before a joint's final move to HOME (homing.c).
+const HOMING: i64 = 100_000_000;
 
 /// Refusals in a row that are judged each.
 const ALIKE: usize = 16;
@@ -138,8 +142,6 @@ pub struct Run<'a> {
     /// Cycle of the last one.
     disturbed: usize,
     missed: usize,
-    /// Cycles without a commanded pose.
-    uncommanded_for: usize,
     /// What the joints of world mode differ by from those of the pose.
     contradiction: Joints,
     /// The end of homing asks for world mode, in the cycle after.
@@ -218,7 +220,6 @@ impl<'a> Run<'a> {
             injection: None,
             disturbed: 0,
             missed: 0,
-            uncommanded_for: 0,
             contradiction: [0.0; 16],
             enters_teleop: false,
             commanded_for: 0,
@@ -284,8 +285,9 @@ impl<'a> Run<'a> {
     /// Homing has ended: the machine is where its reference pose leads.
     fn home(&mut self) {
         self.homed = true;
+        pass_time(HOMING);
         let mut state = self.setup.system.at_reference();
-        self.judge.good = Some(state);
+        (self.judge.good, self.judge.strayed) = (Some(state), false);
         if !self.setup.system.is_redundant() && !self.judge.held && self.chance(0.3) {
             // A home switch that is a little off.
             let mut joints = state.joints;
@@ -479,6 +481,12 @@ impl<'a> Run<'a> {
             };
         }
         let reach = self.reach();
+        if caller == Caller::Feedback
+            && let Some(far) = self.judge.elsewhere.take()
+            && let Some(verdict) = self.judge.refused_after_far(code, &far, given)
+        {
+            return verdict;
+        }
         if code < 0 && !matches!(code, -41 | -42) {
             // A refusal that stays is the same refusal: most of them are not judged again.
             self.in_a_row += 1;
@@ -530,6 +538,8 @@ impl<'a> Run<'a> {
         }
         if self.injection.is_none() {
             self.judge.seen(truth, given);
+        } else {
+            self.judge.seen_elsewhere(given);
         }
         Verdict::Right
     }
@@ -562,12 +572,18 @@ impl<'a> Run<'a> {
         let code = self.module.switch(self.kind_known);
         if code != 0 {
             self.event("switch refused", format!("{} {code}", self.kind_known));
-            if self.kind_known == 0 && self.identity && self.homed {
+            let injected = self.injection.is_some();
+            if self.kind_known == 0 && self.identity && self.homed && !injected {
                 let (truth, reach) = (self.command, self.reach());
                 let joints = truth.joints;
                 let held = self.judge.held || self.judge.crossed;
                 let verdict = self.judge.refused(code, &truth, &joints, reach, false);
                 match verdict {
+                    Verdict::Wrong(_) if self.judge.strayed => {
+                        self.judge.count("a long way back from far joints in the identity");
+                        self.excused += usize::from(self.excused_in != self.cycle);
+                        self.excused_in = self.cycle;
+                    }
                     Verdict::Wrong(what) if !held => self.fail(format!("switch: {what}")),
                     _ => self.judge.count("switch refused with reason"),
                 }
@@ -887,8 +903,6 @@ impl<'a> Run<'a> {
             self.module.monitor();
             self.module.clear_messages();
         }
-        let in_world = self.enabled && self.motion != Motion::Free;
-        self.uncommanded_for = if in_world { 0 } else { self.uncommanded_for + 1 };
         if let Some((pin, value)) = restore {
             self.module.set(pin, value);
         }
@@ -911,7 +925,8 @@ impl<'a> Run<'a> {
         }
         self.reset -= 1;
         self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
-        let quiet = self.uncommanded_for > 3 && self.is_at_rest() && !self.identity && self.homed;
+        let is_commanded = self.enabled && self.motion != Motion::Free && !self.identity;
+        let quiet = !is_commanded && self.homed;
         if self.reset == 1 && quiet && (self.judge.held || self.judge.crossed) {
             self.confirm();
         }
