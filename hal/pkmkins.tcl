@@ -780,7 +780,11 @@ proc pkmkins::connect {signal source target} {
 # Without the feed that the guard allows the machine still runs, so that an adaptive feed of somebody
 # else's is left alone.
 proc pkmkins::wire_guard {} {
-    foreach name {requested-vel current-vel distance-to-go} {
+    set names {requested-vel current-vel distance-to-go}
+    if {[llength [second_coordinates]]} {
+        lappend names in-position
+    }
+    foreach name $names {
         connect pkmkins:$name motion.$name pkmkins.$name
     }
     set taken [signal_of motion.adaptive-feed ""]

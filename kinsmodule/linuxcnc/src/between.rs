@@ -5,6 +5,9 @@
 //! Both poses go on as they move now, and brake together. Where the distance falls below what has to be
 //! kept before they would stand, the feed is inhibited. In a cycle the present place, the last one and
 //! one between are looked at.
+//!
+//! The motion does not go on beyond the end of the last queued move, which [`Between::note_queued`] finds, so that
+//! places farther ahead are not looked at. Otherwise a move that ends short of the clearance would be stopped.
 
 use crate::guard;
 use crate::hal::{Direction, HalError, Pin};
@@ -18,13 +21,22 @@ const BETWEEN: u32 = 7;
 /// Cycles until what is inhibited acts on the poses, and after which every place was looked at.
 const LATENCY: f64 = guard::LATENCY + BETWEEN as f64;
 
+/// Bound of the ratio of the planner's acceleration to the one that braking may count on, which is 0.43 of it.
+const FULL_BRAKING: f64 = 2.4;
+
 /// Share of the distance by which it has to shrink ahead: less is rounding.
 const NEARER: f64 = 1e-9;
+
+/// Largest distance of the end of the present motion from a queued end point that is the same point, as a share of
+/// the machine's size and of a turn. Rounding in the direction of one cycle's motion gives a thousandth of it, and
+/// the distance of the two mechanisms changes by no more than it.
+const SAME_POINT: f64 = 1e-6;
 
 /// Pins that only two mechanisms have, in HAL memory.
 #[repr(C)]
 pub struct BetweenPins {
     clearance: Pin<f64>,
+    in_position: Pin<bool>,
     distance: Pin<f64>,
     pair: [Pin<i32>; 2],
 }
@@ -34,6 +46,7 @@ impl BetweenPins {
     pub fn create(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::{In, Out};
         make.one(&mut self.clearance, In, text!["pkmkins.mechanism-clearance"], 0.0)?;
+        make.one(&mut self.in_position, In, text!["pkmkins.in-position"], false)?;
         make.one(&mut self.distance, Out, text!["pkmkins.mechanism-distance"], FAR)?;
         for (pin, letter) in self.pair.iter_mut().zip(["a", "b"]) {
             make.one(pin, Out, text!["pkmkins.mechanism-pair-", letter], -1)?;
@@ -61,6 +74,8 @@ pub struct Between {
     next: u32,
     /// Why the feed is inhibited, until no move is left to be made.
     inhibited: Option<Fault>,
+    /// Where both stand after the only move in LinuxCNC's queue, machine units and degrees.
+    end: Option<[[f64; 6]; 2]>,
 }
 
 /// A cycle of both.
@@ -72,7 +87,20 @@ struct Cycle<'a> {
 
 impl Between {
     pub fn new(pins: &'static BetweenPins) -> Self {
-        Self { pins, before: [[None; 2]; 2], next: 1, inhibited: None }
+        Self { pins, before: [[None; 2]; 2], next: 1, inhibited: None, end: None }
+    }
+
+    /// Notes the end point of a move that LinuxCNC is about to queue.
+    ///
+    /// The motion surely ends there only if the queue is empty before: behind other moves it may pass this point on
+    /// the way to another one. `motion.in-position` is on exactly while the queue is empty, but it is written once
+    /// a cycle. That suffices, because the command handler queues at most one move a cycle, before or after the
+    /// controller has run. The pin off, as where nothing is connected, means that the end is not known.
+    ///
+    /// The end point is not forgotten by an abort, a refusal or a jog: no motion that [`Cycle::time_to_end`] takes
+    /// for the move to it can follow these before another move is queued, and noted here.
+    pub fn note_queued(&mut self, poses: [[f64; 6]; 2]) {
+        self.end = self.pins.in_position.get().then_some(poses);
     }
 
     /// Whether nothing may move until the program is aborted.
@@ -129,7 +157,7 @@ impl Between {
         }
         let near = |gap: &Gap| !(gap.distance >= clearance);
         let mut found = Some(now).filter(near);
-        if let Some(horizon) = cycle.horizon(seconds) {
+        if let Some(horizon) = cycle.horizon(seconds, self.end.as_ref()) {
             self.next = if self.next < BETWEEN { self.next + 1 } else { 1 };
             let share = f64::from(self.next) / f64::from(BETWEEN + 1);
             for time in [share * horizon, horizon] {
@@ -172,9 +200,9 @@ impl Cycle<'_> {
         Some(Gap::within(both[0], both[1], most))
     }
 
-    /// The time at the present speed until both stand, if the feed is inhibited now; `None` where
-    /// nothing moves, or nobody says how it brakes.
-    fn horizon(&self, seconds: f64) -> Option<f64> {
+    /// Returns the time at the present speed until both stand, if the feed is inhibited now or `end` is the end of
+    /// the queue; `None` where nothing moves, or nobody says how it brakes.
+    fn horizon(&self, seconds: f64, end: Option<&[[f64; 6]; 2]>) -> Option<f64> {
         let asked = &self.modules[0].pins.guard.asked;
         let latency = LATENCY * seconds;
         let planner = Planner {
@@ -188,6 +216,44 @@ impl Cycle<'_> {
         let braking = self.motions.iter().flatten().map(|motion| motion.braking(&planner));
         let braking =
             braking.fold(f64::INFINITY, |least, own| if own >= least { least } else { own });
-        (braking > 0.0 && braking.is_finite()).then(|| latency + 0.5 / braking)
+        if !(braking > 0.0 && braking.is_finite()) {
+            return None;
+        }
+        let stopped = latency + 0.5 / braking;
+        // LinuxCNC may queue a move that goes straight on while the machine already brakes for the end. It is noted
+        // in the cycle in which the planner first follows it. Until then the planner has kept the distance in which
+        // it can stop, with an acceleration that the queued move does not lower: it is halved for a blend from the
+        // start. Until the inhibited feed acts, after a time t, the machine may gather speed with that acceleration
+        // a. From the speed v it then stops at most 2 v t + a t^2 beyond the end.
+        let late = guard::LATENCY * seconds;
+        let beyond = late * (2.0 + FULL_BRAKING * braking * late);
+        let ended = end.and_then(|end| self.time_to_end(end, stopped - beyond));
+        Some(ended.map_or(stopped, |time| time + beyond))
+    }
+
+    /// Returns the time at the present speed until the end point of the only queued move, if it is less than `most`
+    /// and the present motion leads there.
+    ///
+    /// The end of the motion is where it goes straight on by `.distance-to-go`. That is another point on an arc until
+    /// its end is near, in a jog, in a reversed run, and with external offsets, which `end` is without.
+    fn time_to_end(&self, end: &[[f64; 6]; 2], most: f64) -> Option<f64> {
+        let to_go = self.modules[0].pins.guard.asked.distance_to_go.get();
+        let time = to_go / self.motions.iter().flatten().next()?.speed();
+        if !(time < most) {
+            return None;
+        }
+        for (((motion, pose), module), end) in
+            self.motions.iter().zip(&self.poses).zip(self.modules).zip(end)
+        {
+            let pose = motion.as_ref().map_or(*pose, |motion| motion.pose_after(time));
+            let size = module.machine()?.size();
+            let scales = [size, size, size, 360.0, 360.0, 360.0];
+            for ((value, end), scale) in pose.to_degrees().iter().zip(end).zip(scales) {
+                if !((value - end).abs() <= SAME_POINT * scale) {
+                    return None;
+                }
+            }
+        }
+        Some(time)
     }
 }

@@ -65,9 +65,13 @@ impl Pair<'_> {
     #[inline(never)]
     pub fn inverse(&mut self, world: &World, joints: &mut [f64]) -> Result<(), Fault> {
         self.begin();
+        let poses = self.poses(world);
+        if !self.first.awaits_command() {
+            self.between.note_queued(poses);
+        }
+        let [first, second] = poses;
         let mut kept = [0.0; MAX_JOINTS];
-        let of_second = inverse(self.second, &self.pose_of_second(world), &mut kept);
-        let first = self.first.without_extra(world);
+        let of_second = inverse(self.second, &second, &mut kept);
         if of_second.is_err() {
             // Every call is a call of both; what it gives goes nowhere.
             inverse(self.first, &first, &mut kept)?;

@@ -137,6 +137,11 @@ impl Module {
         self.tool.offset()
     }
 
+    /// Returns whether the next inverse is for the commanded pose, not for the end point of a queued move.
+    pub fn awaits_command(&self) -> bool {
+        self.calls.awaits_command()
+    }
+
     /// After the monitor: the pose that was commanded in its cycle.
     pub fn commanded(&self) -> Option<Pose> {
         self.calls.commanded_before().copied()

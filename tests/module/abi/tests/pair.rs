@@ -496,3 +496,163 @@ fn without_a_clearance_nothing_is_stopped_and_one_that_is_no_number_stops_what_c
     let (_, stopped) = approach(&two, &module, two.homes(), 60.0, 100.0);
     assert!(!stopped, "away");
 }
+
+/// Acceleration of the moves below, as the guard is given it.
+const ACCELERATION: f64 = 400.0;
+const PERIOD: f64 = 1e-3;
+const CLEARANCE: f64 = 150.0;
+
+/// A straight move, as LinuxCNC's planner makes it.
+struct Move {
+    start: Pose,
+    change: Pose,
+    feed: f64,
+}
+
+/// What LinuxCNC's queue holds besides the whole move.
+#[derive(Clone, Copy, Debug)]
+enum Queue {
+    /// The move alone.
+    Alone,
+    /// A return to the point at this share behind the move.
+    ThenBack(f64),
+    /// A move to the point at this share, until the machine brakes for it: the rest is queued then.
+    UpTo(f64),
+}
+
+impl Move {
+    /// A move of the mirrored lathe on its guides, of one or both, that brings the two nearer to each other.
+    fn random(random: &mut Random, two: &Two) -> Self {
+        let mut start = two.homes();
+        (start[0], start[6]) = (random.between(25.0, 35.0), random.between(25.0, 35.0));
+        start[8] -= random.between(250.0, 450.0);
+        let mut change = [0.0; 9];
+        match random.between(0.0, 3.0) as u32 {
+            0 => change[8] = -random.between(2.0, 60.0),
+            1 => change[2] = random.between(2.0, 60.0),
+            _ => {
+                change[2] = random.within(30.0);
+                (change[0], change[6]) = (random.within(5.0), random.within(5.0));
+                change[8] = -random.between(2.0, 30.0);
+            }
+        }
+        Self { start, change, feed: random.between(5.0, 60.0) }
+    }
+
+    fn at(&self, share: f64) -> Pose {
+        std::array::from_fn(|k| self.start[k] + share * self.change[k])
+    }
+
+    /// As LinuxCNC counts it: of X Y Z, else of U V W.
+    fn length(&self) -> f64 {
+        let of = |k: usize| norm([self.change[k], self.change[k + 1], self.change[k + 2]]);
+        if of(0) > 0.0 { of(0) } else { of(6) }
+    }
+
+    /// The last of 40 shares before which the clearance is kept, and the least distance.
+    fn kept(&self, module: &Module) -> (f64, f64) {
+        let all: Vec<_> = (0..=40).map(|n| gap(module, &self.at(f64::from(n) / 40.0))).collect();
+        let kept = all.iter().take_while(|gap| **gap >= CLEARANCE).count() as f64 - 1.0;
+        (kept / 40.0, all.into_iter().fold(f64::INFINITY, f64::min))
+    }
+
+    /// LinuxCNC's command handler asks for the end point of a move, before the controller runs.
+    fn queue(&self, module: &Module, share: f64) {
+        module.inverse(&self.at(share)).expect("a pose of the workspaces");
+    }
+
+    /// Makes the move, and returns the distance where it ends, and whether it was stopped. The feed is inhibited three
+    /// cycles late. `tells` is whether `in-position` is connected.
+    fn make(&self, module: &Module, queue: Queue, tells: bool) -> (f64, bool) {
+        let moving = |feed: f64, speed: f64, to_go: f64| {
+            let pins = [("requested-vel", feed), ("current-vel", speed), ("distance-to-go", to_go)];
+            pins.into_iter().for_each(|(pin, value)| module.set(pin, value));
+        };
+        let mut joints = module.inverse(&self.start).expect("a pose of the workspaces");
+        moving(0.0, 0.0, 0.0);
+        (0..3).for_each(|_| servo(module, &mut joints, &self.start));
+        module.set("in-position", if tells { 1.0 } else { 0.0 });
+        let (length, step) = (self.length(), ACCELERATION * PERIOD);
+        let mut end = if let Queue::UpTo(share) = queue { share * length } else { length };
+        self.queue(module, end / length);
+        module.set("in-position", 0.0);
+        let (mut gone, mut speed, mut held) = (0.0, 0.0_f64, [false; 3]);
+        for n in 0..60_000 {
+            match queue {
+                Queue::ThenBack(share) if n == 1 => self.queue(module, share),
+                Queue::UpTo(_) if end < length && brakes_to(end - gone) < speed => {
+                    // The planner could still stop there.
+                    end = length;
+                    self.queue(module, 1.0);
+                }
+                _ => {}
+            }
+            let wanted = if held[0] { 0.0 } else { self.feed.min(brakes_to(end - gone)) };
+            speed = wanted.clamp((speed - step).max(0.0), speed + step);
+            gone = (gone + speed * PERIOD).min(end);
+            moving(self.feed, speed, end - gone);
+            let pose = self.at(gone / length);
+            servo(module, &mut joints, &pose);
+            held = [held[1], held[2], module.is_on("feed-inhibit")];
+            if gone >= length || (held[0] && speed == 0.0) {
+                return (gap(module, &pose), held[0]);
+            }
+        }
+        panic!("a move does not end: {gone} of {length}")
+    }
+}
+
+/// The speed from which the planner stops within a distance; it creeps over the last bit.
+fn brakes_to(distance: f64) -> f64 {
+    let step = ACCELERATION * PERIOD;
+    ((2.0 * ACCELERATION * distance).sqrt() - step).max(step / 2.0)
+}
+
+/// A cycle as LinuxCNC makes it, at the joints of the cycle before. Every other inverse is for an end point.
+fn servo(module: &Module, joints: &mut Joints, pose: &Pose) {
+    module.follow(joints, pose).expect("joints of the cycle before");
+    *joints = module.inverse(pose).expect("a pose of the workspaces");
+    module.monitor();
+}
+
+/// The distance of the two at a pose, as the module shows it.
+fn gap(module: &Module, pose: &Pose) -> f64 {
+    cycle(module, pose);
+    module.monitor_until_all_is_shown();
+    module.get("mechanism-distance")
+}
+
+#[test]
+fn a_move_alone_in_the_queue_is_stopped_if_it_loses_the_clearance_and_not_if_it_ends_before() {
+    let (two, module) = on_guides(CLEARANCE);
+    let mut random = Random::new(84);
+    let (mut legal, mut untold, mut illegal) = (0, 0, 0);
+    while legal < cases(200) || illegal < cases(50) {
+        let step = Move::random(&mut random, &two);
+        let (kept, least) = step.kept(&module);
+        // The guard leaves room for twice three cycles beyond the end, in case a move is queued that goes on.
+        let late = 3.0 * PERIOD;
+        let room = 2.0 * late * step.feed + 1.1 * late * late * ACCELERATION;
+        let beyond = 1.0 + room / step.length();
+        if least >= CLEARANCE && gap(&module, &step.at(beyond)) >= CLEARANCE {
+            if legal < cases(200) {
+                legal += 1;
+                untold += usize::from(step.make(&module, Queue::Alone, false).1);
+                let (end, stopped) = step.make(&module, Queue::Alone, true);
+                assert!(!stopped, "{:?} by {:?}: {end}", step.start, step.change);
+            }
+        } else if least < CLEARANCE - 1.0
+            && gap(&module, &step.start) > CLEARANCE + 10.0
+            && illegal < cases(50)
+        {
+            illegal += 1;
+            let up_to = kept * random.between(0.9, 1.0);
+            for queue in [Queue::Alone, Queue::ThenBack(up_to), Queue::UpTo(up_to)] {
+                let (nearest, stopped) = step.make(&module, queue, true);
+                assert!(stopped && nearest >= CLEARANCE, "{queue:?}: {nearest}, to {least}");
+            }
+        }
+    }
+    println!("of {legal} legal moves {untold} are stopped where in-position is not connected");
+    assert!(untold > 0, "no move shows the difference");
+}
