@@ -137,7 +137,7 @@ enum pkmkins_cause {
   PKMKINS_IDENTITY_IMPOSSIBLE = -75,
   // all joints are 0, as they are before homing, and close no platform.
   PKMKINS_NOT_HOMED = -74,
-  // no pose of the joints has been found since the kinematics were switched.
+  // no pose of the joints has been found in joint mode, or since the kinematics were switched.
   PKMKINS_POSE_UNKNOWN = -77,
   // the machine moved while the tool offset was being changed at a tilt.
   PKMKINS_TOOL_CHANGE_DISTURBED = -76,

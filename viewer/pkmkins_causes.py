@@ -66,7 +66,7 @@ CAUSES = {
     -73: ("a null pointer was passed", "report this: LinuxCNC never does it"),
     -75: ("identity kinematics need a letter for every joint, and this machine has more legs than coordinates", "stay with kinematics type 0"),
     -74: ("all joints are 0, as they are before homing, and close no platform", "home the machine"),
-    -77: ("no pose of the joints has been found since the kinematics were switched", "switch to kinematics 1 and move the joints to where the legs close a platform"),
+    -77: ("no pose of the joints has been found in joint mode, or since the kinematics were switched", "move the joints in joint mode, or in kinematics 1, to where the legs close a platform"),
     -76: ("the machine moved while the tool offset was being changed at a tilt", "switch on again, with the new offset; net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable"),
     -90: ("the joint comes to the end of its range (joint value shown)", "stop, and lead the program through another pose"),
     -91: ("the leg comes to the end of its base joint's cone (degrees shown)", "stop, and lead the program through another pose"),

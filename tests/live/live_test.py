@@ -200,6 +200,11 @@ def joints_that_close_no_platform_end_safely(out):
 
 
 @test
+def joints_that_close_no_platform_end_safely_in_mdi(out):
+    return scenario(HEXAPOD, "escape_to_mdi", out, joint=0, distance=200, speed=200)["reason"]
+
+
+@test
 def operator_jogs_back_from_joints_that_close_no_platform(out):
     scenario(HEXAPOD, "way_back", out, joint=0, distance=200, speed=200)
 

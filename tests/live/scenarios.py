@@ -547,6 +547,28 @@ def escape(machine: Machine, out, joint, distance, speed):
             "reason": reason_of(machine, fault)}
 
 
+def escape_to_mdi(machine: Machine, out, joint, distance, speed):
+    """The same with MDI asked for: LinuxCNC's planner keeps the pose from before the jog, because it refuses one of
+    NaN."""
+    machine.turn_on()
+    machine.home()
+    machine.joint_mode()
+    machine.jog_joint(joint, distance, speed)
+    machine.pause(0.2)
+    assert machine.get("pkmkins.fwd-kins-fail"), "forward still succeeds: nothing to escape from"
+    columns = [(f"j{n}", f"joint.{n}.motor-pos-cmd", "float") for n in machine.layout.joints]
+    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    recorder.start()
+    machine.command.mode(linuxcnc.MODE_MDI)
+    machine.pause(1)
+    recorder.stop()
+    ways = [recorder.column(f"j{n}") for n in machine.layout.joints]
+    moved = max(max(way) - min(way) for way in ways)
+    assert moved < AT_REST, f"a joint was commanded {moved} away: {machine.messages}"
+    assert not machine.is_on(), "the machine is on"
+    return {"reason": reason_of(machine, machine.get("pkmkins.fault"))}
+
+
 def jogs(machine: Machine, out, letter, speed, limits, slowest):
     """Jogs to where a joint would leave its range, and back. `limits` of every joint are largest speed and
     range; `slowest` is the share of the axis' speed below which the jog has to be slowed on the way."""

@@ -325,8 +325,8 @@ causes! {
         "stay with kinematics type 0";
     NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
         "home the machine";
-    PoseUnknown = -77, "no pose of the joints has been found since the kinematics were switched",
-        "switch to kinematics 1 and move the joints to where the legs close a platform";
+    PoseUnknown = -77, "no pose of the joints has been found in joint mode, or since the kinematics were switched",
+        "move the joints in joint mode, or in kinematics 1, to where the legs close a platform";
     ToolChangeDisturbed = -76, "the machine moved while the tool offset was being changed at a tilt",
         "switch on again, with the new offset; net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
     // What lies ahead of the motion, as the monitor sees it.

@@ -234,11 +234,31 @@ pub unsafe extern "C" fn kinematicsForward(
         forward_of(module, joints, extra, world)
     };
     module.note_handed(world, result.is_ok());
+    // SAFETY: as above.
+    let all = unsafe { core::slice::from_raw_parts(joint, module.load().joints()) };
+    module.note_command(all, &raw const *world as usize, result.is_ok());
     match result {
         Ok(()) => {}
         // Not yet a failure, and LinuxCNC would pass NaN on to its planner.
         Err(Fault { cause: Cause::NotHomed, .. }) => {}
         Err(_) => set_nan(world, Some(module.layout())),
+    }
+    code(result)
+}
+
+/// [`kinematicsInverse`] where forward has refused the commanded joints.
+///
+/// # Safety
+/// `joint` must have room for as many values as the machine has joints; `module` is the reference of
+/// [`module`].
+#[cold]
+#[inline(never)]
+unsafe fn stand(joint: *mut f64, module: &mut Module) -> c_int {
+    let result = module.stand();
+    if let Ok(standing) = &result {
+        // SAFETY: the caller vouches for the room.
+        let joints = unsafe { core::slice::from_raw_parts_mut(joint, module.load().joints()) };
+        joints.iter_mut().zip(standing).for_each(|(joint, own)| *joint = *own);
     }
     code(result)
 }
@@ -273,6 +293,7 @@ unsafe fn forward_of_both(joint: *const f64, world: &mut World, module: &mut Mod
     // SAFETY: the caller's reference is the only one.
     let Some(mut pair) = (unsafe { pair(module) }) else { return Cause::NullPointer.code() };
     let result = pair.forward(joints, &mut all, address);
+    pair.first.note_command(joints, address, result.is_ok());
     match result {
         Ok(()) => {
             *world = all;
@@ -338,6 +359,10 @@ pub unsafe extern "C" fn kinematicsInverse(
     let (Some(world), false, Some(module)) = (world, joint.is_null(), module) else {
         return Cause::NullPointer.code();
     };
+    if module.is_standing() && world.iter().all(|value| value.is_finite()) {
+        // SAFETY: as above.
+        return unsafe { stand(joint, module) };
+    }
     let count = module.layout().joints();
     // SAFETY: the array holds as many values as the machine has joints.
     let joints = unsafe { core::slice::from_raw_parts_mut(joint, count) };

@@ -23,10 +23,13 @@
 //! then. A doubt about the pose ([`crate::crossing`]) outlives all of these events but three: the commanded
 //! motion comes back, `.fault-reset` rises, or the machine is homed to its reference pose.
 
-use super::{Module, is_zero};
+use super::{Kind, Module, is_zero};
 use crate::hal::nanoseconds;
 use crate::tool::shift;
 use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
+
+/// Joints of both mechanisms and of extra axes.
+pub type AllJoints = [f64; 16];
 
 /// Kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by where they keep
 /// their pose.
@@ -140,11 +143,14 @@ pub(super) struct Handed {
     written: Option<World>,
     /// The clock at the last refused call of a drop-in, nanoseconds.
     refused_at: Option<i64>,
+    /// The commanded joints that forward has refused last, with the machine on, and whether inverse has
+    /// returned them.
+    standing: Option<(AllJoints, bool)>,
 }
 
 impl Handed {
     pub(super) const fn new() -> Self {
-        Self { address: None, written: None, refused_at: None }
+        Self { address: None, written: None, refused_at: None, standing: None }
     }
 
     /// Returns whether a call is the one for the joints' feedback.
@@ -169,6 +175,52 @@ impl Module {
         let address = &raw const *world as usize;
         if *self.handed.address.get_or_insert(address) == address {
             self.handed.written = is_good.then_some(*world);
+        }
+    }
+
+    /// Keeps the commanded joints of joint mode that forward has refused.
+    ///
+    /// LinuxCNC's planner refuses the NaN that forward writes for them and keeps the pose from before joint
+    /// mode. On entering MDI it asks inverse for that pose: all joints would jump there. A refusal at that
+    /// moment is no better, as LinuxCNC's empty interpolators then command 0 to every joint for a cycle.
+    #[inline(always)]
+    pub fn note_command(&mut self, joints: &[f64], address: usize, is_good: bool) {
+        let is_feedback = self.handed.is_feedback(address);
+        if is_good {
+            if self.handed.standing.is_some() && (!is_feedback || self.is_off()) {
+                self.handed.standing = None;
+            }
+        } else if !is_feedback
+            && self.pins.machine_on()
+            && self.kind() == Kind::Machine
+            && joints.iter().all(|joint| joint.is_finite())
+        {
+            let mut standing = [0.0; 16];
+            standing.iter_mut().zip(joints).for_each(|(to, joint)| *to = *joint);
+            self.handed.standing = Some((standing, false));
+        }
+    }
+
+    /// Returns whether inverse has no pose to go on from, because forward has refused the commanded joints.
+    #[inline(always)]
+    pub fn is_standing(&self) -> bool {
+        self.handed.standing.is_some() && self.kind() == Kind::Machine
+    }
+
+    /// Returns the refused joints to the first call for a commanded pose, so that they stand still.
+    ///
+    /// # Errors
+    /// `PoseUnknown` to every other call: LinuxCNC then switches the machine off, or refuses the move.
+    #[cold]
+    #[inline(never)]
+    pub fn stand(&mut self) -> Result<AllJoints, Fault> {
+        let is_commanded = self.calls.takes_command();
+        match &mut self.handed.standing {
+            Some((joints, is_made)) if is_commanded && !*is_made => {
+                *is_made = true;
+                Ok(*joints)
+            }
+            _ => self.recorded(Err(Cause::PoseUnknown.into())),
         }
     }
 

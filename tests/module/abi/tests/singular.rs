@@ -100,7 +100,8 @@ struct Beyond {
     home: Pose,
     line: Line,
     crossing: usize,
-    feedback: RefCell<Pose>,
+    /// At an address that stays, by which the module knows LinuxCNC's feedback.
+    feedback: Box<RefCell<Pose>>,
     joints: RefCell<Joints>,
 }
 
@@ -113,7 +114,7 @@ impl Beyond {
         let crossing =
             line.crossing(&machine.module(), &machine, 400).expect("a quarter turn or so");
         let joints = module.inverse(&home).expect("home");
-        let (feedback, joints) = (RefCell::new(home), RefCell::new(joints));
+        let (feedback, joints) = (Box::new(RefCell::new(home)), RefCell::new(joints));
         let beyond = Self { module, home, line, crossing, feedback, joints };
         for n in 0..crossing + 10 {
             beyond.cycle(&beyond.line.at(n));
