@@ -74,6 +74,26 @@ impl Crossing {
                 .is_some_and(|side| side.reaches(commanded, tool) && side.reaches(found, tool))
     }
 
+    /// Looks in a refused cycle whether the commanded motion has passed a singular pose: forward finds no pose
+    /// to compare then, and later one that fits the joints on the side of its last pose.
+    // Refused cycles are rare.
+    #[cold]
+    #[inline(never)]
+    pub fn watch_refused(
+        &mut self,
+        machine: &Machine,
+        tool: &Vector3<f64>,
+        commanded: &Pose,
+        last: &Pose,
+    ) {
+        let sides = (machine.side(commanded, tool), machine.side(last, tool));
+        if let (Ok(there), Ok(here)) = sides
+            && there.opposes(&here)
+        {
+            self.doubt = self.doubt.or(Some(Cause::SingularPassed));
+        }
+    }
+
     /// Compares the poses of a cycle.
     pub fn update(&mut self, comparison: &Comparison<'_>) {
         let Comparison { machine, tool, found, commanded, .. } = *comparison;

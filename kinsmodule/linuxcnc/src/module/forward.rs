@@ -100,6 +100,7 @@ impl Module {
             }
         } else {
             self.seeds.refuse(address);
+            self.watch_refused();
         }
         self.note_time_of_refusal(result.is_err());
         self.refused = result.is_err();
@@ -153,6 +154,17 @@ impl Module {
             return Ok(());
         }
         self.compare_with_commanded(joints, found, &{ *commanded })
+    }
+
+    /// Raises the doubt where the commanded motion passes a singular pose while forward is refused.
+    #[inline(never)]
+    fn watch_refused(&mut self) {
+        let (Some(commanded), Some(last)) = (self.calls.commanded_before(), self.seeds.last())
+        else {
+            return;
+        };
+        let Some(Frozen { machine, .. }) = &self.frozen else { return };
+        self.crossing.watch_refused(machine, &self.tool.of_machine(), commanded, &last);
     }
 
     // Seldom called: a frame and copies of its own.

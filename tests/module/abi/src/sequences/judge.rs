@@ -76,6 +76,8 @@ pub struct Reach {
     pub gap: f64,
     /// Between the joints of the call and the true ones: a length.
     pub noise: f64,
+    /// Whether the commanded pose is beyond a singular one, which the lagging machine has not reached.
+    pub is_passed: bool,
 }
 
 /// Where singular poses are, near the last state it was asked for.
@@ -270,6 +272,9 @@ impl Judge {
         let least_margin = if names_leg(code) { REFUSED_MARGIN - 1.0 } else { MARGIN };
         let verdict = if let Some(near) = near {
             Verdict::Excused(near)
+        } else if code == -41 && reach.is_passed {
+            self.held = true;
+            Verdict::Right
         } else if self.crossed && led.is_some() && !is_true {
             self.held |= is_passed;
             if is_passed { Verdict::Right } else { Verdict::Excused("beyond a singular pose") }

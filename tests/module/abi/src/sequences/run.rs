@@ -114,6 +114,7 @@ pub struct Run<'a> {
     identity: bool,
     reset: usize,
     feedback_refused: bool,
+    feedback_code: i32,
     command_verdict_right: bool,
     // The machine.
     noise: f64,
@@ -199,6 +200,7 @@ impl<'a> Run<'a> {
             identity: false,
             reset: 0,
             feedback_refused: true,
+            feedback_code: 0,
             command_verdict_right: false,
             noise,
             lag,
@@ -327,7 +329,11 @@ impl<'a> Run<'a> {
         let system = &self.setup.system;
         let size = system.size();
         let lagging = system.distance(&self.actual.poses, &self.command.poses);
-        Reach { gap: lagging + 2.0 * self.recent, noise: 3.0 * self.noise * size + 1e-13 * size }
+        Reach {
+            gap: lagging + 2.0 * self.recent,
+            noise: 3.0 * self.noise * size + 1e-13 * size,
+            is_passed: false,
+        }
     }
 
     /// Takes a commanded state, which the machine follows a little later.
@@ -498,6 +504,10 @@ impl<'a> Run<'a> {
         }
         if code < 0 {
             let commanded = self.commanded_for > self.lag + 4 && self.enabled;
+            let system = &self.setup.system;
+            let is_passed =
+                self.signs.is_some() && system.signs(&self.command) != system.signs(truth);
+            let reach = Reach { is_passed, ..reach };
             return self.judge.refused(code, truth, given, reach, commanded);
         }
         self.judge.accepted(truth, given, world, reach)
@@ -513,6 +523,8 @@ impl<'a> Run<'a> {
         (self.actual, self.command) = (actual, command);
         self.queue.clear();
         (self.judge.crossed, self.judge.held) = (false, false);
+        // Without a pose there is none to confirm: the machine has to be homed.
+        self.judge.strayed |= self.feedback_code < 0 && !matches!(self.feedback_code, -41 | -42);
         self.judge.count("confirmed by fault-reset");
     }
 
@@ -572,7 +584,8 @@ impl<'a> Run<'a> {
         let code = self.module.switch(self.kind_known);
         if code != 0 {
             self.event("switch refused", format!("{} {code}", self.kind_known));
-            let injected = self.injection.is_some();
+            // Joints of the cycle before decide: an operator repeats the switch.
+            let injected = self.injection.is_some() || self.cycle <= self.disturbed + 1;
             if self.kind_known == 0 && self.identity && self.homed && !injected {
                 let (truth, reach) = (self.command, self.reach());
                 let joints = truth.joints;
@@ -617,6 +630,7 @@ impl<'a> Run<'a> {
         let code = self.forward(Caller::Feedback, &joints, &truth);
         self.feedback_ok = code >= 0;
         self.feedback_refused = code < 0;
+        self.feedback_code = code;
     }
 
     fn is_at_rest(&self) -> bool {
