@@ -282,7 +282,7 @@ impl Judge {
             Verdict::Right
         } else if led.is_none() || !is_true {
             Verdict::Excused("no straight line of joints from the last pose")
-        } else if is_bound(code) && path.length > LONG * size {
+        } else if is_bound(code) && (self.strayed || path.length > LONG * size) {
             Verdict::Excused("a long way back from far joints")
         } else if !(path.distance > NEAR * within)
             || !(path.margin > least_margin)
