@@ -9,13 +9,14 @@
 //! | event | effect |
 //! | --- | --- |
 //! | success | The pose found becomes the last good pose, of its kind of call and of all calls. |
-//! | refusal | Nothing is forgotten. The next call starts from the newest good pose of any kind of call. |
+//! | refusal | Nothing is forgotten. The next call starts from the newest good pose of any kind of call. The commanded pose is compared with it meanwhile. |
+//! | a kind of call is left out | It starts from the newest good pose of the other kind: the machine has moved on. |
 //! | LinuxCNC passes another seed | Ignored while a pose is known. |
 //! | kinematics switch | Nothing is forgotten: the identity kinematics track the machine's pose. Refused in doubt. |
 //! | machine off, sagging | Nothing is forgotten: LinuxCNC goes on calling forward, which follows the joints. |
 //! | missed cycles | Nothing is forgotten: forward follows the straight line of the joints. |
 //! | tool change | The poses move with the tool, as the joints stay. |
-//! | homing | The poses are forgotten: the joints have been moved and set unseen. |
+//! | homing | The poses are forgotten, in the identity kinematics too: the joints have been moved and set unseen. |
 //! | freezing a geometry | Everything is forgotten. |
 //!
 //! Where no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
