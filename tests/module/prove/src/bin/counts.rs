@@ -345,6 +345,8 @@ fn dearer(cases: &[&(Case, u64)], solving: &Solving) -> Vec<String> {
     cases
         .iter()
         .filter(|(case, _)| case.aim == Aim::Worst && case.pose.iter().all(|x| !x.is_nan()))
+        // Before homing every refusal has the same code, which does not show how many solves it took.
+        .filter(|(case, _)| !case.is_before_homing())
         .filter(|(case, count)| *count > solving.of(case.solves))
         .map(|(case, count)| format!("{} solves took {count} instructions", case.solves))
         .collect()
