@@ -73,7 +73,7 @@ enum pkmkins_cause {
   PKMKINS_RESIDUAL_LIMIT_INVALID = -39,
   // the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose.
   PKMKINS_JOINTS_INCONSISTENT = -40,
-  // the commanded motion has passed a singular pose, and its joints fit another pose too (distance shown).
+  // the commanded motion has passed a singular pose; its joints fit another pose too (distance shown).
   PKMKINS_SINGULAR_PASSED = -41,
   // the pose found for the joints is not connected with the commanded pose (distance shown).
   PKMKINS_NOT_AS_COMMANDED = -42,

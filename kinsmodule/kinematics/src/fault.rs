@@ -258,10 +258,10 @@ causes! {
         "set pkmkins.residual-limit to a length";
     JointsInconsistent = -40, "the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose",
         "check feedback and homing, or raise residual-limit";
-    SingularPassed = -41, "the commanded motion has passed a singular pose, and its joints fit another pose too (distance shown)",
-        "command it back the way it came; or jog to the reference pose in joint mode, unhome all joints and home again";
+    SingularPassed = -41, "the commanded motion has passed a singular pose; its joints fit another pose too (distance shown)",
+        "command it back; or jog to the reference pose in joint mode, unhome and home again";
     NotAsCommanded = -42, "the pose found for the joints is not connected with the commanded pose (distance shown)",
-        "command it back the way it came; or jog to the reference pose in joint mode, unhome all joints and home again";
+        "command it back; or jog to the reference pose in joint mode, unhome and home again";
     // The geometry offered for freezing.
     GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
         "correct the values of this leg";
