@@ -143,7 +143,7 @@ class Hal:
             raise Wrong(f"halcmd {' '.join(words)}: {text}")
         return text
 
-    def told(self, *expected, file=None, shell=""):
+    def reported(self, *expected, file=None, shell=""):
         """Carries out the panel's file: code 0, and these lines of ours, each once and in this order."""
         begin = time.monotonic()
         with open(self.folder / "told", "w+") as out:
@@ -175,7 +175,7 @@ def everything(folder):
     """All is there, and the file is carried out again."""
     with Hal(folder) as hal:
         for _ in range(2):
-            hal.told()
+            hal.reported()
             for axis in AXES:
                 hal.is_on(f"ini.{axis}.max_velocity", f"pkmkins:jog-velocity-{axis}")
             hal.is_on("pyvcp.joint-5", "panel:joint-5")
@@ -188,20 +188,20 @@ def everything(folder):
 
 def nothing(folder):
     with Hal(folder, ("inihal", "motion", "pyvcp"), load=()) as hal:
-        hal.told(f"{NOT_SLOWED}there is no pin pkmkins.jog-scale", NO_PANEL)
+        hal.reported(f"{NOT_SLOWED}there is no pin pkmkins.jog-scale", NO_PANEL)
 
 
 def no_panel(folder):
     """As under gmoccapy, with today's file and one of version 1.0."""
     with Hal(folder, ("pyvcp",)) as hal:
-        hal.told(NO_PANEL)
+        hal.reported(NO_PANEL)
         hal.is_on("ini.x.max_velocity", "pkmkins:jog-velocity-x")
         old = folder / "old.tcl"
         today = hal.file.read_text()
         begin, end = today.index("if {"), today.index("pkmkins_panel::start")
         old.write_text(f"source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl]\n{today[end:]}")
         assert begin < end
-        hal.told(NO_PANEL, file=old)
+        hal.reported(NO_PANEL, file=old)
 
 
 def own_window(folder):
@@ -213,7 +213,7 @@ def own_window(folder):
         late = f"sleep 1; exec {sys.executable} {__file__} --stand-in pyvcp {folder}"
         with subprocess.Popen(["sh", "-c", late]) as process:
             try:
-                hal.told(file=f"-i machine.ini {hal.file}")
+                hal.reported(file=f"-i machine.ini {hal.file}")
                 hal.is_on("pyvcp.joint-5", "panel:joint-5")
             finally:
                 process.terminate()
@@ -221,7 +221,7 @@ def own_window(folder):
 
 def no_task(folder):
     with Hal(folder, ("inihal", "pyvcp")) as hal:
-        hal.told(f"{NOT_SLOWED}LinuxCNC's task has not set ini.x.max_velocity", NO_PANEL)
+        hal.reported(f"{NOT_SLOWED}LinuxCNC's task has not set ini.x.max_velocity", NO_PANEL)
 
 
 def late_task(folder):
@@ -231,7 +231,7 @@ def late_task(folder):
             hal.command("setp", f"ini.{axis}.max_velocity", "0")
         script = "; ".join(f"sleep 0.2; halcmd setp ini.{axis}.max_velocity 200" for axis in AXES)
         with subprocess.Popen(["sh", "-c", script]):
-            hal.told(NO_PANEL)
+            hal.reported(NO_PANEL)
         for axis in AXES:
             hal.is_on(f"ini.{axis}.max_velocity", f"pkmkins:jog-velocity-{axis}")
             if float(hal.command("getp", f"pkmkins.axis-max-velocity.{axis}")) != SPEED:
@@ -241,13 +241,13 @@ def late_task(folder):
 def no_monitor(folder):
     """A thread that does not run."""
     with Hal(folder, ("pyvcp",), start=False) as hal:
-        hal.told(f"{NOT_SLOWED}pkmkins.jog-velocity.x is 1e+99 and not 200", NO_PANEL)
+        hal.reported(f"{NOT_SLOWED}pkmkins.jog-velocity.x is 1e+99 and not 200", NO_PANEL)
 
 
 def pins_missing(folder):
     without = ("pyvcp.joint-3", "pyvcp.kinematics.machine", "joint.4.pos-fb", "ini.c.max_velocity")
     with Hal(folder, without) as hal:
-        hal.told(f"{NOT_SLOWED}LinuxCNC's task has not set ini.c.max_velocity", "panel: not shown: joint.3.pos-fb: ")
+        hal.reported(f"{NOT_SLOWED}LinuxCNC's task has not set ini.c.max_velocity", "panel: not shown: joint.3.pos-fb: ")
         hal.is_on("pyvcp.joint-5", "panel:joint-5")
         hal.is_on("ini.b.max_velocity", "pkmkins:jog-velocity-b")
 
@@ -258,7 +258,7 @@ def pins_taken(folder):
         for line in ("net theirs ini.x.max_velocity", "net limit pkmkins.axis-max-velocity.y", "newsig panel:joint-2 bit",
                      "net widget pyvcp.joint-1", "net selector motion.switchkins-type"):
             hal.command(*line.split())
-        hal.told(f"{NOT_SLOWED}ini.x.max_velocity is on signal theirs",
+        hal.reported(f"{NOT_SLOWED}ini.x.max_velocity is on signal theirs",
                  "panel: motion.switchkins-type is on signal selector", "panel: not shown: joint.1.pos-fb: ")
         hal.is_on("ini.z.max_velocity", "pkmkins:jog-velocity-z")
         hal.is_on("pyvcp.joint-5", "panel:joint-5")
@@ -268,7 +268,7 @@ def component(program, *reasons):
     """Checks a pkmkins-panel that is not there, or does not become ready."""
     def check(folder):
         with Hal(folder, program=program) as hal:
-            hal.told(f"{NO_TRAVEL}{reasons[0]}", NO_TRAVEL_PINS)
+            hal.reported(f"{NO_TRAVEL}{reasons[0]}", NO_TRAVEL_PINS)
             hal.is_on("pyvcp.joint-5", "panel:joint-5")
             if hal.command("getp", "pyvcp.x-minus").strip().lower() not in ("nan", "-nan"):
                 raise Wrong("travel left shows a number")
@@ -281,19 +281,19 @@ def no_files(folder):
     """Files of ours that are missing, and a folder that is not named."""
     with Hal(folder) as hal:
         (hal.library / "pkmkins_jog.tcl").unlink()
-        hal.told("panel: not connected: ", "panel: not all is shown: ", "panel: not all is shown: ",
+        hal.reported("panel: not connected: ", "panel: not all is shown: ", "panel: not all is shown: ",
                  "panel: not all is shown: ")
         (hal.library / "pkmkins_panel.tcl").unlink()
-        hal.told("panel: not connected: ")
+        hal.reported("panel: not connected: ")
         del hal.environment["HALLIB_DIR"]
-        hal.told("panel: not connected: ")
+        hal.reported("panel: not connected: ")
 
 
 def nobody_reads(folder):
     """A standard error that is closed, or that nobody reads."""
     with Hal(folder, ("pyvcp",), start=False) as hal:
-        hal.told(shell="2>&-")
-        hal.told(shell="2>/dev/full")
+        hal.reported(shell="2>&-")
+        hal.reported(shell="2>/dev/full")
 
 
 CASES = {
