@@ -473,7 +473,7 @@ mod tests {
     use super::*;
 
     fn case(aim: Aim, limit: u32, solves: u32) -> Case {
-        let (pose, joints) = ([0.0; 9], [0.0; 16]);
+        let (pose, joints) = ([0.0; 9], [1.0; 16]);
         Case { machine: 0, call: Call::Forward, aim, pose, joints, limit, solves }
     }
 
