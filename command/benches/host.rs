@@ -14,11 +14,11 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 use workbench::control::process::Options;
+use workbench::control::row::Row;
 use workbench::program::findings::Time;
-use workbench::program::flight::Flight;
-use workbench::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, Patience};
+use workbench::program::motion::LINUXCNC_PROGRAMS;
 use workbench::program::offset::Offset;
-use workbench::program::preflight::timed;
+use workbench::program::preflight::judge;
 use workbench::read::machine::MachineConfig;
 use workbench::stability::lobes::Lobes;
 use workbench::stability::map::StableMap;
@@ -132,37 +132,24 @@ fn memory() -> Option<f64> {
     line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
 }
 
-/// A program read and followed, run by LinuxCNC, and both at once, as `pkm preflight` has it.
+/// A program judged as `pkm preflight` does it.
 fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     let options = Options { block: Some(offset.block()), ..Options::default() };
-    let follow = || {
-        let (mut flight, mut lines) = (Flight::new(config).unwrap(), 0);
-        let block = options.block.as_deref();
-        let see = |step: &Move| {
-            flight.see(step);
-            lines = lines.max(step.line);
-        };
-        interpreter::each(config, program, block, &Patience::default(), see).unwrap();
-        let found = flight.finish().unwrap();
-        (found.pieces, lines)
+    let mut lines = 0;
+    let mut see = |row: &Row| {
+        lines = lines.max(row.line);
+        ControlFlow::Continue(())
     };
-    let run = || match timed(config, program, &options, |_| ControlFlow::Continue(())) {
+    let (judged, seconds) = seconds_of(|| judge(config, program, &options, &mut see).unwrap());
+    let machine = match judged.found.time {
         Time::Judged(timing) => timing.seconds,
         Time::NotJudged(cause) => panic!("{name}: {cause}"),
     };
-    let ((pieces, lines), alone) = seconds_of(follow);
-    let (machine, virtual_time) = seconds_of(run);
-    let (_, both) = seconds_of(|| {
-        std::thread::scope(|scope| {
-            scope.spawn(run);
-            follow();
-        });
-    });
     println!(
-        "| {name} | {lines} | {pieces} | {alone:.1} s | {machine:.0} s | {virtual_time:.1} s | {:.0} | \
-         {:.0} | {both:.1} s | {:.0} MB |",
-        machine / config.period / virtual_time,
-        machine / virtual_time,
+        "| {name} | {lines} | {} | {machine:.0} s | {seconds:.1} s | {:.0} | {:.0} | {:.0} MB |",
+        judged.found.pieces,
+        machine / config.period / seconds,
+        machine / seconds,
         memory().unwrap_or(f64::NAN)
     );
 }
@@ -256,14 +243,12 @@ fn programs(configs: &Path) {
     let long = folder.path().join("long.ngc");
     fs::write(&long, long_program()).unwrap();
     println!(
-        "\nPrograms judged by preflight on the hexapod: their path read and followed, LinuxCNC in virtual \
-         time, and both at once; memory is the most of this process so far:\n"
+        "\nPrograms judged by preflight on the hexapod; memory is the most of this process so far:\n"
     );
     println!(
-        "| program | lines | pieces | path | machine's time | LinuxCNC | cycles a second | times real time \
-         | both at once | memory |"
+        "| program | lines | pieces | machine's time | judged in | cycles a second | times real time | memory |"
     );
-    println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    println!("|---|--:|--:|--:|--:|--:|--:|--:|");
     let chips = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
     judged(&config, "3D_Chips.ngc", &chips, &Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 });
     judged(&config, "spiral", &long, &Offset { shift: [0.0; 3], turn: 0.0 });

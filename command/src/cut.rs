@@ -23,7 +23,7 @@ use workbench::cut::teeth::Teeth;
 use workbench::dynamics::capacity::Capacity;
 use workbench::dynamics::model::Model;
 use workbench::files::{Locate, write_whole};
-use workbench::program::interpreter::Move;
+use workbench::program::motion::Move;
 use workbench::read::machine::MachineConfig;
 use workbench::stability::path::{Path, Stop};
 use workbench::stability::pose::Setup;

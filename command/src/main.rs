@@ -54,7 +54,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
-use workbench::program::interpreter::{self, Move};
+use workbench::program::motion::{self, Move};
 use workbench::read::machine::MachineConfig;
 use workbench::study::file::Study;
 
@@ -326,14 +326,13 @@ fn told(text: &str) -> Result<(), Failure> {
 
 /// The moves of a program, which has to move something.
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
-    // Told before the interpreter, in the system's words.
+    // Said before LinuxCNC starts, in the system's words.
     open(program)?;
     let moves = match config.place.is_of_pair {
         true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
-        false => interpreter::moves(config, program, None)?,
+        false => motion::moves(config, program, None)?,
     };
-    let stays = |step: &Move| step.end == config.start && step.extra_end == moves[0].extra_end;
-    match moves.iter().all(stays) {
+    match moves.iter().all(|step| step.stays(config)) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),
     }

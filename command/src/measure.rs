@@ -11,7 +11,7 @@ use workbench::calibrate::setup::Setup;
 use workbench::calibrate::sheet;
 use workbench::calibrate::{probing, program};
 use workbench::files::{read_text, write_whole};
-use workbench::program::interpreter::{Move, MoveKind, Spindle};
+use workbench::program::motion::{Move, MoveKind, Spindle};
 use workbench::program::preflight::preflight;
 use workbench::read::machine::MachineConfig;
 

@@ -10,19 +10,16 @@ use kinematics::Letter;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use workbench::check::cautions::{Caution, cautions};
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Message, Row};
 use workbench::control::trace::Trace;
 use workbench::files::{self, Locate, open, write_whole};
-use workbench::program::both::Flights;
 use workbench::program::course::{Course, Thinned};
-use workbench::program::done::Done;
 use workbench::program::findings::{Break, LineLoad, Preflight, Range, Rule, Time, Timing};
-use workbench::program::interpreter::{self, Patience};
+use workbench::program::motion;
 use workbench::program::offset::{self, Offset};
-use workbench::program::preflight::timed;
+use workbench::program::preflight::{Judged, judge};
 use workbench::read::machine::MachineConfig;
 
 /// Checks before cutting that a program fits a machine
@@ -63,10 +60,10 @@ pub struct Judging {
     #[command(flatten)]
     control: Control,
     /// Moves after which a program counts as endless
-    #[arg(long, value_name = "NUMBER", default_value_t = Patience::default().moves)]
+    #[arg(long, value_name = "NUMBER", default_value_t = Options::default().most_moves)]
     most_moves: u64,
     /// Seconds of reading without a move after which a program counts as endless
-    #[arg(long, value_name = "SECONDS", default_value_t = Patience::default().seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_work)]
     patience: f64,
     /// Whether a user interface of LinuxCNC waits for the answer.
     #[arg(skip)]
@@ -76,7 +73,8 @@ pub struct Judging {
 impl Judging {
     /// For a user interface that waits for the answer.
     fn of_filter() -> Self {
-        let Patience { moves: most_moves, seconds: patience } = Patience::default();
+        let patience = Options::default().most_work;
+        let most_moves = Options::default().most_moves;
         Self { control: Control::default(), most_moves, patience, is_filter: true }
     }
 }
@@ -129,18 +127,9 @@ impl Suggestion {
 }
 
 impl Answer {
-    /// Where a finding is. LinuxCNC's cycles have the number of a line alone: every file that moves something there
-    /// is named.
-    pub fn place(&self, limit: Rule, file: usize, line: u32) -> String {
-        match limit.is_of_time() {
-            true => self.place_in_time(line),
-            false => place(&self.files, file, line),
-        }
-    }
-
-    fn place_in_time(&self, line: u32) -> String {
-        let files = self.found.lines.files(line).into_iter();
-        files.map(|file| place(&self.files, file, line)).collect::<Vec<_>>().join(" or ")
+    /// Names the place of a finding.
+    pub fn place(&self, file: usize, line: u32) -> String {
+        place(&self.files, file, line)
     }
 
     pub fn verdict(&self) -> Verdict {
@@ -219,7 +208,7 @@ fn run_one(
         let course = match course.filter(|course| shows_what_breaks(config, &answer.found, course))
         {
             Some(course) => course,
-            None => Course::along(config, &interpreter::moves(config, program, None)?),
+            None => Course::along(config, &motion::moves(config, program, None)?),
         };
         write_report(file, config, &answer, &course, &blocks)?;
     }
@@ -305,14 +294,19 @@ pub fn judged(
     program: &Path,
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<Answer, Failure> {
-    // Told before the interpreter, in the system's words.
+    // Said before LinuxCNC starts, in the system's words.
     open(program)?;
-    let (found, files) = followed(config, judging, program, None, "following the moves", see)?;
-    if found.is_still() {
+    let Judged { found, files } = followed(config, judging, program, None, see)?;
+    if found.is_still() && found.fits() {
         return Err(MovesNothing(program.into()).into());
     }
     let mut warnings = cautions(config, &config.ini, &texts(&files)?);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
+    warnings.extend(found.off_path.iter().map(|off| Caution {
+        line: Some(off.line),
+        file: off.file,
+        text: off.text.clone(),
+    }));
     let fits = match (&found.time, found.fits()) {
         (_, false) => Some(false),
         (Time::Judged(_), true) => Some(true),
@@ -329,66 +323,29 @@ pub fn judged(
     })
 }
 
-/// Moves between two words of how far it has come.
-const STRIDE: usize = 1024;
-
-/// Follows the moves while the interpreter reads them, after a block; beside it LinuxCNC runs them.
+/// Judges a program after a block, and shows how far it is.
 fn followed(
     config: &MachineConfig,
     judging: &Judging,
     program: &Path,
     block: Option<&str>,
-    message: &'static str,
     see: &mut (dyn FnMut(&Row) + Send),
-) -> Result<(Preflight, Vec<PathBuf>), Failure> {
-    let options = Options { block: block.map(Into::into), ..judging.control.options() };
-    let is_over = AtomicBool::new(false);
+) -> Result<Judged, Failure> {
+    let options = Options {
+        block: block.map(Into::into),
+        most_moves: judging.most_moves,
+        most_work: judging.patience,
+        ..judging.control.options()
+    };
     let mut progress = match judging.is_filter {
         false => Progress::new(config, program)?,
         true => Progress::of_filter(config, program)?,
     };
-    let run = || {
-        timed(config, program, &options, |row| {
-            progress.see(row);
-            see(row);
-            match is_over.load(Ordering::Relaxed) {
-                false => ControlFlow::Continue(()),
-                true => ControlFlow::Break(()),
-            }
-        })
-    };
-    let (found, time) = std::thread::scope(|scope| {
-        let time = scope.spawn(run);
-        let found = read(config, judging, program, block, message);
-        // Where the program cannot be read, nobody asks how it runs.
-        is_over.store(found.is_err(), Ordering::Relaxed);
-        (found, time.join().expect("the run has said why it panicked"))
-    });
-    let (found, files) = found?;
-    Ok((found.with_time(config, time), files))
-}
-
-fn read(
-    config: &MachineConfig,
-    judging: &Judging,
-    program: &Path,
-    block: Option<&str>,
-    message: &'static str,
-) -> Result<(Preflight, Vec<PathBuf>), Failure> {
-    let bar = Bar::spinner(message);
-    let mut flight = Flights::new(config)?;
-    let patience = Patience { moves: judging.most_moves, seconds: judging.patience };
-    let (mut moves, mut done) = (0, Done::of(program)?);
-    let files = interpreter::each(config, program, block, &patience, |step| {
-        flight.see(step);
-        moves += 1;
-        done.see(step.line);
-        if moves % STRIDE == 0 {
-            bar.say(format!("{message}: {moves}"));
-            bar.show(done.share());
-        }
-    })?;
-    Ok((flight.finish()?, files))
+    Ok(judge(config, program, &options, &mut |row| {
+        progress.see(row);
+        see(row);
+        ControlFlow::Continue(())
+    })?)
 }
 
 fn texts(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
@@ -462,17 +419,22 @@ fn confirmed(
 ) -> Result<Option<Suggestion>, Failure> {
     let Some(offset) = offset else { return Ok(None) };
     let block = offset.block();
-    let message = "trying another work offset";
-    // Under another offset the interpreter may refuse the program: cutter radii, arcs.
-    let checked = followed(config, judging, program, Some(&block), message, &mut |_| {});
-    let found = checked.ok().map(|(found, _)| found).filter(Preflight::fits);
+    // Under another offset LinuxCNC may refuse the program: cutter radii, arcs.
+    let checked = followed(config, judging, program, Some(&block), &mut |_| {});
+    let found = checked.ok().map(|judged| judged.found).filter(Preflight::fits);
     Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
 }
 
 /// What is told to people: of everything, or of what does not fit alone.
 fn to_people(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> String {
     match output::is_quiet() {
-        true => findings_in_words(config, answer, blocks).trim_start().into(),
+        true => {
+            let text = match (&answer.found.time, answer.verdict()) {
+                (Time::NotJudged(cause), Verdict::Unjudged) => format!("not judged: {cause}\n"),
+                _ => String::new(),
+            };
+            text + findings_in_words(config, answer, blocks).trim_start()
+        }
         false => in_words(config, answer, blocks),
     }
 }
@@ -508,7 +470,7 @@ fn facts_in_words(config: &MachineConfig, answer: &Answer) -> String {
         let how_far = if margin.limit.is_of_time() { to_the_stop } else { "" };
         let place = match margin.line {
             0 => format!("{}, before the program", margin.part),
-            line => format!("{}, {}", margin.part, answer.place(margin.limit, margin.file, line)),
+            line => format!("{}, {}", margin.part, answer.place(margin.file, line)),
         };
         let side = if margin.value < 0.0 { "beyond" } else { "to spare" };
         let amount = format!("{:.4} {}", margin.value.abs(), margin.unit);
@@ -562,8 +524,8 @@ fn shown(answer: &Answer) -> String {
     let Time::Judged(timing) = &answer.found.time else { return String::new() };
     let shown = timing.messages.iter().filter(|_| timing.ending == Ending::Finished);
     shown
-        .map(|Message { text, line, seconds, .. }| {
-            let place = answer.place_in_time(*line);
+        .map(|Message { text, line, file, seconds, .. }| {
+            let place = answer.place(*file, *line);
             format!("\nnote: {place}, after {seconds:.1} s: LinuxCNC shows: {text}\n")
         })
         .collect()
@@ -592,11 +554,7 @@ fn summary(answer: &Answer) -> String {
             0 => String::new(),
             more => format!(", and {more} more"),
         };
-        return format!(
-            "{}: {}{more}",
-            answer.place(first.limit, first.file, first.line),
-            first.limit.name()
-        );
+        return format!("{}: {}{more}", answer.place(first.file, first.line), first.limit.name());
     }
     match &found.time {
         Time::Judged(timing) => duration(timing),
@@ -618,8 +576,8 @@ fn in_a_table(rows: &[(String, Verdict, String)]) -> String {
 }
 
 /// The greatest feed that the joint speeds allow.
-fn feed(answer: &Answer, LineLoad { line, factor }: &LineLoad) -> String {
-    let place = answer.place_in_time(*line);
+fn feed(answer: &Answer, LineLoad { line, file, factor }: &LineLoad) -> String {
+    let place = answer.place(*file, *line);
     if *factor < LEAST_FEED {
         return format!(
             "joint speeds allow less than {LEAST_FEED} times the programmed one, in {place}"
@@ -661,7 +619,7 @@ fn in_a_sentence(
     };
     format!(
         "{}: {}: {}\n{block}  at {}{more}\n",
-        answer.place(told.limit, told.file, told.line),
+        answer.place(told.file, told.line),
         told.limit.name(),
         told.text,
         words.join(" ")
@@ -676,7 +634,7 @@ fn write_report(
     blocks: &[Vec<&str>],
 ) -> Result<(), Failure> {
     let found = &answer.found;
-    let place_of = |limit: Rule, file: usize, line: u32| answer.place(limit, file, line);
+    let place_of = |_: Rule, file: usize, line: u32| answer.place(file, line);
     let block_of = |told: &Break| block(told, blocks).unwrap_or_default().trim().to_string();
     let marks = report::marks(config, found, course, &place_of, block_of);
     let rows = report::rows(config, found, &place_of);

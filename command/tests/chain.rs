@@ -6,7 +6,7 @@ use crate::shipped::{config, folder};
 use kinematics::{Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use std::fs;
 use workbench::control::row::{Ending, Row};
-use workbench::program::interpreter;
+use workbench::program::motion;
 use workbench::program::preflight::preflight;
 use workbench::read::machine::MachineConfig;
 
@@ -169,7 +169,7 @@ fn the_tip_is_on_the_circle_of_the_work_in_every_cycle_while_the_table_turns() {
 fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let config = config(TABLE);
     let file = folder(TABLE).join("programs/turning-circle.ngc");
-    let moves = interpreter::moves(&config, &file, None).unwrap();
+    let moves = motion::moves(&config, &file, None).unwrap();
     let found = preflight(&config, &moves).unwrap();
     assert!(found.breaks.is_empty(), "{:?}", found.breaks);
     // Where the table has turned by an eighth a strut is longer than at both ends of the turn: narrowed
@@ -178,7 +178,7 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let text = "G21 G90 G94\nG0 X100 Y0 Z200\nG1 C90 F3000\nM2\n";
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    let moves = interpreter::moves(&config, file.path(), None).unwrap();
+    let moves = motion::moves(&config, file.path(), None).unwrap();
     assert!(preflight(&config, &moves).unwrap().breaks.is_empty());
     let joints = |c: f64| {
         let place = about_z(c) * Vector3::new(100.0, 0.0, 200.0);

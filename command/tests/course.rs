@@ -5,8 +5,8 @@ use crate::shipped::config;
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Abscissa, Course, MOST_SAMPLES};
-use workbench::program::interpreter::{Move, MoveKind, Spindle};
 use workbench::program::loads::Motion;
+use workbench::program::motion::{Move, MoveKind, Spindle};
 use workbench::read::machine::MachineConfig;
 
 /// A machine that stands at home with its drives on.
@@ -14,6 +14,8 @@ fn standing(config: &MachineConfig) -> Row {
     let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
     Row {
         cycle: 0,
+        file: 0,
+        number: 0,
         line: 1,
         flags: Flags { on: true, tool_busy: false, held: false },
         pose: config.home,

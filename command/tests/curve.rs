@@ -13,7 +13,7 @@ use workbench::curve::motion::{Pace, node};
 use workbench::curve::route::{Route, route};
 use workbench::curve::table::rows;
 use workbench::curve::whole::{Curve, CurveError};
-use workbench::program::interpreter::{Move, MoveKind, moves};
+use workbench::program::motion::{Move, MoveKind, moves};
 use workbench::read::machine::MachineConfig;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.

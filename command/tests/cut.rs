@@ -176,6 +176,8 @@ fn row(cycle: u64, x: f64) -> Row {
     let joints: Joints = [0.0; MAX_JOINTS];
     Row {
         cycle,
+        file: 0,
+        number: 0,
         line: 7,
         flags: Flags { on: true, tool_busy: false, held: false },
         pose: [x, 0.0, 50.0, 0.0, 0.0, 0.0],

@@ -7,8 +7,8 @@ use kinematics::Pose;
 use std::ops::ControlFlow;
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Row};
-use workbench::program::interpreter;
-use workbench::program::preflight::{preflight, timed};
+use workbench::program::motion;
+use workbench::program::preflight::judge;
 use workbench::program::replay::replay;
 
 const LATHE: &str = "lathe-counter-spindle";
@@ -60,7 +60,7 @@ fn a_block_of_an_extra_axis_alone_takes_its_time() {
     let config = config(LATHE);
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     std::fs::write(file.path(), "G21 G90 G94\nG1 Z950 F3000\nG0 W500\nG1 W400\nM2\n").unwrap();
-    let moves = interpreter::moves(&config, file.path(), None).unwrap();
+    let moves = motion::moves(&config, file.path(), None).unwrap();
     let home = config.extra[1].joint.home;
     // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis can do.
     let rapid = (500.0 - home).abs() / config.max_linear_velocity;
@@ -76,9 +76,8 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     let judged = |text: &str| {
         let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
         std::fs::write(&file, text).unwrap();
-        let moves = interpreter::moves(&config, file.path(), None).unwrap();
-        let time = timed(&config, file.path(), &Options::default(), |_| ControlFlow::Continue(()));
-        preflight(&config, &moves).unwrap().with_time(&config, time)
+        let see = &mut |_: &Row| ControlFlow::Continue(());
+        judge(&config, file.path(), &Options::default(), see).unwrap().found
     };
     let good = judged("G21 G90 G61\nG0 W300 C90\nG1 F3000 C-45 W800\nM2\n");
     assert!(good.breaks.is_empty(), "{:?}", good.breaks);
@@ -107,7 +106,7 @@ fn moves_in_which_the_work_turns_or_goes_along_with_the_tool_are_marked() {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     let lines = ["G0 C90", "G0 W300", "G1 F500 Z990", "G1 Z980 W310", "G1 W320", "G1 C0", "G1 X-1"];
     std::fs::write(&file, format!("G21 G90\n{}\nM2\n", lines.join("\n"))).unwrap();
-    let moves = interpreter::moves(&config(LATHE), file.path(), None).unwrap();
+    let moves = motion::moves(&config(LATHE), file.path(), None).unwrap();
     let marked: Vec<u32> = moves.iter().filter(|step| step.extra).map(|step| step.line).collect();
     assert_eq!(marked, [2, 5, 7]);
     let end = moves.last().expect("moves").end;

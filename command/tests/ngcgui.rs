@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use workbench::program::interpreter::MoveKind;
+use workbench::program::motion::MoveKind;
 
 /// Where LinuxCNC's packages put the parser.
 const TCL: &str = "/usr/lib/tcltk/linuxcnc";

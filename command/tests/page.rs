@@ -43,6 +43,8 @@ fn surface(config: &MachineConfig, lines: u32) -> Thinned {
         let errors = std::array::from_fn(|i| 0.5 * (angle * i as f64).sin());
         course.see(&Row {
             cycle: u64::from(cycle),
+            file: 0,
+            number: 0,
             line: cycle / CYCLES + 1,
             flags: Flags { on: true, tool_busy: false, held: false },
             pose,

@@ -4,7 +4,7 @@
 
 use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
-use workbench::program::interpreter::{Move, moves};
+use workbench::program::motion::{Move, moves};
 use workbench::program::path::{Along, along};
 use workbench::read::machine::MachineConfig;
 

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 use workbench::limits;
 use workbench::program::findings::Preflight;
-use workbench::program::interpreter::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
+use workbench::program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
 use workbench::program::offset::{self, Offset, Poses};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
@@ -44,7 +44,7 @@ fn every_shipped_program_fits_its_machine() {
         let config = config(machine);
         let programs = fs::read_dir(folder(machine).join("programs")).unwrap();
         for program in programs.map(|entry| entry.unwrap().path()) {
-            let moves = interpreter::moves(&config, &program, None).unwrap();
+            let moves = motion::moves(&config, &program, None).unwrap();
             let found = follow(&config, &moves);
             assert!(found.fits(), "{}: {:?}", program.display(), found.breaks);
             assert_eq!(found.runnable, 1.0, "{}", program.display());
@@ -354,7 +354,7 @@ fn a_long_program_is_followed_quickly() {
     let program = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
     let config = config("hexapod");
     let offset = Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 };
-    let moves = interpreter::moves(&config, &program, Some(&offset.block())).unwrap();
+    let moves = motion::moves(&config, &program, Some(&offset.block())).unwrap();
     let start = Instant::now();
     let found = follow(&config, &moves);
     let time = start.elapsed().as_secs_f64();
@@ -369,7 +369,7 @@ fn a_long_program_is_followed_quickly() {
 
 /// Moves of a program that an offset found for it makes fit, checked as `pkm` does it.
 fn refitted(config: &MachineConfig, program: &Path, offset: &Offset) -> Preflight {
-    follow(config, &interpreter::moves(config, program, Some(&offset.block())).unwrap())
+    follow(config, &motion::moves(config, program, Some(&offset.block())).unwrap())
 }
 
 #[test]
@@ -381,7 +381,7 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     fs::write(&program, text).unwrap();
     let mut config = config("linear-delta");
     config.program.startup_code = Some("G10 L2 P2 X-90 Y-30 Z50 R10 G55".into());
-    let moves = interpreter::moves(&config, &program, None).unwrap();
+    let moves = motion::moves(&config, &program, None).unwrap();
     assert!(!follow(&config, &moves).fits() && Poses::of(&config, &moves).may_turn(&config));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
     assert_eq!(offset::shift(&config, &Poses::of(&config, &moves), |_| ()).unwrap(), None);
@@ -420,7 +420,7 @@ fn random_programs_fit_where_they_are_put() {
             }
             text += "M2\n";
             fs::write(&program, &text).unwrap();
-            let moves = interpreter::moves(&config, &program, None).unwrap();
+            let moves = motion::moves(&config, &program, None).unwrap();
             if follow(&config, &moves).fits() {
                 continue;
             }

@@ -2,7 +2,7 @@
 //! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
 
 use std::path::{Path, PathBuf};
-use workbench::program::interpreter;
+use workbench::program::motion;
 use workbench::program::random_program::random_program;
 use workbench::program::replay::replay;
 use workbench::read::machine::MachineConfig;
@@ -22,7 +22,7 @@ fn a_random_program_stays_within_the_limits_of_its_machine() {
         let text = random_program(&config, 7, 60.0).unwrap();
         let program = folder.path().join("random.ngc");
         std::fs::write(&program, &text).unwrap();
-        let moves = interpreter::moves(&config, &program, None).unwrap();
+        let moves = motion::moves(&config, &program, None).unwrap();
         let replay =
             replay(&config, &moves, 0.01).unwrap_or_else(|fault| panic!("{name}: {fault}"));
         assert_eq!(replay.violations(&config), [""; 0], "{name}");

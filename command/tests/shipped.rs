@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use workbench::program::findings::Preflight;
-use workbench::program::interpreter::Move;
+use workbench::program::motion::Move;
 use workbench::program::preflight::preflight;
 use workbench::read::machine::MachineConfig;
 

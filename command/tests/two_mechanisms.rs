@@ -12,7 +12,7 @@ use workbench::control::process::{self, Options};
 use workbench::control::row::{Ending, MessageKind, Outcome, Row};
 use workbench::program::beside::moves_of;
 use workbench::program::findings::{Preflight, Rule};
-use workbench::program::interpreter;
+use workbench::program::motion;
 use workbench::program::preflight::preflight;
 use workbench::program::replay::replay;
 use workbench::read::ini::Ini;
@@ -48,7 +48,7 @@ fn run_file(config: &MachineConfig, file: &Path) -> (Outcome, Vec<Row>) {
 }
 
 fn followed(config: &MachineConfig, file: &Path) -> Preflight {
-    let moves = interpreter::moves(config, file, None).unwrap();
+    let moves = motion::moves(config, file, None).unwrap();
     preflight(config, &moves).unwrap()
 }
 
@@ -197,7 +197,7 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
     let config = config(LATHE);
     let second = second();
     let moves =
-        interpreter::moves(&config, &folder(LATHE).join("programs/long-part.ngc"), None).unwrap();
+        motion::moves(&config, &folder(LATHE).join("programs/long-part.ngc"), None).unwrap();
     let found = preflight(&config, &moves).unwrap();
     let told = found.margins.iter().find(|margin| margin.limit == Rule::Mechanisms).unwrap().value;
     let mut least = f64::INFINITY;

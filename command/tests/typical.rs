@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use workbench::curve::file::PathFile;
 use workbench::curve::job::{Job, job};
 use workbench::curve::route::route;
-use workbench::program::interpreter::{Move, MoveKind, moves};
+use workbench::program::motion::{Move, MoveKind, moves};
 use workbench::program::preflight::preflight;
 use workbench::read::machine::MachineConfig;
 

@@ -14,6 +14,8 @@ linuxcnc.nmlfile = os.environ["PKMKINS_VIRTUAL_FOLDER"] + "/buffers.nml"
 PROGRAM = os.environ["PKMKINS_VIRTUAL_PROGRAM"]
 # A block that is run first.
 BLOCK = os.environ["PKMKINS_VIRTUAL_BLOCK"]
+# Whether lines that begin with / are left out.
+BLOCK_DELETE = os.environ["PKMKINS_VIRTUAL_BLOCK_DELETE"] == "1"
 LIBRARY = ctypes.CDLL(None)
 COMMAND, STATUS, MESSAGES = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
 FINISHED, STOPPED, NOT_JUDGED = range(3)
@@ -70,6 +72,8 @@ class Operator:
         yield from self.made_ready()
         if self.errors:
             end(NOT_JUDGED, f"LinuxCNC refuses the machine: {'; '.join(self.errors)}")
+        COMMAND.set_block_delete(BLOCK_DELETE)
+        yield
         LIBRARY.virtual_record()
         COMMAND.program_open(PROGRAM)
         yield
@@ -97,12 +101,20 @@ class Operator:
         return (STATUS.interp_state == linuxcnc.INTERP_READING and STATUS.exec_state == linuxcnc.EXEC_DONE
                 and STATUS.queue == 0 and STATUS.inpos)
 
+    @staticmethod
+    def message():
+        try:
+            return MESSAGES.poll()
+        except UnicodeDecodeError as error:
+            # A letter of Latin-1 in (MSG, ...): it has been taken out of the channel.
+            return linuxcnc.OPERATOR_DISPLAY, error.object.decode("latin-1")
+
     def listen(self):
-        while message := MESSAGES.poll():
+        while message := self.message():
             kind, text = message
             if kind in ERRORS:
                 self.errors.append(text)
-            LIBRARY.virtual_message(KINDS[kind], STATUS.read_line, text.encode())
+            LIBRARY.virtual_message(KINDS[kind], text.encode())
 
 
 def end(cause, text):

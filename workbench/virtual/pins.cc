@@ -139,6 +139,7 @@ bool add(const std::string &function) {
 }
 
 void run(long period) {
+    moves::cycle();
     for (const Function &function : in_thread()) {
         function.call(function.argument, period);
     }

@@ -3,11 +3,18 @@
 //
 //     u32 kind, u32 bytes that follow, then
 //     1 head      text, lines of KEY=VALUE; once, first
-//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), f64 feed, pose[9],
+//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), u32 number
+//                 of the move, f64 feed, pose[9],
 //                 tool[6], of it that of a second mechanism last, then for every joint command, following error and what is allowed of it
-//     3 message   u64 cycle, i32 line, u32 kind, i32 line that is read, text
+//     3 message   u64 cycle, i32 line, u32 kind (from 256 on of the interpreter), i32 line that is read, text
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
+//     5 move      as motion is asked for it, before it begins: i32 line, u32 file, u32 kind (record::Move::Kind),
+//                 u32 flags (1 arc, 2 follows the spindle, 4 the spindle turns, 8 at a constant surface speed),
+//                 i32 turns, u32 turns of an arc that has become straight, then f64 feed, speed, tolerance, end[9], tool[9], center[3], normal[3]
+//     6 file      its name; files count from 0, the program
+//     7 reading   i32 line in which the interpreter reads on and on
 //
+// Moves count from 0; the first one ends where the program starts.
 // Numbers are as the computer has them; cycles count from the start of the program.
 
 #include "virtual.h"
@@ -22,11 +29,11 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 3;
+constexpr int VERSION = 4;
 constexpr size_t BLOCK = 1 << 16;
 // Of a pose, and tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;
-constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4;
+constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4, MOVE = 5, FILE_NAME = 6, READING = 7, OF_INTERPRETER = 256;
 
 struct Joint {
     const double *command, *error, *allowed;
@@ -139,10 +146,11 @@ void cycle() {
         return;
     }
     follow_line();
-    put_head(ROW, sizeof(uint64_t) + 2 * sizeof(uint32_t) + sizeof(double) * (1 + LETTERS + TOOLS + 3 * joints.size()));
+    put_head(ROW, sizeof(uint64_t) + 3 * sizeof(uint32_t) + sizeof(double) * (1 + LETTERS + TOOLS + 3 * joints.size()));
     put(cycle_of_program());
     put(static_cast<int32_t>(*line_pin));
     put(static_cast<uint32_t>(*on_pin | *busy_pin << 1 | *held_pin << 2));
+    put(static_cast<uint32_t>(moves::number()));
     put(*feed_pin);
     for (const double *pin : pose_pins) {
         put(*pin);
@@ -159,6 +167,41 @@ void cycle() {
     for (const Joint &joint : joints) {
         put(*joint.allowed);
     }
+    if (block.size() > BLOCK) {
+        flush();
+    }
+}
+
+bool is_on() { return is_recording; }
+
+void file(const char *name) {
+    const size_t length = std::strlen(name);
+    put_head(FILE_NAME, length);
+    block.insert(block.end(), name, name + length);
+}
+
+void reading(int line) {
+    put_head(READING, sizeof(int32_t));
+    put(static_cast<int32_t>(line));
+    flush();
+}
+
+void move(const Move &move) {
+    const double values[] = {move.feed, move.speed, move.tolerance};
+    put_head(MOVE, 6 * sizeof(uint32_t) + sizeof values + sizeof move.end + sizeof move.tool + sizeof move.center +
+                       sizeof move.normal);
+    put(static_cast<int32_t>(move.line));
+    put(static_cast<uint32_t>(move.file));
+    put(static_cast<uint32_t>(move.kind));
+    put(static_cast<uint32_t>(move.is_arc | move.follows_spindle << 1 | move.spindle_turns << 2 |
+                              move.is_surface_speed << 3));
+    put(static_cast<int32_t>(move.turns));
+    put(static_cast<uint32_t>(move.lost_turns));
+    put(values);
+    put(move.end);
+    put(move.tool);
+    put(move.center);
+    put(move.normal);
     if (block.size() > BLOCK) {
         flush();
     }
@@ -182,9 +225,12 @@ void give_up(const char *format, ...) {
 FOR_DRIVER void virtual_record() {
     is_recording = true;
     started = clock_::cycles();
+    moves::start();
 }
-FOR_DRIVER void virtual_message(unsigned kind, int read, const char *text) {
-    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&read), sizeof read) + text);
+FOR_DRIVER void virtual_message(unsigned kind, const char *text) {
+    const auto [line, is_of_interpreter] = moves::message();
+    kind |= is_of_interpreter ? OF_INTERPRETER : 0;
+    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&line), sizeof line) + text);
 }
 FOR_DRIVER void virtual_end(unsigned cause, const char *text) {
     record::end(static_cast<record::End>(cause), text);

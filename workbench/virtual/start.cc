@@ -70,7 +70,10 @@ extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
     static const auto write =
         reinterpret_cast<int (*)(void *, NMLmsg *, int *)>(dlsym(RTLD_NEXT, "_ZN3NML5writeEP6NMLmsgPi"));
     // EMC_OPERATOR_ERROR, _TEXT and _DISPLAY.
-    has_news |= message->type >= 11 && message->type <= 13;
+    if (message->type >= 11 && message->type <= 13) {
+        has_news = true;
+        moves::note_message();
+    }
     return write(channel, message, serial);
 }
 
@@ -120,6 +123,8 @@ struct Start {
         changer::open_tool_data();
         wiring::follow();
         record::find_pins();
+        moves::find();
+        moves::open_limits();
     }
 } start;
 }

@@ -55,8 +55,54 @@ void open_tool_data();
 void step();
 }
 
+namespace memory {
+// The memory that milltask and motion share; null where there is none, or more of its kind.
+void *only();
+}
+
+namespace moves {
+// Finds what milltask and motion share, once the modules are loaded.
+void find();
+// Opens the limits of the guard, where the run asks for that; those of axes and joints come as commands.
+void open_limits();
+// Shows where the machine stands, as a move of its own.
+void start();
+// Reads the command that motion takes in this cycle.
+void cycle();
+// Keeps what the interpreter reads as a message is written, until the driver gets it.
+void note_message();
+struct Read {
+    int line;
+    // Whether the message is the interpreter's own: it stopped in this line.
+    bool is_of_interpreter;
+};
+Read message();
+// Number of the move that is being made, from 1; 0 before the first.
+int number();
+}
+
 namespace record {
+// A move that motion is asked for, in the letters of LinuxCNC: x y z a b c u v w.
+struct Move {
+    enum class Kind : unsigned { rapid = 0, feed = 1, probe = 2, tap = 3 };
+    int line, file;
+    Kind kind;
+    bool is_arc, follows_spindle, spindle_turns, is_surface_speed;
+    int turns;
+    // Full turns of an arc that has become this straight move.
+    int lost_turns;
+    // In a second; 1/min; how far it may leave the path at its end, infinite where nothing is said.
+    double feed, speed, tolerance;
+    double end[9], tool[9], center[3], normal[3];
+};
 void open(int descriptor);
+// Whether the program runs.
+bool is_on();
+void move(const Move &move);
+// A line in which the interpreter reads on and on.
+void reading(int line);
+// The next file that is read.
+void file(const char *name);
 // Names the pins of the rows, once everything is loaded.
 void find_pins();
 void cycle();

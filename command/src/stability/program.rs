@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use workbench::cut::program;
 use workbench::files::{Locate, csv, open, write_whole};
-use workbench::program::interpreter::{self, Move, MoveKind, Spindle};
+use workbench::program::motion::{self, Move, MoveKind, Spindle};
 use workbench::read::machine::MachineConfig;
 use workbench::stability::path::{Best, Depth, Path, Stop};
 use workbench::study::file::Study;
@@ -148,9 +148,9 @@ impl Job {
     /// The program's moves at its spindle speeds, or all at the one that is given. Refused where an extra
     /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
     pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
-        // Told before the interpreter, in the system's words.
+        // Said before LinuxCNC starts, in the system's words.
         open(&self.program)?;
-        let mut moves = interpreter::with_spindle(config, &self.program)?;
+        let mut moves = motion::moves(config, &self.program, None)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(

@@ -4,7 +4,7 @@
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use workbench::program::beside::moves_of;
-use workbench::program::interpreter::{self, LINUXCNC_PROGRAMS};
+use workbench::program::motion::{self, LINUXCNC_PROGRAMS};
 use workbench::program::replay::{Replay, replay};
 use workbench::read::machine::MachineConfig;
 
@@ -99,7 +99,7 @@ impl Case {
         });
         let moves = match whole.second {
             Some(_) => moves_of(config, &whole, &program),
-            None => interpreter::moves(config, &program, block.as_deref()),
+            None => motion::moves(config, &program, block.as_deref()),
         };
         let moves = moves.map_err(|e| e.to_string())?;
         let replay = replay(config, &moves, self.period)

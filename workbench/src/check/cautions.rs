@@ -32,6 +32,10 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) ->
         let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
+    if ini.first("HAL", "HALUI").is_some() {
+        let text = "what the pins of [HAL]HALUI ask for while the program runs is not judged";
+        found.push(Caution { line: None, file: 0, text: text.into() });
+    }
     let mut names_units = false;
     let mut says_m52 = false;
     let lines = texts.iter().enumerate().flat_map(|(file, text)| {

@@ -3,7 +3,7 @@
 
 use crate::control::pulse::Pulse;
 use crate::control::refusal::NotJudged;
-use crate::control::row::{Ending, Message, Outcome, Row};
+use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
 use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
 use crate::files::Locate;
@@ -49,6 +49,8 @@ pub struct Options {
     pub most_seconds: f64,
     /// Seconds in which nothing moves.
     pub most_standstill: f64,
+    /// Moves after which a program counts as endless.
+    pub most_moves: u64,
     /// Seconds of a processor that LinuxCNC may work without a cycle: none of them takes one.
     pub most_work: f64,
     /// HAL files, of halcmd or of Tcl, that are carried out after those of the simulated machine: probes,
@@ -58,6 +60,10 @@ pub struct Options {
     pub block: Option<String>,
     /// Folder that gets what the program writes into files, by the files' names.
     pub written: Option<PathBuf>,
+    /// Leaves out lines that begin with `/`, as LinuxCNC does until the operator decides otherwise.
+    pub block_delete: bool,
+    /// Opens the limits of axes, joints and the guard, so that a program goes on beyond them.
+    pub open_limits: bool,
 }
 
 impl Default for Options {
@@ -65,12 +71,26 @@ impl Default for Options {
         Self {
             most_seconds: 86_400.0,
             most_standstill: 600.0,
+            most_moves: 10_000_000,
             most_work: 20.0,
             hal: vec![],
             block: None,
             written: None,
+            block_delete: true,
+            open_limits: false,
         }
     }
+}
+
+/// What happens in a run, in its order. Moves come before the cycles in which they are made.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// A servo cycle.
+    Row(&'a Row),
+    /// The next move; the first one ends where the program starts.
+    Move(&'a Commanded),
+    /// The next file that lines are in; the first one is the program.
+    File(&'a str),
 }
 
 /// Runs a program and shows every servo cycle of it.
@@ -81,7 +101,23 @@ pub fn run(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    see: impl FnMut(&Row) -> ControlFlow<()>,
+    mut see: impl FnMut(&Row) -> ControlFlow<()>,
+) -> Result<Outcome, NotJudged> {
+    run_with_moves(config, program, options, |event| match event {
+        Event::Row(row) => see(row),
+        Event::Move(_) | Event::File(_) => ControlFlow::Continue(()),
+    })
+}
+
+/// Runs a program and shows its moves as well.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with_moves(
+    config: &MachineConfig,
+    program: &Path,
+    options: &Options,
+    see: impl FnMut(Event<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, NotJudged> {
     if config.place.is_of_pair && config.second.is_none() {
         return Err(NotJudged::HalfOfPair);
@@ -98,7 +134,7 @@ pub fn run(
     }
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
     let hal = hal.collect::<Result<Vec<_>, _>>()?;
-    let run = Run::start(config, &scratch, &library, &program, &hal, options.block.as_deref())?;
+    let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
     let outcome = run.watched(config, &installed, options, see)?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
@@ -155,7 +191,7 @@ impl<'a> Run<'a> {
         library: &Path,
         program: &Path,
         hal: &[PathBuf],
-        block: Option<&str>,
+        options: &Options,
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
         let (answered, answer) = pipe()?;
@@ -188,7 +224,9 @@ impl<'a> Run<'a> {
             .env("LD_PRELOAD", library)
             .env("PKMKINS_VIRTUAL_FOLDER", scratch.path())
             .env("PKMKINS_VIRTUAL_PROGRAM", program)
-            .env("PKMKINS_VIRTUAL_BLOCK", block.unwrap_or_default())
+            .env("PKMKINS_VIRTUAL_BLOCK", options.block.as_deref().unwrap_or_default())
+            .env("PKMKINS_VIRTUAL_BLOCK_DELETE", if options.block_delete { "1" } else { "0" })
+            .env("PKMKINS_VIRTUAL_OPEN", if options.open_limits { "1" } else { "" })
             .env("PKMKINS_VIRTUAL_TOOLS", &scratch.tool_table)
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
@@ -215,7 +253,7 @@ impl<'a> Run<'a> {
         config: &MachineConfig,
         installed: &str,
         options: &Options,
-        mut see: impl FnMut(&Row) -> ControlFlow<()>,
+        mut see: impl FnMut(Event<'_>) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
         let pulse = Pulse::new(from, self.milltask.id(), options.most_work);
@@ -228,11 +266,25 @@ impl<'a> Run<'a> {
             },
         );
         let mut watch = Watch::new(config.period, options);
+        let mut moves = 0;
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {
                 Record::Head { version, linuxcnc } => check_version(version, &linuxcnc, installed)?,
+                Record::Move(commanded) => {
+                    moves += 1;
+                    if moves > options.most_moves {
+                        return Err(NotJudged::TooManyMoves(options.most_moves, commanded.line));
+                    }
+                    if see(Event::Move(commanded)).is_break() {
+                        return Err(NotJudged::Interrupted);
+                    }
+                }
+                Record::Reading(line) => watch.line = line,
+                Record::File(name) => {
+                    let _ = see(Event::File(&name));
+                }
                 Record::Row(row) => {
-                    if see(row).is_break() {
+                    if see(Event::Row(row)).is_break() {
                         return Err(NotJudged::Interrupted);
                     }
                     if let Some(ending) = watch.row(row)? {
@@ -332,11 +384,20 @@ struct Watch<'a> {
     /// Cycle of the last motion, and its line.
     moved: u64,
     line: u32,
+    file: usize,
 }
 
 impl<'a> Watch<'a> {
     fn new(period: f64, options: &'a Options) -> Self {
-        Self { period, options, messages: vec![], pose: [[f64::NAN; 6]; 2], moved: 0, line: 0 }
+        Self {
+            period,
+            options,
+            messages: vec![],
+            pose: [[f64::NAN; 6]; 2],
+            moved: 0,
+            line: 0,
+            file: 0,
+        }
     }
 
     fn seconds(&self, cycles: u64) -> f64 {
@@ -350,7 +411,7 @@ impl<'a> Watch<'a> {
             (self.pose, self.moved) = (pose, row.cycle);
         }
         if row.line > 0 {
-            self.line = row.line;
+            (self.line, self.file) = (row.line, row.file);
         }
         let stands = self.seconds(row.cycle - self.moved);
         if stands > AFTER_ERROR && row.flags.held && self.messages.iter().any(Message::is_error) {
@@ -374,7 +435,7 @@ impl<'a> Watch<'a> {
 
     fn message(&mut self, cycle: u64, message: Message) {
         let seconds = self.seconds(cycle);
-        self.messages.push(Message { seconds, ..message });
+        self.messages.push(Message { seconds, file: self.file, ..message });
     }
 
     fn outcome(self, ending: Ending, cycles: u64) -> Outcome {

@@ -64,6 +64,11 @@ pub enum NotJudged {
         "LinuxCNC reads the program without coming to a move after line {0}: is there a loop without an end?"
     )]
     Endless(u32),
+    /// More moves than a program may have.
+    #[error(
+        "more than {0} moves, the next in line {1}: a loop without an end? --most-moves allows more"
+    )]
+    TooManyMoves(u64, u32),
     /// Longer than the program may be watched.
     #[error(
         "the program runs longer than {0} s of the machine's time (line {1}): --most-time allows more"

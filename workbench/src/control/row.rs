@@ -46,6 +46,10 @@ pub struct Row {
     pub cycle: u64,
     /// `motion.program-line`, counted from 1; 0 before the first move.
     pub line: u32,
+    /// Number of the file that the line is in, as of [`Commanded`].
+    pub file: usize,
+    /// Number of the move that is made, or was made last; [`Commanded`] counts from 0.
+    pub number: usize,
     /// States.
     pub flags: Flags,
     /// Commanded pose of the tool, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees. 0 for a
@@ -80,6 +84,73 @@ impl Row {
     }
 }
 
+/// What the spindle does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Spindle {
+    /// It stands. The speed of its S word, 1/min; 0 where there was none.
+    Standing(f64),
+    /// It turns, 1/min.
+    Turning(f64),
+    /// G96: its speed depends on the place.
+    Surface,
+    /// Nobody knows.
+    #[default]
+    Unknown,
+}
+
+/// Kind of a move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CommandedKind {
+    /// G0, and moves for the change of a tool.
+    #[default]
+    Rapid,
+    /// G1, G2, G3.
+    Feed,
+    /// G38.
+    Probe,
+    /// G33.1: to its end and back.
+    Tap,
+}
+
+/// What a circular move goes around.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Arc {
+    /// Center, machine units.
+    pub center: [f64; 3],
+    /// Axis, of any length.
+    pub normal: [f64; 3],
+    /// Full turns beside the arc, from 0 on anticlockwise, from -1 down clockwise.
+    pub turns: i32,
+}
+
+/// A move as milltask asks motion for it: straight or circular in X Y Z, straight in all other letters.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Commanded {
+    /// Line of the program, counted from 1; 0 for none.
+    pub line: u32,
+    /// Number of the file that the line is in, 0 for the program.
+    pub file: usize,
+    /// Kind.
+    pub kind: CommandedKind,
+    /// X Y Z A B C U V W of its end: machine units and degrees.
+    pub end: World,
+    /// The circle, where it is not straight.
+    pub arc: Option<Arc>,
+    /// Feed in machine units a second; in degrees where only rotary axes move.
+    pub feed: f64,
+    /// Whether the feed follows the spindle.
+    pub follows_spindle: bool,
+    /// Full turns of the program's arc that LinuxCNC has made this straight move of; 0 where it has not.
+    pub lost_turns: u32,
+    /// How far the tool may leave the path at its end, machine units; 0 for an exact stop, infinite where the
+    /// program sets no bound.
+    pub tolerance: f64,
+    /// Tool offset in effect, in LinuxCNC's letters.
+    pub tool: World,
+    /// The spindle.
+    pub spindle: Spindle,
+}
+
 /// Channel of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -101,6 +172,8 @@ pub struct Message {
     pub text: String,
     /// Line of the program that moves or moved last; 0 before the first.
     pub line: u32,
+    /// Number of the file that the line is in, 0 for the program.
+    pub file: usize,
     /// Line that the interpreter has read to, which runs ahead of the motion.
     pub read: u32,
     /// Seconds since the program was started.

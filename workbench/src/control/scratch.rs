@@ -203,7 +203,6 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [
         ("EMCIO", "DB_PROGRAM", "a program of its own keeps the tools"),
-        ("HAL", "HALUI", "what HALUI does to a program hangs on other HAL files"),
         ("PYTHON", "TOPLEVEL", "it would be run"),
         ("TASK", "TASK", "only milltask is run"),
         ("TRAJ", "PLANNER_TYPE", "LinuxCNC 2.9 has one planner, 0"),

@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
-use crate::control::row::{Flags, Message, MessageKind, Row};
+use crate::control::row::{
+    Arc, Commanded, CommandedKind, Flags, Message, MessageKind, Row, Spindle,
+};
 use kinematics::{ExtraAxes, Second};
+use std::collections::VecDeque;
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
 const MESSAGE: u32 = 3;
 const END: u32 = 4;
+const MOVE: u32 = 5;
+const FILE: u32 = 6;
+const READING: u32 = 7;
+/// Of the kind of a message: the interpreter stopped in the line that it reads.
+const OF_INTERPRETER: u32 = 256;
 
 /// No record is longer: a row of as many joints as LinuxCNC has, or a message.
 const LONGEST: usize = 1 << 16;
@@ -41,6 +49,12 @@ pub enum Record<'a> {
     Row(&'a Row),
     /// What LinuxCNC tells the operator; its time is still in cycles.
     Message(u64, Message),
+    /// A move that motion is asked for, before it begins.
+    Move(&'a Commanded),
+    /// A file that lines of moves are in; files count from 0, the program.
+    File(String),
+    /// A line in which the interpreter reads on and on.
+    Reading(u32),
     /// The last one: cycles, line, cause, text.
     End(u64, u32, Cause, String),
 }
@@ -63,12 +77,17 @@ pub struct Records<R> {
     bytes: Vec<u8>,
     /// The newest one: nearly all records are rows, and large to be handed on.
     row: Row,
+    commanded: Commanded,
+    /// Files of the moves that are not made yet, the first of which has this number.
+    files: VecDeque<usize>,
+    first: usize,
 }
 
 impl<R: Read> Records<R> {
     /// Records from a buffered reader.
     pub fn new(from: R, columns: Columns) -> Self {
-        Self { from, columns, bytes: vec![], row: Row::default() }
+        let (row, commanded) = (Row::default(), Commanded::default());
+        Self { from, columns, bytes: vec![], row, commanded, files: VecDeque::new(), first: 0 }
     }
 
     /// The next record; `None` where there are no more.
@@ -91,7 +110,22 @@ impl<R: Read> Records<R> {
         let mut fields = Fields(&self.bytes);
         let record = match kind {
             HEAD => head_of(&fields.text()),
-            ROW => fields.row(&self.columns, &mut self.row).map(|()| Record::Row(&self.row)),
+            ROW => fields.row(&self.columns, &mut self.row).map(|()| {
+                // Between moves LinuxCNC has none, or an earlier one.
+                while self.first < self.row.number && self.files.len() > 1 {
+                    self.files.pop_front();
+                    self.first += 1;
+                }
+                self.row.number = self.first;
+                self.row.file = self.files.front().copied().unwrap_or_default();
+                Record::Row(&self.row)
+            }),
+            MOVE => fields.commanded(&mut self.commanded).map(|()| {
+                self.files.push_back(self.commanded.file);
+                Record::Move(&self.commanded)
+            }),
+            FILE => Some(Record::File(fields.text())),
+            READING => fields.line().map(Record::Reading),
             MESSAGE => fields.message(),
             END => fields.end(),
             _ => None,
@@ -155,6 +189,7 @@ impl Fields<'_> {
         let (joints, axes) = (columns.joints, columns.extra.len());
         (row.cycle, row.line) = (self.cycle()?, self.line()?);
         let flags = self.number()?;
+        row.number = self.number()? as usize;
         row.flags = Flags { on: flags & 1 != 0, tool_busy: flags & 2 != 0, held: flags & 4 != 0 };
         row.feed = self.value()?;
         self.values(&mut row.extra.world)?;
@@ -176,13 +211,41 @@ impl Fields<'_> {
         Some(())
     }
 
+    fn commanded(&mut self, to: &mut Commanded) -> Option<()> {
+        (to.line, to.file) = (self.line()?, self.number()? as usize);
+        let kinds =
+            [CommandedKind::Rapid, CommandedKind::Feed, CommandedKind::Probe, CommandedKind::Tap];
+        to.kind = *kinds.get(self.number()? as usize)?;
+        let flags = self.number()?;
+        to.follows_spindle = flags & 2 != 0;
+        let turns = self.take().map(i32::from_ne_bytes)?;
+        to.lost_turns = self.number()?;
+        to.feed = self.value()?;
+        let speed = self.value()?;
+        to.spindle = match (flags >> 2) & 3 {
+            0 => Spindle::Standing(speed),
+            1 => Spindle::Turning(speed),
+            _ => Spindle::Surface,
+        };
+        to.tolerance = self.value()?;
+        self.values(&mut to.end)?;
+        self.values(&mut to.tool)?;
+        let mut arc = Arc { center: [0.0; 3], normal: [0.0; 3], turns };
+        self.values(&mut arc.center)?;
+        self.values(&mut arc.normal)?;
+        to.arc = (flags & 1 != 0).then_some(arc);
+        Some(())
+    }
+
     fn message(&mut self) -> Option<Record<'static>> {
         let (cycle, line, kind) = (self.cycle()?, self.line()?, self.number()?);
         let read = self.line()?;
+        let line = if kind & OF_INTERPRETER == 0 { line } else { read };
+        let kind = kind & !OF_INTERPRETER;
         let kind =
             *[MessageKind::Error, MessageKind::Text, MessageKind::Display].get(kind as usize)?;
         let text = self.text().trim_end().into();
-        Some(Record::Message(cycle, Message { kind, text, line, read, seconds: 0.0 }))
+        Some(Record::Message(cycle, Message { kind, text, line, file: 0, read, seconds: 0.0 }))
     }
 
     fn end(&mut self) -> Option<Record<'static>> {
@@ -210,16 +273,22 @@ mod tests {
     fn records_come_back_as_they_were_written() {
         let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=3\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[b"version=4\nlinuxcnc=2.9\n"]),
             record(
                 ROW,
-                &[&7_u64.to_ne_bytes(), &(-1_i32).to_ne_bytes(), &5_u32.to_ne_bytes(), &values],
+                &[
+                    &7_u64.to_ne_bytes(),
+                    &(-1_i32).to_ne_bytes(),
+                    &5_u32.to_ne_bytes(),
+                    &0_u32.to_ne_bytes(),
+                    &values,
+                ],
             ),
             record(END, &[&9_u64.to_ne_bytes(), &4_i32.to_ne_bytes(), &1_u32.to_ne_bytes(), b"so"]),
         ]
         .concat();
         let mut records = Records::new(bytes.as_slice(), plain(2));
-        let head = Record::Head { version: 3, linuxcnc: "2.9".into() };
+        let head = Record::Head { version: 4, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(
@@ -235,7 +304,7 @@ mod tests {
     #[test]
     fn values_of_extra_axes_stand_behind_those_of_legs_and_table() {
         let values: Vec<u8> = (1..=25).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
-        let bytes = record(ROW, &[&[0; 16], &values]);
+        let bytes = record(ROW, &[&[0; 20], &values]);
         let layout = Layout::new(1, Letters::parse(b"X").unwrap(), Letters::NONE).unwrap();
         let axes = ExtraAxes::parse(b"WC", &layout).unwrap();
         let columns = Columns { extra: axes, ..plain(1) };
@@ -254,7 +323,7 @@ mod tests {
     #[test]
     fn a_second_mechanism_has_its_own_pose_and_tool_and_takes_its_letters_out_of_the_first() {
         let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
-        let bytes = record(ROW, &[&[0; 16], &values]);
+        let bytes = record(ROW, &[&[0; 20], &values]);
         let letters = |text: &[u8]| Letters::parse(text).unwrap();
         let first = Layout::new(1, letters(b"X"), Letters::NONE).unwrap();
         let second = Second::new(2, letters(b"ZB"), letters(b"C"), &first).unwrap();
@@ -268,7 +337,7 @@ mod tests {
 
     #[test]
     fn what_is_cut_off_or_is_no_record_is_an_error() {
-        let whole = record(ROW, &[&[0; 16 + 22 * 8]]);
+        let whole = record(ROW, &[&[0; 20 + 22 * 8]]);
         let is_read = |bytes: &[u8], joints| Records::new(bytes, plain(joints)).read().is_ok();
         assert!(is_read(&whole, 2));
         assert!(!is_read(&whole, 3));

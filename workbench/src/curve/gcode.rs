@@ -4,7 +4,7 @@
 use crate::curve::file::{Feed, ProgramKeys};
 use crate::curve::piece::{Arc, DECIMALS};
 use crate::curve::planes::PLANES;
-use crate::program::interpreter::{Move, MoveKind, Spindle};
+use crate::program::motion::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
 use kinematics::{Letter, MAX_EXTRA};

@@ -9,7 +9,7 @@ use crate::curve::pen::Step;
 use crate::curve::piece::Arc;
 use crate::curve::planes::PLANES;
 use crate::files;
-use crate::program::interpreter::{Move, MoveKind};
+use crate::program::motion::{Move, MoveKind};
 use crate::program::path::{Along, along};
 use crate::program::preflight::preflight;
 use crate::read::columns::{coordinates, joint_names};

@@ -9,7 +9,7 @@ use crate::curve::pieces::pieces;
 use crate::curve::route_error::RouteError;
 use crate::curve::table::{Row, rows};
 use crate::curve::whole::{Curve, CurveError};
-use crate::program::interpreter::Move;
+use crate::program::motion::Move;
 use crate::program::preflight::preflight;
 use crate::read::machine::MachineConfig;
 

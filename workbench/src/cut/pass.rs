@@ -7,7 +7,7 @@
 use crate::control::row::Row;
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
 use crate::cut::program::{Line, cuts};
-use crate::program::interpreter::Move;
+use crate::program::motion::Move;
 use crate::read::machine::MachineConfig;
 use kinematics::Vector3;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Which lines of a program cut, and where stability is looked at.
 
-use crate::program::interpreter::{Move, MoveKind, Spindle};
+use crate::program::motion::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};

@@ -5,12 +5,12 @@
 //! one of them moves, else that of U V W, else that of A B C. Each mechanism by itself then has moves
 //! with the feed that comes to the same time.
 
-use crate::program::interpreter::{Beside, InterpreterError, Move, MoveKind, moves};
+use crate::program::motion::{Beside, Move, MoveKind, ProgramError, moves};
 use crate::program::replay::duration;
 use crate::read::machine::MachineConfig;
 use std::path::Path;
 
-/// All moves of a program as this mechanism of a file with two makes them; `whole` is both.
+/// Reads all moves of a program as this mechanism of a file with two makes them; `whole` is both.
 ///
 /// # Errors
 /// As [`moves`].
@@ -18,22 +18,43 @@ pub fn moves_of(
     mechanism: &MachineConfig,
     whole: &MachineConfig,
     program: &Path,
-) -> Result<Vec<Move>, InterpreterError> {
-    let Some(second) = whole.second.as_deref() else { return moves(mechanism, program, None) };
-    let (mut of_first, mut of_second) = (whole.home, second.home);
-    let mut all = moves(whole, program, None)?;
-    for step in &mut all {
-        let Some(beside) = step.second else { continue };
-        let seconds = seconds([whole, second], [&of_first, &of_second], step, &beside);
-        let from = if mechanism.place.is_second { of_second } else { of_first };
-        (of_first, of_second) = (step.end, beside.end);
-        if mechanism.place.is_second {
-            (step.end, step.tool) = (beside.end, beside.tool);
-        }
-        step.second = None;
-        lasting(step, &from, seconds);
+) -> Result<Vec<Move>, ProgramError> {
+    let mut half = Half::new(mechanism, whole);
+    Ok(moves(whole, program, None)?.iter().map(|step| half.of(step)).collect())
+}
+
+/// Makes moves of one mechanism of moves of both.
+pub struct Half<'a> {
+    mechanism: &'a MachineConfig,
+    whole: &'a MachineConfig,
+    /// Where both stand.
+    at: [[f64; 6]; 2],
+}
+
+impl<'a> Half<'a> {
+    /// Starts where both are at home.
+    pub fn new(mechanism: &'a MachineConfig, whole: &'a MachineConfig) -> Self {
+        let second = whole.second.as_deref().unwrap_or(whole);
+        Self { mechanism, whole, at: [whole.home, second.home] }
     }
-    Ok(all)
+
+    /// The part of the mechanism in the next move.
+    pub fn of(&mut self, step: &Move) -> Move {
+        let mut own = *step;
+        let (Some(beside), Some(second)) = (step.second, self.whole.second.as_deref()) else {
+            return own;
+        };
+        let [of_first, of_second] = self.at;
+        let seconds = seconds([self.whole, second], [&of_first, &of_second], step, &beside);
+        let from = if self.mechanism.place.is_second { of_second } else { of_first };
+        self.at = [step.end, beside.end];
+        if self.mechanism.place.is_second {
+            (own.end, own.tool) = (beside.end, beside.tool);
+        }
+        own.second = None;
+        lasting(&mut own, &from, seconds);
+        own
+    }
 }
 
 /// Seconds that a move of both takes.

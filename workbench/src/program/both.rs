@@ -10,7 +10,7 @@ use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
 use crate::program::flight::Flight;
 use crate::program::follow::{advance, arm};
-use crate::program::interpreter::Move;
+use crate::program::motion::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;

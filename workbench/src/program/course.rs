@@ -9,8 +9,8 @@
 
 use crate::control::row::Row;
 use crate::limits;
-use crate::program::interpreter::Move;
 use crate::program::loads::Motion;
+use crate::program::motion::Move;
 use crate::read::machine::MachineConfig;
 use kinematics::{
     Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,

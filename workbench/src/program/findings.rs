@@ -3,7 +3,6 @@
 
 use crate::control::row::{Ending, Message};
 use crate::limits;
-use crate::program::lines::Lines;
 use crate::program::offset::Poses;
 use crate::read::machine::MachineConfig;
 use kinematics::{Limit, Part};
@@ -16,6 +15,8 @@ pub enum Rule {
     Limit(Limit),
     /// How near two mechanisms may come to each other.
     Mechanisms,
+    /// That LinuxCNC keeps to the programmed path.
+    Path,
     /// How far LinuxCNC lets a joint lag behind its command.
     FollowingError,
     /// LinuxCNC's own checks, which end in a message.
@@ -28,6 +29,7 @@ impl Rule {
         match self {
             Self::Limit(limit) => limit.name(),
             Self::Mechanisms => "mechanisms apart",
+            Self::Path => "path",
             Self::FollowingError => "following error",
             Self::Control => "LinuxCNC",
         }
@@ -37,7 +39,7 @@ impl Rule {
     pub fn is_of_time(self) -> bool {
         match self {
             Self::Limit(limit) => limits::is_of_feed(limit),
-            Self::Mechanisms => false,
+            Self::Mechanisms | Self::Path => false,
             Self::FollowingError | Self::Control => true,
         }
     }
@@ -60,6 +62,7 @@ impl Serialize for Rule {
         match self {
             Self::Limit(limit) => limits::word(limit, to),
             Self::Mechanisms => to.serialize_str("mechanisms"),
+            Self::Path => to.serialize_str("path"),
             Self::FollowingError => to.serialize_str("following-error"),
             Self::Control => to.serialize_str("linuxcnc"),
         }
@@ -75,8 +78,7 @@ pub struct Break {
     pub part: String,
     /// Line of the program, counted from 1; 0 for what runs before it.
     pub line: u32,
-    /// Number of the file that the line is in, 0 for the program itself; of what LinuxCNC's cycles show, the
-    /// first of [`Preflight::lines`].
+    /// Number of the file that the line is in, 0 for the program itself.
     pub file: usize,
     /// X Y Z A B C there, machine units and degrees; of the mechanism that is meant.
     pub pose: [f64; 6],
@@ -101,6 +103,42 @@ pub struct Break {
     pub(super) before: f64,
     /// What breaks, and how: a sentence.
     pub text: String,
+}
+
+impl Break {
+    /// A limit that LinuxCNC's cycles leave.
+    pub(super) fn in_time(
+        limit: Rule,
+        part: String,
+        place: &Place,
+        lines: usize,
+        text: String,
+    ) -> Self {
+        let Place { line, file, pose, seconds } = *place;
+        Self {
+            limit,
+            part,
+            line,
+            file,
+            pose,
+            of_second: false,
+            seconds: Some(seconds),
+            moves: lines,
+            step: usize::MAX,
+            share: 0.0,
+            last: usize::MAX,
+            before: f64::INFINITY,
+            text,
+        }
+    }
+
+    /// Whether both are about the same limit of the same part.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let is_reach = self.limit == Limit::Reach;
+        self.limit == other.limit
+            && self.of_second == other.of_second
+            && (is_reach || self.part == other.part)
+    }
 }
 
 /// How near a program comes to a limit.
@@ -155,6 +193,8 @@ impl Range {
 pub struct LineLoad {
     /// Line of the program.
     pub line: u32,
+    /// Number of its file, as of a break.
+    pub file: usize,
     /// Feeds of this line may be multiplied by this; above 1 there is room.
     pub factor: f64,
 }
@@ -164,6 +204,8 @@ pub struct LineLoad {
 pub struct Place {
     /// Line of the program.
     pub line: u32,
+    /// Number of its file, as of a break.
+    pub file: usize,
     /// X Y Z A B C, machine units and degrees.
     pub pose: [f64; 6],
     /// Seconds since the program was started.
@@ -253,12 +295,12 @@ pub struct Preflight {
     pub time: Time,
     /// Files and lines before which the tool offset changes while the platform is tilted.
     pub tilted_tool_changes: Vec<(usize, u32)>,
+    /// Where LinuxCNC leaves the path by more than the program allows: limits are judged where it goes.
+    #[serde(skip)]
+    pub off_path: Vec<Break>,
     /// Whether all moves end at `[TRAJ]HOME`.
     #[serde(skip)]
     pub(super) is_still: bool,
-    /// Which file a line of LinuxCNC's cycles may be of.
-    #[serde(skip)]
-    pub lines: Lines,
     /// Poses for the search of another work offset.
     #[serde(skip)]
     pub poses: Poses,

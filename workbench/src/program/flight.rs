@@ -4,13 +4,13 @@
 use crate::limits;
 use crate::program::findings::{LeastMargin, Preflight};
 use crate::program::follow::{Course, Found, Leg, Pilot, length};
-use crate::program::interpreter::Move;
+use crate::program::motion::Move;
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 
-/// Rounding of the interpreter's positions, as a share of the machine's size.
-const ROUNDING: f64 = 1e-9;
+/// Rounding of LinuxCNC's positions, as a share of the machine's size.
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
 pub struct Flight<'a> {
@@ -112,10 +112,7 @@ impl Pilot<'_> {
         self.follow(&leg);
         self.widen_axes(&step.end);
         self.result.poses.see(&from, step);
-        self.result.lines.see(step);
-        let stays = step.end == self.config.start;
-        let carries = matches!(&leg.course, Course::Carried { delta, .. } if *delta != [0.0; 9]);
-        self.result.is_still &= stays && !carries;
+        self.result.is_still &= step.stays(self.config);
         self.result.moves += 1;
         self.result.length += length(&delta);
         self.result.advance += self.advance(&leg);

@@ -11,7 +11,6 @@
 
 use crate::limits;
 use crate::program::findings::{Break, Preflight, Range, Time};
-use crate::program::lines::Lines;
 use crate::program::offset::Poses;
 use crate::proof::carried::Enclosure;
 use crate::proof::cell::Way;
@@ -174,8 +173,8 @@ impl<'a> Pilot<'a> {
                 runnable: 1.0,
                 time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
+                off_path: vec![],
                 is_still: true,
-                lines: Lines::default(),
                 poses: Poses::default(),
             },
         })

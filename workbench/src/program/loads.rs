@@ -35,7 +35,7 @@ pub struct Load {
     /// By joint: where its limit is left, if it is.
     pub beyond: Vec<Option<Beyond>>,
     /// By joint: the last line that was beyond it.
-    last: Vec<Option<u32>>,
+    last: Vec<Option<(usize, u32)>>,
 }
 
 impl Load {
@@ -60,7 +60,8 @@ impl Load {
         }
         if value > limit {
             let beyond = self.beyond[joint].get_or_insert(Beyond { place: *place, lines: 0 });
-            if self.last[joint].replace(place.line) != Some(place.line) {
+            let line = (place.file, place.line);
+            if self.last[joint].replace(line) != Some(line) {
                 beyond.lines += 1;
             }
         }
@@ -124,9 +125,9 @@ pub struct Loads<'a> {
     was_on: bool,
     /// Rows up to this cycle are no motion of the program.
     tool_moves_to: u64,
-    /// Line that is judged, and its largest share of a speed limit.
-    line: (u32, f64),
-    lines: BTreeMap<u32, f64>,
+    /// File and line that are judged, and their largest share of a speed limit.
+    line: ((usize, u32), f64),
+    lines: BTreeMap<(usize, u32), f64>,
     end: Place,
     speed: Load,
     acceleration: Load,
@@ -146,7 +147,7 @@ impl<'a> Loads<'a> {
             before: Place::default(),
             was_on: false,
             tool_moves_to: 0,
-            line: (0, 0.0),
+            line: ((0, 0), 0.0),
             lines: BTreeMap::new(),
             end: Place::default(),
             speed: Load::new(joints, |joint| joint.max_velocity),
@@ -183,8 +184,11 @@ impl<'a> Loads<'a> {
     pub fn finish(mut self) -> Demands {
         self.interrupt();
         self.close_line();
-        let lines =
-            self.lines.iter().map(|(line, share)| LineLoad { line: *line, factor: share.recip() });
+        let lines = self.lines.iter().map(|((file, line), share)| LineLoad {
+            line: *line,
+            file: *file,
+            factor: share.recip(),
+        });
         Demands {
             lines: lines.collect(),
             extra: self.ranges,
@@ -236,9 +240,9 @@ impl<'a> Loads<'a> {
         let extra = self.extra.next(&row, &row.extra.positions, self.config.period);
         let here = self.place(&row);
         let place = std::mem::replace(&mut self.before, here);
-        if self.line.0 != place.line {
+        if self.line.0 != (place.file, place.line) {
             self.close_line();
-            self.line = (place.line, 0.0);
+            self.line = ((place.file, place.line), 0.0);
         }
         let own = speeds.iter().zip(&accelerations).take(self.config.guarded_joints());
         let values = own.chain(extra[0].iter().zip(&extra[1]));
@@ -260,7 +264,7 @@ impl<'a> Loads<'a> {
 
     fn place(&self, row: &Row) -> Place {
         let seconds = row.cycle as f64 * self.config.period;
-        Place { line: row.line, pose: row.pose, seconds }
+        Place { line: row.line, file: row.file, pose: row.pose, seconds }
     }
 }
 
@@ -283,6 +287,8 @@ mod tests {
         let row = |(cycle, place): (usize, &f64)| Row {
             cycle: cycle as u64,
             line: 1 + cycle as u32 / 20,
+            file: 0,
+            number: 0,
             flags: Flags { on: true, ..Flags::default() },
             pose: [*place, 0.0, 0.0, 0.0, 0.0, 0.0],
             joints: std::array::from_fn(|i| if i == 0 { *place } else { 500.0 }),

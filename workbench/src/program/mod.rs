@@ -4,13 +4,13 @@
 pub mod beside;
 pub mod both;
 pub mod course;
+pub mod cycles;
 pub mod done;
 pub mod findings;
 pub mod flight;
 mod follow;
-pub mod interpreter;
-pub mod lines;
 pub mod loads;
+pub mod motion;
 pub mod offset;
 pub mod path;
 pub mod preflight;

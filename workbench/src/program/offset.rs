@@ -7,7 +7,7 @@
 //! is for [`crate::program::preflight`] to say, on the moves that the interpreter makes of it.
 
 use crate::limits;
-use crate::program::interpreter::Move;
+use crate::program::motion::Move;
 use crate::proof::reach::Reach;
 use crate::read::joints::Axis;
 use crate::read::machine::MachineConfig;

@@ -2,25 +2,31 @@
 //! Whether a program fits a machine: every move followed over its whole length, and what LinuxCNC
 //! makes of it in time.
 //!
-//! One move after the other is followed (`follow`), and every change of a tool, as they come from
-//! the interpreter: what is kept does not grow with the program. Everything that depends on time
-//! comes from LinuxCNC's own servo cycles ([`crate::program::loads`]).
+//! LinuxCNC reads the program and runs it in virtual time ([`crate::control`]). One move after the other is
+//! followed as motion is asked for it (`follow`), and every change of a tool: what is kept does not grow with the
+//! program. Every servo cycle is judged for what depends on time ([`crate::program::loads`]) and on the pose
+//! ([`crate::program::cycles`]).
 
-use crate::control::process::{self, Options};
+use crate::control::process::{Event, Options, run_with_moves};
+use crate::control::refusal::NotJudged;
 use crate::control::row::{Ending, Outcome, Row};
+use crate::files::{self, AtFile};
 use crate::limits;
+use crate::program::beside::Half;
 use crate::program::both::Flights;
+use crate::program::cycles::Cycles;
 use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
-use crate::program::interpreter::Move;
-use crate::program::lines::Lines;
 use crate::program::loads::{Beyond, Demands, Load, Loads};
+use crate::program::motion::{Move, Translator};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
+use std::io;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
 
 /// Follows all moves of a program.
 ///
@@ -32,26 +38,202 @@ pub fn preflight(config: &MachineConfig, moves: &[Move]) -> Result<Preflight, Fa
     flight.finish()
 }
 
-/// What LinuxCNC makes of a program in time; `see` is shown every servo cycle, and ends the run where
-/// it breaks.
-pub fn timed(
+/// A program that was judged.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// What is known of it.
+    pub found: Preflight,
+    /// Files that lines belong to, by the numbers of their findings; the first one is the program.
+    pub files: Vec<PathBuf>,
+}
+
+/// Why a program is not judged.
+#[derive(Debug, thiserror::Error)]
+pub enum JudgeError {
+    /// LinuxCNC does not run it.
+    #[error(transparent)]
+    NotJudged(#[from] NotJudged),
+    /// A tool vector that the machine cannot take.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// A file of the program cannot be read.
+    #[error(transparent)]
+    File(#[from] AtFile<io::Error>),
+}
+
+/// Judges a program: LinuxCNC runs it, every move is followed over its whole length, and every servo cycle is
+/// judged. Where LinuxCNC stops at a limit, it runs the program again with its limits open, for what
+/// lies behind; and where lines begin with `/`, once more with these.
+///
+/// `see` is shown every servo cycle of the first run, and ends it where it breaks.
+///
+/// # Errors
+/// LinuxCNC does not come to a first move; a file cannot be read; a tool that the machine cannot take.
+pub fn judge(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    mut see: impl FnMut(&Row) -> ControlFlow<()>,
-) -> Time {
-    let mut loads = Loads::new(config);
-    let outcome = process::run(config, program, options, |row| {
-        loads.see(row);
-        see(row)
-    });
-    match outcome {
-        Ok(outcome) => Time::Judged(Timing::of(config, loads.finish(), outcome)),
-        Err(cause) => Time::NotJudged(cause.to_string()),
+    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
+) -> Result<Judged, JudgeError> {
+    let mut judged = judge_once(config, program, options, see)?;
+    if options.block_delete && has_deletable(&judged.files)? {
+        let kept = Options { block_delete: false, ..options.clone() };
+        let other = judge_once(config, program, &kept, &mut |_| ControlFlow::Continue(()))?;
+        judged.found.add_variant(other.found, "with block delete off");
     }
+    Ok(judged)
+}
+
+fn judge_once(
+    config: &MachineConfig,
+    program: &Path,
+    options: &Options,
+    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
+) -> Result<Judged, JudgeError> {
+    let Followed { found, files, time } = followed(config, program, options, see)?;
+    let is_stopped = matches!(&time, Time::Judged(timing) if timing.ending == Ending::Stopped);
+    let mut judged = Judged { found, files };
+    if is_stopped {
+        let open = Options { open_limits: true, ..options.clone() };
+        let beyond = followed(config, program, &open, &mut |_| ControlFlow::Continue(()))?;
+        // Without its limits LinuxCNC comes at least as far.
+        if beyond.found.moves >= judged.found.moves {
+            (judged.found, judged.files) = (beyond.found, beyond.files);
+        }
+    }
+    judged.found = judged.found.with_time(config, time);
+    Ok(judged)
+}
+
+/// Moves handed over at a time, and how often before LinuxCNC waits.
+const BATCH: usize = 256;
+const BATCHES: usize = 64;
+
+struct Followed {
+    found: Preflight,
+    files: Vec<PathBuf>,
+    time: Time,
+}
+
+/// Runs a program; beside it its moves are followed.
+fn followed(
+    config: &MachineConfig,
+    program: &Path,
+    options: &Options,
+    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
+) -> Result<Followed, JudgeError> {
+    // One of two mechanisms is judged by what both do.
+    let is_half = config.place.is_of_pair && config.second.is_none();
+    let read = is_half.then(|| MachineConfig::read(&config.file).ok()).flatten();
+    let whole = read.as_ref().unwrap_or(config);
+    let (sender, receiver) = mpsc::sync_channel::<Vec<Move>>(BATCHES);
+    let mut half = is_half.then(|| Half::new(config, whole));
+    let mut flights = Flights::new(config)?;
+    let run = move || -> Result<_, Fault> {
+        let mut translator = Translator::new(whole);
+        let (mut cycles, mut loads) = (Cycles::new(config)?, Loads::new(config));
+        let (mut files, mut batch) = (vec![], vec![]);
+        let outcome = run_with_moves(whole, program, options, |event| match event {
+            Event::File(name) => {
+                files.push(PathBuf::from(name));
+                ControlFlow::Continue(())
+            }
+            Event::Move(commanded) => {
+                cycles.take(commanded);
+                translator.see(commanded, |step| batch.push(*step));
+                if batch.len() < BATCH {
+                    return ControlFlow::Continue(());
+                }
+                match sender.send(std::mem::take(&mut batch)) {
+                    Ok(()) => ControlFlow::Continue(()),
+                    Err(_) => ControlFlow::Break(()),
+                }
+            }
+            Event::Row(row) => {
+                if !is_half {
+                    loads.see(row);
+                    cycles.see(row);
+                }
+                see(row)
+            }
+        });
+        // Whoever follows has gone only where it has failed.
+        let _ = sender.send(batch);
+        Ok((outcome, files, cycles.finish(), loads.finish()))
+    };
+    let (found, ran) = std::thread::scope(|scope| {
+        let run = scope.spawn(run);
+        for step in receiver.into_iter().flatten() {
+            let step = match &mut half {
+                Some(half) => half.of(&step),
+                None => step,
+            };
+            flights.see(&step);
+        }
+        (flights.finish(), run.join().expect("the run has said why it panicked"))
+    });
+    let (outcome, files, [beyond, off_path], demands) = ran?;
+    let mut found = found?;
+    found.add_cycles(beyond);
+    found.off_path = off_path;
+    let time = match outcome {
+        // Where there is not even a start, nothing is judged at all.
+        Err(cause) if found.moves <= 1 => return Err(cause.into()),
+        Err(cause) => Time::NotJudged(cause.to_string()),
+        Ok(_) if is_half => Time::NotJudged(NotJudged::HalfOfPair.to_string()),
+        Ok(outcome) => Time::Judged(Timing::of(config, demands, outcome)),
+    };
+    Ok(Followed { found, files, time })
+}
+
+/// Whether lines of the program begin with `/`.
+fn has_deletable(files: &[PathBuf]) -> Result<bool, AtFile<io::Error>> {
+    for file in files {
+        let text = files::read(file)?;
+        if text
+            .split(|byte| *byte == b'\n')
+            .any(|line| line.trim_ascii_start().first() == Some(&b'/'))
+        {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 impl Preflight {
+    /// Adds what the servo cycles show beside the moves.
+    fn add_cycles(&mut self, beyond: Vec<Break>) {
+        for told in beyond {
+            if !self.breaks.iter().any(|known| known.is_like(&told)) {
+                self.breaks.push(told);
+            }
+        }
+    }
+
+    /// Adds what another run of the same program shows, under `condition`.
+    fn add_variant(&mut self, other: Self, condition: &str) {
+        for told in other.breaks {
+            if !self.breaks.iter().any(|known| known.is_like(&told)) {
+                self.breaks.push(Break { text: format!("{condition}: {}", told.text), ..told });
+            }
+        }
+        for margin in other.margins {
+            let is_same = |known: &&mut LeastMargin| known.limit == margin.limit;
+            match self.margins.iter_mut().find(is_same) {
+                Some(known) if known.value <= margin.value => {}
+                Some(known) => *known = margin,
+                None => self.margins.push(margin),
+            }
+        }
+        for (known, range) in self.ranges.iter_mut().zip(other.ranges) {
+            known.used = [known.used[0].min(range.used[0]), known.used[1].max(range.used[1])];
+        }
+        self.is_still &= other.is_still;
+        if let (Time::Judged(_), Time::NotJudged(cause)) = (&self.time, &other.time) {
+            self.time = Time::NotJudged(format!("{condition}: {cause}"));
+        }
+    }
+
     /// The same with what LinuxCNC makes of the program: limits that it leaves in time are breaks as
     /// the others are, and so is what LinuxCNC stops at.
     pub fn with_time(mut self, config: &MachineConfig, time: Time) -> Self {
@@ -60,10 +242,9 @@ impl Preflight {
         for (limit, peaks) in
             [(Limit::JointSpeed, &timing.speeds), (Limit::JointAcceleration, &timing.accelerations)]
         {
-            self.margins.extend(least(config, limit, peaks, &self.lines));
+            self.margins.extend(least(config, limit, peaks));
         }
-        let in_file = |told: &Break| Break { file: self.lines.files(told.line)[0], ..told.clone() };
-        self.breaks.extend(timing.breaks.iter().map(in_file));
+        self.breaks.extend(timing.breaks.iter().cloned());
         let first = config.guarded_joints();
         self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
             |(n, (axis, used))| {
@@ -77,12 +258,7 @@ impl Preflight {
 }
 
 /// The least margin of the joints.
-fn least(
-    config: &MachineConfig,
-    limit: Limit,
-    peaks: &[Peak],
-    lines: &Lines,
-) -> Option<LeastMargin> {
+fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
     let margin = |(joint, peak): (usize, &Peak)| LeastMargin {
         limit: limit.into(),
         value: peak.limit - peak.value,
@@ -90,7 +266,7 @@ fn least(
         part: limits::part(config, limit, Part::Joint(joint)),
         of: Part::Joint(joint),
         line: peak.place.line,
-        file: lines.files(peak.place.line)[0],
+        file: peak.place.file,
     };
     let margins = peaks.iter().enumerate().map(margin);
     margins.min_by(|a, b| a.value.total_cmp(&b.value)).filter(|margin| margin.value.is_finite())
@@ -129,7 +305,7 @@ fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     let told = found.filter_map(|(joint, (peak, beyond))| {
         let Beyond { place, lines } = (*beyond)?;
         let (part, text) = sentence(config, limit, joint, peak);
-        Some(in_time(limit, part, &place, lines, text))
+        Some(Break::in_time(limit, part, &place, lines, text))
     });
     told.collect()
 }
@@ -147,7 +323,7 @@ fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (
             );
             (part, text)
         }
-        Rule::FollowingError | Rule::Control | Rule::Mechanisms => {
+        Rule::FollowingError | Rule::Control | Rule::Mechanisms | Rule::Path => {
             let limit = Limit::JointRange;
             let (part, unit) =
                 (limits::part(config, limit, joint), limits::unit(config, limit, joint));
@@ -167,37 +343,16 @@ fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
     }
     let errors = outcome.messages.iter().filter(|told| told.is_error());
     let first = errors.clone().next();
-    let (line, seconds) =
-        first.map_or((last.line, last.seconds), |told| (told.place(), told.seconds));
+    let (line, file, seconds) = first.map_or((last.line, last.file, last.seconds), |told| {
+        (told.place(), told.file, told.seconds)
+    });
     let texts: Vec<&str> = errors.map(|told| told.text.as_str()).collect();
     let text = match texts.is_empty() {
         true => "LinuxCNC stops here, without a message".into(),
         false => format!("LinuxCNC stops here: {}", texts.join("; ")),
     };
-    let place = Place { line, seconds, ..*last };
-    Some(in_time(Rule::Control, String::new(), &place, 1, text))
-}
-
-/// A break that LinuxCNC's cycles show.
-fn in_time(limit: Rule, part: String, place: &Place, lines: usize, text: String) -> Break {
-    let Place { line, pose, seconds } = *place;
-    let (file, moves) = (0, lines);
-    let (step, share, last, before) = (usize::MAX, 0.0, usize::MAX, f64::INFINITY);
-    Break {
-        limit,
-        part,
-        line,
-        file,
-        pose,
-        of_second: false,
-        seconds: Some(seconds),
-        moves,
-        step,
-        share,
-        last,
-        before,
-        text,
-    }
+    let place = Place { line, file, seconds, ..*last };
+    Some(Break::in_time(Rule::Control, String::new(), &place, 1, text))
 }
 
 #[cfg(test)]
@@ -219,6 +374,8 @@ mod tests {
             loads.see(&Row {
                 cycle,
                 line: 4,
+                file: 0,
+                number: 0,
                 flags: Flags { on: true, ..Flags::default() },
                 pose: config.home,
                 joints: std::array::from_fn(|i| if i == 2 { strut } else { 900.0 }),
@@ -262,6 +419,7 @@ mod tests {
             kind,
             text: "joint 2 following error".into(),
             line: 4,
+            file: 0,
             read: 4,
             seconds: 0.3,
         };

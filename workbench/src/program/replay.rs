@@ -6,7 +6,7 @@
 //! are left out, so that speeds are upper bounds for straight pieces.
 
 use crate::limits;
-use crate::program::interpreter::{Move, MoveKind};
+use crate::program::motion::{Move, MoveKind};
 use crate::read::joints::Group;
 use crate::read::machine::MachineConfig;
 use kinematics::{
@@ -549,7 +549,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::program::interpreter::Spindle;
+    use crate::program::motion::Spindle;
     use std::path::Path;
 
     fn config_of(machine: &str) -> MachineConfig {

@@ -6,7 +6,7 @@
 
 use crate::program::both::Flights;
 use crate::program::findings::Break;
-use crate::program::interpreter::{Beside, Move, MoveKind, Spindle};
+use crate::program::motion::{Beside, Move, MoveKind, Spindle};
 use crate::read::joints::Axis;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC's interpreter, asked for moves: units, offsets, arcs, tools and errors.
+//! The moves that LinuxCNC asks motion for: units, offsets, arcs, tools, files, the spindle and errors.
 
 use std::path::Path;
-use workbench::program::interpreter::{
-    InterpreterError, Move, MoveKind, Patience, Spindle, each, moves, with_spindle,
-};
+use workbench::control::process::Options;
+use workbench::program::motion::{Move, MoveKind, Spindle, moves};
+use workbench::program::preflight::judge;
 use workbench::program::replay::duration;
 use workbench::read::machine::MachineConfig;
 
-/// Inch and back: some roundings of values near 100.
-const ROUNDING_MM: f64 = 1e-12;
+/// Homing, which forward answers to some roundings of the machine's size, and inch and back.
+const ROUNDING_MM: f64 = 1e-9;
 
 fn config(tools: &Path) -> MachineConfig {
     let ini = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
@@ -21,20 +21,14 @@ fn config(tools: &Path) -> MachineConfig {
 
 /// Moves of a program, without the one that puts the machine to its home.
 fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
-    read(text, |config, program| moves(config, program, block))
-}
-
-fn read(
-    text: &str,
-    ask: impl Fn(&MachineConfig, &Path) -> Result<Vec<Move>, InterpreterError>,
-) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
     std::fs::write(&program, text).unwrap();
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
-    let mut moves = ask(&config, &program).map_err(|e| e.to_string())?;
-    assert_eq!((moves[0].line, moves[0].end), (0, config.start));
+    let mut moves = moves(&config, &program, block).map_err(|e| e.to_string())?;
+    assert_eq!(moves[0].line, 0);
+    assert_end(&moves[0], config.start);
     moves.remove(0);
     Ok(moves)
 }
@@ -88,14 +82,20 @@ fn arcs_stay_within_a_ten_thousandth_of_a_millimetre() {
 }
 
 #[test]
-fn errors_carry_file_line_reason_and_block() {
+fn errors_carry_file_line_and_reason() {
     let error = run("G0 X0\nG1 X10\nM2\n", None).unwrap_err();
-    assert!(error.contains("p.ngc:2:") && error.contains("G1 X10"), "{error}");
-    assert!(error.contains("feed rate"), "{error}");
-    let error = run("G0 X0\nM61 Q7\nG43\nG0 X1\nM2\n", None).unwrap_err();
-    assert!(error.contains("p.ngc:2: M61"), "{error}");
+    assert!(error.contains("p.ngc:2:") && error.contains("feed rate"), "{error}");
     let error = run("T99 M6\n", None).unwrap_err();
     assert!(error.contains("p.ngc:1:") && error.contains("99"), "{error}");
+    // Behind moves that LinuxCNC has read and not made.
+    let error = run("F600\nG1 X1\nX2\nX3\nG1 X10 Q\nM2\n", None).unwrap_err();
+    assert!(error.contains("p.ngc:5:"), "{error}");
+}
+
+#[test]
+fn m61_puts_its_tool_into_the_spindle() {
+    let steps = run("G0 X1\nM61 Q7\nG43\nG0 X2\nM2\n", None).unwrap();
+    assert_eq!(steps.last().unwrap().tool, [1.5, 0.0, 40.0]);
 }
 
 #[test]
@@ -122,22 +122,12 @@ fn axis_limits_slow_down_what_the_feed_would_allow() {
 
 #[test]
 fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
-    let folder = tempfile::tempdir().unwrap();
-    let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
-    std::fs::write(&program, "G0 X1\nG21\nG1 X50.8 F254\nT1 M6\nG43\nG0 Z25.4\nM2\n").unwrap();
-    std::fs::write(&tools, "T1 P1 Z2 D0.25\n").unwrap();
-    let mut config = config(&tools);
-    config.units_per_mm = 1.0 / 25.4;
-    config.program.startup_code = None;
-    config.start = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0];
-    let steps = moves(&config, &program, Some("G10 L2 P1 X0 Y0.5 Z0 A0 B0 C0")).unwrap();
-    let [home, inch, metric, tool] = steps.as_slice() else { panic!("{steps:?}") };
-    assert_end(home, config.start);
-    assert_end(inch, [1.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
-    assert_end(metric, [2.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
+    let steps = run_on("tripod", "G20 G0 X1\nG21\nG1 X50.8 F254\nM2\n").unwrap();
+    let [_, inch, metric] = steps.as_slice() else { panic!("{steps:?}") };
+    let home = crate::shipped::config("tripod").home;
+    assert_end(inch, [1.0, home[1], home[2], 0.0, 0.0, 0.0]);
+    assert_end(metric, [2.0, home[1], home[2], 0.0, 0.0, 0.0]);
     assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);
-    assert_end(tool, [2.0, 0.0, 3.0, 0.0, 0.0, 0.0]);
-    assert!((tool.tool[2] - 2.0).abs() < ROUNDING_MM);
 }
 
 /// Moves of a program on a machine as it is shipped, with its tool table.
@@ -150,7 +140,7 @@ fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
     moves(&config, &program, None).map_err(|error| error.to_string())
 }
 
-/// After a tool change the interpreter asks for the position, and gets the numbers of the last move.
+/// A reader that is not the control knows neither the position nor the tool after a change.
 #[test]
 fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
     let home = config(Path::new("")).home;
@@ -177,19 +167,19 @@ fn words_of_axes_that_the_machine_has_not_are_refused() {
     for word in ["A0", "B1", "C1"] {
         let error = run_on("tripod", &format!("G20\nG0 {word} Z3\nM2\n")).unwrap_err();
         let letter = &word[..1].to_lowercase();
-        assert!(error.contains(&format!("p.ngc:2: Bad character '{letter}' used")), "{error}");
+        assert!(error.contains(&format!("Bad character '{letter}' used")), "{error}");
     }
 }
 
 #[test]
 fn motion_without_a_feed_is_refused_and_motion_of_the_spindle_needs_none() {
     for (text, told) in [
-        ("G20\nG1 X1\nM2\n", "p.ngc:2: Cannot do g1 with zero feed rate: G1 X1"),
-        ("G20\nG2 X1 I0.5\nM2\n", "p.ngc:2: Cannot make arc with zero feed rate"),
-        ("G20\nG38.2 X1\nM2\n", "p.ngc:2: Cannot probe with zero feed rate"),
+        ("G20\nG1 X1\nM2\n", "Cannot do g1 with zero feed rate"),
+        ("G20\nG2 X1 I0.5\nM2\n", "Cannot make arc with zero feed rate"),
+        ("G20\nG38.2 X1\nM2\n", "Cannot probe with zero feed rate"),
     ] {
         let error = run(text, None).unwrap_err();
-        assert!(error.contains(told), "{error}");
+        assert!(error.contains(told) && error.contains("p.ngc:2:"), "{error}");
     }
     for block in ["G33 X1 K1", "G76 P1 Z200 I-1 J0.1 K0.5"] {
         let steps = run(&format!("G21\nM3 S60\n{block}\nM2\n"), None).unwrap();
@@ -249,25 +239,26 @@ fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_mac
 
 #[test]
 fn loops_without_an_end_end() {
-    let patience = Patience { moves: 1000, seconds: 1.0 };
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
     let mut config = config(folder.path());
     config.program.tool_table = None;
+    let options = Options { most_moves: 1000, most_work: 1.0, ..Options::default() };
     let told = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
-        let mut moves = 0;
-        let end = each(&config, &program, None, &patience, |_| moves += 1);
-        let Err(InterpreterError::Refused(text)) = end else { panic!("{end:?}") };
-        (moves, text)
+        let judged =
+            judge(&config, &program, &options, &mut |_| std::ops::ControlFlow::Continue(()));
+        match judged {
+            Ok(judged) => format!("{:?}", judged.found.time),
+            Err(error) => error.to_string(),
+        }
     };
-    let (moves, text) = told("G1 X1\nX0");
-    assert!(moves <= 1000 && text.contains("more than 1000 moves"), "{moves} {text}");
-    // In one line, in which the interpreter tells of no new one.
-    let (moves, text) = told("G91 G1 X0.001");
-    assert!(moves <= 1000 && text.contains("p.ngc:3: more than 1000 moves"), "{moves} {text}");
-    let (moves, text) = told("#1=[#1+1]");
-    assert!(moves == 1 && text.contains("no move within 1 s"), "{moves} {text}");
+    for body in ["G1 X1\nX0", "G91 G1 X0.001"] {
+        let text = told(body);
+        assert!(text.contains("more than 1000 moves"), "{text}");
+    }
+    let text = told("#1=[#1+1]");
+    assert!(text.contains("without a move") || text.contains("without coming to a move"), "{text}");
 }
 
 #[test]
@@ -286,17 +277,18 @@ fn lines_of_subroutines_belong_to_their_files() {
     std::fs::write(&program, "G0 X1\nG0 X2\no<away> call\nG0 X4\nM2\n").unwrap();
     let away = folder.path().join("away.ngc");
     std::fs::write(&away, "o<away> sub\nG0 X3\no<away> endsub\nM2\n").unwrap();
-    let mut places = vec![];
-    let files = each(&config, &program, None, &Patience::default(), |step| {
-        places.push((step.end[0].round(), step.line, step.file));
-    });
-    assert_eq!(files.unwrap(), [program, away]);
+    let steps = moves(&config, &program, None).unwrap();
+    let place = |step: &Move| (step.end[0].round(), step.line, step.file);
+    let places: Vec<_> = steps.iter().map(place).collect();
+    let judged =
+        judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
+    assert_eq!(judged.unwrap().files, [program, away]);
     assert_eq!(places[1..], [(1.0, 1, 0), (2.0, 2, 0), (3.0, 2, 1), (4.0, 4, 0)]);
 }
 
 /// Places in X, where each of them is a move of its own, and what the spindle does there.
 fn spindles(text: &str) -> Vec<(f64, Spindle)> {
-    let steps = read(text, with_spindle).unwrap();
+    let steps = run(text, None).unwrap();
     steps.iter().map(|step| (step.end[0].round(), step.spindle)).collect()
 }
 
@@ -332,16 +324,4 @@ fn the_spindle_follows_loops_and_subroutines_as_they_run() {
         (4.0, Standing(3000.0)),
     ];
     assert_eq!(spindles(text), expected);
-}
-
-#[test]
-fn the_spindle_of_a_move_that_cutter_compensation_keeps_back_is_never_that_of_a_later_one() {
-    use Spindle::{Standing, Turning, Unknown};
-    let text = "G21 F100\nS100 M3\nG1 X0 Y0\nG41.1 D2 G1 X10\nG1 X20\nG1 X30\nM5\nG1 Y30\nG40 G1 Y50\n\
-                M2\n";
-    let found: Vec<(u32, Spindle)> =
-        read(text, with_spindle).unwrap().iter().map(|step| (step.line, step.spindle)).collect();
-    assert!(found.contains(&(5, Turning(100.0))) && found.contains(&(8, Standing(100.0))));
-    // It is told after M5.
-    assert!(found.contains(&(6, Unknown)), "{found:?}");
 }

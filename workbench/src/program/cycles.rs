@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! What LinuxCNC's servo cycles show of the limits of a pose, and of the path.
+//!
+//! The moves of a program are proved as they are commanded ([`crate::program::flight`]). What the machine then does
+//! is not always that: corners are rounded, and a tap runs on until its spindle has stopped. So every
+//! cycle is judged as well, by the same list of limits, and compared with the path.
+
+use crate::control::row::{Commanded, CommandedKind, Row};
+use crate::limits;
+use crate::program::findings::{Break, Place, Rule};
+use crate::program::flight::ROUNDING;
+use crate::program::motion::Circle;
+use crate::proof::between::approach;
+use crate::proof::reach::Reach;
+use crate::read::machine::MachineConfig;
+use kinematics::{Fault, Letter, Limit, Limits, MAX_EXTRA, Margin, Part, Pose, Vector3, World};
+use std::collections::VecDeque;
+
+/// How far LinuxCNC's own arithmetic of arcs leaves the path, as a share of the machine's size: its arcs are exact
+/// to some 1e-6 of their radius. A thousandth of a millimetre on a machine of a metre.
+const OFF_PATH: f64 = 1e-6;
+
+/// Judges cycles.
+pub struct Cycles<'a> {
+    machines: Vec<Judge<'a>>,
+    /// The tools for which the distance of two mechanisms is known.
+    apart: Option<Apart<'a>>,
+    path: Path,
+    config: &'a MachineConfig,
+    beyond: Vec<Beyond>,
+}
+
+/// One mechanism.
+struct Judge<'a> {
+    config: &'a MachineConfig,
+    limits: Limits,
+    of_second: bool,
+    before: Option<([f64; 6], Vector3<f64>, [f64; MAX_EXTRA])>,
+}
+
+/// The distance of two mechanisms.
+struct Apart<'a> {
+    configs: [&'a MachineConfig; 2],
+    reaches: [Reach<'a>; 2],
+    tools: [Vector3<f64>; 2],
+}
+
+/// What is beyond a limit.
+struct Beyond {
+    rule: Rule,
+    name: String,
+    of_second: bool,
+    place: Place,
+    /// Where it was seen last.
+    last: (usize, u32),
+    lines: usize,
+    /// How far.
+    worst: f64,
+    text: Text,
+}
+
+/// How it is said.
+enum Text {
+    Bound(String),
+    Fault(String),
+    Path(f64),
+    Turns(u32),
+}
+
+impl<'a> Cycles<'a> {
+    /// Starts before the first cycle.
+    ///
+    /// # Errors
+    /// A spindle that a mechanism cannot take.
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        let second = config.second.as_deref();
+        let machines = [Some(config), second].into_iter().flatten().enumerate();
+        let apart = match second {
+            None => None,
+            Some(second) => {
+                let configs = [config, second];
+                let reaches = [Reach::new(config)?, Reach::new(second)?];
+                Some(Apart { configs, reaches, tools: configs.map(|config| config.spindle) })
+            }
+        };
+        Ok(Self {
+            machines: machines.map(|(n, config)| Judge::new(config, n > 0)).collect(),
+            apart,
+            path: Path::default(),
+            config,
+            beyond: vec![],
+        })
+    }
+
+    /// Takes the next move.
+    pub fn take(&mut self, commanded: &Commanded) {
+        if commanded.lost_turns > 0 {
+            let place = Place {
+                line: commanded.line,
+                file: commanded.file,
+                pose: std::array::from_fn(|k| commanded.end[k]),
+                seconds: 0.0,
+            };
+            let text = Text::Turns(commanded.lost_turns);
+            self.note(Rule::Path, (String::new(), false), place, 0.0, text);
+        }
+        self.path.take(commanded);
+    }
+
+    /// Judges a servo cycle.
+    pub fn see(&mut self, row: &Row) {
+        if !row.flags.on {
+            return;
+        }
+        let mut found = vec![];
+        let mut moved = false;
+        for judge in &mut self.machines {
+            let of_second = judge.of_second;
+            moved |= judge.see(row, |margin, fault| {
+                found.push((Rule::Limit(margin.limit), margin, fault, of_second));
+            });
+        }
+        if !moved {
+            return;
+        }
+        let seconds = row.cycle as f64 * self.config.period;
+        let place = Place { line: row.line, file: row.file, pose: row.pose, seconds };
+        for (rule, margin, fault, of_second) in found {
+            let config = self.machines[usize::from(of_second)].config;
+            let name = limits::part(config, margin.limit, margin.part);
+            let text = match fault {
+                Some(fault) => Text::Fault(fault.to_string()),
+                None => Text::Bound(limits::sentence(config, &margin)),
+            };
+            let pose = if of_second { row.second.pose } else { row.pose };
+            let place = Place { pose, ..place };
+            self.note(rule, (name, of_second), place, -margin.room(), text);
+        }
+        if let Some((off, allowed)) = self.path.off(row)
+            && off > allowed + OFF_PATH * self.config.machine.size()
+        {
+            let part = (String::new(), false);
+            self.note(Rule::Path, part, place, off, Text::Path(allowed));
+        }
+        if let Some(apart) = &mut self.apart
+            && let Some((bodies, distance)) = apart.beyond(row)
+        {
+            let configs = apart.configs;
+            let name = limits::between(configs, bodies);
+            let text =
+                Text::Fault(format!("{name} falls to {distance:.4} {}", configs[0].length_unit()));
+            self.note(Rule::Mechanisms, (name, false), place, -distance, text);
+        }
+    }
+
+    fn note(
+        &mut self,
+        rule: Rule,
+        (name, of_second): (String, bool),
+        place: Place,
+        worst: f64,
+        text: Text,
+    ) {
+        let line = (place.file, place.line);
+        let is_same = |known: &&mut Beyond| {
+            known.rule == rule && known.name == name && known.of_second == of_second
+        };
+        if let Some(known) = self.beyond.iter_mut().find(is_same) {
+            if known.last != line {
+                (known.last, known.lines) = (line, known.lines + 1);
+            }
+            if worst > known.worst {
+                (known.worst, known.text) = (worst, text);
+            }
+            return;
+        }
+        let last = line;
+        self.beyond.push(Beyond { rule, name, of_second, place, last, lines: 1, worst, text });
+    }
+
+    /// Returns the limits that were left, in the order of time, and where LinuxCNC left the path by more than the
+    /// program allows.
+    pub fn finish(self) -> [Vec<Break>; 2] {
+        let unit = self.config.length_unit();
+        let (off, beyond): (Vec<_>, Vec<_>) =
+            self.beyond.into_iter().partition(|found| matches!(found.text, Text::Path(_)));
+        [beyond, off].map(|all| {
+            all.into_iter().map(|found| {
+                let text = match &found.text {
+                    Text::Bound(sentence) => format!("{sentence}, as LinuxCNC runs the program"),
+                    Text::Fault(text) => text.clone(),
+                    Text::Path(allowed) => format!(
+                        "LinuxCNC leaves the programmed path by {:.4} {unit}, where the program allows {allowed} {unit}",
+                        found.worst
+                    ),
+                    Text::Turns(turns) => format!(
+                        "LinuxCNC makes a straight move of this arc of {turns} turns (naive CAM detection): \
+                         program G64 P without Q, or a smaller Q"
+                    ),
+                };
+                let told = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
+                Break { of_second: found.of_second, ..told }
+            })
+            .collect()
+        })
+    }
+}
+
+impl<'a> Judge<'a> {
+    fn new(config: &'a MachineConfig, of_second: bool) -> Self {
+        Self { config, limits: limits::beyond_axes(config), of_second, before: None }
+    }
+
+    /// Shows what is beyond its limit; whether the mechanism has moved at all.
+    fn see(&mut self, row: &Row, mut show: impl FnMut(Margin, Option<Fault>)) -> bool {
+        let (pose, tool) = match self.of_second {
+            false => row.machine(self.config),
+            true => (row.second.pose, Vector3::from(row.second.tool)),
+        };
+        let now = (pose, tool, row.extra.positions);
+        if self.before.replace(now) == Some(now) {
+            return false;
+        }
+        let slack = ROUNDING * self.config.machine.size();
+        let programmed = if self.of_second {
+            row.second.pose
+        } else {
+            self.config.told(&row.pose, &row.extra.positions)
+        };
+        let axes = Letter::ALL.into_iter().zip(&self.config.programmed).zip(programmed);
+        for ((letter, axis), value) in axes {
+            let (limit, part) = (Limit::Axis, Part::Axis(letter));
+            let margin = Margin { limit, part, value, range: [axis.min, axis.max] };
+            if !(margin.room() >= -slack) {
+                show(margin, None);
+            }
+        }
+        if !self.of_second {
+            self.see_extra(row, slack, &mut show);
+        }
+        match self.config.machine.at(&Pose::from_degrees(pose), &tool) {
+            Ok(at) => limits::each(&at, &self.limits, |margin| {
+                if !(margin.room() >= -slack) {
+                    show(margin, None);
+                }
+            }),
+            Err(fault) => show(Margin::of_fault(&fault), Some(fault)),
+        }
+        true
+    }
+
+    fn see_extra(&self, row: &Row, slack: f64, show: &mut impl FnMut(Margin, Option<Fault>)) {
+        let first = self.config.guarded_joints();
+        for (n, (axis, value)) in self.config.extra.iter().zip(row.extra.positions).enumerate() {
+            let (joint, axis) = (&axis.joint, &axis.axis);
+            let range = [joint.min.max(axis.min), joint.max.min(axis.max)];
+            let (limit, part) = (Limit::JointRange, Part::Joint(first + n));
+            let margin = Margin { limit, part, value, range };
+            if !(margin.room() >= -slack) {
+                show(margin, None);
+            }
+        }
+    }
+}
+
+impl Apart<'_> {
+    /// How near two mechanisms are, where that is too near.
+    fn beyond(&mut self, row: &Row) -> Option<([kinematics::Body; 2], f64)> {
+        let tools = [Vector3::from(row.tool), Vector3::from(row.second.tool)];
+        for n in 0..2 {
+            if tools[n] != self.tools[n] {
+                // A tool that a mechanism cannot take is found with its pose.
+                self.reaches[n] = Reach::with_tool(self.configs[n], tools[n]).ok()?;
+                self.tools[n] = tools[n];
+            }
+        }
+        let least = limits::least_distance_between(self.configs[0]);
+        let [one, other] = &self.reaches;
+        let still = [0.0; 6];
+        let found = approach([one, other], [&row.pose, &row.second.pose], [&still, &still], least);
+        let found = found.ok()?;
+        (found.distance < least - ROUNDING * self.configs[0].machine.size())
+            .then_some((found.bodies, found.distance))
+    }
+}
+
+/// The commanded path around the move that is made.
+#[derive(Default)]
+struct Path {
+    pieces: VecDeque<Piece>,
+    /// Number of the first of them.
+    first: usize,
+    end: World,
+}
+
+struct Piece {
+    shape: Shape,
+    tolerance: f64,
+    is_free: bool,
+}
+
+enum Shape {
+    Line([Vector3<f64>; 2]),
+    Arc(Circle),
+}
+
+impl Path {
+    fn take(&mut self, commanded: &Commanded) {
+        let from = std::mem::replace(&mut self.end, commanded.end);
+        let from = if self.first == 0 && self.pieces.is_empty() { commanded.end } else { from };
+        let point = |world: &World| Vector3::new(world[0], world[1], world[2]);
+        let is_tap = commanded.kind == CommandedKind::Tap;
+        self.pieces.push_back(Piece {
+            shape: match &commanded.arc {
+                Some(arc) => Shape::Arc(Circle::new(arc, &from, &commanded.end)),
+                None => Shape::Line([point(&from), point(&commanded.end)]),
+            },
+            tolerance: commanded.tolerance,
+            // A tap turns back where its spindle does; a probe stops where it touches, and the next move starts there.
+            is_free: is_tap || commanded.kind == CommandedKind::Probe,
+        });
+        if is_tap {
+            self.end = from;
+        }
+    }
+
+    /// How far a cycle is from the path, and how far it may be; none where nothing is known.
+    fn off(&mut self, row: &Row) -> Option<(f64, f64)> {
+        while self.first + 1 < row.number && self.pieces.len() > 1 {
+            self.pieces.pop_front();
+            self.first += 1;
+        }
+        let around = self.pieces.iter().take(row.number + 2 - self.first.min(row.number));
+        let place = Vector3::new(row.pose[0], row.pose[1], row.pose[2]);
+        let mut found: Option<(f64, f64)> = None;
+        for piece in around {
+            if piece.is_free {
+                return None;
+            }
+            let distance = piece.shape.distance(&place);
+            let (off, allowed) = found.unwrap_or((f64::INFINITY, 0.0));
+            found = Some((off.min(distance), allowed.max(piece.tolerance)));
+        }
+        found
+    }
+}
+
+impl Shape {
+    fn distance(&self, place: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Line([from, to]) => {
+                let way = *to - *from;
+                let length = way.dot(&way);
+                let share = if length > 0.0 { (*place - *from).dot(&way) / length } else { 0.0 };
+                (*from + way * share.clamp(0.0, 1.0) - *place).norm()
+            }
+            Self::Arc(circle) => circle.distance(place),
+        }
+    }
+}

@@ -1,0 +1,383 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The moves of a program, as LinuxCNC's task asks motion for them.
+//!
+//! LinuxCNC reads the program itself, in virtual time ([`crate::control`]): with the tool, the parameters and the
+//! position that it has on the machine. Its commands are straight and circular moves; circular ones are split here
+//! into short straight ones.
+
+use crate::control::process::{Event, Options, run_with_moves};
+use crate::control::refusal::NotJudged;
+pub use crate::control::row::Spindle;
+use crate::control::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
+use crate::program::flight::ROUNDING;
+use crate::read::machine::MachineConfig;
+use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
+use std::f64::consts::TAU;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+/// Folder of the programs that come with LinuxCNC, as Debian's package has it.
+pub const LINUXCNC_PROGRAMS: &str = "/usr/share/linuxcnc/ncfiles";
+
+/// Largest distance of an arc from its straight moves, in mm: far below what any
+/// machine reaches, and only a few hundred moves a turn.
+const CHORD_ERROR_MM: f64 = 1e-4;
+
+/// Straight moves that a full turn has at least: an arc of rounding size still has its direction.
+const LEAST_CHORDS: f64 = 16.0;
+
+/// Kind of a straight move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MoveKind {
+    /// G0.
+    Rapid,
+    /// G1, and the pieces of arcs.
+    Feed,
+    /// G38: taken to its end point, as if nothing were touched.
+    Probe,
+}
+
+/// One straight move; it starts where the one before ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Kind.
+    pub kind: MoveKind,
+    /// Line of the program, counted from 1; 0 for what runs before the program.
+    pub line: u32,
+    /// End point as motion receives it, tool length included: x y z in machine units,
+    /// a b c in degrees.
+    pub end: [f64; 6],
+    /// Feed in machine units per second; infinite where the spindle sets it.
+    pub feed: f64,
+    /// Feed of moves of rotary axes alone, degrees per second.
+    pub angular_feed: f64,
+    /// Tool length offset x y z in force, machine units.
+    pub tool: [f64; 3],
+    /// Number of the file that its line belongs to, 0 for the program.
+    pub file: usize,
+    /// Whether an extra axis turns in it, or moves along with the tool; the same of another mechanism.
+    pub extra: bool,
+    /// The same move of the second mechanism, in its own coordinates, where the machine has two.
+    pub second: Option<Beside>,
+    /// Seconds that it takes, where another mechanism has a part in them.
+    pub lasts: Option<f64>,
+    /// Values of the extra axes at its end, in joint order: machine units and degrees.
+    pub extra_end: [f64; MAX_EXTRA],
+    /// The spindle during the move.
+    pub spindle: Spindle,
+}
+
+/// What a move is for the second of two mechanisms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// End point, as [`Move::end`].
+    pub end: [f64; 6],
+    /// Tool length offset, as [`Move::tool`].
+    pub tool: [f64; 3],
+}
+
+impl Move {
+    /// The move as the second mechanism sees it.
+    pub fn of_second(&self) -> Option<Self> {
+        let Beside { end, tool } = self.second?;
+        Some(Self { end, tool, second: None, ..*self })
+    }
+
+    /// Whether the machine is at home at its end, with all its axes, as far as LinuxCNC's rounding shows.
+    pub fn stays(&self, config: &MachineConfig) -> bool {
+        let slack = ROUNDING * config.machine.size();
+        let at = |values: &[f64], home: &[f64]| {
+            values.iter().zip(home).all(|(value, home)| (value - home).abs() <= slack)
+        };
+        let second = config.second.as_deref().zip(self.second);
+        let homes: Vec<f64> = config.extra.iter().map(|axis| axis.joint.home).collect();
+        at(&self.end, &config.start)
+            && at(&self.extra_end, &homes)
+            && second.is_none_or(|(config, own)| at(&own.end, &config.start))
+    }
+}
+
+/// Why the moves of a program are not known.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramError {
+    /// LinuxCNC did not run it.
+    #[error(transparent)]
+    NotJudged(#[from] NotJudged),
+    /// LinuxCNC stops it: file, line and LinuxCNC's words.
+    #[error("{}:{line}: LinuxCNC stops the program: {text}", program.display())]
+    Stopped {
+        /// The program.
+        program: PathBuf,
+        /// Line, counted from 1.
+        line: u32,
+        /// Its messages.
+        text: String,
+    },
+}
+
+/// Reads all moves of a program on this machine, the first one ending at `[TRAJ]HOME`.
+///
+/// Limits of axes and joints are open, so that a program is read beyond the first one that it leaves. `block` runs
+/// before it, for instance to change the work offset.
+///
+/// # Errors
+/// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
+/// cannot take; that pose is the end of the last move.
+pub fn moves(
+    config: &MachineConfig,
+    program: &Path,
+    block: Option<&str>,
+) -> Result<Vec<Move>, ProgramError> {
+    let options = Options { block: block.map(Into::into), open_limits: true, ..Options::default() };
+    let mut translator = Translator::new(config);
+    let mut all = vec![];
+    let outcome = run_with_moves(config, program, &options, |event| {
+        if let Event::Move(commanded) = event {
+            translator.see(commanded, |step| all.push(*step));
+        }
+        ControlFlow::Continue(())
+    })?;
+    match outcome.ending {
+        Ending::Finished => Ok(all),
+        Ending::Stopped if all.last().is_some_and(|last| !is_reached(config, last)) => Ok(all),
+        Ending::Stopped => Err(stopped(program, &outcome)),
+    }
+}
+
+/// Whether the machine can take the pose at the end of a move.
+fn is_reached(config: &MachineConfig, step: &Move) -> bool {
+    let reaches = |config: &MachineConfig, step: &Move| {
+        let tool = config.spindle + Vector3::from(step.tool);
+        let pose = config.carried(&step.end, &step.extra_end, &tool);
+        let tool = config.chain.machine_tool(&tool);
+        pose.is_ok_and(|pose| config.machine.at(&Pose::from_degrees(pose), &tool).is_ok())
+    };
+    let second = config.second.as_deref().zip(step.of_second());
+    reaches(config, step) && second.is_none_or(|(second, own)| reaches(second, &own))
+}
+
+fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
+    let errors: Vec<_> = outcome.messages.iter().filter(|message| message.is_error()).collect();
+    let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
+    ProgramError::Stopped {
+        program: program.into(),
+        line: errors.first().map_or(0, |message| message.place()),
+        text: if texts.is_empty() { "without a message".into() } else { texts.join("; ") },
+    }
+}
+
+/// Turns LinuxCNC's commands into straight moves of a machine.
+pub struct Translator<'a> {
+    config: &'a MachineConfig,
+    /// Axes of the program that move the tool or the work.
+    axes: [bool; 6],
+    /// Letters that move neither.
+    others: [bool; 9],
+    /// Where the last command ended, in LinuxCNC's letters.
+    at: World,
+    line: u32,
+}
+
+impl<'a> Translator<'a> {
+    /// Starts before the first command.
+    pub fn new(config: &'a MachineConfig) -> Self {
+        let letters = axes(config);
+        let moves = |k: usize| {
+            let letter = POSE_LETTERS[config.place.places[k]];
+            // A coordinate that a second mechanism holds has no letter.
+            let has_letter =
+                !config.place.is_second || !config.machine.layout().is_held(Letter::ALL[k]);
+            has_letter && letters.contains(letter) && !others(config).contains(letter)
+        };
+        let letters = others(config);
+        Self {
+            config,
+            axes: std::array::from_fn(moves),
+            others: POSE_LETTERS.map(|letter| letters.contains(letter)),
+            at: [0.0; 9],
+            line: 0,
+        }
+    }
+
+    /// Shows the straight moves of a command.
+    pub fn see(&mut self, commanded: &Commanded, mut show: impl FnMut(&Move)) {
+        // The lathe cycles G70 to G72 number their own blocks by -1: they belong to the block before.
+        if commanded.line > 0 {
+            self.line = commanded.line;
+        }
+        let from = self.at;
+        let extra = self.line > 0 && self.moves_extra(&from, &commanded.end);
+        match (commanded.kind, &commanded.arc) {
+            (_, Some(arc)) => {
+                let error = CHORD_ERROR_MM * self.config.units_per_mm;
+                let arc = Circle::new(arc, &from, &commanded.end);
+                let count = arc.chords(error);
+                for n in 1..count {
+                    let end = arc.at(f64::from(n) / f64::from(count));
+                    show(&Move { extra, ..self.straight(commanded, &end) });
+                }
+                show(&Move { extra, ..self.straight(commanded, &commanded.end) });
+            }
+            (CommandedKind::Tap, None) => {
+                show(&self.straight(commanded, &commanded.end));
+                show(&self.straight(commanded, &from));
+                return;
+            }
+            (_, None) => show(&Move { extra, ..self.straight(commanded, &commanded.end) }),
+        }
+        self.at = commanded.end;
+    }
+
+    /// Whether an extra axis turns in a move, or moves along with the tool.
+    fn moves_extra(&self, from: &World, end: &World) -> bool {
+        let moved: [bool; 9] = std::array::from_fn(|k| from[k] != end[k]);
+        let own = (0..9).any(|k| moved[k] && !self.others[k]);
+        (0..9).any(|k| moved[k] && self.others[k] && (own || (3..6).contains(&k)))
+    }
+
+    fn straight(&self, commanded: &Commanded, end: &World) -> Move {
+        let config = self.config;
+        let own =
+            |k: usize| if self.axes[k] { end[config.place.places[k]] } else { config.start[k] };
+        let [x, y, z, .., u, v, w] = commanded.tool;
+        let feed = if commanded.follows_spindle { f64::INFINITY } else { commanded.feed };
+        let mut extra_end = [0.0; MAX_EXTRA];
+        extra_end.iter_mut().zip(config.extra_axes.places()).for_each(|(to, k)| *to = end[k]);
+        Move {
+            kind: match commanded.kind {
+                CommandedKind::Rapid => MoveKind::Rapid,
+                CommandedKind::Feed | CommandedKind::Tap => MoveKind::Feed,
+                CommandedKind::Probe => MoveKind::Probe,
+            },
+            line: self.line,
+            end: std::array::from_fn(own),
+            feed,
+            angular_feed: feed,
+            tool: if config.place.is_second { [u, v, w] } else { [x, y, z] },
+            file: commanded.file,
+            extra: false,
+            second: config.second.as_deref().map(|second| {
+                let is_held = |k: usize| second.machine.layout().is_held(Letter::ALL[k]);
+                let own = |k: usize| {
+                    if is_held(k) { second.start[k] } else { end[second.place.places[k]] }
+                };
+                Beside { end: std::array::from_fn(own), tool: [u, v, w] }
+            }),
+            lasts: None,
+            extra_end,
+            spindle: commanded.spindle,
+        }
+    }
+}
+
+/// A circular move: a helix or spiral in X Y Z, straight in all other letters.
+#[derive(Clone, Copy, Debug)]
+pub struct Circle {
+    from: World,
+    delta: World,
+    center: Vector3<f64>,
+    /// From the center to the start, and across it in the sense of rotation; both of the start's radius.
+    across: [Vector3<f64>; 2],
+    /// Along the axis over the whole move.
+    rise: Vector3<f64>,
+    /// How the radius grows, as a share of the start's.
+    spiral: f64,
+    radius: f64,
+    angle: f64,
+}
+
+impl Circle {
+    /// Starts closer than this to their ends, in machine units, are full turns for LinuxCNC.
+    const FULL: f64 = 1e-6;
+
+    /// The move around `arc` between two poses.
+    pub fn new(arc: &Arc, from: &World, end: &World) -> Self {
+        let vector = |world: &World| Vector3::new(world[0], world[1], world[2]);
+        let (start, stop, center) = (vector(from), vector(end), Vector3::from(arc.center));
+        let normal = Vector3::from(arc.normal);
+        let (turns, sense) = match arc.turns {
+            turns if turns < 0 => (-1 - turns, -1.0),
+            turns => (turns, 1.0),
+        };
+        let axis = normal * (sense / normal.norm());
+        // The center of the start's own plane.
+        let center = center + axis * axis.dot(&(start - center));
+        let out = start - center;
+        let radius = out.norm();
+        let rise = axis * axis.dot(&(stop - center));
+        let flat = stop - center - rise;
+        let across = axis.cross(&out);
+        let mut angle = across.dot(&flat).atan2(out.dot(&flat));
+        if angle <= 0.0 || (start - stop + rise).norm() < Self::FULL {
+            angle = if (start - stop + rise).norm() < Self::FULL { TAU } else { angle + TAU };
+        }
+        Self {
+            from: *from,
+            delta: std::array::from_fn(|k| end[k] - from[k]),
+            center,
+            across: [out, across],
+            rise,
+            spiral: flat.norm() / radius - 1.0,
+            radius,
+            angle: angle + TAU * f64::from(turns),
+        }
+    }
+
+    /// The pose after a share of the move.
+    pub fn at(&self, share: f64) -> World {
+        let (sin, cos) = (self.angle * share).sin_cos();
+        let out = (self.across[0] * cos + self.across[1] * sin) * (1.0 + self.spiral * share);
+        let place = self.center + out + self.rise * share;
+        let mut world: World = std::array::from_fn(|k| self.from[k] + share * self.delta[k]);
+        (world[0], world[1], world[2]) = (place.x, place.y, place.z);
+        world
+    }
+
+    /// How far a place is from it: exact on it, and to second order beside it.
+    pub fn distance(&self, place: &Vector3<f64>) -> f64 {
+        let beside = *place - self.center;
+        let turned = self.across[1].dot(&beside).atan2(self.across[0].dot(&beside)).rem_euclid(TAU);
+        let point = |angle: f64| {
+            let world = self.at((angle / self.angle).clamp(0.0, 1.0));
+            (Vector3::new(world[0], world[1], world[2]) - *place).norm()
+        };
+        // The turn of a helix at whose height the place is, and those beside it.
+        let rise = self.rise.dot(&self.rise);
+        let share = if rise > 0.0 { self.rise.dot(&beside) / rise } else { 0.0 };
+        let turn = ((share * self.angle - turned) / TAU).round();
+        // Of flat ones, which may be spirals, every turn.
+        let turns = if rise > 0.0 {
+            vec![turn - 1.0, turn, turn + 1.0]
+        } else {
+            (-1..=(self.angle / TAU) as i32).map(f64::from).collect()
+        };
+        let nearest = turns.into_iter().map(|n| point(turned + n * TAU));
+        nearest.fold(point(0.0).min(point(self.angle)), f64::min)
+    }
+
+    /// Straight moves that stay this close to it.
+    fn chords(&self, error: f64) -> u32 {
+        let radius = self.radius * (1.0 + self.spiral.max(0.0));
+        let step = (8.0 * error / radius.max(error)).sqrt().min(TAU / LEAST_CHORDS);
+        (self.angle / step).ceil().max(1.0) as u32
+    }
+}
+
+/// Letters that move no leg of the mechanism: of extra axes, and of another one.
+fn others(config: &MachineConfig) -> String {
+    let own = config.place.places;
+    let is_own = |k: &usize| {
+        let letter = own.iter().position(|place| place == k).map(|n| Letter::ALL[n]);
+        letter.is_some_and(|letter| !config.machine.layout().is_held(letter))
+    };
+    let all = (0..POSE_LETTERS.len()).filter(|k| !is_own(k)).map(|k| POSE_LETTERS[k]);
+    let extra: String = config.extra_axes.letters().collect();
+    all.filter(|letter| config.place.is_of_pair || extra.contains(*letter)).collect()
+}
+
+/// Letters of the machine's axes.
+fn axes(config: &MachineConfig) -> String {
+    let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
+    let given = given.to_ascii_uppercase();
+    POSE_LETTERS.into_iter().filter(|letter| given.contains(*letter)).collect()
+}

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What milltask asks motion for. Its commands stand in memory that both share; each is read in the cycle in which
+// motion takes it, before motion does. No command carries the file that its line is in: the interpreter adds it.
+
+#include "virtual.h"
+
+#include <emcmotcfg.h>
+#include <emctool.h>
+#include <interp_base.hh>
+#include <modal_state.hh>
+#include <motion.h>
+#include <motion_types.h>
+#include <rtapi_mutex.h>
+#include <usrmotintf.h>
+
+#include <dlfcn.h>
+#include <elf.h>
+#include <link.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <sstream>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace {
+constexpr const char *ARC_FEED_NAME = "_Z8ARC_FEEDiddddiddddddd";
+
+// The beginning of what motion and milltask share, which no installed header has. A mutex guards the command since
+// 2.9.0; before, the command had counters of its own for that.
+template <typename Command, typename = void> struct Begin {
+    rtapi_mutex_t mutex;
+};
+template <typename Command> struct Begin<Command, std::void_t<decltype(Command::head)>> {};
+struct Shared : Begin<emcmot_command_t> {
+    emcmot_command_t command;
+    emcmot_status_t status;
+};
+
+const Shared *shared = nullptr;
+int last = 0;
+// Blocks that the interpreter has read since the last cycle, and after how many it says where it is: inside a block of
+// G71 it can go round for ever.
+long read_on = 0;
+constexpr long MOST_READ = 100'000;
+std::deque<moves::Read> messages;
+// Moves since the program was started.
+int count = 0;
+// What later moves go by.
+double tolerance = 0.0;
+bool stops = false, follows_spindle = false;
+const bool is_open = *environment::value("PKMKINS_VIRTUAL_OPEN");
+// Beyond everything a machine reaches, and far from what overflows.
+constexpr double FAR = 1e12;
+
+// ---- the file of a move
+
+// Files in the order in which they were read first; the program is the first.
+std::vector<std::string> files;
+InterpBase **interpreter = nullptr;
+void (*update)(StateTag) = nullptr;
+
+int file_that_is_read() {
+    char name[PATH_MAX] = "";
+    if (interpreter && *interpreter) {
+        (*interpreter)->file_name(name, sizeof name);
+    }
+    for (size_t n = 0; n < files.size(); n++) {
+        if (files[n] == name) {
+            return static_cast<int>(n);
+        }
+    }
+    files.push_back(name);
+    record::file(name);
+    return static_cast<int>(files.size()) - 1;
+}
+
+// In place of UPDATE_TAG. The field holds the number of the line once more, as a float, which nobody reads.
+void tag_file(StateTag tag) {
+    if (++read_on == MOST_READ && interpreter && *interpreter) {
+        record::reading((*interpreter)->sequence_number());
+    }
+    if (record::is_on()) {
+        tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER] = static_cast<float>(file_that_is_read());
+    }
+    update(tag);
+}
+
+// An arc of several turns, which the naive CAM detection of G64 P Q can take for a straight move.
+struct Helix {
+    int line, turns;
+} helix = {};
+using Arc = void (*)(int, double, double, double, double, int, double, double, double, double, double, double, double);
+Arc arc_feed = nullptr;
+
+// In place of ARC_FEED.
+void see_arc(int line, double end1, double end2, double axis1, double axis2, int rotation, double end3, double a,
+             double b, double c, double u, double v, double w) {
+    if (rotation > 1 || rotation < -1) {
+        helix = {line, rotation < 0 ? -rotation : rotation};
+    }
+    arc_feed(line, end1, end2, axis1, axis2, rotation, end3, a, b, c, u, v, w);
+}
+
+// The line of the tool change that comes next: the moves to [EMCIO]TOOL_CHANGE_POSITION carry that of the move before.
+int change_line = 0;
+void (*change_tool)(int) = nullptr;
+
+// In place of CHANGE_TOOL.
+void see_change(int slot) {
+    change_line = interpreter && *interpreter ? (*interpreter)->sequence_number() : 0;
+    change_tool(slot);
+}
+
+int file_of(const state_tag_t &tag) { return static_cast<int>(tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER]); }
+
+// Puts another function into the slots by which a library calls one. The executable comes first where symbols are
+// looked for, so that what a preloaded library has by the same name is never found.
+struct Slots {
+    const char *library, *symbol;
+    void *replacement;
+    int found;
+};
+
+int rewrite(dl_phdr_info *info, size_t, void *asked) {
+    Slots &slots = *static_cast<Slots *>(asked);
+    if (!std::strstr(info->dlpi_name, slots.library)) {
+        return 0;
+    }
+    const ElfW(Sym) *symbols = nullptr;
+    const char *names = nullptr;
+    const ElfW(Rela) *tables[2] = {};
+    size_t sizes[2] = {};
+    for (int n = 0; n < info->dlpi_phnum; n++) {
+        if (info->dlpi_phdr[n].p_type != PT_DYNAMIC) {
+            continue;
+        }
+        auto entry = reinterpret_cast<const ElfW(Dyn) *>(info->dlpi_addr + info->dlpi_phdr[n].p_vaddr);
+        for (; entry->d_tag != DT_NULL; entry++) {
+            switch (entry->d_tag) {
+            case DT_SYMTAB: symbols = reinterpret_cast<const ElfW(Sym) *>(entry->d_un.d_ptr); break;
+            case DT_STRTAB: names = reinterpret_cast<const char *>(entry->d_un.d_ptr); break;
+            case DT_JMPREL: tables[0] = reinterpret_cast<const ElfW(Rela) *>(entry->d_un.d_ptr); break;
+            case DT_PLTRELSZ: sizes[0] = entry->d_un.d_val; break;
+            case DT_RELA: tables[1] = reinterpret_cast<const ElfW(Rela) *>(entry->d_un.d_ptr); break;
+            case DT_RELASZ: sizes[1] = entry->d_un.d_val; break;
+            default: break;
+            }
+        }
+    }
+    for (int t = 0; symbols && names && t < 2; t++) {
+        for (size_t n = 0; tables[t] && n < sizes[t] / sizeof(ElfW(Rela)); n++) {
+            const ElfW(Rela) &slot = tables[t][n];
+            if (std::strcmp(names + symbols[ELF64_R_SYM(slot.r_info)].st_name, slots.symbol) != 0) {
+                continue;
+            }
+            const size_t page = static_cast<size_t>(sysconf(_SC_PAGESIZE));
+            const size_t address = info->dlpi_addr + slot.r_offset;
+            // The table is read-only once the library is loaded.
+            mprotect(reinterpret_cast<void *>(address & ~(page - 1)), page, PROT_READ | PROT_WRITE);
+            *reinterpret_cast<void **>(address) = slots.replacement;
+            slots.found++;
+        }
+    }
+    return 0;
+}
+
+bool replaced(const char *symbol, void *replacement) {
+    Slots slots = {"librs274", symbol, replacement, 0};
+    dl_iterate_phdr(rewrite, &slots);
+    return slots.found > 0;
+}
+
+// ---- commands
+
+void go_by(const emcmot_command_t &command) {
+    switch (command.command) {
+    case EMCMOT_SET_TERM_COND:
+        stops = command.termCond == EMCMOT_TERM_COND_STOP;
+        tolerance = command.tolerance;
+        break;
+    case EMCMOT_SET_SPINDLESYNC: follows_spindle = command.spindlesync != 0.0; break;
+    default: break;
+    }
+}
+
+record::Move::Kind kind_of(const emcmot_command_t &command) {
+    using Kind = record::Move::Kind;
+    if (command.command == EMCMOT_PROBE) {
+        return Kind::probe;
+    }
+    if (command.command == EMCMOT_RIGID_TAP) {
+        return Kind::tap;
+    }
+    return command.motion_type == EMC_MOTION_TYPE_TRAVERSE || command.motion_type == EMC_MOTION_TYPE_TOOLCHANGE
+               ? Kind::rapid
+               : Kind::feed;
+}
+
+void put(double *to, const EmcPose &pose) {
+    const double values[] = {pose.tran.x, pose.tran.y, pose.tran.z, pose.a, pose.b, pose.c, pose.u, pose.v, pose.w};
+    std::memcpy(to, values, sizeof values);
+}
+void put(double *to, const PmCartesian &vector) {
+    to[0] = vector.x;
+    to[1] = vector.y;
+    to[2] = vector.z;
+}
+
+void show_move(const emcmot_command_t &command) {
+    record::Move move = {};
+    move.line = command.motion_type == EMC_MOTION_TYPE_TOOLCHANGE ? change_line : command.id;
+    move.file = file_of(command.tag);
+    move.kind = kind_of(command);
+    move.is_arc = command.command == EMCMOT_SET_CIRCLE;
+    move.turns = command.turn;
+    move.lost_turns = !move.is_arc && command.id == helix.line ? helix.turns : 0;
+    helix = command.id == helix.line ? Helix{} : helix;
+    move.follows_spindle = follows_spindle || move.kind == record::Move::Kind::tap;
+    move.feed = command.vel;
+    move.tolerance = stops ? 0.0 : tolerance > 0.0 ? tolerance : INFINITY;
+    const spindle_status_t &spindle = shared->status.spindle_status[0];
+    move.spindle_turns = spindle.direction != 0;
+    move.is_surface_speed = move.spindle_turns && spindle.css_factor != 0.0;
+    move.speed = move.spindle_turns ? std::fabs(spindle.speed) : command.tag.fields_float[GM_FIELD_FLOAT_SPEED];
+    put(move.end, command.pos);
+    put(move.tool, shared->status.tool_offset);
+    if (move.is_arc) {
+        put(move.center, command.center);
+        put(move.normal, command.normal);
+    }
+    record::move(move);
+}
+
+void look(emcmot_command_t &command) {
+    go_by(command);
+    switch (command.command) {
+    case EMCMOT_SET_LINE:
+    case EMCMOT_SET_CIRCLE:
+    case EMCMOT_PROBE:
+    case EMCMOT_RIGID_TAP:
+        // The field comes back with the status of the move, and nothing else reads it.
+        command.tag.fields[GM_FIELD_LINE_NUMBER] = record::is_on() ? ++count : 0;
+        if (record::is_on()) {
+            show_move(command);
+        }
+        break;
+    case EMCMOT_SET_AXIS_POSITION_LIMITS:
+    case EMCMOT_SET_JOINT_POSITION_LIMITS:
+        if (is_open) {
+            command.minLimit = -FAR;
+            command.maxLimit = FAR;
+        }
+        break;
+    default: break;
+    }
+}
+}
+
+namespace moves {
+void find() {
+    update = reinterpret_cast<void (*)(StateTag)>(dlsym(RTLD_DEFAULT, "_Z10UPDATE_TAG8StateTag"));
+    interpreter = static_cast<InterpBase **>(dlsym(RTLD_DEFAULT, "pinterp"));
+    arc_feed = reinterpret_cast<Arc>(dlsym(RTLD_DEFAULT, ARC_FEED_NAME));
+    change_tool = reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "_Z11CHANGE_TOOLi"));
+    const bool is_found = replaced("_Z10UPDATE_TAG8StateTag", reinterpret_cast<void *>(tag_file)) &&
+                          replaced(ARC_FEED_NAME, reinterpret_cast<void *>(see_arc)) &&
+                          replaced("_Z11CHANGE_TOOLi", reinterpret_cast<void *>(see_change));
+    shared = static_cast<const Shared *>(memory::only());
+    if (!update || !interpreter || !arc_feed || !change_tool || !is_found || !shared) {
+        give_up("this LinuxCNC hands its commands to motion in another way");
+    }
+}
+
+void note_message() {
+    if (!interpreter || !*interpreter) {
+        messages.push_back({0, false});
+        return;
+    }
+    // Functions in which an error came up; empty while there is none.
+    char function[256] = "";
+    (*interpreter)->stack_name(0, function, sizeof function);
+    messages.push_back({(*interpreter)->sequence_number(), function[0] != 0});
+}
+
+Read message() {
+    if (messages.empty()) {
+        return {0, false};
+    }
+    const Read first = messages.front();
+    messages.pop_front();
+    return first;
+}
+
+void start() {
+    record::Move move = {};
+    for (int n = 0; n < 9; n++) {
+        move.end[n] = *pins::find<double>(std::string("axis.") + "xyzabcuvw"[n] + ".pos-cmd");
+    }
+    put(move.tool, shared->status.tool_offset);
+    record::file(environment::value("PKMKINS_VIRTUAL_PROGRAM"));
+    files.push_back(environment::value("PKMKINS_VIRTUAL_PROGRAM"));
+    record::move(move);
+}
+
+void cycle() {
+    read_on = 0;
+    if (!shared || shared->command.commandNum == last) {
+        return;
+    }
+    emcmot_command_t &command = const_cast<emcmot_command_t &>(shared->command);
+    // milltask numbers them without a gap: anything else is memory of another layout.
+    if (command.commandNum != last + 1 || command.command > EMCMOT_SET_SPINDLE_PARAMS) {
+        give_up("this LinuxCNC has commands of another layout");
+    }
+    last = command.commandNum;
+    look(command);
+}
+
+void open_limits() {
+    if (!is_open) {
+        return;
+    }
+    // The limits of the module's guard, as they are where the INI file sets none.
+    const std::pair<const char *, const char *> opened[] = {
+        {"min-limit.*", "-1e12"}, {"max-limit.*", "1e12"}, {"tilt-limit", "0"}, {"conditioning-limit", "1e-12"},
+        {"rod-clearance", "0"}, {"mechanism-clearance", "0"}, {"*-cone.*", "0"}, {"*-pyramid.*", "0"}};
+    for (const char *stem : {"pkmkins.", "pkmkins.second."}) {
+        for (const auto &[pattern, value] : opened) {
+            std::istringstream names(pins::names_like(std::string(stem) + pattern));
+            for (std::string name; names >> name;) {
+                pins::set(name, value);
+            }
+        }
+    }
+}
+
+int number() { return shared->status.tag.fields[GM_FIELD_LINE_NUMBER]; }
+}
