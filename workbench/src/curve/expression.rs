@@ -106,7 +106,9 @@ impl Expression {
     /// somewhere in it makes the result unbounded.
     pub fn at(&self, variables: &[Taylor]) -> Result<Taylor, Trouble> {
         let found = self.of(&self.tree, variables)?;
-        match found.value.is_point() && !found.value.low.is_finite() {
+        // Of numbers there is a number.
+        let is_number = variables.iter().all(|variable| variable.value.is_thin());
+        match is_number && !found.value.middle().is_finite() {
             true => Err(Trouble::Overflow(self.text.clone())),
             false => Ok(found),
         }
