@@ -5,7 +5,7 @@
 //! O-words, parameters, cutter compensation, cycles and remaps mean what they mean on
 //! the machine. Arcs come as short straight moves.
 
-use crate::files::{Folder, Locate};
+use crate::files::{self, Folder, Locate};
 use crate::read::machine::MachineConfig;
 use crate::read::places::with_folders;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS};
@@ -481,7 +481,7 @@ fn may_call(config: &MachineConfig, program: &path::Path) -> io::Result<bool> {
     if config.ini.first("RS274NGC", "REMAP").is_some() {
         return Ok(true);
     }
-    let file = fs::File::open(program).map_err(|error| named(program, &error))?;
+    let file = files::open(program).map_err(|at| named(program, &at.error))?;
     let mut lines = BufReader::with_capacity(BLOCK, file).split(b'\n');
     lines.try_fold(false, |found, line| Ok(found || calls(&line?.to_ascii_lowercase())))
 }
